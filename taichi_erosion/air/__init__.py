@@ -1,0 +1,1 @@
+"""The flow grid: wind above and inside the bed."""

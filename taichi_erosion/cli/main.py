@@ -1,0 +1,66 @@
+"""The door: words in, exit code out; every expected failure is one line on stderr."""
+
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Sequence
+from enum import IntEnum
+from types import FrameType
+
+import typer
+
+from taichi_erosion.cli.commands import app
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+
+TRACEBACK_SWITCH = (
+    "TAICHI_EROSION_TRACEBACK"  # environment variable: "1" shows where an unexpected error arose
+)
+
+
+class ExitCode(IntEnum):
+    """What the shell learns."""
+
+    SUCCESS = 0
+    FAILURE = 1
+    BAD_INPUT = 2
+    STOPPED = 3
+    TERMINATED = 143  # 128 + SIGTERM
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Carry out one command and return its exit code; `words` are those after the program's name."""
+    previous = signal.signal(signal.SIGTERM, end_cleanly)
+    try:
+        return app(words, prog_name="taichi-erosion", standalone_mode=False) or ExitCode.SUCCESS
+    except typer.TyperException as error:
+        return refuse(error.format_message(), ExitCode.BAD_INPUT)
+    except BadInput as error:
+        return refuse(str(error), ExitCode.BAD_INPUT)
+    except SimulationStopped as error:
+        return refuse(str(error), ExitCode.STOPPED)
+    except Exception as error:
+        return report_unexpected(error)
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+def end_cleanly(_number: int, _frame: FrameType | None) -> None:
+    """Turn SIGTERM into an ordinary exit: Python's own default skips what closes a recording."""
+    sys.exit(ExitCode.TERMINATED)
+
+
+def refuse(sentence: str, code: ExitCode) -> ExitCode:
+    """Say in one line why there is no result; help that was printed instead leaves nothing to say."""
+    if sentence:
+        typer.echo(" ".join(sentence.split()), err=True)
+    return code
+
+
+def report_unexpected(error: Exception) -> ExitCode:
+    """Say in one line what went wrong inside, or all of it where the user asked for that."""
+    if os.environ.get(TRACEBACK_SWITCH) == "1":
+        typer.echo("".join(traceback.format_exception(error)), err=True)
+        return ExitCode.FAILURE
+    sentence = f"unexpected {type(error).__name__}: {error} ({TRACEBACK_SWITCH}=1 shows where)"
+    return refuse(sentence, ExitCode.FAILURE)

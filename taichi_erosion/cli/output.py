@@ -1,0 +1,150 @@
+"""What a command leaves on stdout: one JSON document, or tables for people."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from math import floor, isfinite, log10
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+Record = Mapping[str, Any]
+
+MARK_MISSING = "-"
+WIDEST = 1000  # characters in a line of a table that goes to a file
+
+
+def print_json(document: Record) -> None:
+    """Print one JSON document; a number that is not finite, which JSON cannot hold, becomes null."""
+    from taichi_erosion.measures.result import without_nan
+
+    typer.echo(json.dumps(without_nan(document), default=plain, allow_nan=False))
+
+
+def plain(value: Any) -> Any:
+    """A NumPy scalar or a path as JSON can hold it."""
+    return str(value) if isinstance(value, Path) else value.item()
+
+
+def print_run(document: Record) -> None:
+    """Print simulated beside measured values, then the warnings, the recording and the speed."""
+    print_table(run_table(document))
+    for sentence in run_warnings(document):
+        typer.echo(f"warning: {sentence}")
+    if document.get("recording"):
+        typer.echo(f"recording: {document['recording']}")
+    replicas, seconds = len(document["replicas"]), document["wall_s"]
+    speed = document["grain_steps"] / seconds if seconds else 0.0
+    typer.echo(
+        f"{replicas} replica(s) in {seconds:.1f} s, {speed:.3g} grain-steps/s, scene {document['hash']}"
+    )
+
+
+def run_table(document: Record) -> Table:
+    """One row an observable: what was simulated, what a laboratory measured, and the difference."""
+    table = empty_table(document["scene"], "measure", "simulated", "measured", "difference", "source")
+    simulated, measured = document["measures"], document["measured"]
+    for name in dict.fromkeys((*simulated, *measured)):
+        ours, theirs = simulated.get(name, {}), measured.get(name, {})
+        unit = ours.get("unit") or theirs.get("unit") or ""
+        label = f"{name} [{unit}]" if unit else name
+        table.add_row(label, spread(ours), spread(theirs), difference(ours, theirs), theirs.get("source", ""))
+    return table
+
+
+def run_warnings(document: Record) -> list[str]:
+    """Each warning once, with the number of replicas it concerns."""
+    counts = Counter(sentence for replica in document["replicas"] for sentence in replica["warnings"])
+    among = len(document["replicas"])
+    said = [f"{sentence} ({count} of {among} replicas)" for sentence, count in counts.items()]
+    notes = [
+        f"{name}: {note}"
+        for name, measure in document["measures"].items()
+        for note in measure.get("notes", ())
+    ]
+    return said + notes
+
+
+def print_measurement(record: Record) -> None:
+    """Print one measured value and what is to be said about it."""
+    typer.echo(f"{record['name']} = {spread(record)} {record['unit']}")
+    for note in record["notes"]:
+        typer.echo(f"note: {note}")
+
+
+def print_claims(claims: Sequence[Record]) -> None:
+    """Print the verification ladder: what is claimed, found and allowed."""
+    table = empty_table("verification", "id", "claim", "got", "want", "tolerance", "precision", "", "s")
+    for claim in claims:
+        numbers = (significant(claim[key]) for key in ("got", "want", "tolerance"))
+        verdict = "ok" if claim["passed"] else "FAILED"
+        table.add_row(
+            claim["id"], claim["claim"], *numbers, claim["precision"], verdict, f"{claim['wall_s']:.1f}"
+        )
+    print_table(table)
+    failed = sum(not claim["passed"] for claim in claims)
+    typer.echo(f"{len(claims) - failed} of {len(claims)} claims hold")
+
+
+def print_cases(cases: Sequence[Record]) -> None:
+    """Print measured speeds: one row a case, one column a key of its record."""
+    keys = tuple(dict.fromkeys(key for case in cases for key in case))
+    table = empty_table("speed", *keys)
+    for case in cases:
+        table.add_row(*(cell(case.get(key)) for key in keys))
+    print_table(table)
+
+
+def cell(value: Any) -> str:
+    """A number, a text, or named shares (such as the time of each stage) on a line each."""
+    if isinstance(value, Mapping):
+        return "\n".join(f"{name} {significant(share)}" for name, share in value.items())
+    return significant(value)
+
+
+def empty_table(title: str, *columns: str) -> Table:
+    """Table whose cells fold rather than lose text."""
+    table = Table(title=title, title_justify="left")
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    return table
+
+
+def print_table(table: Table) -> None:
+    """Print a table as wide as the terminal, or as the table itself where stdout is a file or a pipe."""
+    console = Console(highlight=False, markup=False)
+    if not console.is_terminal:
+        console.width = console.measure(table, options=console.options.update(max_width=WIDEST)).maximum
+    console.print(table)
+
+
+def spread(record: Record) -> str:
+    """Mean with standard deviation and number of repeats, rounded to two digits of the deviation."""
+    value, sd, n = record.get("value"), record.get("sd"), record.get("n")
+    if value is None or not isfinite(value):
+        return MARK_MISSING
+    if sd is None or not isfinite(sd) or sd <= 0.0:
+        text = significant(value)
+    else:
+        digits = max(0, 1 - floor(log10(sd)))
+        text = f"{value:.{digits}f} \N{PLUS-MINUS SIGN} {sd:.{digits}f}"
+    return text if n is None else f"{text} (n = {n})"
+
+
+def difference(ours: Record, theirs: Record) -> str:
+    """Simulated less measured value, and its share of the measured one."""
+    got, want = ours.get("value"), theirs.get("value")
+    if got is None or want is None or not isfinite(got):
+        return MARK_MISSING
+    share = f" ({(got - want) / want:+.1%})" if want else ""
+    return f"{got - want:+.3g}{share}"
+
+
+def significant(value: Any) -> str:
+    """A number to six significant digits; anything else as it is."""
+    if value is None:
+        return MARK_MISSING
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,65 @@
+"""Starting the device: the only place that calls `ti.init`."""
+
+import contextlib
+import io
+import os
+import tempfile
+from pathlib import Path
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.ti import ti
+
+
+def cache_folder() -> Path:
+    """Folder of compiled kernels, shared by all runs of this user."""
+    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(root) / "taichi_erosion" / "kernels"
+
+
+def is_writable(folder: Path) -> bool:
+    """Whether a file can be made there; Taichi crashes at exit when its cache folder refuses."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def start_device(numerics: Numerics) -> int:
+    """Start Taichi and return the number of workers that run at the same time.
+
+    Fast-math stays off: IEEE arithmetic gives the same bits in every kernel that holds the same formula, so a replica
+    repeats alone, in an ensemble, and on any number of threads.
+    """
+    threads = numerics.threads or os.cpu_count() or 1
+    cache = cache_folder()
+    offline = is_writable(cache)
+    options = {"offline_cache_file_path": str(cache)} if offline else {}
+    with contextlib.redirect_stdout(io.StringIO()):
+        ti.init(
+            arch=getattr(ti, numerics.arch),
+            default_fp=getattr(ti, numerics.precision),
+            cpu_max_num_threads=threads,
+            fast_math=False,
+            advanced_optimization=False,
+            log_level=ti.WARN,
+            offline_cache=offline,
+            **options,
+        )
+    refuse_fallback(numerics.arch)
+    return threads
+
+
+def refuse_fallback(arch: str) -> None:
+    """Raise BadInput where Taichi silently took another device."""
+    started = ti.lang.impl.current_cfg().arch
+    wanted = {ti.x64, ti.arm64} if arch == "cpu" else {getattr(ti, arch)}
+    if started not in wanted:
+        raise BadInput(f"--arch {arch}: no such device on this machine; use --arch cpu")
+
+
+def stop_device() -> None:
+    """Release the device and every field on it."""
+    ti.reset()

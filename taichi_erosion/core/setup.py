@@ -1,0 +1,138 @@
+"""What one replica starts from: grains, clumps, contact table, walls and numerics, as plain NumPy.
+
+`scene/` makes these records from a scene file, `simulation/` puts them on the device. Lengths are in m, masses in kg,
+times in s, angles in rad. Nothing here knows Taichi.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from math import inf
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int32]
+
+
+class PrimitiveKind(IntEnum):
+    """Shapes that walls are made of; `PrimitiveTable.shape` says what the numbers of a row mean."""
+
+    PLANE = 0  # half space: point (3), unit normal into the free side (3)
+    REVOLVED = 1  # line segment turned about an axis: axis point (3), unit axis (3), radius and height of both ends (4)
+    TRIANGLE = 2  # corners a, b, c (9)
+
+
+SHAPE_NUMBERS = 10  # longest row of PrimitiveTable.shape
+
+
+@dataclass(frozen=True)
+class GrainTable:
+    """Contact spheres of one replica, one row each.
+
+    A sphere is a grain of its own unless `ClumpTable` groups it. A sphere whose `release_time` lies in the future is not
+    simulated yet: it enters at `position` with `velocity` once the clock reaches that time.
+    """
+
+    position: Floats  # [n, 3] m
+    velocity: Floats  # [n, 3] m s-1
+    spin: Floats  # [n, 3] rad s-1
+    radius: Floats  # [n] m
+    mass: Floats  # [n] kg, of the whole clump for clump members
+    material: Integers  # [n] index into Setup.materials
+    release_time: Floats  # [n] s, never decreasing along the table
+
+
+@dataclass(frozen=True)
+class ClumpTable:
+    """Rigid bodies made of several spheres of the GrainTable."""
+
+    body: Integers  # [n] body of each sphere, counted from 0, spheres of a body adjacent
+    offset: Floats  # [n, 3] m, sphere centre in the body's principal frame
+    mass: Floats  # [b] kg
+    inertia: Floats  # [b, 3] kg m2, principal moments
+    position: Floats  # [b, 3] m, centre of mass
+    orientation: Floats  # [b, 4] unit quaternion (w, x, y, z), body frame to space
+
+
+@dataclass(frozen=True)
+class ContactTable:
+    """Contact parameters of every pair of materials; row `pair_row(i, j, m)` serves materials i and j."""
+
+    young_effective: Floats  # [pairs] Pa, 1/E* = (1-nu_i^2)/E_i + (1-nu_j^2)/E_j
+    shear_effective: Floats  # [pairs] Pa, 1/G* = (2-nu_i)/G_i + (2-nu_j)/G_j
+    restitution: Floats  # [pairs] 1
+    friction_sliding: Floats  # [pairs] 1
+    friction_rolling: Floats  # [pairs] 1
+    rolling_damping: Floats  # [pairs] 1, share of the critical value
+    surface_energy: Floats  # [pairs] J m-2, per surface: work of adhesion w = 2 gamma
+
+
+def pair_row(i: int, j: int, materials: int) -> int:
+    """Row of ContactTable for materials i and j (upper triangle, row by row)."""
+    low, high = min(i, j), max(i, j)
+    return low * materials - low * (low - 1) // 2 + high - low
+
+
+@dataclass(frozen=True)
+class PrimitiveTable:
+    """Wall primitives; several of them form one surface, which has one material and moves as one body."""
+
+    kind: Integers  # [p] PrimitiveKind
+    surface: Integers  # [p] index into Setup.surfaces
+    shape: Floats  # [p, SHAPE_NUMBERS] as PrimitiveKind says, zero padded
+
+
+@dataclass(frozen=True)
+class Surface:
+    """One named wall."""
+
+    name: str
+    material: int
+
+
+@dataclass(frozen=True)
+class Laws:
+    """The choice for every contact slot; one choice per ensemble, compiled in."""
+
+    normal: Literal["hertz", "jkr"] = "hertz"
+    adhesion_branch: Literal["touch", "edem"] = "touch"  # edem: the neck also pulls on approach
+    friction_cap: Literal["thornton", "edem"] = "thornton"
+    rolling: Literal["none", "constant_torque", "elastic_plastic"] = "none"
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything that defines one replica before its first step."""
+
+    grains: GrainTable
+    materials: tuple[str, ...]
+    contacts: ContactTable
+    primitives: PrimitiveTable
+    surfaces: tuple[Surface, ...]
+    time_step: float  # s
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)  # m s-2
+    clumps: ClumpTable | None = None
+    domain: tuple[tuple[float, float, float], tuple[float, float, float]] = ((-inf,) * 3, (inf,) * 3)  # m, low and high
+    period: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, 0 where the box is open; a period starts at domain low
+    overlap_limit: float = 0.2  # overlap over the smaller radius that stops the run [1]
+    skin: float = 0.05  # least list margin of a grain over its radius [1]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Rigid motion of a surface, from the moment it is set."""
+
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m s-1
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad s-1
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, a point of the spin axis
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """How the device runs; none of these changes a result on a CPU."""
+
+    arch: Literal["cpu", "cuda", "vulkan", "metal"] = "cpu"
+    threads: int = field(default=0)  # 0: all cores
+    precision: Literal["f32", "f64"] = "f32"

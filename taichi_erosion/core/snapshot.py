@@ -1,0 +1,62 @@
+"""Plain NumPy state that measures and recordings read."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Status(IntEnum):
+    """Why a replica runs or stands."""
+
+    RUNNING = 0
+    OVERLAP = 1  # two bodies overlap beyond the limit
+    LOST = 2  # a grain left the domain
+    NOT_FINITE = 3  # a coordinate is NaN or infinite
+    ENERGY = 4  # mechanical energy appeared
+    OVERFLOW = 5  # a list was too short; the host grows it and goes on
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Released spheres of one replica at one moment, in the order of its GrainTable."""
+
+    time: float  # s
+    step: int
+    position: NDArray[np.float64]  # [n, 3] m
+    velocity: NDArray[np.float64]  # [n, 3] m s-1
+    spin: NDArray[np.float64]  # [n, 3] rad s-1
+    radius: NDArray[np.float64]  # [n] m
+    mass: NDArray[np.float64]  # [n] kg
+    contacts: NDArray[np.int32]  # [n] touching partners, walls included
+    ident: NDArray[np.int32]  # [n] row of the GrainTable
+    waiting: int  # spheres not released yet
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Sums over one replica at one moment."""
+
+    time: float  # s
+    step: int
+    kinetic_translation: float  # J
+    kinetic_rotation: float  # J
+    potential: float  # J, gravity, zero at the origin
+    elastic: float  # J, stored in normal and tangential springs
+    contacts: int  # touching pairs, grain-grain and grain-wall
+    overlap_largest: float  # over the smaller radius [1]
+    speed_largest: float  # m s-1
+    released: int
+    rebuilds: int
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a replica stopped, in numbers."""
+
+    status: Status
+    time: float  # s
+    grain: int  # row of the GrainTable
+    partner: int  # row of the GrainTable, or -1 - primitive for a wall
+    value: float  # overlap over radius, coordinate or energy ratio, by status

@@ -1,0 +1,1 @@
+"""Air felt by grains, and grains felt by air."""

@@ -1,0 +1,1 @@
+"""Optional physics, one effect per file."""

@@ -1,0 +1,1 @@
+"""Contact mechanics of grains: state, neighbour lists, contact laws, walls, integration."""

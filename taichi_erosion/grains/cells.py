@@ -1,0 +1,118 @@
+"""Cells: sorting grains in space, so that neighbours in space are neighbours in memory.
+
+A fixed box around the scene is cut into cells at least as wide as the longest list distance. Grains outside fall to the
+border cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are numbered with x fastest.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.state import side_block
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cell grids of all replicas and the order of grains in them."""
+
+    capacity: int  # cells a replica
+    low: Any  # f64 vec3 by replica, corner of the grid [m]
+    inverse_width: Any  # f64 vec3 by replica [m-1]
+    number: Any  # i32 vec3 by replica, cells along each axis
+    first: Any  # i32, rank of the first grain of each cell: by `row_of_cells` + cell + 1, see `cell_start`
+    cell: Any  # i32 by grain place of one side: cell of the grain, by rank before the sort
+    order: Any  # i32 by grain place of one side: rank before the sort, by rank after it
+
+
+def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
+    """Fields of `capacity` cells a replica."""
+    return Cells(
+        capacity,
+        low=ti.Vector.field(3, ti.f64, shape=replicas),
+        inverse_width=ti.Vector.field(3, ti.f64, shape=replicas),
+        number=ti.Vector.field(3, ti.i32, shape=replicas),
+        first=ti.field(ti.i32, shape=replicas * (capacity + 2)),
+        cell=ti.field(ti.i32, shape=replicas * grains),
+        order=ti.field(ti.i32, shape=replicas * grains),
+    )
+
+
+@ti.func
+def row_of_cells(cells: ti.template(), r):
+    """First place of replica r in `first`; two more than cells, one for the shift of the sort and one to close."""
+    return r * (cells.capacity + 2)
+
+
+@ti.func
+def wrapped(position, period, low):
+    """Position moved into its period [m]; where the period is 0 the box is open."""
+    inside = position
+    for k in ti.static(range(3)):
+        if period[k] > 0.0:
+            inside[k] -= period[k] * ti.floor((position[k] - low[k]) / period[k])
+    return inside
+
+
+@ti.func
+def nearest_image(difference, period):
+    """Shortest vector between two positions of a periodic box [m]."""
+    nearest = difference
+    for k in ti.static(range(3)):
+        if period[k] > 0.0:
+            nearest[k] -= period[k] * ti.round(difference[k] / period[k])
+    return nearest
+
+
+@ti.func
+def cell_coordinates(cells: ti.template(), r, position):
+    """Integer coordinates of the cell that holds a position, clamped to the grid."""
+    place = ti.floor((position - cells.low[r]) * cells.inverse_width[r], ti.i32)
+    return ti.math.clamp(place, 0, cells.number[r] - 1)
+
+
+@ti.func
+def cell_index(cells: ti.template(), r, x, y, z):
+    """Number of a cell in its replica."""
+    number = cells.number[r]
+    return (z * number[1] + y) * number[0] + x
+
+
+@ti.func
+def position_of(grains: ti.template(), replicas: ti.template(), r, i):
+    """Position of the grain at place i [m], in f64, wrapped into the period."""
+    position = grains.origin[i] + ti.cast(grains.shift[i], ti.f64)
+    return wrapped(position, replicas.period[r], replicas.low[r])
+
+
+@ti.func
+def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
+    """Counting sort of replica r by cell, stable, by one worker: the order never depends on scheduling."""
+    count = replicas.released[r]
+    base = side_block(grains, r, replicas.side[r])
+    row = r * grains.capacity
+    first = row_of_cells(cells_out, r)
+    number = cells_out.number[r]
+    total = number[0] * number[1] * number[2]
+    for c in range(total + 1):
+        cells_out.first[first + c] = 0
+    for i in range(count):
+        place = cell_coordinates(cells_out, r, position_of(grains, replicas, r, base + i))
+        c = cell_index(cells_out, r, place[0], place[1], place[2])
+        cells_out.cell[row + i] = c
+        cells_out.first[first + c + 1] = cells_out.first[first + c + 1] + 1
+    for c in range(total):
+        cells_out.first[first + c + 1] = cells_out.first[first + c + 1] + cells_out.first[first + c]
+    for k in range(count):
+        # backwards, so that filling a cell from its end keeps the old order and leaves `first` one cell early
+        i = count - 1 - k
+        c = cells_out.cell[row + i]
+        rank = cells_out.first[first + c + 1] - 1
+        cells_out.first[first + c + 1] = rank
+        cells_out.order[row + rank] = i
+    cells_out.first[first + total + 1] = count
+
+
+@ti.func
+def cell_start(cells: ti.template(), r, c):
+    """Rank of the first grain in cell c; after the sort the bounds lie one place on."""
+    return cells.first[row_of_cells(cells, r) + c + 1]

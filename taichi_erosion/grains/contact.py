@@ -1,0 +1,120 @@
+"""One contact: normal law, friction with memory and rolling resistance, put together.
+
+    F_n = F_el(d) - c_n v_n,              c_n = 2 sqrt(5/6) beta sqrt(2 E* a m*)
+    F_t = -8 G* a xi - c_t v_t,           c_t = c_n sqrt(4 G*/E*),     |F_t| <= mu F_cap
+
+xi is the tangential displacement since engagement [m] (Mindlin, no slip); where friction slides it is shortened so that
+spring and dashpot together equal the cap. The cap uses the elastic force, without damping, so that a sliding impact
+exchanges exactly mu (1 + e) m v_n. The normal force is not clipped at zero: clipping would change the restitution.
+
+Reference: Mindlin & Deresiewicz (1953), J. Appl. Mech. 20, 327; Tsuji et al. (1992), Powder Technology 71, 239.
+"""
+
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from taichi_erosion.core.setup import Laws
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.laws import hertz, jkr, rolling_constant_torque, rolling_elastic_plastic, rolling_none
+
+STIFFNESS_LEAST = 1e-30  # keeps the spring of a contact of no depth finite [N m-1]
+
+ROLLING: dict[str, ModuleType] = {
+    "none": rolling_none,
+    "constant_torque": rolling_constant_torque,
+    "elastic_plastic": rolling_elastic_plastic,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ContactLaws:
+    """The compiled choice for every slot."""
+
+    normal_force: Any
+    normal_energy: Any
+    rolling_torque: Any
+    rolling_constant: Any
+    rolling_energy: Any
+    adhesive: bool  # whether contacts act across a gap
+    gap_reach: Any  # host function (pi gamma, E*, R*) -> gap [m]
+    touch: Any  # struct type of one contact, in the run's precision
+
+
+def touch_type() -> Any:
+    """What the laws know of one contact."""
+    real3 = ti.types.vector(3, float)
+    return ti.types.struct(
+        normal=real3,  # unit vector from the partner to grain i [1]
+        velocity=real3,  # of grain i relative to the partner, at the contact [m s-1]
+        rolling=real3,  # spin of i relative to the partner, without twist [rad s-1]
+        root_radius=float,  # square root of the effective radius [m^0.5]
+        damping=float,  # normal damping constant over sqrt(a) [kg s-1 m-0.5]
+        rolling_damping=float,  # rolling damping constant over sqrt(a) [N m s m-0.5]
+        elastic=float,  # normal force without damping [N]
+        contact_radius=float,  # a [m]
+        root_contact_radius=float,  # sqrt(a) [m^0.5]
+        cap_force=float,  # force that caps friction and rolling [N]
+    )
+
+
+def compile_contact_laws(laws: Laws) -> ContactLaws:
+    """Turn names into functions; below this nobody asks again."""
+    rolling = ROLLING[laws.rolling]
+    sticky = laws.normal == "jkr"
+    return ContactLaws(
+        normal_force=jkr.compile_jkr(laws.adhesion_branch, laws.friction_cap) if sticky else hertz.normal_force,
+        normal_energy=jkr.normal_energy if sticky else hertz.normal_energy,
+        rolling_torque=rolling.rolling_torque,
+        rolling_constant=rolling.rolling_constant,
+        rolling_energy=rolling.rolling_energy,
+        adhesive=sticky,
+        gap_reach=jkr.gap_reach if sticky else hertz.gap_reach,
+        touch=touch_type(),
+    )
+
+
+@ti.func
+def describe_contact(laws: ti.template(), normal, velocity, rolling, constants, elastic):
+    """Struct of one contact; `constants` are (root radius, damping, rolling damping), `elastic` (force, a, cap)."""
+    return laws.touch(
+        normal=normal,
+        velocity=velocity,
+        rolling=rolling - rolling.dot(normal) * normal,
+        root_radius=constants[0],
+        damping=constants[1],
+        rolling_damping=constants[2],
+        elastic=elastic[0],
+        contact_radius=elastic[1],
+        root_contact_radius=ti.sqrt(elastic[1]),
+        cap_force=elastic[2],
+    )
+
+
+@ti.func
+def friction_force(materials: ti.template(), row, touch: ti.template(), slip, dt):
+    """Tangential force on grain i [N] and the spring's displacement after it [m]."""
+    stiffness = 8.0 * materials.shear[row] * touch.contact_radius
+    tangential = touch.velocity - touch.velocity.dot(touch.normal) * touch.normal
+    stretched = slip + tangential * dt
+    stretched -= stretched.dot(touch.normal) * touch.normal
+    viscous = (materials.shear_damping[row] * touch.damping * touch.root_contact_radius) * tangential
+    force = -stiffness * stretched - viscous
+    limit = materials.friction_sliding[row] * touch.cap_force
+    size_squared = force.norm_sqr()
+    if size_squared > limit * limit:
+        force *= limit / ti.sqrt(size_squared)
+        stretched = (force + viscous) * (-1.0 / ti.max(stiffness, STIFFNESS_LEAST))
+    return force, stretched
+
+
+@ti.func
+def contact_force(laws: ti.template(), materials: ti.template(), row, touch: ti.template(), slip, tilt, dt):
+    """Force on grain i [N], its tangential part [N], rolling torque on i [N m], and both memories after the step."""
+    tangential, slip_after = friction_force(materials, row, touch, slip, dt)
+    turned = tilt + touch.rolling * dt
+    turned -= turned.dot(touch.normal) * touch.normal
+    torque, tilt_after = laws.rolling_torque(materials, row, touch, turned)
+    damping = touch.damping * touch.root_contact_radius
+    force = (touch.elastic - damping * touch.velocity.dot(touch.normal)) * touch.normal + tangential
+    return force, tangential, torque, slip_after, tilt_after

@@ -1,0 +1,81 @@
+"""Moving grains: leapfrog, the velocity standing half a step before the position.
+
+    v(t + dt/2) = v(t - dt/2) + a(t) dt,    x(t + dt) = x(t) + v(t + dt/2) dt
+
+The first step of a replica kicks by dt/2, which makes the positions those of the velocity-Verlet scheme.
+
+Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., section 3.2.
+"""
+
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.state import REBUILD, STOP, force_block, partition_first, side_block
+
+SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
+
+
+@ti.func
+def gather_forces(world_out: ti.template(), r, p):
+    """Add what other partitions put on the grains of partition p to its own buffer, in a fixed order."""
+    grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
+    count = replicas.released[r]
+    own = force_block(grains_out, replicas, r, p)
+    first = partition_first(count, replicas.partitions[r], p)
+    last = partition_first(count, replicas.partitions[r], p + 1)
+    for q in range(replicas.partitions[r]):
+        if q != p:
+            other = force_block(grains_out, replicas, r, q)
+            low = ti.max(first, replicas.touched_low[r, q])
+            for rank in range(low, ti.min(last, replicas.touched_high[r, q])):
+                grains_out.force[own + rank] = grains_out.force[own + rank] + grains_out.force[other + rank]
+                grains_out.torque[own + rank] = grains_out.torque[own + rank] + grains_out.torque[other + rank]
+                grains_out.force[other + rank] = 0.0 * grains_out.force[own + rank]
+                grains_out.torque[other + rank] = 0.0 * grains_out.torque[own + rank]
+
+
+@ti.func
+def kick_time(replicas: ti.template(), r, step):
+    """Time over which this step's force acts on the velocity [s]."""
+    return replicas.time_step[r] * ti.select(step == 0, 0.5, 1.0)
+
+
+@ti.func
+def advance_grains(world_out: ti.template(), r, p, step, is_last):
+    """Kick and drift the grains of one partition; says whether a rebuild is due."""
+    grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
+    base = side_block(grains_out, r, replicas.side[r])
+    buffer = force_block(grains_out, replicas, r, p)
+    count = replicas.released[r]
+    dt = replicas.time_step[r]
+    kick = kick_time(replicas, r, step)
+    gravity = replicas.gravity[r]
+    need = 0
+    first = partition_first(count, replicas.partitions[r], p)
+    for rank in range(first, partition_first(count, replicas.partitions[r], p + 1)):
+        i = base + rank
+        inverse = grains_out.mass_inverse[i]
+        radius = grains_out.radius[i]
+        acceleration = grains_out.force[buffer + rank] * inverse + gravity
+        spin_rate = grains_out.torque[buffer + rank] * (SPHERE * inverse / (radius * radius))
+        grains_out.force[buffer + rank] = 0.0 * gravity
+        grains_out.torque[buffer + rank] = 0.0 * gravity
+        velocity = grains_out.velocity[i] + acceleration * kick
+        shift = grains_out.shift[i] + velocity * dt
+        grains_out.velocity[i] = velocity
+        grains_out.spin[i] = grains_out.spin[i] + spin_rate * kick
+        grains_out.shift[i] = shift
+        if shift.norm_sqr() <= grains_out.travel_squared[i]:
+            need = need | 0
+        else:
+            need = REBUILD  # also where the shift is not a number
+        if is_last:
+            grains_out.acceleration[r * grains_out.capacity + rank] = acceleration
+            grains_out.spin_rate[r * grains_out.capacity + rank] = spin_rate
+    return need
+
+
+@ti.func
+def finish_partition(replicas_out: ti.template(), r, p, need):
+    """Publish what partition p needs before the next step."""
+    if replicas_out.fault_value[r, p] > 0.0:
+        need = STOP
+    replicas_out.need[r, p] = need

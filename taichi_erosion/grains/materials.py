@@ -1,0 +1,77 @@
+"""Contact parameters on the device: one row a replica and pair of materials."""
+
+from dataclasses import dataclass, fields
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.core.setup import ContactTable, Floats
+from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import upload
+
+TSUJI = 2.0 * sqrt(5.0 / 6.0)  # factor of the damping force of a Hertz contact [1], Tsuji et al. (1992)
+
+
+@dataclass(frozen=True, eq=False)
+class Materials:
+    """Contact rows; `rows` of them a replica, those of `core.setup.pair_row` with `count` materials."""
+
+    count: int
+    rows: int
+    young: Any  # effective Young's modulus E* [Pa]
+    shear: Any  # effective shear modulus G* [Pa]
+    damping: Any  # 2 sqrt(5/6) beta sqrt(2 E*): times sqrt(a m*) it is the normal damping constant
+    shear_damping: Any  # tangential over normal damping constant, sqrt(4 G* / E*) [1]
+    friction_sliding: Any  # [1]
+    friction_rolling: Any  # [1]
+    rolling_damping: Any  # share of the critical value [1]
+    adhesion: Any  # pi times surface energy [J m-2]
+
+
+def allocate_materials(replicas: int, materials: int) -> Materials:
+    """Fields for every pair of `materials`."""
+    rows = materials * (materials + 1) // 2
+    names = [f.name for f in fields(Materials)][2:]
+    return Materials(materials, rows, **{name: ti.field(float, shape=replicas * rows) for name in names})
+
+
+def damping_ratio(restitution: Floats) -> Floats:
+    """Damping over critical damping that gives a Hertz contact its restitution [1].
+
+    beta = -ln e / sqrt(ln^2 e + pi^2); exact for F = k d^1.5 + c d^0.25 v.
+    Reference: Tsuji, Tanaka & Ishida (1992), Powder Technology 71, 239; Antypov & Elliott (2011), EPL 94, 50004.
+    """
+    logarithm = np.log(np.maximum(restitution, RESTITUTION_LEAST))
+    return -logarithm / np.sqrt(logarithm**2 + pi**2)
+
+
+RESTITUTION_LEAST = 1e-6  # below it a contact is treated as fully damped [1]; log(0) has no value
+
+
+def device_columns(table: ContactTable) -> dict[str, Floats]:
+    """What the force loop reads, from what a scene states."""
+    return {
+        "young": table.young_effective,
+        "shear": table.shear_effective,
+        "damping": TSUJI * damping_ratio(table.restitution) * np.sqrt(2.0 * table.young_effective),
+        "shear_damping": np.sqrt(4.0 * table.shear_effective / table.young_effective),
+        "friction_sliding": table.friction_sliding,
+        "friction_rolling": table.friction_rolling,
+        "rolling_damping": table.rolling_damping,
+        "adhesion": pi * table.surface_energy,
+    }
+
+
+def fill_materials(materials: Materials, tables: list[ContactTable]) -> None:
+    """Write the contact tables of all replicas to the device."""
+    columns = [device_columns(table) for table in tables]
+    upload([(getattr(materials, name), np.concatenate([c[name] for c in columns])) for name in columns[0]])
+
+
+@ti.func
+def pair_row(materials: ti.template(), r, i, j):
+    """Row of replica r for materials i and j; `core.setup.pair_row` on the device."""
+    low = ti.min(i, j)
+    high = ti.max(i, j)
+    return r * materials.rows + low * materials.count - low * (low - 1) // 2 + high - low

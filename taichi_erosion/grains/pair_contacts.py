@@ -1,0 +1,113 @@
+"""Forces between grains: walks the half list and adds to both partners, in the buffer of its own partition."""
+
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.contact import contact_force, describe_contact
+from taichi_erosion.grains.state import force_block, partition_first, side_block
+
+
+@ti.func
+def report_overlap(replicas_out: ti.template(), r, p, rank, partner, ratio):
+    """Keep the first overlap beyond the limit that this partition met."""
+    if ratio > replicas_out.overlap_limit[r] and replicas_out.fault_value[r, p] == 0.0:
+        replicas_out.fault_value[r, p] = ratio
+        replicas_out.fault_grain[r, p] = rank
+        replicas_out.fault_partner[r, p] = partner
+
+
+@ti.func
+def forget(entries_out: ti.template(), e):
+    """Drop the memory of a contact that has ended."""
+    if entries_out.label[e] & 1 == 1:
+        entries_out.label[e] = entries_out.label[e] - 1
+        entries_out.slip[e] = 0.0 * entries_out.slip[e]
+        entries_out.tilt[e] = 0.0 * entries_out.tilt[e]
+
+
+@ti.func
+def remember(entries_out: ti.template(), e, slip, tilt):
+    """Keep the memory of a contact that acts."""
+    entries_out.label[e] = entries_out.label[e] | 1
+    entries_out.slip[e] = slip
+    entries_out.tilt[e] = tilt
+
+
+@ti.func
+def pair_touch(world: ti.template(), e, i, j, normal, elastic):
+    """Struct of the contact of places i and j."""
+    grains, pairs = ti.static((world.grains, world.pairs))
+    arms = grains.radius[i] * grains.spin[i] + grains.radius[j] * grains.spin[j]
+    velocity = grains.velocity[i] - grains.velocity[j] - arms.cross(normal)
+    constants = (pairs.root_radius[e], pairs.damping[e], pairs.rolling_damping[e])
+    return describe_contact(world.laws, normal, velocity, grains.spin[i] - grains.spin[j], constants, elastic)
+
+
+@ti.func
+def act_on_pair(world_out: ti.template(), r, e, places, normal, elastic):
+    """Force [N] and torque [N m] on the owner of an acting contact; the partner gets its share.
+
+    `places` are the owner, the partner, and the partner's place in the force buffer.
+    """
+    grains_out, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
+    i, j, reaction = places
+    touch = pair_touch(world_out, e, i, j, normal, elastic)
+    row = pairs_out.label[e] >> 1
+    dt = world_out.replicas.time_step[r]
+    force, tangential, moment, slip, tilt = contact_force(
+        world_out.laws, materials, row, touch, pairs_out.slip[e], pairs_out.tilt[e], dt
+    )
+    remember(pairs_out, e, slip, tilt)
+    twist = normal.cross(tangential)
+    grains_out.force[reaction] = grains_out.force[reaction] - force
+    grains_out.torque[reaction] = grains_out.torque[reaction] - moment - grains_out.radius[j] * twist
+    return force, moment - grains_out.radius[i] * twist
+
+
+@ti.func
+def pair_force(world_out: ti.template(), r, p, base, i, e):
+    """Force [N] and torque [N m] that entry e exerts on its owner at place i."""
+    grains, pairs_out, replicas_out = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
+    rank = pairs_out.neighbour[e]
+    j = base + rank
+    offset = pairs_out.separation[e] + grains.shift[i] - grains.shift[j]
+    contact_distance = grains.radius[i] + grains.radius[j]
+    reach = contact_distance
+    if ti.static(world_out.laws.adhesive):
+        reach += replicas_out.reach[r]
+    force = 0.0 * offset
+    torque = force
+    acts = 0
+    distance_squared = offset.norm_sqr()
+    if distance_squared < reach * reach:
+        distance = ti.sqrt(distance_squared)
+        root = pairs_out.root_radius[e]
+        overlap = contact_distance - distance
+        report_overlap(replicas_out, r, p, i - base, rank, overlap / (2.0 * root * root))
+        label = pairs_out.label[e]
+        elastic = world_out.laws.normal_force(world_out.materials, label >> 1, overlap, root, label & 1)
+        acts = elastic[3]
+        if acts == 1:
+            places = (i, j, force_block(grains, replicas_out, r, p) + rank)
+            force, torque = act_on_pair(world_out, r, e, places, offset * (1.0 / distance), elastic)
+    if acts == 0:
+        forget(pairs_out, e)
+    return force, torque
+
+
+@ti.func
+def add_pair_forces(world_out: ti.template(), r, p):
+    """Forces of all pairs that one partition owns."""
+    grains_out, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
+    base = side_block(grains_out, r, replicas.side[r])
+    buffer = force_block(grains_out, replicas, r, p)
+    count = replicas.released[r]
+    first = partition_first(count, replicas.partitions[r], p)
+    for rank in range(first, partition_first(count, replicas.partitions[r], p + 1)):
+        i = base + rank
+        force = 0.0 * grains_out.velocity[i]
+        torque = force
+        for e in range(pairs.start[i], pairs.stop[i]):
+            pair, moment = pair_force(world_out, r, p, base, i, e)
+            force += pair
+            torque += moment
+        grains_out.force[buffer + rank] = grains_out.force[buffer + rank] + force
+        grains_out.torque[buffer + rank] = grains_out.torque[buffer + rank] + torque

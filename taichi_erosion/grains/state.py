@@ -1,0 +1,153 @@
+"""Device state of the grains of all replicas.
+
+Every replica owns a block of `capacity` places on each of two sides. A rebuild sorts the grains in space and moves them
+to the other side; `Replicas.side` says which one is valid. A grain is addressed by `side_block(...) + rank`, its
+rank being its place in the sorted order; `ident` is its row in the GrainTable.
+
+Positions are split as x = origin + shift: `origin` is exact (f64) and changes at a rebuild only, `shift` is the small
+displacement since then, so that single precision resolves overlaps of a millionth of a radius.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from taichi_erosion.core.ti import ti
+
+REBUILD = 1  # of Replicas.need: a grain has used up its list margin
+STOP = 2  # of Replicas.need: two bodies overlap beyond the limit
+
+
+@dataclass(frozen=True, eq=False)
+class Grains:
+    """Sorted grains; two sides of `capacity` places a replica, forces on one side only."""
+
+    capacity: int
+    origin: Any  # f64 vec3 [m]
+    shift: Any  # vec3 [m]
+    velocity: Any  # vec3 [m s-1], half a step before the position
+    spin: Any  # vec3 [rad s-1], likewise
+    radius: Any  # [m]
+    mass_inverse: Any  # [kg-1]
+    travel_squared: Any  # squared displacement that calls for a rebuild [m2]
+    material: Any  # i32
+    ident: Any  # i32
+    force: Any  # vec3 [N], one buffer a partition: (partition * replicas + replica) * capacity + rank
+    torque: Any  # vec3 [N m], likewise
+    acceleration: Any  # vec3 [m s-2] at the last step, by rank
+    spin_rate: Any  # vec3 [rad s-2] at the last step, by rank
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The GrainTable on the device: where each grain starts and at which step it is released."""
+
+    position: Any  # f64 vec3 [m]
+    velocity: Any  # vec3 [m s-1]
+    spin: Any  # vec3 [rad s-1]
+    radius: Any  # [m]
+    mass_inverse: Any  # [kg-1]
+    material: Any  # i32
+    release_step: Any  # i32
+    body: Any  # i32, clump of the sphere; the sphere's own row where there are no clumps
+
+
+@dataclass(frozen=True, eq=False)
+class Replicas:
+    """One row a replica: clock, counters, box and faults."""
+
+    count: int
+    side: Any  # i32, 0 or 1
+    partitions: Any  # i32, shares of the grains that workers may take on
+    released: Any  # i32, grains simulated
+    total: Any  # i32, rows of the GrainTable
+    step: Any  # i32
+    stale: Any  # i32, 1 where the host asks for a rebuild
+    steps_left: Any  # i32, steps to do in this launch
+    rebuilds: Any  # i32
+    status: Any  # i32, core.snapshot.Status
+    time_step: Any  # [s]
+    gravity: Any  # vec3 [m s-2]
+    low: Any  # f64 vec3 [m], lost below
+    high: Any  # f64 vec3 [m], lost above
+    period: Any  # f64 vec3 [m], 0 where open
+    margin_least: Any  # list margin of a resting grain over its radius [1]
+    margin_most: Any  # largest list margin [m]
+    margin_time: Any  # time that a moving grain should last on one list [s]
+    reach: Any  # gap up to which a contact may act [m]
+    wall_travel: Any  # bound on how far any wall has moved since the rebuild [m]
+    overlap_limit: Any  # overlap over the smaller radius [1]
+    need: Any  # i32 [replica, partition]: REBUILD or STOP, written while integrating only
+    short: Any  # i32 [replica, partition]: list entries wanted beyond the capacity
+    wall_short: Any  # i32 [replica, partition]: wall entries wanted beyond the capacity
+    touched_low: Any  # i32 [replica, partition]: lowest rank its forces reach
+    touched_high: Any  # i32 [replica, partition]: one past the highest rank its forces reach
+    fault_grain: Any  # i32 [replica, partition]
+    fault_partner: Any  # i32 [replica, partition]
+    fault_value: Any  # [replica, partition]
+    arrivals: Any  # i32, team members that reached the barrier
+
+
+def vector(dtype: Any = float) -> Any:
+    """Unplaced field of three-vectors."""
+    return ti.Vector.field(3, dtype)
+
+
+def allocate_grains(replicas: int, partitions: int, capacity: int) -> Grains:
+    """Fields of `replicas` blocks; what the force loop reads lies together in memory."""
+    places = 2 * replicas * capacity
+    hot = {"shift": vector(), "velocity": vector(), "spin": vector(), "radius": ti.field(float)}
+    hot |= {"mass_inverse": ti.field(float), "travel_squared": ti.field(float)}
+    ti.root.dense(ti.i, places).place(*hot.values())
+    cold = {"origin": vector(ti.f64)}
+    ti.root.dense(ti.i, places).place(*cold.values())
+    labels = {"material": ti.field(ti.i32), "ident": ti.field(ti.i32)}
+    ti.root.dense(ti.i, places).place(*labels.values())
+    sums = {"force": vector(), "torque": vector()}
+    ti.root.dense(ti.i, partitions * replicas * capacity).place(*sums.values())
+    rates = {"acceleration": vector(), "spin_rate": vector()}
+    ti.root.dense(ti.i, replicas * capacity).place(*rates.values())
+    return Grains(capacity, **hot, **cold, **labels, **sums, **rates)
+
+
+def allocate_source(replicas: int, capacity: int) -> Source:
+    """Fields of the GrainTables, by replica and row."""
+    places = replicas * capacity
+    exact = {"position": vector(ti.f64)}
+    ti.root.dense(ti.i, places).place(*exact.values())
+    reals = {"velocity": vector(), "spin": vector(), "radius": ti.field(float), "mass_inverse": ti.field(float)}
+    ti.root.dense(ti.i, places).place(*reals.values())
+    labels = {name: ti.field(ti.i32) for name in ("material", "release_step", "body")}
+    ti.root.dense(ti.i, places).place(*labels.values())
+    return Source(**exact, **reals, **labels)
+
+
+def allocate_replicas(count: int, partitions: int) -> Replicas:
+    """Fields of clocks and counters."""
+    whole = ("side", "partitions", "stale", "released", "total", "step", "steps_left", "rebuilds", "status", "arrivals")
+    reals = ("time_step", "margin_least", "margin_most", "margin_time", "reach", "wall_travel", "overlap_limit")
+    shared = ("need", "short", "wall_short", "touched_low", "touched_high", "fault_grain", "fault_partner")
+    table: dict[str, Any] = {name: ti.field(ti.i32, shape=count) for name in whole}
+    table |= {name: ti.field(float, shape=count) for name in reals}
+    table |= {name: ti.field(ti.i32, shape=(count, partitions)) for name in shared}
+    table |= {name: ti.Vector.field(3, ti.f64, shape=count) for name in ("low", "high", "period")}
+    table["gravity"] = ti.Vector.field(3, float, shape=count)
+    table["fault_value"] = ti.field(float, shape=(count, partitions))
+    return Replicas(count, **table)
+
+
+@ti.func
+def side_block(grains: ti.template(), r, side):
+    """First place of one side of replica r."""
+    return (2 * r + side) * grains.capacity
+
+
+@ti.func
+def partition_first(count, partitions, p):
+    """First rank of partition p; partitions share the sorted grains evenly."""
+    return count * p // partitions
+
+
+@ti.func
+def force_block(grains: ti.template(), replicas: ti.template(), r, p):
+    """First place of the force buffer of partition p of replica r."""
+    return (p * replicas.count + r) * grains.capacity

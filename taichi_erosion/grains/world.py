@@ -1,0 +1,29 @@
+"""Everything on the device that belongs to the grains of a run, in one record that kernels take as an argument."""
+
+from dataclasses import dataclass
+
+from taichi_erosion.grains.cells import Cells
+from taichi_erosion.grains.clumps import Clumps
+from taichi_erosion.grains.contact import ContactLaws
+from taichi_erosion.grains.materials import Materials
+from taichi_erosion.grains.pairs import Pairs
+from taichi_erosion.grains.state import Grains, Replicas, Source
+from taichi_erosion.grains.wall_contacts import WallPairs
+from taichi_erosion.grains.walls import Walls
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Fields and compiled laws of all replicas."""
+
+    grains: Grains
+    source: Source
+    replicas: Replicas
+    cells: Cells
+    pairs: Pairs
+    walls: Walls
+    wall_pairs: WallPairs
+    materials: Materials
+    laws: ContactLaws
+    clumped: bool  # compiled in: without clumps nothing of them is in the kernels
+    clumps: Clumps

@@ -1,0 +1,74 @@
+"""What a measure returns, and how repeats of it are pooled."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from math import isfinite, nan
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One measured number.
+
+    `value` is the mean over `n` repeats (fresh packings, fresh seeds) and `sd` the sample standard deviation
+    of single repeats, so that the standard error is sd / sqrt(n). With n = 1 no spread was seen: `sd` is then
+    what the measure can say from that one state alone (its docstring says what), or NaN.
+    """
+
+    name: str
+    value: float  # in `unit`, NaN where the state holds no answer
+    sd: float  # in `unit`
+    unit: str
+    n: int = 1
+    notes: tuple[str, ...] = ()
+    details: dict[str, Any] = field(default_factory=dict)
+
+
+def no_measurement(name: str, unit: str, reason: str) -> Measurement:
+    """A measurement without a value, and why."""
+    return Measurement(name, nan, nan, unit, n=0, notes=(reason,))
+
+
+def pool(repeats: Sequence[Measurement]) -> Measurement:
+    """Mean and sample standard deviation over repeats of one measure.
+
+    Repeats without a value are left out and counted in the notes. A single repeat keeps its own sd.
+    """
+    kinds = {(repeat.name, repeat.unit) for repeat in repeats}
+    if len(kinds) != 1:
+        raise ValueError(f"only repeats of one measure can be pooled, got {sorted(kinds)}")
+    ((name, unit),) = kinds
+    valid = [repeat for repeat in repeats if isfinite(repeat.value)]
+    values = [repeat.value for repeat in valid]
+    notes = tuple(dict.fromkeys(note for repeat in repeats for note in repeat.notes))
+    if len(valid) < len(repeats):
+        notes = (f"{len(repeats) - len(valid)} of {len(repeats)} repeats gave no value", *notes)
+    details = {"values": values, "flags": count_flags(valid)}
+    if not valid:
+        return Measurement(name, nan, nan, unit, n=0, notes=notes, details=details)
+    sd = float(np.std(values, ddof=1)) if len(values) > 1 else valid[0].sd
+    return Measurement(name, float(np.mean(values)), sd, unit, len(values), notes, details)
+
+
+def count_flags(repeats: Sequence[Measurement]) -> dict[str, int]:
+    """How many repeats carry each flag."""
+    flags = [flag for repeat in repeats for flag in repeat.details.get("flags", ())]
+    return {flag: flags.count(flag) for flag in dict.fromkeys(flags)}
+
+
+def as_record(measurement: Measurement) -> dict[str, Any]:
+    """The measurement as JSON can hold it: NaN, which JSON does not know, becomes None."""
+    return {key: without_nan(value) for key, value in asdict(measurement).items()}
+
+
+def without_nan(value: Any) -> Any:
+    """The same nested value with every number that is not finite replaced by None, tuples by lists."""
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(entry) for entry in value]
+    return value

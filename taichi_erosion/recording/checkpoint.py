@@ -1,0 +1,76 @@
+"""Checkpoints: all arrays of a simulation in one file, whole or not at all, read back bit for bit."""
+
+import json
+import os
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion import __version__
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.recording.whole_file import make_folder, part_path
+
+Arrays = dict[str, NDArray[Any]]
+
+SCHEMA = "taichi_erosion checkpoint 1"  # raised when the layout of the file changes
+HEAD = "head"  # member that holds the header
+STATE = "state/"  # prefix of the members that hold the arrays
+# what damaged archives and foreign members raise, from the zip layer up to the header
+DAMAGE = (zipfile.BadZipFile, zlib.error, ValueError, KeyError, EOFError, NotImplementedError, RuntimeError)
+
+
+def save_checkpoint(path: Path, state: Arrays, meta: dict[str, Any]) -> None:
+    """Write arrays and what belongs to them; `meta` holds what JSON can hold, `scene_hash` among it.
+
+    The file grows beside its place, is forced to the disk, and then takes the place in one step: a crash at
+    any moment leaves the previous checkpoint.
+    """
+    make_folder(path)
+    head = json.dumps({"schema": SCHEMA, "package_version": __version__, "meta": meta})
+    members: Arrays = {HEAD: np.frombuffer(head.encode(), dtype=np.uint8)}
+    members.update({STATE + name: values for name, values in state.items()})
+    part = part_path(path)
+    try:
+        with part.open("wb") as file:
+            np.savez(file, allow_pickle=False, **members)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        raise BadInput(f"{path}: the checkpoint cannot be written ({error.strerror})") from error
+
+
+def load_checkpoint(path: Path, scene_hash: str | None = None) -> tuple[Arrays, dict[str, Any]]:
+    """Read (state, meta) of a checkpoint; with `scene_hash` only one of that scene.
+
+    A run continues bit for bit only with the code that wrote it: another version of the package is refused.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as members:
+            head = json.loads(bytes(members[HEAD]).decode())
+            check_head(path, head, scene_hash)
+            state = {name.removeprefix(STATE): members[name] for name in members.files if name != HEAD}
+    except FileNotFoundError as error:
+        raise BadInput(f"{path}: no such checkpoint") from error
+    except OSError as error:
+        raise BadInput(f"{path}: the checkpoint cannot be read ({error.strerror or error})") from error
+    except (*DAMAGE, TypeError, AttributeError) as error:
+        raise BadInput(f"{path}: damaged, or not a checkpoint of taichi_erosion") from error
+    return state, head["meta"]
+
+
+def check_head(path: Path, head: dict[str, Any], scene_hash: str | None) -> None:
+    """Raise BadInput unless this code wrote the checkpoint, for the scene wanted."""
+    if head["schema"] != SCHEMA:
+        raise BadInput(f"{path}: layout '{head['schema']}' cannot be read, only '{SCHEMA}'")
+    if head["package_version"] != __version__:
+        written = head["package_version"]
+        raise BadInput(
+            f"{path}: written by taichi_erosion {written}; this is {__version__}, which cannot resume it"
+        )
+    if scene_hash is not None and head["meta"].get("scene_hash") != scene_hash:
+        raise BadInput(f"{path}: belongs to scene {head['meta'].get('scene_hash')}, not to {scene_hash}")

@@ -1,0 +1,122 @@
+"""Recordings read back as NumPy, those of killed runs too."""
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.errors import BadInput
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from rerun.chunk import Chunk
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Integers = NDArray[np.int32]
+
+MAGIC = b"RRF2"  # first bytes of a recording file
+TIMELINE = "sim_time"
+PROPERTIES = "/__properties/"
+NANOSECOND = 1e-9  # s, unit of rerun's durations
+
+
+@dataclass(frozen=True)
+class GrainFrame:
+    """All released grains at one moment, ordered by their row in the GrainTable."""
+
+    time: float  # s
+    ident: Integers  # [n]
+    position: Singles  # [n, 3] m; a grain at rest may be off by bed.CREEP of its radius
+    radius: Singles  # [n] m
+
+
+def read_chunks(path: Path) -> Iterator["Chunk"]:
+    """Chunks of the recording in a file, as far as they are whole; the blueprint beside it is left out."""
+    from rerun.chunk import RrdReader
+
+    if not path.is_file():
+        raise BadInput(f"{path}: no such recording")
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise BadInput(f"{path}: not a recording (.rrd)")
+    try:
+        with warnings.catch_warnings():
+            # what a killed writer leaves has no footer, and is no legacy format
+            warnings.filterwarnings("ignore", "RRD file has no footer")
+            chunks = RrdReader(path).stream()
+        yield from chunks
+    except (RuntimeError, ValueError, OSError):
+        return  # the writer died in the middle of a chunk; what came before it is whole
+
+
+def read_component(path: Path, entity: str, component: str) -> list[tuple[int, Any]]:
+    """Values of one component of an entity, (time [ns], Python or NumPy value), in order of time."""
+    rows: list[tuple[int, Any]] = []
+    for chunk in read_chunks(path):
+        if chunk.entity_path == "/" + entity and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            if component in batch.schema.names:
+                times = batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(np.int64)
+                rows.extend(zip(times.tolist(), values(batch.column(component)), strict=True))
+    return sorted(rows, key=lambda row: row[0])
+
+
+def values(column: "pa.Array") -> Iterator[NDArray[Any]]:
+    """Every row of a list column as one array; vectors as rows of that array."""
+    import pyarrow as pa
+
+    for row in column:
+        inner = row.values
+        if pa.types.is_fixed_size_list(inner.type):
+            yield inner.flatten().to_numpy(zero_copy_only=False).reshape(-1, inner.type.list_size)
+        else:
+            yield inner.to_numpy(zero_copy_only=False)
+
+
+def read_frames(path: Path, entity: str) -> list[tuple[float, Singles]]:
+    """Positions [n, 3] m that an entity was given, each with its time [s]."""
+    rows = read_component(path, entity, "Points3D:positions")
+    return [(time * NANOSECOND, positions) for time, positions in rows]
+
+
+def read_grains(path: Path) -> list[GrainFrame]:
+    """Every frame of a run, bed and mobile grains put together."""
+    columns = ("ident", "Points3D:positions", "Points3D:radii")
+    bed = [read_component(path, "world/bed", column) for column in columns]
+    mobile = [read_component(path, "world/mobile", column) for column in columns]
+    bed_times = np.array([time for time, _ in bed[0]], dtype=np.int64)
+    frames = []
+    for index, (time, _) in enumerate(mobile[0]):
+        latest = int(np.searchsorted(bed_times, time, side="right")) - 1
+        if latest < 0:
+            continue  # the bed of this frame was lost with the killed writer
+        parts = [np.concatenate([b[latest][1], m[index][1]]) for b, m in zip(bed, mobile, strict=True)]
+        order = np.argsort(parts[0])
+        frames.append(GrainFrame(time * NANOSECOND, *(part[order] for part in parts)))
+    return frames
+
+
+def read_series(path: Path, entity: str) -> tuple[Floats, Floats]:
+    """Times [s] and values of a curve, such as ledger/contacts."""
+    rows = read_component(path, entity, "Scalars:scalars")
+    times = np.array([time for time, _ in rows], dtype=np.float64) * NANOSECOND
+    return times, np.array([value[0] for _, value in rows], dtype=np.float64)
+
+
+def read_properties(path: Path) -> dict[str, dict[str, Any]]:
+    """Properties of the run by group: result, scene, doe."""
+    groups: dict[str, dict[str, Any]] = {}
+    for chunk in read_chunks(path):
+        if chunk.entity_path.startswith(PROPERTIES):
+            group = groups.setdefault(chunk.entity_path.removeprefix(PROPERTIES), {})
+            batch = chunk.to_record_batch()
+            for name, column in zip(batch.schema.names, batch.columns, strict=True):
+                if not name.startswith("rerun.controls"):
+                    listed = column[-1].as_py()
+                    group[name] = listed[0] if len(listed) == 1 else listed
+    return groups

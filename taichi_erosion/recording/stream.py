@@ -1,0 +1,243 @@
+"""One recording per run: grains, walls, ledger, pictures and texts in rerun's file format.
+
+The file grows as PATH.part and takes its name when it is closed. A run killed at any moment leaves a part
+file that `readback` and the viewer can read; it lacks at most what was logged in the last FLUSH_INTERVAL.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from math import log10
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.snapshot import Ledger, Snapshot
+from taichi_erosion.recording import palette
+from taichi_erosion.recording.bed import Bed, lies_in, update_bed
+from taichi_erosion.recording.blueprint import blueprint, choose_focus
+from taichi_erosion.recording.wall_mesh import WallMesh
+from taichi_erosion.recording.whole_file import make_folder, part_path
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+Floats = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+APPLICATION = "taichi_erosion"
+FLUSH_INTERVAL = 1.0  # s of wall time between writes; more often costs 1 kB per entity and write
+FLUSH_LIMIT = 30.0  # s until a disk that takes nothing is an error
+JPEG_QUALITY = 95  # of 100
+CURVE_WIDTH = 1.5  # points
+WALL_OPACITY = 48  # of 255
+FASTEST_COLOUR = 2.0  # m s-1, drawn in the last colour: the pouring speed of the published funnel test
+CURVES = {  # entries of the ledger that are drawn: legend and colour
+    "kinetic_translation": ("translation", palette.EMBER),
+    "kinetic_rotation": ("rotation", (240, 190, 80)),
+    "elastic": ("elastic", (110, 200, 190)),
+    "contacts": ("contacts", palette.SAND),
+    "released": ("grains released", palette.STEEL),
+    "overlap_largest": ("largest overlap / radius", palette.EMBER),
+    "speed_largest": ("largest speed, m/s", (120, 220, 255)),
+}
+# J, drawn as log10: coming to rest is a fall over decades
+DECADES = ("kinetic_translation", "kinetic_rotation", "elastic")
+
+
+@dataclass(frozen=True)
+class RunHeader:
+    """What is known of a run before its first step."""
+
+    recording_id: str
+    name: str
+    kind: str
+    scene_text: str  # the scene file, TOML
+    radii: Floats  # [n] m, of all grains that the run will release
+    walls: tuple[WallMesh, ...] = ()
+    foot: Vector = (0.0, 0.0, 0.0)  # m, where the heap stands, if the scene makes one
+    application: str = APPLICATION
+
+
+@dataclass
+class Recording:
+    """An open recording."""
+
+    path: Path
+    stream: "rr.RecordingStream"
+    bed: Bed = field(default_factory=Bed.empty)
+
+
+@contextmanager
+def recorded(path: Path, header: RunHeader) -> Iterator[Recording]:
+    """A recording that is closed whatever happens inside, Ctrl-C included."""
+    recording = open_recording(path, header)
+    try:
+        yield recording
+    finally:
+        close(recording)
+
+
+def open_recording(path: Path, header: RunHeader) -> Recording:
+    """Begin PATH.part with its blueprint, the scene and the walls."""
+    import rerun as rr
+
+    make_folder(path)
+    batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
+    stream = rr.RecordingStream(header.application, recording_id=header.recording_id, batcher_config=batches)
+    focus = choose_focus(header.kind, header.radii, header.walls, header.foot)
+    try:
+        part_path(path).touch()
+        stream.save(part_path(path), default_blueprint=blueprint(header.kind, focus))
+    except OSError as error:
+        raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.send_recording_name(header.name)
+    recording = Recording(path, stream)
+    log_header(recording, header)
+    flush(recording)
+    return recording
+
+
+def log_header(recording: Recording, header: RunHeader) -> None:
+    """Write what does not change: axes, scene text, curves' names, walls."""
+    import rerun as rr
+
+    stream = recording.stream
+    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    text = f"# {header.name}\n\n```toml\n{header.scene_text}\n```\n"
+    stream.log("scene", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+    for entry, (legend, colour) in CURVES.items():
+        folder = "decades" if entry in DECADES else "ledger"
+        curve = rr.SeriesLines(names=legend, colors=[colour], widths=CURVE_WIDTH)
+        stream.log(f"{folder}/{entry}", curve, static=True)
+    set_time(recording, 0.0, 0)
+    for wall in header.walls:
+        log_wall(recording, wall)
+
+
+def log_wall(recording: Recording, wall: WallMesh) -> None:
+    """Write a wall. One that may be taken away is not static: rerun never forgets what is static."""
+    import rerun as rr
+
+    mesh = rr.Mesh3D(
+        vertex_positions=wall.vertices.astype(np.float32),
+        triangle_indices=wall.triangles.astype(np.uint32),
+        albedo_factor=(*palette.STEEL, WALL_OPACITY),
+    )
+    recording.stream.log(wall_entity(wall.name), mesh, static=not wall.moving)
+
+
+def wall_entity(name: str) -> str:
+    """Entity of a wall, its name escaped for paths."""
+    import rerun as rr
+
+    return rr.new_entity_path(["world", "walls", name])
+
+
+def set_time(recording: Recording, time: float, step: int) -> None:
+    """Everything logged from here on belongs to this time [s] and step."""
+    recording.stream.set_time("sim_time", duration=time)
+    recording.stream.set_time("step", sequence=step)
+
+
+def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> None:
+    """Write the grains: those at rest to world/bed, when `update_bed` asks for it, others to world/mobile."""
+    set_time(recording, snapshot.time, snapshot.step)
+    recording.bed, is_new = update_bed(recording.bed, snapshot, moving_speed)
+    resting = lies_in(recording.bed, snapshot)
+    if is_new:
+        tints = palette.resting_colours(snapshot.ident[resting])
+        log_grains(recording, "world/bed", snapshot, resting, tints)
+    speed = np.linalg.norm(snapshot.velocity[~resting], axis=1)
+    colours = palette.speed_colours(speed, moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
+    log_grains(recording, "world/mobile", snapshot, ~resting, colours)
+
+
+def log_grains(
+    recording: Recording, entity: str, snapshot: Snapshot, rows: NDArray[np.bool_], colours: NDArray[np.uint8]
+) -> None:
+    """Write some of the grains; their radii too, since which grains they are changes from frame to frame."""
+    import rerun as rr
+
+    points = rr.Points3D.from_fields(
+        positions=snapshot.position[rows].astype(np.float32),
+        radii=snapshot.radius[rows].astype(np.float32),
+        colors=colours,
+    )
+    recording.stream.log(entity, points, rr.AnyValues(ident=snapshot.ident[rows]))
+
+
+def log_ledger(recording: Recording, ledger: Ledger) -> None:
+    """Write all sums of the ledger, and the decades of its energies where they are positive."""
+    import rerun as rr
+
+    set_time(recording, ledger.time, ledger.step)
+    entries = asdict(ledger)
+    for entry in entries.keys() - {"time", "step"}:
+        recording.stream.log(f"ledger/{entry}", rr.Scalars(entries[entry]))
+    for entry in DECADES:
+        if entries[entry] > 0.0:
+            recording.stream.log(f"decades/{entry}", rr.Scalars(log10(entries[entry])))
+
+
+def log_image(recording: Recording, entity: str, image: NDArray[np.uint8]) -> None:
+    """Write a colour picture [height, width, 3] at the time of the latest frame or ledger."""
+    import rerun as rr
+
+    recording.stream.log(entity, rr.Image(image, color_model="RGB").compress(jpeg_quality=JPEG_QUALITY))
+
+
+def log_text(recording: Recording, level: Literal["INFO", "WARN", "ERROR"], text: str) -> None:
+    """Write a line to the log at the time of the latest frame or ledger."""
+    import rerun as rr
+
+    recording.stream.log("log", rr.TextLog(text, level=level))
+
+
+def log_wall_pose(
+    recording: Recording, name: str, translation: Vector, quaternion: tuple[float, float, float, float]
+) -> None:
+    """Write where a wall is now: turned by `quaternion` (w, x, y, z), then shifted by `translation` [m]."""
+    import rerun as rr
+
+    w, x, y, z = quaternion
+    pose = rr.Transform3D(translation=translation, quaternion=rr.Quaternion(xyzw=(x, y, z, w)))
+    recording.stream.log(wall_entity(name), pose)
+
+
+def log_wall_removed(recording: Recording, name: str) -> None:
+    """Take a wall out of the picture from now on; only one whose mesh says `moving`."""
+    import rerun as rr
+
+    recording.stream.log(wall_entity(name), rr.Clear(recursive=False))
+
+
+def set_properties(
+    recording: Recording, group: Literal["result", "scene", "doe"], values: Mapping[str, Any]
+) -> None:
+    """Write properties of the run; they become columns of rerun's table of runs. None is left out."""
+    import rerun as rr
+
+    known = {name: value for name, value in values.items() if value is not None}
+    recording.stream.send_property(group, rr.AnyValues(**known))
+
+
+def flush(recording: Recording) -> None:
+    """Hand everything to the operating system: what was logged survives the death of this process."""
+    recording.stream.flush(timeout_sec=FLUSH_LIMIT)
+
+
+def close(recording: Recording) -> Path:
+    """Finish the file and give it its name; closing twice does no harm."""
+    part = part_path(recording.path)
+    if part.exists():
+        flush(recording)
+        recording.stream.disconnect()
+        os.replace(part, recording.path)
+    return recording.path

@@ -1,0 +1,174 @@
+"""Recordings on a screen, and pictures of them without one."""
+
+import copy
+import os
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.recording.readback import NANOSECOND, TIMELINE
+from taichi_erosion.recording.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
+
+LOOPBACK = "127.0.0.1"
+START_LIMIT = 30.0  # s until a viewer answers
+LOAD_LIMIT = 60.0  # s until a recording is loaded
+POLL = 0.1  # s between two questions
+DRAW_TIME = 1.5  # s for the software renderer to finish a view after the time was set
+REPORT_SIZE = (1280, 1600)  # px, room for every view
+STOP_LIMIT = 10.0  # s until a viewer that was asked to end is killed
+NO_RENDERER = (
+    "no software renderer, the viewer did not start: on Debian install mesa-vulkan-drivers and libvulkan1"
+)
+
+
+def viewer_binary() -> Path:
+    """The viewer that comes with rerun-sdk; its Python wrapper would outlive being ended."""
+    import rerun_cli
+
+    return Path(rerun_cli.__file__).parent / "rerun"
+
+
+def quiet_environment() -> dict[str, str]:
+    """Environment of a viewer that sends no telemetry and leaves the user's settings alone."""
+    return {**os.environ, "CI": "true", "RUST_LOG": "error"}
+
+
+def open_viewer(path: Path) -> int:
+    """Show a recording in a window until the user closes it; returns the viewer's exit code."""
+    require(path)
+    command = [viewer_binary(), "--bind", LOOPBACK, "--port", str(free_port()), path.resolve()]
+    return subprocess.run(command, env=quiet_environment(), check=False).returncode
+
+
+def picture(
+    path: Path, moment: float | None, out: Path, size: tuple[int, int] = (1280, 800), view: str | None = None
+) -> Path:
+    """PNG of the viewer at `moment` [s] of simulated time, None for the end; needs no display.
+
+    `view` names the one view to draw alone, such as Grains.
+    """
+    with headless_viewer(path, size) as client:
+        wanted = last_moment(client) if moment is None else moment
+        client.set_time(TIMELINE, duration=wanted, play_state="paused")
+        time.sleep(DRAW_TIME)
+        views = {shown.name: shown.view_id for shown in client.get_state().views}
+        if view is not None and view not in views:
+            raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")
+        return write_whole(out, client.take_screenshot(views[view] if view else None))
+
+
+def view_reports(path: Path) -> list[str]:
+    """What the views of the blueprint failed to draw at the end of the recording; empty without a report.
+
+    A damaged compressed picture shows only in the viewer's log, so its errors are listed too. The viewer is
+    silent about a mesh whose triangles name missing corners: an empty list does not prove that it is seen.
+    """
+    with headless_viewer(path, REPORT_SIZE) as client:
+        # a view behind a tab is not drawn and so has nothing to report
+        client.set_blueprint(without_tabs(client.get_blueprint("recording").blueprint), "recording")
+        client.set_time(TIMELINE, duration=last_moment(client), play_state="paused")
+        time.sleep(DRAW_TIME)
+        client.take_screenshot()
+        views = client.get_state().views
+        if not views:
+            return [f"{path}: the viewer shows no view"]
+        reports = [f"{view.name}: {report.summary}" for view in views for report in view.reports]
+        return reports + [f"viewer: {entry.message}" for entry in client.get_logs() if entry.level == "ERROR"]
+
+
+def last_moment(client: "ViewerClient") -> float:
+    """End of the simulated time of the recording on screen [s]."""
+    timelines = [timeline for recording in client.get_state().recordings for timeline in recording.timelines]
+    return NANOSECOND * max(timeline.end or 0 for timeline in timelines if timeline.name == TIMELINE)
+
+
+def without_tabs(blueprint: dict[str, Any]) -> dict[str, Any]:
+    """A blueprint whose tabs lie below each other, all in sight."""
+    opened = copy.deepcopy(blueprint)
+    for parts in opened.values():
+        container = parts.get("ContainerBlueprint", {})
+        if container.get("container_kind") == "Tabs":
+            container["container_kind"] = "Vertical"
+            container.pop("active_tab", None)
+    return opened
+
+
+@contextmanager
+def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient"]:
+    """A viewer without a window that has loaded a recording."""
+    require(path)
+    port = free_port()
+    command = [viewer_binary(), "--headless", "--bind", LOOPBACK, "--port", str(port)]
+    command += ["--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen"]
+    process = subprocess.Popen(
+        command, env=quiet_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        client = connect(process, port)
+        client.open(str(path.resolve()))
+        wait_until(lambda: is_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
+        yield client
+    finally:
+        stop(process)
+
+
+def connect(process: subprocess.Popen[bytes], port: int) -> "ViewerClient":
+    """Client of a viewer that is starting; without a renderer the viewer ends at once or never answers."""
+    from rerun.experimental import ViewerClient
+
+    deadline = time.monotonic() + START_LIMIT
+    while process.poll() is None and time.monotonic() < deadline:
+        try:
+            client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+            client.get_state()
+        except Exception:  # the client has no error class for a viewer that is not there yet
+            time.sleep(POLL)
+        else:
+            return client
+    raise BadInput(NO_RENDERER)
+
+
+def is_loaded(client: "ViewerClient") -> bool:
+    """Whether everything has arrived."""
+    state = client.get_state()
+    return not state.loading and any(recording.timelines for recording in state.recordings)
+
+
+def wait_until(condition: Callable[[], bool], limit: float, message: str) -> None:
+    """Poll until a condition holds; BadInput with the message after `limit` [s]."""
+    deadline = time.monotonic() + limit
+    while not condition():
+        if time.monotonic() > deadline:
+            raise BadInput(message)
+        time.sleep(POLL)
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """End a viewer."""
+    process.terminate()
+    try:
+        process.wait(STOP_LIMIT)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def require(path: Path) -> None:
+    """Raise BadInput unless the recording exists."""
+    if not path.is_file():
+        raise BadInput(f"{path}: no such recording")
+
+
+def free_port() -> int:
+    """A port of the loopback interface that nobody uses now."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return probe.getsockname()[1]

@@ -1,0 +1,83 @@
+"""Apparatus that grows with its grains: `radius_d = 9.0` means nine nominal diameters.
+
+The suffix serves every quantity in m or s of the sections below; a time then reads in s per m of diameter.
+"""
+
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.override import DIAMETERS
+from taichi_erosion.scene.schema_field import Part, unit_of
+from taichi_erosion.scene.schema_grains import Size
+from taichi_erosion.scene.sizes import nominal_diameter
+
+SECTIONS = ("run", "geometry", "fill", "stages", "measure", "record")
+SCALING_UNITS = ("m", "s")
+
+Path = tuple[str | int, ...]
+Given = dict[Path, tuple[str, Any]]  # what the user wrote, key and value, by the path that it became
+
+
+def scaling_names(part: type[Part] = Part) -> set[str]:
+    """Names of all quantities in m or s that any section declares."""
+    own = {name for name, field in part.model_fields.items() if unit_of(field) in SCALING_UNITS}
+    return own.union(*(scaling_names(sub) for sub in part.__subclasses__()))
+
+
+def expand_diameters(table: dict[str, Any]) -> Given | None:
+    """Replace every `NAME_d` of a raw scene by NAME in SI units; None where the diameter itself is wrong."""
+    diameter = readable_diameter(table)
+    if diameter is None:
+        return None
+    found: Given = {}
+    names = scaling_names()
+    for section in SECTIONS:
+        expand(table.get(section), (section,), diameter, names, found)
+    return found
+
+
+def readable_diameter(table: dict[str, Any]) -> float | None:
+    """Nominal diameter [m], or None where the size law is wrong; validation will then say how."""
+    grains = table.get("grains")
+    try:
+        size = TypeAdapter[Size](Size).validate_python(grains["size"]) if isinstance(grains, dict) else None
+        return nominal_diameter(size) if size else None
+    except (ValidationError, KeyError):
+        return None
+
+
+def expand(part: Any, path: Path, diameter: float, names: set[str], found: Given) -> None:
+    """Expand one table or list in place."""
+    if isinstance(part, tuple):
+        for place, entry in enumerate(part):
+            expand(entry, (*path, place), diameter, names, found)
+    if not isinstance(part, dict):
+        return
+    for key in list(part):
+        name = key.removesuffix(DIAMETERS)
+        if name != key and name in names and is_numeric(part[key]):
+            if name in part:
+                raise BadInput(f"{'.'.join(map(str, path))}: {name} and {key} name the same quantity")
+            found[(*path, name)] = (key, part[key])
+            part[name] = times(part.pop(key), diameter)
+        else:
+            expand(part[key], (*path, key), diameter, names, found)
+
+
+def is_numeric(value: Any) -> bool:
+    """Whether a value is a number or a list of numbers."""
+    if isinstance(value, tuple):
+        return len(value) > 0 and all(is_numeric(entry) for entry in value)
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def times(value: Any, diameter: float) -> Any:
+    """A number or a vector in diameters, in SI units."""
+    if isinstance(value, tuple):
+        return tuple(times(entry, diameter) for entry in value)
+    try:
+        return float(value) * diameter
+    except OverflowError:
+        return float("inf")

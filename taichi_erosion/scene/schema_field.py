@@ -1,0 +1,113 @@
+"""Numbers of a scene file: each with its unit, its meaning and its range.
+
+Every section of a scene is a `Part`: frozen, strict about types, closed to unknown keys.
+"""
+
+from collections.abc import Iterator
+from difflib import get_close_matches
+from math import inf, isfinite
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+Vector = tuple[float, float, float]
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
+PairName = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}-[A-Za-z][A-Za-z0-9_]{0,59}$")
+]
+
+FARTHEST = 1e4  # coordinates beyond it are taken for a slip of units [m]
+FASTEST = 1e3  # likewise speeds [m s-1]
+
+
+def number(default: Any, unit: str, meaning: str, low: float = -inf, high: float = inf) -> Any:
+    """Declare a number, or a vector of such numbers; `...` as default means that the scene must state it.
+
+    The bounds are inclusive, serve every component of a vector, and appear in the JSON schema.
+    """
+    bounds = {key: bound for key, bound in (("minimum", low), ("maximum", high)) if isfinite(bound)}
+    return Field(default, description=f"{meaning} [{unit}]", json_schema_extra={"unit": unit, **bounds})
+
+
+def unit_of(field: Any) -> str | None:
+    """Unit that `number` gave to a field, None for words and sections."""
+    extra = field.json_schema_extra
+    return extra.get("unit") if isinstance(extra, dict) else None
+
+
+def numbers_in(value: Any) -> Iterator[float]:
+    """The numbers of a number, of a vector, or of nothing."""
+    if isinstance(value, tuple):
+        for component in value:
+            yield from numbers_in(component)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield value
+
+
+class Part(BaseModel):
+    """One section of a scene file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown(cls, table: Any) -> Any:
+        unknown = [key for key in table if key not in cls.model_fields] if isinstance(table, dict) else []
+        if unknown:
+            near = get_close_matches(str(unknown[0]), cls.model_fields, n=1, cutoff=0.5)
+            allowed = ", ".join(cls.model_fields)
+            hint = f"did you mean '{near[0]}'?" if near else f"allowed: {allowed}"
+            raise PydanticCustomError("unknown", "{hint}", {"hint": hint, "key": str(unknown[0])})
+        return table
+
+    @field_validator("*")
+    @classmethod
+    def _refuse_outside(cls, value: Any, about: ValidationInfo) -> Any:
+        extra = cls.model_fields[str(about.field_name)].json_schema_extra
+        if isinstance(extra, dict):
+            low, high = float(str(extra.get("minimum", -inf))), float(str(extra.get("maximum", inf)))
+            if not all(low <= v <= high for v in numbers_in(value)):
+                unit = "" if extra["unit"] == "1" else f" {extra['unit']}"
+                raise PydanticCustomError("outside", "{range}", {"range": f"[{low:g}, {high:g}]{unit}"})
+        return value
+
+
+def contradiction(message: str) -> PydanticCustomError:
+    """Error of a section whose entries do not fit together."""
+    return PydanticCustomError("contradiction", "{message}", {"message": message})
+
+
+def position(default: Any, meaning: str) -> Any:
+    """Declare a point or a shift [m]."""
+    return number(default, "m", meaning, -FARTHEST, FARTHEST)
+
+
+def extent(default: Any, meaning: str, low: float = 1e-7) -> Any:
+    """Declare an extent [m], positive unless `low` says otherwise."""
+    return number(default, "m", meaning, low, FARTHEST)
+
+
+def direction(default: Any, meaning: str) -> Any:
+    """Declare a direction; its length does not matter, but it must have one."""
+    return number(default, "1", meaning, -FARTHEST, FARTHEST)
+
+
+def unit_vector(vector: Vector) -> Vector:
+    """The vector over its length [1]."""
+    size = sum(c * c for c in vector) ** 0.5
+    return (vector[0] / size, vector[1] / size, vector[2] / size)
+
+
+def check_direction(vector: Vector, name: str) -> None:
+    """Refuse the null vector as a direction."""
+    if sum(c * c for c in vector) < 1e-24:
+        raise contradiction(f"{name} = {list(vector)} has no direction")

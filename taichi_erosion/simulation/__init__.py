@@ -1,0 +1,22 @@
+"""The coupled step and how it is assembled."""
+
+from taichi_erosion.simulation.advance import advance, failure
+from taichi_erosion.simulation.assemble import Simulation, assemble
+from taichi_erosion.simulation.control import move_surface, remove_surface, set_contacts, set_gravity
+from taichi_erosion.simulation.observe import ledger, snapshot
+from taichi_erosion.simulation.state import export_state, import_state
+
+__all__ = [
+    "Simulation",
+    "advance",
+    "assemble",
+    "export_state",
+    "failure",
+    "import_state",
+    "ledger",
+    "move_surface",
+    "remove_surface",
+    "set_contacts",
+    "set_gravity",
+    "snapshot",
+]

@@ -1,0 +1,104 @@
+"""Driving the device from the host: launches, growth of lists, and what stopped a replica."""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from taichi_erosion.core.setup import Integers
+from taichi_erosion.core.snapshot import Failure, Status
+from taichi_erosion.core.transfer import download, upload
+from taichi_erosion.simulation.assemble import Simulation, reallocate
+from taichi_erosion.simulation.sizes import grown
+from taichi_erosion.simulation.state import export_state, import_state
+from taichi_erosion.simulation.step import run_replicas
+
+LAUNCH_SECONDS = 0.4  # Ctrl-C is heard between launches
+FIRST_LAUNCH = 500  # steps before the pace is known
+ROUNDING = 1e-6  # of a step: a time that lies on a step is not passed by one more
+
+
+def steps_until(sim: Simulation, until: Sequence[float]) -> Integers:
+    """Whole steps that bring every replica to its time; 0 for those already there."""
+    taken = download([sim.world.replicas.step], 0, sim.sizes.replicas)[0]
+    dt = np.array([setup.time_step for setup in sim.setups])
+    wanted = np.ceil(np.asarray(until, np.float64) / dt - ROUNDING)
+    return np.maximum(wanted - taken, 0).astype(np.int32)
+
+
+def advance(sim: Simulation, until: Sequence[float]) -> None:
+    """Run every replica that has not failed to its own time [s].
+
+    A list that proves too short is grown and the step repeated. Launches are short, so that the host hears signals;
+    their length changes no result.
+    """
+    remaining = steps_until(sim, until)
+    while True:
+        running = statuses(sim) == Status.RUNNING
+        remaining = np.where(running, remaining, 0)
+        if not remaining.any():
+            return
+        portion = np.minimum(remaining, launch_steps(sim))
+        left = launch(sim, portion)
+        remaining = remaining - (portion - left)
+        if (statuses(sim) == Status.OVERFLOW).any():
+            grow(sim)
+
+
+def launch_steps(sim: Simulation) -> int:
+    """Steps that fill one launch at the pace seen so far."""
+    return max(int(sim.pace * LAUNCH_SECONDS), 1) if sim.pace > 0.0 else FIRST_LAUNCH
+
+
+def launch(sim: Simulation, steps: Integers) -> Integers:
+    """Run once; returns the steps that each replica did not do."""
+    replicas = sim.world.replicas
+    upload([(replicas.steps_left, steps), (replicas.arrivals, np.zeros(len(steps)))])
+    size = max(sim.workers // len(steps), 1)
+    workers = sim.workers // size * size
+    start = time.perf_counter()
+    run_replicas(workers, size, sim.chunk, sim.world)
+    left = download([replicas.steps_left], 0, len(steps))[0].astype(np.int32)
+    elapsed = time.perf_counter() - start
+    if sim.pace > 0.0 or sim.launched:
+        sim.pace = float((steps - left).max()) / elapsed
+    sim.launched = True
+    return left
+
+
+def statuses(sim: Simulation) -> Integers:
+    """Status of every replica."""
+    return download([sim.world.replicas.status], 0, sim.sizes.replicas)[0].astype(np.int32)
+
+
+def grow(sim: Simulation) -> None:
+    """Double the room of the lists and carry everything over."""
+    state = export_state(sim)
+    state["status"] = np.where(state["status"] == Status.OVERFLOW, Status.RUNNING, state["status"])
+    reallocate(sim, grown(sim.sizes))
+    import_state(sim, state)
+
+
+def failure(sim: Simulation, replica: int) -> Failure | None:
+    """Why a replica stopped, or None while it runs."""
+    status = Status(int(statuses(sim)[replica]))
+    if status == Status.RUNNING:
+        return None
+    replicas = sim.world.replicas
+    value = replicas.fault_value.to_numpy()[replica]
+    p = int(np.flatnonzero(value)[0]) if value.any() else 0
+    grain = int(replicas.fault_grain.to_numpy()[replica, p])
+    partner = int(replicas.fault_partner.to_numpy()[replica, p])
+    ident = identities(sim, replica)
+    partner = int(ident[partner]) if partner >= 0 else -1 - (-1 - partner) % max(sim.sizes.primitives, 1)
+    alone = status != Status.OVERLAP
+    step = int(download([replicas.step], replica, 1)[0][0])
+    time_step = sim.setups[replica].time_step
+    return Failure(status, step * time_step, int(ident[grain]), -1 if alone else partner, float(value[p]))
+
+
+def identities(sim: Simulation, replica: int) -> Integers:
+    """Rows of the GrainTable, by rank."""
+    side = int(download([sim.world.replicas.side], replica, 1)[0][0])
+    first = (2 * replica + side) * sim.sizes.grains
+    return download([sim.world.grains.ident], first, sim.sizes.grains)[0].astype(np.int32)

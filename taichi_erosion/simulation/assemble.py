@@ -1,0 +1,101 @@
+"""From Setups to a device that is ready to run: where names become functions and records become fields."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taichi_erosion.core.device import start_device
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.grains.cells import allocate_cells
+from taichi_erosion.grains.clumps import allocate_clumps
+from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
+from taichi_erosion.grains.materials import allocate_materials
+from taichi_erosion.grains.pairs import allocate_pairs
+from taichi_erosion.grains.state import allocate_grains, allocate_replicas, allocate_source
+from taichi_erosion.grains.team import CPU_CHUNK
+from taichi_erosion.grains.wall_contacts import allocate_wall_pairs
+from taichi_erosion.grains.walls import allocate_walls
+from taichi_erosion.grains.world import World
+from taichi_erosion.simulation.fill import fill_world
+from taichi_erosion.simulation.sizes import Sizes, first_sizes, partition_count
+
+PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
+
+
+@dataclass
+class Simulation:
+    """A running ensemble: its records, its fields, and how many workers drive it."""
+
+    setups: list[Setup]
+    laws: Laws
+    numerics: Numerics
+    workers: int
+    chunk: int
+    sizes: Sizes
+    world: World
+    pace: float = 0.0  # steps a second and replica seen so far
+    launched: bool = False  # the first launch compiles and says nothing about the pace
+
+
+def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
+    """Allocate all fields and write the Setups to them; the device must have been started."""
+    compiled = compile_contact_laws(laws)
+    world = World(
+        grains=allocate_grains(sizes.replicas, sizes.partitions, sizes.grains),
+        source=allocate_source(sizes.replicas, sizes.grains),
+        replicas=allocate_replicas(sizes.replicas, sizes.partitions),
+        cells=allocate_cells(sizes.replicas, sizes.grains, sizes.cells),
+        pairs=allocate_pairs(sizes.replicas, sizes.grains, sizes.pairs),
+        walls=allocate_walls(sizes.replicas, sizes.primitives, sizes.surfaces),
+        wall_pairs=allocate_wall_pairs(sizes.replicas, sizes.grains, sizes.wall_pairs),
+        materials=allocate_materials(sizes.replicas, sizes.materials),
+        laws=compiled,
+        clumped=setups[0].clumps is not None,
+        clumps=allocate_clumps(sizes.replicas, sizes.bodies, sizes.grains),
+    )
+    fill_world(world, setups, [gap_reach(s, compiled) for s in setups], [partition_count(s) for s in setups])
+    check_periods(world, setups)
+    return world
+
+
+def gap_reach(setup: Setup, laws: ContactLaws) -> float:
+    """Longest gap across which a contact of this replica may act [m]; walls double the effective radius."""
+    table = setup.contacts
+    reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, float(setup.grains.radius.max()))
+    return reach if np.isfinite(reach) else 0.0
+
+
+def check_periods(world: World, setups: list[Setup]) -> None:
+    """Raise BadInput where a periodic box is too narrow for its grains."""
+    number = world.cells.number.to_numpy()
+    for r, setup in enumerate(setups):
+        for axis in range(3):
+            if setup.period[axis] > 0.0 and number[r, axis] < PERIOD_CELLS_LEAST:
+                raise BadInput(
+                    f"period along {'xyz'[axis]} = {setup.period[axis]} m holds fewer than {PERIOD_CELLS_LEAST} cells of "
+                    "the largest grain; make the box wider or the grains smaller"
+                )
+
+
+def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulation:
+    """Start the device and put an ensemble on it.
+
+    All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
+    """
+    listed = list(setups)
+    if len({s.clumps is None for s in listed}) > 1:
+        raise BadInput("an ensemble mixes clumps and single spheres; run them apart")
+    threads = start_device(numerics)
+    on_cpu = numerics.arch == "cpu"
+    sizes = first_sizes(listed)
+    workers = threads if on_cpu else len(listed)
+    world = build_world(listed, laws, sizes)
+    return Simulation(listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world)
+
+
+def reallocate(sim: Simulation, sizes: Sizes) -> None:
+    """Give the run other capacities; the caller carries its state over."""
+    sim.sizes = replace(sizes)
+    sim.world = build_world(sim.setups, sim.laws, sim.sizes)

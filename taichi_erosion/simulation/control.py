@@ -1,0 +1,76 @@
+"""Changing a running simulation: walls, gravity, contact parameters."""
+
+import numpy as np
+
+from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
+from taichi_erosion.core.transfer import upload
+from taichi_erosion.grains.materials import device_columns
+from taichi_erosion.simulation.assemble import Simulation
+
+AXIS_TOLERANCE = 1e-9  # of the extent: a surface of revolution turning about its own axis keeps its shape [1]
+
+
+def surface_index(sim: Simulation, replica: int, name: str) -> int:
+    """Place of a named surface among those of all replicas. Raises KeyError where there is none."""
+    names = [surface.name for surface in sim.setups[replica].surfaces]
+    if name not in names:
+        raise KeyError(f"no surface '{name}'; there are {', '.join(names)}")
+    return replica * sim.sizes.surfaces + names.index(name)
+
+
+def remove_surface(sim: Simulation, replica: int, name: str) -> None:
+    """Take a wall away at once."""
+    upload([(sim.world.walls.present, [0.0])], surface_index(sim, replica, name))
+    make_stale(sim, replica)
+
+
+def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> None:
+    """Set the rigid motion of a wall; it replaces the one before and starts from where the wall is."""
+    walls = sim.world.walls
+    place = surface_index(sim, replica, name)
+    moves = any((*motion.velocity, *motion.spin))
+    sweep = shape_speed(sim.setups[replica], place % sim.sizes.surfaces, motion)
+    columns = [(walls.moving, [float(moves)]), (walls.velocity, [motion.velocity]), (walls.spin, [motion.spin])]
+    upload([*columns, (walls.centre, [motion.centre]), (walls.sweep, [sweep])], place)
+    make_stale(sim, replica)
+
+
+def shape_speed(setup: Setup, surface: int, motion: Motion) -> float:
+    """Bound on the speed at which the shape of a surface moves through space [m s-1]."""
+    spin = np.linalg.norm(motion.spin)
+    table = setup.primitives
+    rows = zip(table.kind[table.surface == surface], table.shape[table.surface == surface], strict=True)
+    extent = max((0.0 if spin == 0.0 else extent_from_axis(k, row, motion) for k, row in rows), default=0.0)
+    return float(np.linalg.norm(motion.velocity) + spin * extent)
+
+
+def extent_from_axis(kind: int, row: Floats, motion: Motion) -> float:
+    """Largest distance of a turning primitive from the spin axis [m]; 0 where turning leaves its shape."""
+    axis = np.asarray(motion.spin) / np.linalg.norm(motion.spin)
+    centre = np.asarray(motion.centre)
+    if kind == PrimitiveKind.TRIANGLE:
+        return float(np.linalg.norm(np.cross(row[:9].reshape(3, 3) - centre, axis), axis=1).max())
+    if kind == PrimitiveKind.PLANE:
+        return 0.0 if np.linalg.norm(np.cross(row[3:6], axis)) < AXIS_TOLERANCE else float("inf")
+    size = float(np.hypot(max(row[6], row[8]), max(abs(row[7]), abs(row[9]))))
+    own = np.linalg.norm(np.cross(row[3:6], axis)) < AXIS_TOLERANCE
+    aside = float(np.linalg.norm(np.cross(row[:3] - centre, axis)))
+    return 0.0 if own and aside < AXIS_TOLERANCE * size else aside + size
+
+
+def set_gravity(sim: Simulation, replica: int, gravity: tuple[float, float, float]) -> None:
+    """Change the gravity of one replica [m s-2]."""
+    upload([(sim.world.replicas.gravity, [gravity])], replica)
+
+
+def set_contacts(sim: Simulation, replica: int, table: ContactTable) -> None:
+    """Change the contact parameters of one replica; lists are renewed before the next step."""
+    materials = sim.world.materials
+    columns = device_columns(table)
+    upload([(getattr(materials, name), values) for name, values in columns.items()], replica * materials.rows)
+    make_stale(sim, replica)
+
+
+def make_stale(sim: Simulation, replica: int) -> None:
+    """Ask for a rebuild before the next step."""
+    upload([(sim.world.replicas.stale, [1.0])], replica)

@@ -1,0 +1,144 @@
+"""Reading a running simulation: snapshots and sums."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.snapshot import Ledger, Snapshot
+from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import download
+from taichi_erosion.grains.cells import position_of
+from taichi_erosion.grains.state import side_block
+from taichi_erosion.grains.walls import wall_distance
+from taichi_erosion.simulation.assemble import Simulation
+
+
+
+@ti.kernel
+def read_contacts(
+    # parameters
+    r: ti.i32,
+    # in
+    world: ti.template(),
+    # out
+    contacts_out: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    sums_out: ti.types.ndarray(dtype=ti.f64, ndim=1),
+):
+    """Touching partners of every grain by rank; sums are stored energy [J], contacts, largest overlap [1]."""
+    ti.loop_config(serialize=True)
+    for rank in range(world.replicas.released[r]):
+        base = side_block(world.grains, r, world.replicas.side[r])
+        i = base + rank
+        for e in range(world.pairs.start[i], world.pairs.stop[i]):
+            if world.pairs.label[e] & 1 == 1:
+                j = base + world.pairs.neighbour[e]
+                offset = world.pairs.separation[e] + world.grains.shift[i] - world.grains.shift[j]
+                overlap = world.grains.radius[i] + world.grains.radius[j] - offset.norm()
+                root = world.pairs.root_radius[e]
+                row = world.pairs.label[e] >> 1
+                contacts_out[rank] += 1
+                contacts_out[world.pairs.neighbour[e]] += 1
+                sums_out[0] += stored_energy(world, row, overlap, root, world.pairs.slip[e], world.pairs.tilt[e])
+                sums_out[1] += 1.0
+                ti.atomic_max(sums_out[2], overlap / (2.0 * root * root))
+        for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
+            if world.wall_pairs.label[e] & 1 == 1:
+                radius = world.grains.radius[i]
+                distance = wall_distance(world.walls, world.wall_pairs.wall[e], world.wall_pairs.offset[e])
+                overlap = radius - ti.cast(distance, float)
+                row = world.wall_pairs.label[e] >> 1
+                slip = world.wall_pairs.slip[e]
+                contacts_out[rank] += 1
+                sums_out[0] += stored_energy(world, row, overlap, ti.sqrt(radius), slip, world.wall_pairs.tilt[e])
+                sums_out[1] += 1.0
+                ti.atomic_max(sums_out[2], overlap / radius)
+
+
+@ti.func
+def stored_energy(world: ti.template(), row, overlap, root_radius, slip, tilt):
+    """Energy in the normal, tangential and rolling springs of one contact [J]."""
+    contact_radius = root_radius * ti.sqrt(ti.max(overlap, 0.0))
+    energy = world.laws.normal_energy(world.materials, row, overlap, root_radius)
+    energy += 4.0 * world.materials.shear[row] * contact_radius * slip.norm_sqr()
+    return energy + world.laws.rolling_energy(world.materials, row, contact_radius, root_radius, tilt)
+
+
+@ti.kernel
+def read_positions(
+    # parameters
+    r: ti.i32,
+    # in
+    world: ti.template(),
+    # out
+    position_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
+):
+    """Positions by rank [m]."""
+    for rank in range(world.replicas.released[r]):
+        base = side_block(world.grains, r, world.replicas.side[r])
+        position = position_of(world.grains, world.replicas, r, base + rank)
+        for k in ti.static(range(3)):
+            position_out[rank, k] = position[k]
+
+
+def replica_row(sim: Simulation, replica: int) -> tuple[int, int, int, int]:
+    """Side, released grains, step and rebuilds of one replica."""
+    fields = sim.world.replicas
+    values = download([fields.side, fields.released, fields.step, fields.rebuilds], replica, 1)
+    side, released, step, rebuilds = (int(v[0]) for v in values)
+    return side, released, step, rebuilds
+
+
+def contact_sums(sim: Simulation, replica: int, released: int) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Contacts by rank, and the sums of `read_contacts`."""
+    contacts, sums = np.zeros(max(released, 1), np.int32), np.zeros(3)
+    read_contacts(replica, sim.world, contacts, sums)
+    return contacts[:released], sums
+
+
+def snapshot(sim: Simulation, replica: int) -> Snapshot:
+    """Released grains of one replica, in the order of its GrainTable; velocities at the time of the positions."""
+    side, released, step, _ = replica_row(sim, replica)
+    grains, rows = sim.world.grains, sim.sizes.grains
+    fields = [grains.velocity, grains.spin, grains.radius, grains.mass_inverse, grains.ident]
+    first = (2 * replica + side) * rows
+    velocity, spin, radius, inverse, ident = download(fields, first, released)
+    rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
+    position = np.zeros((max(released, 1), 3))
+    read_positions(replica, sim.world, position)
+    contacts, _ = contact_sums(sim, replica, released)
+    order = np.argsort(ident, kind="stable")
+    half = 0.5 * sim.setups[replica].time_step * (step > 0)
+    return Snapshot(
+        time=step * sim.setups[replica].time_step,
+        step=step,
+        position=position[:released][order],
+        velocity=(velocity + half * rate)[order],
+        spin=(spin + half * spin_rate)[order],
+        radius=radius[order],
+        mass=1.0 / inverse[order],
+        contacts=contacts[order],
+        ident=ident[order].astype(np.int32),
+        waiting=len(sim.setups[replica].grains.radius) - released,
+    )
+
+
+def ledger(sim: Simulation, replica: int) -> Ledger:
+    """Energies and extremes of one replica; energies of spheres, so that clumps are counted by their spheres' motion."""
+    state = snapshot(sim, replica)
+    _, released, step, rebuilds = replica_row(sim, replica)
+    _, sums = contact_sums(sim, replica, released)
+    gravity = download([sim.world.replicas.gravity], replica, 1)[0][0]
+    squared = (state.velocity**2).sum(axis=1)
+    inertia = 0.4 * state.mass * state.radius**2
+    return Ledger(
+        time=state.time,
+        step=step,
+        kinetic_translation=float(0.5 * (state.mass * squared).sum()),
+        kinetic_rotation=float(0.5 * (inertia * (state.spin**2).sum(axis=1)).sum()),
+        potential=float(-(state.mass * (state.position @ gravity)).sum()),
+        elastic=float(sums[0]),
+        contacts=int(sums[1]),
+        overlap_largest=float(sums[2]),
+        speed_largest=float(np.sqrt(squared.max(initial=0.0))),
+        released=released,
+        rebuilds=rebuilds,
+    )

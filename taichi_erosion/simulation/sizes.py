@@ -1,0 +1,120 @@
+"""How much room a run needs on the device, and how its grains are cut into cells and partitions.
+
+Everything here that can touch a result (partitions, margins, cells) depends on one replica alone, so that a replica
+gives the same bits whatever runs beside it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
+
+PARTITION_GRAINS = 4000  # grains that keep one worker busy long enough to be worth a meeting
+PARTITIONS_MOST = 16
+ENTRIES_PER_GRAIN = 8  # half-list entries of a dense bed with its margins
+ENTRIES_LEAST = 256  # a partition of few grains still meets a few others
+WALL_ENTRIES_PER_GRAIN = 2
+CELLS_PER_GRAIN = 8
+CELLS_LEAST = 4096
+MARGIN_MOST = 0.4  # largest list margin over the largest radius [1]
+MARGIN_STEPS = 30  # time steps that a fast grain should last on one list
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Capacities of one run; growing them changes no result."""
+
+    replicas: int
+    partitions: int
+    grains: int
+    pairs: int  # entries a replica and side
+    wall_pairs: int
+    cells: int
+    primitives: int
+    surfaces: int
+    materials: int
+    bodies: int
+
+
+def partition_count(setup: Setup) -> int:
+    """Partitions of one replica."""
+    return int(np.clip(len(setup.grains.radius) // PARTITION_GRAINS, 1, PARTITIONS_MOST))
+
+
+def round_up(number: int) -> int:
+    """Next of 2^k and 1.5 * 2^k: few different sizes, so that compiled kernels are found in the cache."""
+    power = 1 << max(number - 1, 1).bit_length()
+    return power * 3 // 4 if power * 3 // 4 >= number else power
+
+
+def first_sizes(setups: list[Setup]) -> Sizes:
+    """Room for a dense start."""
+    grains = round_up(max(len(s.grains.radius) for s in setups))
+    bodies = max(0 if s.clumps is None else len(s.clumps.mass) for s in setups)
+    return Sizes(
+        replicas=len(setups),
+        partitions=max(partition_count(s) for s in setups),
+        grains=grains,
+        pairs=max(grains * ENTRIES_PER_GRAIN, ENTRIES_LEAST),
+        wall_pairs=max(grains * WALL_ENTRIES_PER_GRAIN, ENTRIES_LEAST),
+        cells=max(round_up(grains * CELLS_PER_GRAIN), CELLS_LEAST),
+        primitives=max(len(s.primitives.kind) for s in setups),
+        surfaces=max(len(s.surfaces) for s in setups),
+        materials=max(len(s.materials) for s in setups),
+        bodies=max(bodies, 1),
+    )
+
+
+def grown(sizes: Sizes) -> Sizes:
+    """Twice the list room."""
+    return replace(sizes, pairs=2 * sizes.pairs, wall_pairs=2 * sizes.wall_pairs)
+
+
+def margins(setup: Setup) -> tuple[float, float, float]:
+    """Least list margin over radius [1], largest margin [m], and time a grain should last on a list [s]."""
+    most = MARGIN_MOST * float(setup.grains.radius.max())
+    return setup.skin, most, MARGIN_STEPS * setup.time_step
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Cells of one replica."""
+
+    low: Floats  # [3] m
+    inverse_width: Floats  # [3] m-1
+    number: tuple[int, int, int]
+
+
+def cell_grid(setup: Setup, reach: float, cells: int) -> Grid:
+    """Cells around everything the scene names, not narrower than the longest list distance.
+
+    Where that makes more than `cells`, they are widened; grains outside the box fall to its border cells.
+    """
+    low, high = occupied_box(setup)
+    least = 2.0 * (float(setup.grains.radius.max()) + margins(setup)[1]) + reach
+    span = np.maximum(high - low, least)
+    budget = min(cells, max(CELLS_LEAST, round_up(len(setup.grains.radius) * CELLS_PER_GRAIN)))
+    width = least
+    while np.prod(np.maximum(np.floor(span / width), 1.0)) > budget:
+        width *= 1.1
+    number = np.maximum(np.floor(span / width), 1.0)
+    return Grid(low, number / span, (int(number[0]), int(number[1]), int(number[2])))
+
+
+def occupied_box(setup: Setup) -> tuple[Floats, Floats]:
+    """Box around grains and finite walls [m]; along a period, the period itself."""
+    points = [setup.grains.position]
+    shape = setup.primitives.shape
+    for kind, row in zip(setup.primitives.kind, shape, strict=True):
+        if kind == PrimitiveKind.TRIANGLE:
+            points.append(row[:9].reshape(3, 3))
+        elif kind == PrimitiveKind.REVOLVED:
+            ends = row[:3] + np.outer(row[[7, 9]], row[3:6])
+            largest = max(row[6], row[8])
+            points.extend([ends - largest, ends + largest])
+    stacked = np.concatenate(points)
+    low, high = np.nanmin(stacked, axis=0), np.nanmax(stacked, axis=0)
+    period = np.asarray(setup.period)
+    start = np.asarray(setup.domain[0])
+    return np.where(period > 0, start, low), np.where(period > 0, start + period, high)

@@ -1,0 +1,123 @@
+"""The whole state of a run as plain arrays, independent of capacities: for checkpoints and for growing lists."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.transfer import download, upload
+from taichi_erosion.simulation.assemble import Simulation
+
+Arrays = dict[str, NDArray[Any]]
+
+REPLICA = ("partitions", "released", "step", "rebuilds", "status", "time_step", "gravity", "wall_travel")
+GRAIN = ("origin", "shift", "velocity", "spin", "radius", "mass_inverse", "travel_squared", "material", "ident")
+RATE = ("acceleration", "spin_rate")
+PAIR = ("neighbour", "label", "separation", "root_radius", "damping", "rolling_damping", "slip", "tilt")
+WALL_PAIR = ("wall", "label", "slip", "tilt")
+SURFACE = ("present", "moving", "shift", "turn", "velocity", "spin", "centre", "sweep")
+BODY = ("position", "velocity", "momentum", "orientation")
+
+
+def fields_of(owner: Any, names: tuple[str, ...]) -> list[Any]:
+    """Fields of a record by name."""
+    return [getattr(owner, name) for name in names]
+
+
+def export_state(sim: Simulation) -> Arrays:
+    """Everything that the next step depends on and that a Setup does not state."""
+    world, count = sim.world, sim.sizes.replicas
+    state: Arrays = dict(zip(REPLICA, download(fields_of(world.replicas, REPLICA), 0, count), strict=True))
+    side, stale = download([world.replicas.side, world.replicas.stale], 0, count)
+    state["stale"] = np.maximum(stale, world.replicas.need.to_numpy().max(axis=1) > 0)
+    surfaces = download(fields_of(world.walls, SURFACE), 0, count * sim.sizes.surfaces)
+    state |= {f"surface_{name}": values for name, values in zip(SURFACE, surfaces, strict=True)}
+    for r in range(count):
+        block = 2 * r + int(side[r])
+        state |= {f"replica{r}_{name}": values for name, values in export_replica(sim, r, block, state).items()}
+    return state
+
+
+def export_replica(sim: Simulation, r: int, block: int, state: Arrays) -> Arrays:
+    """Grains, lists and bodies of one replica; `block` counts sides over all replicas."""
+    world, rows = sim.world, sim.sizes.grains
+    count = int(state["released"][r])
+    out = dict(zip(GRAIN, download(fields_of(world.grains, GRAIN), block * rows, count), strict=True))
+    out |= dict(zip(RATE, download(fields_of(world.grains, RATE), r * rows, count), strict=True))
+    for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
+        start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], block * rows, count))
+        entries = download(fields_of(table, names), block * table.capacity, table.capacity)
+        kept = entry_places(start, stop) - block * table.capacity
+        out[f"{prefix}_number"] = stop - start
+        out |= {f"{prefix}_{name}": values[kept] for name, values in zip(names, entries, strict=True)}
+    out["wall_wall"] = out["wall_wall"] - r * sim.sizes.primitives
+    if world.clumped:
+        bodies = download(fields_of(world.clumps, BODY), r * sim.sizes.bodies, sim.sizes.bodies)
+        out |= {f"body_{name}": values for name, values in zip(BODY, bodies, strict=True)}
+    return out
+
+
+def entry_places(start: NDArray[np.int64], stop: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Places from start to stop of every grain, joined."""
+    number = stop - start
+    within = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number)
+    return np.repeat(start, number) + within
+
+
+def import_state(sim: Simulation, state: Arrays) -> None:
+    """Put an exported state on the device; the Setups must be those it was exported with."""
+    world, count = sim.world, sim.sizes.replicas
+    replicas = world.replicas
+    columns = list(zip(fields_of(replicas, REPLICA), (state[name] for name in REPLICA), strict=True))
+    upload([*columns, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
+    if sim.sizes.surfaces:
+        upload([(getattr(world.walls, name), state[f"surface_{name}"]) for name in SURFACE])
+    for r in range(count):
+        prefix = f"replica{r}_"
+        import_replica(sim, r, {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
+
+
+def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
+    """Grains, lists and bodies of one replica, on side 0."""
+    world, rows = sim.world, sim.sizes.grains
+    upload([(getattr(world.grains, name), part[name]) for name in GRAIN], 2 * r * rows)
+    upload([(getattr(world.grains, name), part[name]) for name in RATE], r * rows)
+    part = part | {"wall_wall": part["wall_wall"] + r * sim.sizes.primitives}
+    for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
+        number = part[f"{prefix}_number"].astype(np.int64)
+        upload_entries(sim, r, table, number, [(getattr(table, n), part[f"{prefix}_{n}"]) for n in names])
+    if world.clumped:
+        upload([(getattr(world.clumps, name), part[f"body_{name}"]) for name in BODY], r * sim.sizes.bodies)
+        rank = np.zeros(rows)
+        rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))
+        upload([(world.clumps.rank, rank)], r * rows)
+
+
+def upload_entries(sim: Simulation, r: int, table: Any, number: NDArray[np.int64], columns: list[Any]) -> None:
+    """Lay the joined entries of a replica out by partition and write where each grain's begin and end."""
+    partitions = int(download([sim.world.replicas.partitions], r, 1)[0][0])
+    count = len(number)
+    begin = np.zeros(count, np.int64)
+    joined = np.cumsum(number) - number
+    block = 2 * r * table.capacity
+    reach = []
+    for p in range(partitions):
+        first, last = count * p // partitions, count * (p + 1) // partitions
+        if first < last:
+            place = block + table.capacity // partitions * p
+            begin[first:last] = place + joined[first:last] - joined[first]
+            entries = slice(int(joined[first]), int(joined[last - 1] + number[last - 1]))
+            upload([(field, values[entries]) for field, values in columns], place)
+            reach.append((first, last, entries))
+    upload([(table.start, begin), (table.stop, begin + number)], 2 * r * sim.sizes.grains)
+    if table is sim.world.pairs:
+        upload_touched(sim, r, reach, columns[0][1])
+
+
+def upload_touched(sim: Simulation, r: int, reach: list[tuple[int, int, slice]], neighbour: NDArray[Any]) -> None:
+    """Ranks that the forces of every partition reach, as the list search notes them."""
+    replicas = sim.world.replicas
+    for p, (first, last, entries) in enumerate(reach):
+        partners = neighbour[entries]
+        replicas.touched_low[r, p] = int(min(first, partners.min(initial=first)))
+        replicas.touched_high[r, p] = int(max(last, partners.max(initial=last - 1) + 1))

@@ -1,0 +1,186 @@
+"""The time loop of a replica, which runs on the device for many steps without coming back."""
+
+from taichi_erosion.core.snapshot import Status
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.cells import position_of, sort_grains
+from taichi_erosion.grains.clumps import advance_clumps, locate_spheres
+from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
+from taichi_erosion.grains.neighbours import list_partition, move_grains, release_grains
+from taichi_erosion.grains.pair_contacts import add_pair_forces
+from taichi_erosion.grains.state import REBUILD, STOP, side_block
+from taichi_erosion.grains.team import is_mine, wait_for_team
+from taichi_erosion.grains.wall_contacts import add_wall_forces
+from taichi_erosion.grains.wall_lists import list_walls
+from taichi_erosion.grains.walls import move_walls
+
+LOST = int(Status.LOST)
+NOT_FINITE = int(Status.NOT_FINITE)
+OVERLAP = int(Status.OVERLAP)
+OVERFLOW = int(Status.OVERFLOW)
+
+
+@ti.func
+def check_positions(world_out: ti.template(), r):
+    """Stop the replica where a grain is nowhere or outside the domain."""
+    grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
+    base = side_block(grains, r, replicas_out.side[r])
+    for rank in range(replicas_out.released[r]):
+        position = position_of(grains, replicas_out, r, base + rank)
+        for k in ti.static(range(3)):
+            if replicas_out.low[r][k] <= position[k] <= replicas_out.high[r][k]:
+                pass
+            else:
+                replicas_out.status[r] = ti.select(position[k] == position[k], LOST, NOT_FINITE)
+                replicas_out.fault_grain[r, 0] = rank
+                replicas_out.fault_value[r, 0] = ti.cast(position[k], float)
+
+
+@ti.func
+def prepare_rebuild(world_out: ti.template(), r):
+    """The part of a rebuild that one worker does: release, check, sort."""
+    release_grains(world_out, r)
+    check_positions(world_out, r)
+    if world_out.replicas.status[r] == 0:
+        sort_grains(world_out.cells, world_out.grains, world_out.replicas, r)
+
+
+@ti.func
+def finish_rebuild(world_out: ti.template(), r):
+    """Make the other side the valid one; without room for the lists, keep the old and stop."""
+    replicas_out, clumped = ti.static((world_out.replicas, world_out.clumped))
+    short = 0
+    for p in range(replicas_out.partitions[r]):
+        short += replicas_out.short[r, p] + replicas_out.wall_short[r, p]
+    if short > 0:
+        replicas_out.status[r] = OVERFLOW
+    else:
+        replicas_out.side[r] = 1 - replicas_out.side[r]
+        replicas_out.rebuilds[r] = replicas_out.rebuilds[r] + 1
+        replicas_out.wall_travel[r] = 0.0
+        replicas_out.stale[r] = 0
+        if ti.static(clumped):
+            locate_spheres(world_out, r, 0, replicas_out.released[r])
+
+
+@ti.func
+def rebuild(world_out: ti.template(), r, member, size, turn):
+    """Sort the grains and renew all lists; returns the next meeting of the team."""
+    # nobody may change what another still reads to decide on this rebuild
+    turn = wait_for_team(world_out.replicas, r, size, turn)
+    if member == 0:
+        prepare_rebuild(world_out, r)
+    turn = wait_for_team(world_out.replicas, r, size, turn)
+    if world_out.replicas.status[r] == 0:
+        for p in range(world_out.replicas.partitions[r]):
+            if is_mine(world_out.replicas, r, p, member, size):
+                move_grains(world_out, r, p)
+        turn = wait_for_team(world_out.replicas, r, size, turn)
+        for p in range(world_out.replicas.partitions[r]):
+            if is_mine(world_out.replicas, r, p, member, size):
+                list_partition(world_out, r, p)
+                list_walls(world_out, r, p)
+        turn = wait_for_team(world_out.replicas, r, size, turn)
+        if member == 0:
+            finish_rebuild(world_out, r)
+        turn = wait_for_team(world_out.replicas, r, size, turn)
+    return turn
+
+
+@ti.func
+def demand(world: ti.template(), r):
+    """What must happen before the next step: nothing, REBUILD or STOP. All members of a team read the same."""
+    replicas, source = ti.static((world.replicas, world.source))
+    wanted = replicas.stale[r]
+    for p in range(replicas.partitions[r]):
+        wanted = ti.max(wanted, replicas.need[r, p])
+    released = replicas.released[r]
+    if released < replicas.total[r]:
+        if source.release_step[r * world.grains.capacity + released] <= replicas.step[r]:
+            wanted = ti.max(wanted, REBUILD)
+    if replicas.wall_travel[r] > replicas.margin_most[r]:
+        wanted = ti.max(wanted, REBUILD)
+    return wanted
+
+
+@ti.func
+def add_forces(world_out: ti.template(), r, member, size):
+    """Forces of this member's partitions."""
+    for p in range(world_out.replicas.partitions[r]):
+        if is_mine(world_out.replicas, r, p, member, size):
+            add_pair_forces(world_out, r, p)
+            add_wall_forces(world_out, r, p)
+
+
+@ti.func
+def integrate(world_out: ti.template(), r, member, size, step, is_last):
+    """Motion of this member's partitions."""
+    for p in range(world_out.replicas.partitions[r]):
+        if is_mine(world_out.replicas, r, p, member, size):
+            need = 0
+            if ti.static(world_out.clumped):
+                need = advance_clumps(world_out, r, p, step)
+            else:
+                gather_forces(world_out, r, p)
+                need = advance_grains(world_out, r, p, step, is_last)
+            finish_partition(world_out.replicas, r, p, need)
+
+
+@ti.func
+def tick(world_out: ti.template(), r):
+    """Advance walls and clock by one step; one member does it."""
+    move_walls(world_out.walls, world_out.replicas, r)
+    world_out.replicas.step[r] = world_out.replicas.step[r] + 1
+
+
+@ti.func
+def run_replica(world_out: ti.template(), r, member, size):
+    """Time loop of one replica until its steps are done, it needs the host, or it fails."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    turn = 1
+    steps = replicas_out.steps_left[r]
+    done = 0
+    going = replicas_out.status[r] == 0
+    while going and done < steps:
+        step = replicas_out.step[r]
+        wanted = demand(world_out, r)
+        if wanted == REBUILD:
+            turn = rebuild(world_out, r, member, size, turn)
+        going = wanted != STOP and replicas_out.status[r] == 0
+        if going:
+            add_forces(world_out, r, member, size)
+            turn = wait_for_team(replicas_out, r, size, turn)
+            integrate(world_out, r, member, size, step, done == steps - 1)
+            if member == 0:
+                tick(world_out, r)
+            turn = wait_for_team(replicas_out, r, size, turn)
+            done += 1
+    if member == 0:
+        close_launch(replicas_out, r, done)
+
+
+@ti.func
+def close_launch(replicas_out: ti.template(), r, done):
+    """Book the steps done; turn an overlap seen by any partition into the status of the replica."""
+    replicas_out.steps_left[r] = replicas_out.steps_left[r] - done
+    for p in range(replicas_out.partitions[r]):
+        if replicas_out.need[r, p] == STOP:
+            replicas_out.status[r] = OVERLAP
+
+
+@ti.kernel
+def run_replicas(
+    # parameters
+    workers: ti.i32,
+    size: ti.i32,
+    chunk: ti.i32,
+    # out
+    world_out: ti.template(),
+):
+    """Run every replica for its `steps_left`; `workers` tasks in teams of `size`, one task every `chunk` iterations."""
+    for lane in range(workers * chunk):
+        if lane % chunk == 0:
+            worker = lane // chunk
+            r = worker // size
+            while r < world_out.replicas.count:
+                run_replica(world_out, r, worker % size, size)
+                r += workers // size

@@ -1,0 +1,215 @@
+"""V17-V20: JKR landmarks, the sticking speed, the limit of no adhesion, and the caps of friction.
+
+Two spheres without damping touch at zero overlap, where the neck snaps in, dip, and part when the neck
+tears; forces are second differences of the path, so they are those of the simulator. Overlaps are in units
+of L^2/R*, forces in pi gamma R*.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.setup import Laws, Setup
+from taichi_erosion.verification.bench_run import acceleration, bench, every_step, final_states, sample
+from taichi_erosion.verification.bench_setup import (
+    Touch,
+    contact_table,
+    on_plane,
+    sphere_setup,
+    spheres,
+    wall_impact,
+)
+from taichi_erosion.verification.claim import Outcome, Precision, below, holds, relative
+from taichi_erosion.verification.reference import jkr
+from taichi_erosion.verification.reference.hertz import sphere_mass
+
+Floats = NDArray[np.float64]
+
+RADIUS, DENSITY = 0.5e-3, 2500.0  # m, kg m-3
+MASS = sphere_mass(RADIUS, DENSITY)
+TOUCH = Touch(1e8, 2.5e7, surface_energy=0.5)
+PAIR = jkr.Sticky(TOUCH.young, RADIUS / 2.0, MASS / 2.0, TOUCH.surface_energy)
+JKR = Laws(normal="jkr")
+EDEM = Laws(normal="jkr", adhesion_branch="edem", friction_cap="edem")
+PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
+SPEED_SHARE = 1.1  # of the sticking speed: slow where the neck tears
+PULL_OFF_AT, TEAR_AT = jkr.overlap_at(jkr.CUBE_PULL_OFF), jkr.overlap_at(jkr.CUBE_TEAR)
+BALANCE_AT = jkr.overlap_at(jkr.CUBE_BALANCE)
+STEPS_PER_DEPTH = 400  # in which the pair moves by L^2/R* at its first speed [1]
+
+
+@dataclass(frozen=True)
+class Bounce:
+    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce, and speeds of approach and of parting [m
+    s-1].
+    """
+
+    overlap: Floats
+    force: Floats
+    speed_in: float
+    speed_out: float
+
+
+def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> Setup:
+    """Two spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
+    step = PAIR.depth / speed / steps_per_depth
+    half = RADIUS - 0.5 * overlap * PAIR.depth
+    grains = spheres(
+        [[-half, 0, 0], [half, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]], 0.0, RADIUS, MASS
+    )
+    return sphere_setup(grains, contact_table(TOUCH, TOUCH), step)
+
+
+def bounce(laws: Laws, precision: Precision, overlap: float = -1e-3) -> Bounce:
+    """One bounce sampled at every step, until well after the tear."""
+    speed = SPEED_SHARE * PAIR.speed_sticking
+    setup = pair_scene(speed, STEPS_PER_DEPTH, overlap)
+    trace = sample(bench([setup], precision, laws), every_step([setup], 15 * STEPS_PER_DEPTH))
+    gap = trace.position[:, 0, 1, 0] - trace.position[:, 0, 0, 0]
+    pull = acceleration(trace)[:, 0]
+    relative_speed = trace.velocity[:, 0, 1, 0] - trace.velocity[:, 0, 0, 0]
+    return Bounce(
+        overlap=(2.0 * RADIUS - gap[1:-1]) / PAIR.depth,
+        force=MASS * pull[:, 1, 0] / PAIR.force_scale,
+        speed_in=speed,
+        speed_out=float(relative_speed[-1]),
+    )
+
+
+def landmarks() -> Iterator[Outcome]:
+    """V17: 0.1 % of each landmark."""
+    for precision in PRECISIONS:
+        run = bounce(JKR, precision)
+        yield from curve_outcomes(run, precision)
+        yield from energy_outcomes(run, precision)
+        yield from branch_outcomes(precision)
+
+
+def curve_outcomes(run: Bounce, precision: Precision) -> Iterator[Outcome]:
+    """Force at first touch and at zero overlap, pull-off, balance, tear, and the whole curve."""
+    acts = np.flatnonzero(np.abs(run.force) > 0.5)
+    first, last = int(acts[0]), int(acts[-1])
+    parting = np.arange(int(np.argmax(run.overlap)), last + 1)
+    d, f = run.overlap[parting], run.force[parting]
+    at_touch = (
+        f[::-1][np.searchsorted(d[::-1], 0.0)] if precision == "f32" else np.interp(0.0, d[::-1], f[::-1])
+    )
+    yield relative("JKR: force at zero overlap [pi gamma R*]", at_touch, -8.0 / 3.0, 1e-3, precision)
+    yield relative("JKR: pull-off force [pi gamma R*]", f.min(), -3.0, 1e-3, precision)
+    lowest = fitted_minimum(d, f)
+    yield relative("JKR: overlap at pull-off [L^2/R*]", lowest, PULL_OFF_AT, 1e-3, precision)
+    balance = np.interp(0.0, -f[: int(np.argmin(f)) + 1], -d[: int(np.argmin(f)) + 1]) * -1.0
+    yield relative("JKR: overlap of zero force [L^2/R*]", balance, BALANCE_AT, 1e-3, precision)
+    yield relative("JKR: overlap at the tear [L^2/R*]", d[-1], TEAR_AT, 1e-3, precision)
+    law = jkr.force(PAIR, run.overlap[first : last + 1] * PAIR.depth) / PAIR.force_scale
+    error = (run.force[first : last + 1] - law)[1:-1] / 3.0
+    yield below("JKR: force along the bounce off the law, over the pull-off force", error, 1e-3, precision)
+
+
+def fitted_minimum(overlap: Floats, force: Floats) -> float:
+    """Overlap at the lowest force: vertex of the parabola through the neighbourhood of the lowest sample."""
+    near = np.abs(overlap - overlap[int(np.argmin(force))]) < 0.15
+    a, b, _ = np.polyfit(overlap[near], force[near], 2)
+    return float(-b / (2.0 * a))
+
+
+def energy_outcomes(run: Bounce, precision: Precision) -> Iterator[Outcome]:
+    """Work lost in a bounce, and restitution sqrt(1 - (v_s/v)^2) over a range of speeds."""
+    lost = 0.5 * PAIR.mass * (run.speed_in**2 - run.speed_out**2)
+    scale = np.pi * PAIR.energy * PAIR.length**2
+    yield relative("JKR: work lost in a bounce [pi gamma L^2]", lost / scale, jkr.WORK_LOST, 1e-3, precision)
+    shares = np.array([1.05, 1.2, 1.5, 2.0, 4.0, 10.0])
+    speeds = shares * PAIR.speed_sticking
+    setups = [pair_scene(speed, 2000.0) for speed in speeds]
+    ends = final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
+    out = np.array([end.velocity[1, 0] - end.velocity[0, 0] for end in ends])
+    wanted = np.sqrt(1.0 - shares**-2.0)
+    yield below(
+        "JKR: restitution minus sqrt(1 - (v_s/v)^2), v/v_s from 1.05 to 10",
+        out / speeds - wanted,
+        1e-3,
+        precision,
+    )
+    drift = (out**2 - speeds**2) * 0.5 * PAIR.mass + PAIR.work_lost
+    name = "JKR: energy drift of a bounce beyond the work lost, over the energy brought"
+    yield below(name, drift / (0.5 * PAIR.mass * speeds**2), 1e-4, precision)
+
+
+def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
+    """Branch `touch` does not pull before contact; branch `edem` does, and gives back what it took."""
+    apart = 0.5 * TEAR_AT
+    speed = SPEED_SHARE * PAIR.speed_sticking
+    for laws, wanted in ((JKR, 0.0), (EDEM, -jkr.branch_force(apart))):
+        setup = pair_scene(speed, STEPS_PER_DEPTH, apart)
+        trace = sample(bench([setup], precision, laws), every_step([setup], 2))
+        force = -MASS * acceleration(trace)[0, 0, 1, 0] / PAIR.force_scale
+        at = (2.0 * RADIUS - trace.position[1, 0, 1, 0] + trace.position[1, 0, 0, 0]) / PAIR.depth
+        wanted = -jkr.branch_force(at) if laws is EDEM else 0.0
+        name = f"JKR branch {laws.adhesion_branch}: pull before touch [pi gamma R*]"
+        yield Outcome(name, float(force), float(wanted), 3e-3, precision)
+    there_and_back = bounce(EDEM, precision, overlap=1.01 * TEAR_AT)
+    ratio = there_and_back.speed_out / there_and_back.speed_in
+    yield relative("JKR branch edem: restitution of a bounce", ratio, 1.0, 1e-3, precision)
+
+
+def sticking_speed() -> Iterator[Outcome]:
+    """V18: the slowest approach that parts again, 1 % of 3.76622 w^(5/6) R*^(2/3) E*^(-1/3) m*^(-1/2)."""
+    work = 2.0 * TOUCH.surface_energy
+    wanted = 3.76622 / np.sqrt(PAIR.mass) * (work**5 * PAIR.radius**4 / PAIR.young**2) ** (1.0 / 6.0)
+    shares = np.linspace(0.95, 1.05, 41)
+    setups = [pair_scene(share * wanted, 500.0) for share in shares]
+    for precision in PRECISIONS:
+        ends = final_states(setups, 200.0 * PAIR.depth / wanted, precision, JKR)
+        gaps = np.array([end.position[1, 0] - end.position[0, 0] - 2.0 * RADIUS for end in ends])
+        parted = gaps > -2.0 * TEAR_AT * PAIR.depth
+        slowest = shares[parted].min() if parted.any() else np.nan
+        yield relative("sticking speed [m/s]", slowest * wanted, wanted, 0.01, precision)
+        yield holds(
+            "all slower pairs stick, all faster ones part", bool(np.all(np.diff(parted * 1) >= 0)), precision
+        )
+
+
+def vanishing_adhesion() -> Iterator[Outcome]:
+    """V19: with gamma -> 0 an oblique, damped impact under the JKR law is the one under Hertz, 1e-6."""
+    energies = (0.0, 1e-15, 1e-12)
+    bare = replace(TOUCH, restitution=0.7, friction=0.4, surface_energy=0.0)
+    impact = wall_impact(bare, RADIUS, DENSITY, 1.0)
+    step = impact.duration / 500.0
+    grain = spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
+    setups = [on_plane(replace(bare, surface_energy=energy), grain, step) for energy in energies]
+    times = np.linspace(0.0, 2.0 * impact.duration, 101)[:, None] * np.ones(len(setups))
+    for precision in PRECISIONS:
+        with_law = sample(bench(setups, precision, JKR), times)
+        hertz = sample(bench(setups[:1], precision), times[:, :1])
+        for k, energy in enumerate(energies):
+            error = (with_law.velocity[:, k] - hertz.velocity[:, 0]) / impact.speed
+            name = f"JKR with gamma = {energy:g} J/m2 against Hertz: velocity along an impact, over its speed"
+            yield below(name, np.ravel(error), 1e-6 if precision == "f64" else 1e-4, precision)
+
+
+def friction_caps() -> Iterator[Outcome]:
+    """V20: at F = 0 friction slides at mu 6 pi gamma R* (`thornton`) or mu 12 pi gamma R* (`edem`), 0.1 %."""
+    friction = 0.3
+    touch = replace(TOUCH, friction=friction, restitution=0.5)
+    stuck = jkr.Sticky(touch.young, RADIUS, MASS, touch.surface_energy)
+    for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
+        wanted = friction * factor * stuck.force_scale
+        speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
+        step = wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
+        height = RADIUS - BALANCE_AT * stuck.depth
+        setup = on_plane(touch, spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS), step)
+        for precision in PRECISIONS:
+            trace = sample(bench([setup], precision, laws), np.array([[0.5e-3], [1.5e-3]]))
+            loss = trace.velocity[0, 0, 0, 0] - trace.velocity[1, 0, 0, 0]
+            force = MASS * loss / (trace.time[1, 0] - trace.time[0, 0])
+            name = f"friction at F = 0, cap {laws.friction_cap}, over mu pi gamma R*"
+            yield relative(name, force / (friction * stuck.force_scale), factor, 1e-3, precision)
+
+
+def curve_of_bounce() -> tuple[Bounce, Floats, Floats]:
+    """A bounce, and the law on a fine grid of overlaps: force against overlap in the units above."""
+    grid = np.linspace(TEAR_AT, 4.0, 400)
+    law = np.array([jkr.branch_force(d) for d in grid])
+    return bounce(JKR, "f64"), grid, law

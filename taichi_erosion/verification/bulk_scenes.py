@@ -1,0 +1,117 @@
+"""A few hundred to a few thousand soft glass grains: loose filling, cylinder, orifice, plate.
+
+Grains are 2 mm glass with the shear modulus lowered to 5 MPa, so that 15 us is a fifth of the Rayleigh
+time; in beds of a few centimetres the overlap stays below 0.3 % of the radius, where flow and angle do not
+depend on stiffness.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.setup import GrainTable, PrimitiveKind, PrimitiveTable, Setup
+from taichi_erosion.verification.bench_setup import (
+    FLOOR,
+    Touch,
+    contact_table,
+    joined,
+    planes,
+    primitive_table,
+    sphere_setup,
+    spheres,
+    touch_of,
+)
+from taichi_erosion.verification.reference.hertz import Solid, sphere_mass
+
+Floats = NDArray[np.float64]
+
+DIAMETER = 2e-3  # m
+SOFT_GLASS = Solid(1.25e7, 0.25, 2500.0)
+MASS = sphere_mass(DIAMETER / 2.0, SOFT_GLASS.density)
+TIME_STEP = 1.5e-5  # s
+GRAVITY = (0.0, 0.0, -9.81)  # m s-2
+LATTICE = 1.1  # grain diameters between the centres of a loose filling [1]
+
+
+def soft_touch(friction: float, friction_rolling: float, surface_energy: float = 0.0) -> Touch:
+    """Contact of two soft glass grains; walls are given the same."""
+    return replace(
+        touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction),
+        friction_rolling=friction_rolling,
+        rolling_damping=0.3,
+        surface_energy=surface_energy,
+    )
+
+
+def loose_grains(count: int, half_width: tuple[float, float], round_base: bool, seed: int) -> GrainTable:
+    """`count` grains on a shaken lattice above z = 0, within a circle or a rectangle about the origin [m]."""
+    rng = np.random.default_rng(seed)
+    spacing = LATTICE * DIAMETER
+    room = np.array(half_width) - 0.55 * DIAMETER
+    numbers = np.floor(room / spacing).astype(int)
+    x, y = (spacing * np.arange(-n, n + 1) for n in numbers)
+    layer = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    if round_base:
+        layer = layer[np.hypot(layer[:, 0], layer[:, 1]) <= room[0]]
+    layers = -(-count // len(layer))
+    height = spacing * (np.arange(layers) + 0.55)
+    place = np.concatenate([np.column_stack([layer, np.full(len(layer), z)]) for z in height])[:count]
+    place += rng.uniform(-0.04, 0.04, place.shape) * DIAMETER
+    return spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)
+
+
+def tube(radius: float, low: float, high: float) -> PrimitiveTable:
+    """Upright cylinder about the z axis, open at both ends."""
+    return revolved_segment((radius, low), (radius, high))
+
+
+def revolved_segment(first: tuple[float, float], second: tuple[float, float]) -> PrimitiveTable:
+    """Segment between two points (radius, height) [m], turned about the z axis."""
+    return primitive_table(PrimitiveKind.REVOLVED, [(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *first, *second)])
+
+
+def column_scene(touch: Touch, count: int, radius: float, seed: int) -> Setup:
+    """Grains in a tube on a floor: surface wall0 is the floor, wall1 the tube."""
+    grains = loose_grains(count, (radius, radius), True, seed)
+    walls = joined(planes(FLOOR), tube(radius, 0.0, 60.0 * DIAMETER))
+    return sphere_setup(grains, contact_table(touch, touch), TIME_STEP, walls, GRAVITY)
+
+
+def silo_scene(touch: Touch, count: int, radius: float, orifice: float, seed: int) -> Setup:
+    """A flat-bottomed round silo; wall0 tube, wall1 bottom with a round hole, wall2 plug of the hole, wall3
+    tray below.
+    """
+    grains = loose_grains(count, (radius, radius), True, seed)
+    walls = joined(
+        tube(radius, 0.0, 80.0 * DIAMETER),
+        revolved_segment((orifice / 2.0, 0.0), (radius, 0.0)),
+        revolved_segment((0.0, 0.0), (orifice / 2.0, 0.0)),
+        planes((0.0, 0.0, -30.0 * DIAMETER, 0.0, 0.0, 1.0)),
+    )
+    return sphere_setup(grains, contact_table(touch, touch), TIME_STEP, walls, GRAVITY)
+
+
+def plate_scene(grain: Touch, plate: Touch, count: int, half_length: float, seed: int) -> Setup:
+    """Grains on a plate between two dams, periodic along y; wall0 plate, wall1 and wall2 dams, wall3 floor below.
+
+    The front and back walls of the apparatus are left out: its formula is for containers so thick that they
+    do not matter.
+    """
+    width = 5.0 * DIAMETER
+    x, y = half_length, 100.0 * DIAMETER
+    corners = [[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]]
+    plate_triangles = [corners[0] + corners[1] + corners[2], corners[0] + corners[2] + corners[3]]
+    walls = joined(
+        primitive_table(PrimitiveKind.TRIANGLE, plate_triangles),
+        planes(
+            (-x, 0.0, 0.0, 1.0, 0.0, 0.0),
+            (x, 0.0, 0.0, -1.0, 0.0, 0.0),
+            (0.0, 0.0, -12.0 * DIAMETER, 0.0, 0.0, 1.0),
+        ),
+    )
+    grains = loose_grains(count, (x, width / 2.0), False, seed)
+    setup = sphere_setup(grains, contact_table(grain, plate), TIME_STEP, walls, GRAVITY)
+    inf = float("inf")
+    domain = ((-inf, -width / 2.0, -inf), (inf, width / 2.0, inf))
+    return replace(setup, domain=domain, period=(0.0, width, 0.0))

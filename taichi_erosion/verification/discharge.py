@@ -1,0 +1,91 @@
+"""V33: grains flow out of a flat-bottomed silo as (D - k d)^(5/2), Beverloo's law.
+
+One ensemble of silos of 16 grain diameters, with round holes of 5, 6.5 and 8; the flow is the slope of
+grains passed against time, from the moment the first tenth of a filling height has left until the stock has
+fallen to half. The exponent is fitted with Beverloo's k = 1.4 given, k with his exponent 5/2 given: three
+orifices do not carry both at once.
+
+Reference: Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.setup import Laws
+from taichi_erosion.simulation import Simulation, advance, remove_surface, snapshot
+from taichi_erosion.verification.bench_run import bench, states
+from taichi_erosion.verification.bulk_scenes import DIAMETER, MASS, silo_scene, soft_touch
+from taichi_erosion.verification.claim import Outcome
+from taichi_erosion.verification.reference import bulk
+
+Floats = NDArray[np.float64]
+
+LAWS = Laws(rolling="elastic_plastic")
+ORIFICES = np.array([5.0, 6.5, 8.0])  # grain diameters
+SILO_RADIUS = 8.0 * DIAMETER
+COUNT = 3500
+SETTLE, SAMPLE, LONGEST = 0.15, 0.005, 1.0  # s
+FIRST_SHARE, LAST_SHARE = 0.06, 0.45  # of the grains that have left while the flow is read [1]
+
+
+def orifice_flow() -> Iterator[Outcome]:
+    """V33."""
+    touch = soft_touch(friction=0.5, friction_rolling=0.05)
+    setups = [
+        silo_scene(touch, COUNT, SILO_RADIUS, width * DIAMETER, seed=k) for k, width in enumerate(ORIFICES)
+    ]
+    sim = bench(setups, "f32", LAWS)
+    advance(sim, [SETTLE] * len(setups))
+    density = bulk_density(sim)
+    for replica in range(len(setups)):
+        remove_surface(sim, replica, "wall2")
+    flow = MASS * discharge_rates(sim)
+    orifice = ORIFICES * DIAMETER
+    rates = ", ".join(f"{1e3 * rate:.2f}" for rate in flow)
+    exponent = bulk.discharge_exponent(orifice, DIAMETER, flow)
+    name = f"Beverloo: exponent of (D - 1.4 d), D/d = 5, 6.5, 8, flow {rates} g/s"
+    yield Outcome(name, exponent, bulk.BEVERLOO_EXPONENT, 0.1, "f32")
+    edge = bulk.discharge_edge(orifice, DIAMETER, flow)
+    yield Outcome("Beverloo: k with the exponent 5/2 given", edge, 1.4, 0.2, "f32")
+    factors = [
+        bulk.discharge_coefficient(w, density, d, DIAMETER) for w, d in zip(flow, orifice, strict=True)
+    ]
+    yield Outcome(
+        "Beverloo: coefficient C, 0.55 to 0.65 for spheres", float(np.mean(factors)), 0.6, 0.05, "f32"
+    )
+
+
+def bulk_density(sim: Simulation) -> float:
+    """Density of the settled filling between two and twelve diameters above the bottom [kg m-3]."""
+    low, high = 2.0 * DIAMETER, 12.0 * DIAMETER
+    masses = []
+    for state in states(sim, len(sim.setups)):
+        height = state.position[:, 2]
+        masses.append(MASS * np.count_nonzero((height > low) & (height < high)))
+    return float(np.mean(masses)) / (np.pi * SILO_RADIUS**2 * (high - low))
+
+
+def discharge_rates(sim: Simulation) -> Floats:
+    """Grains per second through each orifice."""
+    replicas = len(sim.setups)
+    times, passed = [], []
+    ends = np.full(replicas, SETTLE)
+    while ends.max() < SETTLE + LONGEST:
+        left = [int(np.count_nonzero(snapshot(sim, k).position[:, 2] < 0.0)) for k in range(replicas)]
+        times.append(ends.copy())
+        passed.append(left)
+        flowing = np.array(left) < LAST_SHARE * COUNT
+        if not flowing.any():
+            break
+        ends = ends + SAMPLE * flowing
+        advance(sim, [float(end) for end in ends])
+    states(sim, replicas)
+    return np.array([steady_slope(t, n) for t, n in zip(np.array(times).T, np.array(passed).T, strict=True)])
+
+
+def steady_slope(time: Floats, passed: Floats) -> float:
+    """Slope of grains passed against time between the two shares [s-1]."""
+    steady = (passed > FIRST_SHARE * COUNT) & (passed < LAST_SHARE * COUNT)
+    return float(np.polyfit(time[steady], passed[steady], 1)[0])

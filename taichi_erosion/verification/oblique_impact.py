@@ -1,0 +1,197 @@
+"""V05, V06: oblique and spinning impacts on a plane (tests 4 and 6 of Chung & Ooi).
+
+Angles are of incidence, from the normal. The patch angle is that of the contact point's velocity after the
+impact, atan((v_t' + R omega')/v_n'). While the contact slides throughout,
+
+    v_t' = v_t - mu (1 + e) v_n,    R omega' = -(5/2) mu (1 + e) v_n,    beta = -(1 - X),  X = 3.5 mu (1 +
+    e) v_n / v_s,
+
+exactly, where v_s is the speed of the contact point before and beta = -v_s'/v_s.
+"""
+
+from collections.abc import Iterator
+from math import atan, degrees
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.setup import Setup
+from taichi_erosion.verification.bench_run import final_states
+from taichi_erosion.verification.bench_setup import Touch, on_plane, spheres, touch_of
+from taichi_erosion.verification.claim import Outcome, Precision, below, relative
+from taichi_erosion.verification.reference import published
+from taichi_erosion.verification.reference.hertz import HeadOn, Solid, sphere_mass
+from taichi_erosion.verification.reference.mindlin import Impact, Rebound, Sliding, rebound
+
+Floats = NDArray[np.float64]
+
+SPEED, RADIUS, FRICTION, RESTITUTION = 3.9, 0.0025, 0.092, 0.98  # test 4: m s-1, m, 1, 1
+SOLIDS = {"aluminium oxide": Solid(3.8e11, 0.23, 4000.0), "aluminium alloy": Solid(7.0e10, 0.33, 2700.0)}
+SPINNING = {"aluminium alloy": Solid(7.0e10, 0.33, 2700.0), "nylon": Solid(2.5e9, 0.40, 1000.0)}  # test 6
+ONSET_ANGLES = np.array([31.0, 32.0, 33.0, 34.0])  # deg
+PER_CONTACT = 2000  # steps in one elastic contact time [1]
+PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
+
+
+def impact_at(solid: Solid, angle: Floats, sliding: Sliding = Sliding.PROJECT) -> Impact:
+    """Test 4 at angles of incidence [deg]."""
+    touch = touch_of(solid, None, RESTITUTION, FRICTION)
+    return Impact(
+        young=touch.young,
+        shear=touch.shear,
+        restitution=RESTITUTION,
+        friction=FRICTION,
+        radius=RADIUS,
+        mass=sphere_mass(RADIUS, solid.density),
+        normal=SPEED * np.cos(np.radians(angle)),
+        tangential=SPEED * np.sin(np.radians(angle)),
+        spin=np.zeros_like(angle),
+        sliding=sliding,
+    )
+
+
+def scenes(impact: Impact) -> list[Setup]:
+    """The impacts of `impact` as scenes; slip runs along x, spin about y."""
+    touch = Touch(impact.young, impact.shear, impact.restitution, impact.friction)
+    setups = []
+    for normal, tangential, spin in zip(impact.normal, impact.tangential, impact.spin, strict=True):
+        step = HeadOn(impact.young, impact.radius, impact.mass, normal).duration / PER_CONTACT
+        start = [[0.0, 0.0, impact.radius + 3.5 * normal * step]]
+        grain = spheres(start, [[tangential, 0.0, -normal]], [[0.0, -spin, 0.0]], impact.radius, impact.mass)
+        setups.append(on_plane(touch, grain, step))
+    return setups
+
+
+def simulated(impacts: list[Impact], precision: Precision) -> list[Rebound]:
+    """What the simulator makes of the impacts, in one ensemble."""
+    setups = [setup for impact in impacts for setup in scenes(impact)]
+    # with e = 0.5 the damped contact outlasts the elastic one by less than half of it
+    ends = final_states(setups, [1.8 * PER_CONTACT * setup.time_step for setup in setups], precision)
+    velocity = np.array([end.velocity[0] for end in ends])
+    spin = np.array([-end.spin[0, 1] for end in ends])
+    cuts = np.cumsum([len(impact.normal) for impact in impacts])[:-1]
+    parts = zip(np.split(velocity, cuts), np.split(spin, cuts), strict=True)
+    return [Rebound(v[:, 2], v[:, 0], w) for v, w in parts]
+
+
+def patch_angle(impact: Impact, after: Rebound) -> Floats:
+    """Direction of the contact point after the impact [deg]."""
+    return np.degrees(np.arctan((after.tangential + impact.radius * after.spin) / after.normal))
+
+
+def test4() -> Iterator[Outcome]:
+    """V05."""
+    angles = np.concatenate([published.TEST4_ANGLE, ONSET_ANGLES])
+    impacts = [impact_at(solid, angles) for solid in SOLIDS.values()]
+    references = [rebound(impact) for impact in impacts]
+    yield from reference_outcomes()
+    for precision in PRECISIONS:
+        found = simulated(impacts, precision)
+        for name, impact, after, reference in zip(SOLIDS, impacts, found, references, strict=True):
+            yield from own_law_outcomes(name, impact, after, reference, precision)
+            yield from sliding_outcomes(name, impact, after, precision)
+        yield from published_outcomes(impacts, found, precision)
+
+
+def reference_outcomes() -> Iterator[Outcome]:
+    """The integrator that judges the simulator, judged itself: with the table's way of sliding it prints
+    the table.
+    """
+    impact = impact_at(SOLIDS["aluminium oxide"], published.TEST4_ANGLE, Sliding.TABLE)
+    after = rebound(impact)
+    ratio = after.tangential / impact.tangential
+    name = "T4 reference integrator against the printed table, aluminium oxide"
+    error = ratio / published.TEST4_OXIDE_RESTITUTION - 1.0
+    yield below(f"{name}: tangential restitution, relative", error, 5e-3, "f64")
+    error = after.spin / published.TEST4_OXIDE_SPIN - 1.0
+    yield below(f"{name}: spin, relative", error, 5e-3, "f64")
+
+
+def own_law_outcomes(
+    name: str, impact: Impact, after: Rebound, reference: Rebound, precision: Precision
+) -> Iterator[Outcome]:
+    """Against the fine-step integration of the same law, 0.5 % of each value; patch angles near zero in 0.5
+    % of 5 deg.
+    """
+    head = f"T4 {name} against its own law"
+    error = after.tangential / reference.tangential - 1.0
+    yield below(f"{head}: tangential restitution, relative", error, 5e-3, precision)
+    yield below(f"{head}: spin, relative", after.spin / reference.spin - 1.0, 5e-3, precision)
+    found, wanted = patch_angle(impact, after), patch_angle(impact, reference)
+    error = (found - wanted) / np.maximum(np.abs(wanted), published.TEST4_ANGLE[0])
+    yield below(f"{head}: patch angle, relative", error, 5e-3, precision)
+
+
+def sliding_outcomes(name: str, impact: Impact, after: Rebound, precision: Precision) -> Iterator[Outcome]:
+    """Exact gross sliding from 35 deg, and the angle where the contact point comes to rest."""
+    lost = impact.friction * (1.0 + impact.restitution) * impact.normal
+    slides = impact.tangential > 3.5 * lost
+    head = f"T4 {name}, exact sliding"
+    error = after.tangential / (impact.tangential - lost) - 1.0
+    yield below(f"{head}: tangential speed, relative", error[slides], 2e-3, precision)
+    error = impact.radius * after.spin / (-2.5 * lost) - 1.0
+    yield below(f"{head}: spin, relative", error[slides], 2e-3, precision)
+    yield below(
+        f"{head}: e_n minus 0.98", after.normal / impact.normal - RESTITUTION, 2e-3 * RESTITUTION, precision
+    )
+    order = np.argsort(impact.tangential)
+    angle = np.degrees(np.arctan2(impact.tangential, impact.normal))[order]
+    patch = patch_angle(impact, after)[order]
+    rises = angle > 25.0
+    onset = np.interp(0.0, patch[rises], angle[rises])
+    exact = degrees(atan(3.5 * FRICTION * (1.0 + RESTITUTION)))
+    yield Outcome(f"T4 {name}: onset of gross sliding [deg]", float(onset), exact, 0.5, precision)
+
+
+def published_outcomes(
+    impacts: list[Impact], found: list[Rebound], precision: Precision
+) -> Iterator[Outcome]:
+    """Against the printed table of own values (0.5 %) and against Chung & Ooi from 15 deg (3 %)."""
+    count = len(published.TEST4_ANGLE)
+    oxide, alloy = (
+        after.tangential / impact.tangential for impact, after in zip(impacts, found, strict=True)
+    )
+    error = oxide[:count] / published.TEST4_OXIDE_RESTITUTION - 1.0
+    yield below("T4 printed table, aluminium oxide: tangential restitution, relative", error, 5e-3, precision)
+    few = len(published.TEST4_ALLOY_RESTITUTION)
+    error = alloy[:few] / published.TEST4_ALLOY_RESTITUTION - 1.0
+    yield below("T4 printed table, aluminium alloy: tangential restitution, relative", error, 5e-3, precision)
+    steep = published.TEST4_ANGLE >= 15.0
+    error = (oxide[:count] / published.TEST4_LITERATURE_RESTITUTION - 1.0)[steep]
+    yield below("T4 Chung & Ooi from 15 deg: tangential restitution, relative", error, 0.03, precision)
+    error = (found[0].spin[:count] / published.TEST4_LITERATURE_SPIN - 1.0)[steep]
+    yield below("T4 Chung & Ooi from 15 deg: spin, relative", error, 0.03, precision)
+
+
+def spinning_impact(solid: Solid, ratios: Floats) -> Impact:
+    """Test 6: a spinning sphere of 0.1 m meets the plane at 0.2 m/s; `ratios` are values of X."""
+    touch = touch_of(solid, None, 0.5, 0.4)
+    radius, normal = 0.1, np.full(len(ratios), 0.2)
+    slip = 3.5 * 0.4 * 1.5 * normal / ratios
+    return Impact(
+        young=touch.young,
+        shear=touch.shear,
+        restitution=0.5,
+        friction=0.4,
+        radius=radius,
+        mass=sphere_mass(radius, solid.density),
+        normal=normal,
+        tangential=np.zeros(len(ratios)),
+        spin=slip / radius,
+    )
+
+
+def tangential_restitution(impact: Impact, after: Rebound) -> Floats:
+    """Beta = -v_s'/v_s [1]."""
+    before = impact.tangential + impact.radius * impact.spin
+    return -(after.tangential + impact.radius * after.spin) / before
+
+
+def test6() -> Iterator[Outcome]:
+    """V06: the sliding branch X < 1, 0.5 % of beta."""
+    ratios = published.TEST6_X[published.TEST6_X < 1.0]
+    impacts = [spinning_impact(solid, ratios) for solid in SPINNING.values()]
+    for precision in PRECISIONS:
+        for name, impact, after in zip(SPINNING, impacts, simulated(impacts, precision), strict=True):
+            for ratio, beta in zip(ratios, tangential_restitution(impact, after), strict=True):
+                yield relative(f"T6 {name}: beta at X = {ratio:g}", beta, ratio - 1.0, 5e-3, precision)

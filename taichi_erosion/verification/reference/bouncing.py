@@ -1,0 +1,108 @@
+"""Grains that move on one vertical line, integrated by SciPy: a bouncing grain and two stacked grains
+between walls.
+
+MFiX-DEM's cases DEM02 and DEM03 use a linear spring; here the same scenes carry the Hertz spring with the
+damping of this program (restitution independent of speed),
+
+    F = (4/3) E* sqrt(R*) d^1.5 + 2 sqrt(5/6) beta sqrt(2 E* a m*) dd/dt,    d > 0, a = sqrt(R* d),
+
+so DEM02's heights h_k = (h_0 - r) e^(2k) + r stay exact for an infinitely stiff grain, and DEM03's pair of
+linear equations becomes a pair of nonlinear ones without a closed form.
+
+Reference: MFiX-DEM verification manual, cases DEM02 and DEM03; Garg et al. (2012), Powder Technology 220,
+122.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from taichi_erosion.verification.reference.hertz import damping_ratio
+
+Floats = NDArray[np.float64]
+
+DAMPING_FACTOR = 2.0 * np.sqrt(5.0 / 6.0)  # makes e independent of speed for Hertz stiffness [1]
+
+
+@dataclass(frozen=True)
+class Spring:
+    """One Hertz contact."""
+
+    young: float  # E*, Pa
+    radius: float  # R*, m
+    mass: float  # m*, kg
+    restitution: float
+
+    def push(self, overlap: float, rate: float) -> float:
+        """Force that separates the bodies [N]; `rate` is the growth of the overlap [m s-1]."""
+        if overlap <= 0.0:
+            return 0.0
+        contact_radius = np.sqrt(self.radius * overlap)
+        damping = (
+            DAMPING_FACTOR
+            * damping_ratio(self.restitution)
+            * np.sqrt(2.0 * self.young * contact_radius * self.mass)
+        )
+        return 4.0 / 3.0 * self.young * contact_radius * overlap + damping * rate
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Two equal spheres between a floor at 0 and a lid at `height`."""
+
+    radius: float  # m
+    masses: tuple[float, float]  # kg, lower and upper
+    height: float  # m
+    floor: Spring
+    middle: Spring
+    lid: Spring
+    gravity: float  # m s-2
+
+
+def bounce_heights(drop: float, restitution: float, bounces: int) -> Floats:
+    """Heights of the lowest point at the apex after each bounce [m], (h_0 - r) e^(2k), for an infinitely
+    stiff grain.
+    """
+    return drop * restitution ** (2.0 * np.arange(1, bounces + 1))
+
+
+def stacked_motion(stack: Stack, start: tuple[float, float], times: Floats) -> Floats:
+    """Heights of both centres [times, 2] in m, released at rest from `start`."""
+
+    def rates(_: float, state: Floats) -> list[float]:
+        low, high, low_speed, high_speed = state
+        floor = stack.floor.push(stack.radius - low, -low_speed)
+        middle = stack.middle.push(2.0 * stack.radius - (high - low), low_speed - high_speed)
+        lid = stack.lid.push(high + stack.radius - stack.height, high_speed)
+        lower = (floor - middle) / stack.masses[0] - stack.gravity
+        upper = (middle - lid) / stack.masses[1] - stack.gravity
+        return [low_speed, high_speed, lower, upper]
+
+    # contacts open and close: a short longest step keeps the step control from stepping over them
+    solution = solve_ivp(
+        rates,
+        (0.0, times[-1]),
+        [*start, 0.0, 0.0],
+        t_eval=times,
+        method="DOP853",
+        rtol=1e-9,
+        atol=1e-13,
+        max_step=times[-1] / 2000.0,
+    )
+    return solution.y[:2].T
+
+
+def hertz_motion(stiffness: float, mass: float, speed: float, duration: float) -> float:
+    """Overlap [m] that an undamped Hertz contact has reached `duration` after touching at `speed`."""
+    solution = solve_ivp(
+        lambda _, state: [state[1], -stiffness / mass * max(state[0], 0.0) ** 1.5],
+        (0.0, duration),
+        [0.0, speed],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-18,
+        max_step=duration / 500.0,
+    )
+    return float(solution.y[0, -1])

@@ -1,0 +1,45 @@
+"""Correlations for flowing grains: discharge through an orifice and the angle of a discharged heap.
+
+Reference: Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260; Zhou, Xu, Yu & Zulli (2002),
+Powder Technology 125, 45.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+BEVERLOO_EXPONENT = 2.5  # circular orifice [1]
+BEVERLOO_EDGE = 1.4  # k: grain diameters that the rim takes from the orifice [1], spheres
+
+
+def discharge_exponent(orifice: Floats, diameter: float, flow: Floats, edge: float = BEVERLOO_EDGE) -> float:
+    """N of W = c (D - k d)^n, least squares in log W against log (D - k d) with k given."""
+    slope, _ = np.polyfit(np.log(orifice - edge * diameter), np.log(flow), 1)
+    return float(slope)
+
+
+def discharge_edge(orifice: Floats, diameter: float, flow: Floats) -> float:
+    """K of W = c (D - k d)^(5/2): W^(2/5) is a straight line in D that crosses zero at k d."""
+    slope, offset = np.polyfit(orifice, flow ** (1.0 / BEVERLOO_EXPONENT), 1)
+    return float(-offset / slope / diameter)
+
+
+def discharge_coefficient(flow: float, bulk_density: float, orifice: float, diameter: float) -> float:
+    """C of W = C rho_b sqrt(g) (D - k d)^(5/2) [1]; 0.55 to 0.65 for spheres."""
+    open_width = orifice - BEVERLOO_EDGE * diameter
+    return flow / (bulk_density * np.sqrt(9.81) * open_width**BEVERLOO_EXPONENT)
+
+
+def zhou_angle(
+    friction: float, friction_wall: float, rolling: float, rolling_wall: float, diameter: float
+) -> float:
+    """Angle of repose of a heap of mono-sized spheres left on a plate [deg].
+
+    68.61 mu_pp^0.27 mu_pw^0.22 l_pp^0.06 l_pw^0.12 d^-0.2 with the rolling frictions l as lengths in mm
+    (the rolling torque is l F_n) and d in mm; here both lengths and the diameter are given in m. Found for
+    glass of 2 to 10 mm.
+    """
+    frictions = friction**0.27 * friction_wall**0.22
+    lengths = (1e3 * rolling) ** 0.06 * (1e3 * rolling_wall) ** 0.12
+    return 68.61 * frictions * lengths * (1e3 * diameter) ** -0.2

@@ -1,0 +1,162 @@
+"""The comparison with other codes: what their logs say, and that all start from the same sound geometry."""
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from benchmarks.peers.cases import (
+    SOIL,
+    Bed,
+    Floats,
+    Pile,
+    funnel_pile,
+    funnel_triangles,
+    loose_lattice,
+    tiled,
+)
+from benchmarks.peers.compare import Sample, gain, summary
+from benchmarks.peers.peer_log import last_run
+
+LAMMPS_LOG = """\
+LAMMPS (29 Sep 2021 - Update 2)
+run             200
+Per MPI rank memory allocation (min/avg/max) = 16.86 | 16.86 | 16.86 Mbytes
+Step Atoms c_kinetic c_contacts 
+       0    10000            0       4.3978 
+     200    10000 4.7369199e-09       4.3016 
+Loop time of 0.978655 on 1 procs for 200 steps with 10000 atoms
+
+Neighbor list builds = 3
+Dangerous builds = 0
+run             1000
+Step Atoms c_kinetic c_contacts 
+     200    10000 4.7369199e-09       4.3016 
+    1200    10000 5.5257406e-10       4.4164 
+Loop time of 4.21107 on 1 procs for 1000 steps with 10000 atoms
+
+99.5% CPU use with 1 MPI tasks x 1 OpenMP threads
+Neighbor list builds = 0
+Dangerous builds = 0
+Total wall time: 0:00:05
+"""  # noqa: W291 LAMMPS ends the rows of its table with a blank
+
+LIGGGHTS_LOG = """\
+LIGGGHTS (Version LIGGGHTS-PUBLIC 3.8.0, compiled 2022-01-26-19:42:32 by buildd, git commit unknown)
+Setting up run at Sat Nov 21 10:32:14 2026
+
+Memory usage per processor = 15.2527 Mbytes
+    Step    Atoms        kinetic       contacts 
+     200    10000  3.2977231e-09         4.3338 
+    1200    10000  8.2664898e-10         4.4158 
+Loop time of 4.32269 on 2 procs for 1000 steps with 10000 atoms, finish time Sat Nov 21 10:32:18 2026
+
+
+Pair  time (%) = 3.9803 (92.0792)
+Neighbor list builds = 1
+Dangerous builds = 0
+"""  # noqa: W291
+
+LOST_ATOMS_LOG = """\
+LAMMPS (29 Sep 2021 - Update 2)
+Step Atoms c_kinetic c_contacts 
+       0    10000 0.0001671486            0 
+ERROR: Lost atoms: original 10000 current 9996 (src/thermo.cpp:439)
+"""  # noqa: W291
+
+
+def touching_pairs(bed: Bed, reach: float) -> int:
+    """Pairs of grains closer than a distance [m] in a box periodic along x and y."""
+    height = 1.0  # m, of a period that no bed reaches across
+    tree = KDTree(bed.position % [*bed.period, height], boxsize=[*bed.period, height])
+    return len(tree.query_pairs(reach))
+
+
+def distance_to_facets(pile: Pile) -> Floats:
+    """Least distance of each grain centre from the planes of the funnel's facets [m], positive inside."""
+    triangles = funnel_triangles(pile)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    offsets = np.einsum("tk,tk->t", normals, triangles[:, 0])
+    return (offsets - pile.position @ normals.T).min(axis=1)
+
+
+def test_the_rate_of_a_lammps_run_comes_from_its_last_loop():
+    run = last_run(LAMMPS_LOG)
+    assert run.grain_steps_per_s == pytest.approx(10_000 * 1000 / 4.21107)
+    assert run.columns["contacts"] == 4.4164
+    assert (run.cores, run.steps, run.rebuilds) == (1, 1000, 0)
+
+
+def test_the_rate_of_a_liggghts_run_comes_from_its_last_loop():
+    run = last_run(LIGGGHTS_LOG)
+    assert run.grain_steps_per_s == pytest.approx(10_000 * 1000 / 4.32269)
+    assert run.columns == {"Step": 1200, "Atoms": 10_000, "kinetic": 8.2664898e-10, "contacts": 4.4158}
+    assert (run.cores, run.steps, run.rebuilds) == (2, 1000, 1)
+
+
+def test_a_run_that_lost_grains_has_no_rate():
+    with pytest.raises(ValueError, match="Lost atoms: original 10000 current 9996"):
+        last_run(LOST_ATOMS_LOG)
+
+
+def test_a_log_cut_off_after_its_last_loop_is_refused_rather_than_read_from_an_earlier_run():
+    cut = LAMMPS_LOG[: LAMMPS_LOG.rindex("Neighbor list builds")]
+    with pytest.raises(ValueError, match="ends before"):
+        last_run(cut)
+
+
+def test_no_grains_of_the_loose_lattice_overlap_before_they_fall():
+    lattice, _ = loose_lattice()
+    assert len(lattice.position) == 10_000
+    assert touching_pairs(lattice, SOIL.diameter) == 0
+    assert lattice.position[:, 2].min() > SOIL.diameter / 2
+
+
+def test_a_tiled_bed_has_the_contacts_of_the_single_bed_everywhere_also_across_its_seams():
+    # a narrow box of four diameters, so that many pairs lie across its sides
+    side = 4 * SOIL.diameter
+    single = Bed(np.random.default_rng(0).uniform(0.0, side, (100, 3)), (side, side))
+    wide = tiled(single, (2, 5))
+    pairs = touching_pairs(single, SOIL.diameter)
+    assert pairs > len(KDTree(single.position).query_pairs(SOIL.diameter)) + 20
+    assert wide.period == pytest.approx((2 * side, 5 * side))
+    assert touching_pairs(wide, SOIL.diameter) == 10 * pairs
+
+
+@pytest.mark.parametrize("count", [2000, 10_000])
+def test_grains_in_a_funnel_start_without_touching_each_other_or_the_funnel(count: int):
+    pile = funnel_pile(count)
+    assert len(pile.position) == count
+    assert len(KDTree(pile.position).query_pairs(SOIL.diameter)) == 0
+    # flat facets cut deeper than the cone, so this holds for codes with a cone too
+    assert distance_to_facets(pile).min() > SOIL.diameter / 2
+    bottom, top = pile.funnel_bottom, pile.funnel_bottom + pile.funnel_height
+    assert bottom < pile.position[:, 2].min() < pile.position[:, 2].max() < top
+
+
+def test_funnels_of_different_grain_counts_have_the_same_shape():
+    small, large = funnel_pile(2000), funnel_pile(10_000)
+    scale = (10_000 / 2000) ** (1 / 3)
+    for length in ("orifice_radius", "funnel_bottom", "funnel_height", "half_width"):
+        assert getattr(large, length) == pytest.approx(scale * getattr(small, length))
+
+
+def test_the_corners_of_the_funnel_mesh_lie_on_the_cone():
+    pile = funnel_pile(2000)
+    corners = funnel_triangles(pile).reshape(-1, 3)
+    radius = np.hypot(corners[:, 0], corners[:, 1])
+    np.testing.assert_allclose(radius, pile.orifice_radius + corners[:, 2] - pile.funnel_bottom, rtol=1e-12)
+
+
+def test_ratios_compare_runs_of_the_same_round_and_leave_out_disturbed_ones():
+    def run(code: str, turn: int, rate: float, foreign: float = 0.0) -> Sample:
+        return Sample("bed10k", 1, code, turn, rate, 4.4, 0, foreign)
+
+    # the machine halves its speed in round 1: the ratio of 3 is seen in both rounds; round 2 was disturbed
+    ours = [run("ours f32", 0, 12e6), run("ours f32", 1, 6e6), run("ours f32", 2, 12e6)]
+    theirs = [run("LAMMPS", 0, 4e6), run("LAMMPS", 1, 2e6), run("LAMMPS", 2, 1e6, foreign=0.4)]
+    assert gain(ours, theirs) == pytest.approx(3.0)
+    lammps = next(row for row in summary([*ours, *theirs]) if row.code == "LAMMPS")
+    assert (lammps.rate_low, lammps.rate_high) == (2e6, 4e6)
+    assert (lammps.samples, lammps.contaminated) == (3, 1)
+    assert lammps.gain == {"ours f32": pytest.approx(3.0)}

@@ -1,0 +1,159 @@
+"""The definitions of the laboratory set lab_C on configurations that can be reckoned by hand."""
+
+from math import atan, cos, degrees, isnan, pi, radians, sin, tan
+
+import numpy as np
+import pytest
+
+from taichi_erosion.measures.heap import (
+    angle_of_repose_outline,
+    bulk_density,
+    centroid_height,
+    column_height,
+    grain_diameter,
+    pile_height,
+    radius_90,
+    runout_radius,
+)
+from tests.measures.heaps import DIAMETER, cone, skirt, snapshot_of
+
+
+def grains(*centres):
+    """A snapshot from centres in diameters."""
+    return snapshot_of(np.array(centres, dtype=float) * DIAMETER)
+
+
+def stack(*heights):
+    """One column of grains with these centre heights in diameters."""
+    return grains(*((0.0, 0.0, height) for height in heights))
+
+
+def test_the_pile_height_is_the_mean_top_of_the_five_highest():
+    assert pile_height(stack(1, 9, 2, 3, 8, 4, 1)).value == pytest.approx(
+        (9 + 8 + 4 + 3 + 2 + 2.5) / 5 * DIAMETER
+    )
+
+
+def test_the_centroid_is_the_mean_centre_above_the_base():
+    assert centroid_height(stack(1, 2, 6), base_height=DIAMETER).value == pytest.approx(2 * DIAMETER)
+
+
+def test_the_column_height_is_the_mean_top_of_the_highest_twentieth():
+    # int(0.05 * 59) = 2 grains
+    assert column_height(stack(*range(1, 60))).value == pytest.approx((59 + 58 + 1) / 2 * DIAMETER)
+
+
+def test_the_bulk_density_is_mass_over_the_enclosed_volume():
+    column = stack(*range(1, 21))
+    mass = 20 * 2500.0 * pi / 6 * DIAMETER**3
+    expected = mass / (pi * (3 * DIAMETER) ** 2 * 20.5 * DIAMETER)
+    assert bulk_density(column, radius=3 * DIAMETER).value == pytest.approx(expected)
+    assert bulk_density(column, radius=3 * DIAMETER, mass=2 * mass).value == pytest.approx(2 * expected)
+
+
+def test_the_radius_of_90_percent_counts_from_zero_about_the_median_axis():
+    line = [(7.0 + side * k, 3.0, 0.5) for k in range(1, 11) for side in (-1, 1)]
+    # 20 distances 1, 1, 2, 2, .. 10, 10 diameters: number int(18.0), counted from 0, is the first 10
+    assert radius_90(grains(*line)).value == pytest.approx(10 * DIAMETER)
+
+
+def test_the_runout_is_where_the_ring_height_falls_through_one_diameter():
+    tower = [(0.0, 0.0, z) for z in (0.5, 1.5, 2.5)]
+    diagonal = 1.5 / 2**0.5
+    ring = [(x, y, 1.5) for x in (-diagonal, diagonal) for y in (-diagonal, diagonal)]
+    runaway = [(2.5, 0.0, 0.5)]
+    # ring heights: 3 d; 2 d in all 4 sectors; 1 d in one of 7 sectors
+    expected = 1.5 + (2 - 1) / (2 - 1 / 7)
+    assert runout_radius(grains(*tower, *ring, *runaway)).value == pytest.approx(expected * DIAMETER)
+
+
+def test_an_outlying_ridge_sets_the_runout():
+    tower = [(0.0, 0.0, z + 0.5) for z in range(3)]
+    turns = 2 * pi * (np.arange(14) + 0.5) / 14
+    ridge = [(4.5 * cos(turn), 4.5 * sin(turn), 1.0) for turn in turns]
+    # beyond the 14 full sectors of ring 4, 1.5 d high, the ground is bare
+    assert runout_radius(grains(*tower, *ridge)).value == pytest.approx((4.5 + 0.5 / 1.5) * DIAMETER)
+
+
+def test_scattered_grains_have_no_runout():
+    assert isnan(runout_radius(grains((0, 0, 0.4), (5, 0, 0.4), (-5, 0, 0.4))).value)
+
+
+def rosette(angle, rings=12):
+    """Rings of 24 grains with tops on an exact cone: one grain per bin and side along each of 12 azimuths."""
+    turns = 2 * pi * np.arange(24) / 24
+    fall = tan(radians(angle))
+    return [
+        ((k + 0.5) * cos(turn), (k + 0.5) * sin(turn), (rings - k) * fall)
+        for k in range(rings)
+        for turn in turns
+    ]
+
+
+@pytest.mark.parametrize("angle", [22.0, 38.0])
+def test_the_outline_angle_of_an_exact_cone_is_exact(angle):
+    measured = angle_of_repose_outline(grains(*rosette(angle)))
+    assert measured.value == pytest.approx(angle, abs=1e-9)
+    assert measured.notes == ()
+
+
+def test_three_bins_carry_an_outline_angle_and_two_do_not():
+    # tops 5.5, 4.5, 3.5, 2.5, 1.5 d: three lie within [1.25 d, 0.75 H = 4.1 d]; one ring less leaves two
+    assert angle_of_repose_outline(grains(*rosette(45.0, rings=5))).value == pytest.approx(45.0, abs=1e-9)
+    assert isnan(angle_of_repose_outline(grains(*rosette(45.0, rings=4))).value)
+
+
+def prose_angle(snapshot):
+    """The definition of lab_C, read sentence by sentence and written with plain loops [deg]."""
+    x, y, z = snapshot.position.T
+    d = 2 * snapshot.radius[0]
+    top = z + d / 2
+    height = np.mean(sorted(top)[-5:])
+    low = max(0.15 * height, 1.25 * d)
+    values = []
+    for azimuth in range(0, 180, 15):
+        along = (x - np.median(x)) * cos(radians(azimuth)) + (y - np.median(y)) * sin(radians(azimuth))
+        two = []
+        for side in (along, -along):
+            bins = []
+            for k in range(1000):
+                here = top[(side >= k * d) & (side < (k + 1) * d)]
+                if len(here) == 0 or here.max() < low:
+                    break
+                if here.max() <= 0.75 * height:
+                    bins.append((k * d, here.max()))
+            if len(bins) >= 3:
+                two.append(degrees(atan(-np.polyfit(*np.transpose(bins), 1)[0])))
+        if two:
+            values.append(np.mean(two))
+    return np.mean(values)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_outline_angle_follows_the_prose_of_the_laboratory(seed):
+    heap = np.vstack([cone(24.0, radius=13.0, seed=seed), skirt(12.0, 18.0, seed)])
+    shift = np.random.default_rng(seed).normal(size=3)
+    measured = angle_of_repose_outline(snapshot_of(heap + shift), base_height=shift[2])
+    # lengths of 1 m added and taken away again leave errors of 1e-16 m on 1e-3 m
+    assert measured.value == pytest.approx(prose_angle(snapshot_of(heap)), abs=1e-6)
+
+
+def test_one_layer_has_no_outline_angle():
+    measured = angle_of_repose_outline(snapshot_of(skirt(0.0, 10.0)))
+    assert isnan(measured.value)
+    assert "no flank" in measured.notes[0]
+
+
+def test_the_grain_diameter_halves_the_volume_not_the_number():
+    sizes = np.array([1.0] * 100 + [10.0])  # 100 against 1000 parts of volume
+    assert grain_diameter(snapshot_of(np.zeros((101, 3)), sizes)) == 10.0
+
+
+@pytest.mark.parametrize(
+    "measure",
+    [pile_height, centroid_height, column_height, radius_90, runout_radius, angle_of_repose_outline],
+)
+def test_no_grains_give_no_value(measure):
+    measured = measure(snapshot_of(np.zeros((0, 3))))
+    assert isnan(measured.value)
+    assert measured.notes == ("no grains",)

@@ -1,0 +1,231 @@
+"""The angle of heaps that were built with a known one."""
+
+from dataclasses import replace
+from math import cos, degrees, isnan, radians, sin, tan
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from taichi_erosion.measures.repose import cone_angle, measure_heap, repose_angle
+from taichi_erosion.measures.silhouette import PIXELS_PER_GRAIN
+from tests.measures.heaps import DIAMETER, cone, packing, skirt, snapshot_of
+
+RADIUS = 22.0  # diameters, of the cones below
+EMPTY = snapshot_of(np.zeros((0, 3)))
+
+
+def half_a_grain(angle, radius=RADIUS):
+    """Half a diameter over the horizontal length 0.6 R of the fitted flank, as an angle [deg]."""
+    return degrees(0.5 / (0.6 * radius)) * cos(radians(angle)) ** 2
+
+
+@pytest.mark.parametrize("angle", [20.0, 25.0, 30.0, 35.0, 40.0])
+def test_a_cone_of_grains_shows_its_angle(angle):
+    heap = snapshot_of(cone(angle))
+    silhouette, height_map = repose_angle(heap), cone_angle(heap)
+    # 24 flanks and 13 rings average the grains: a third of what half a grain does to a single flank
+    assert silhouette.value == pytest.approx(angle, abs=half_a_grain(angle) / 3)
+    assert height_map.value == pytest.approx(angle, abs=half_a_grain(angle) / 3)
+    assert silhouette.details["flags"] == []
+    assert silhouette.details["residual"] < 0.5
+
+
+def test_the_silhouette_angle_agrees_with_the_exact_upper_envelope_of_the_spheres():
+    centres = cone(30.0)
+    measured = dict(map(azimuth_and_mean, repose_angle(snapshot_of(centres)).details["azimuth_angles"]))
+    for azimuth in (0.0, 45.0, 105.0):
+        across = centres @ (cos(radians(azimuth)), sin(radians(azimuth)), 0.0) / DIAMETER
+        columns = np.linspace(across.min(), across.max(), 1200)
+        square = 0.25 - (columns[:, np.newaxis] - across) ** 2
+        envelope = np.where(square >= 0.0, centres[:, 2] / DIAMETER + np.sqrt(np.abs(square)), 0.0).max(
+            axis=1
+        )
+        fitted = (envelope > 0.15 * envelope.max()) & (envelope < 0.75 * envelope.max())
+        axis = columns[np.argmax(envelope)]
+        slopes = [np.polyfit(columns[s], envelope[s], 1)[0] for s in sides(columns - axis, fitted)]
+        # one pixel over the flank, and the choice of end columns, move the line by less than a quarter grain
+        assert measured[azimuth] == pytest.approx(
+            np.degrees(np.arctan(np.abs(slopes))).mean(), abs=half_a_grain(30.0) / 2
+        )
+
+
+def azimuth_and_mean(row):
+    return row[0], 0.5 * (row[1] + row[2])
+
+
+def sides(offset, fitted):
+    return fitted & (offset < 0), fitted & (offset > 0)
+
+
+def test_the_fitted_lines_lie_on_the_heap_they_were_fitted_to():
+    moved = cone(30.0) + np.array((0.03, -0.02, 0.05))
+    for azimuth, u, z, u_end, z_end in repose_angle(snapshot_of(moved), base_height=0.05).details["lines"]:
+        axis = 0.03 * cos(radians(azimuth)) - 0.02 * sin(radians(azimuth))
+        for across, height in ((u - axis, z), (u_end - axis, z_end)):
+            surface = tan(radians(30.0)) * (RADIUS * DIAMETER - abs(across)) + DIAMETER
+            assert height == pytest.approx(surface, abs=DIAMETER)
+
+
+def test_neither_place_nor_turn_of_a_heap_changes_its_angle():
+    centres = cone(28.0)
+    step = radians(15.0)  # the azimuths of the turned heap are those of the heap, shifted by one
+    turn = np.array([[cos(step), -sin(step), 0.0], [sin(step), cos(step), 0.0], [0.0, 0.0, 1.0]])
+    start = repose_angle(snapshot_of(centres))
+    turned = repose_angle(snapshot_of(centres @ turn.T))
+    shifted = repose_angle(snapshot_of(centres + np.array((0.4, -0.3, 0.1))), base_height=0.1)
+    # the pixels fall elsewhere on the grains: one pixel over the flank, averaged over 24 of them
+    tolerance = half_a_grain(28.0) * 2 / PIXELS_PER_GRAIN / 24**0.5 * 3
+    assert turned.value == pytest.approx(start.value, abs=tolerance)
+    assert shifted.value == pytest.approx(start.value, abs=tolerance)
+
+
+def test_the_unit_of_length_does_not_matter():
+    centres = cone(33.0)
+    large = repose_angle(snapshot_of(centres * 64.0, DIAMETER * 64.0))
+    assert large.value == pytest.approx(repose_angle(snapshot_of(centres)).value, abs=1e-9)
+
+
+def test_a_monolayer_of_rolled_off_grains_is_not_flank():
+    small = cone(25.0, radius=9.0)  # 15 % of its height is less than one grain
+    lonely, dressed = snapshot_of(small), snapshot_of(np.vstack([small, skirt(8.5, 16.0)]))
+    assert dressed.radius.size > 1.3 * lonely.radius.size
+    for measure in (repose_angle, cone_angle):
+        # the skirt can only fill the columns at the very foot: less than one column of grains per flank
+        assert measure(dressed).value == pytest.approx(measure(lonely).value, abs=half_a_grain(25.0, 9.0))
+    assert angle_from_15_percent(dressed) < repose_angle(dressed).value - 3.0
+
+
+def angle_from_15_percent(heap):
+    """Angle fitted from 15 % of the height, without the limit of 1.25 diameters [deg]."""
+    across, top = np.abs(heap.position[:, 0]) / DIAMETER, heap.position[:, 2] / DIAMETER + 0.5
+    bins = np.arange(int(across.max()) + 1)
+    outline = np.array([top[(across >= k) & (across < k + 1)].max(initial=0.0) for k in bins])
+    fitted = (outline > 0.15 * outline.max()) & (outline < 0.75 * outline.max())
+    return degrees(np.arctan(-np.polyfit(bins[fitted], outline[fitted], 1)[0]))
+
+
+def test_a_truncated_cone_keeps_its_flank_angle_and_is_flagged():
+    measured = repose_angle(snapshot_of(cone(32.0, top=8.0)))
+    assert measured.value == pytest.approx(32.0, abs=half_a_grain(32.0))
+    assert measured.details["flags"] == ["flat_top"]
+    assert any("truncated cone" in note for note in measured.notes)
+
+
+@pytest.mark.parametrize(("power", "sign"), [(2.0, 1.0), (0.5, -1.0)], ids=["hollow", "domed"])
+def test_a_flank_that_is_not_straight_is_flagged(power, sign):
+    centres = packing(16.0, 12.0, np.random.default_rng(6))
+    share = np.clip(1.0 - np.hypot(centres[:, 0], centres[:, 1]) / 16.0, 0.0, None)
+    inside = centres[:, 2] <= 12.0 * share**power
+    measured = repose_angle(snapshot_of(centres[inside] * DIAMETER))
+    assert "curved" in measured.details["flags"]
+    assert measured.details["bend"] * sign > 5.0
+
+
+def test_a_pile_cut_by_its_plate_is_flagged():
+    centres = cone(30.0)
+    plate = 15.0 * DIAMETER
+    on_plate = centres[np.hypot(centres[:, 0], centres[:, 1]) < plate]
+    assert "truncated_by_plate" in repose_angle(snapshot_of(on_plate), plate).details["flags"]
+    assert repose_angle(snapshot_of(centres), plate_radius=30.0 * DIAMETER).details["flags"] == []
+
+
+@pytest.mark.parametrize(("share", "flags"), [(0.02, []), (0.5, ["truncated_by_plate"])])
+def test_a_few_grains_at_the_rim_do_not_make_a_truncated_pile(share, flags):
+    plate = 30.0
+    turns = np.arange(0.0, 2 * np.pi * share, 1.0 / plate)
+    rim = np.column_stack([plate * np.cos(turns), plate * np.sin(turns), np.full(turns.size, 0.5)])
+    measured = repose_angle(snapshot_of(np.vstack([cone(30.0), rim * DIAMETER])), plate * DIAMETER)
+    assert measured.details["rim_grains"] == turns.size
+    assert measured.details["flags"] == flags
+
+
+def test_the_cone_is_fitted_to_rings_counted_sector_by_sector():
+    heap = snapshot_of(cone(26.0, radius=14.0))
+    x, y, top = heap.position[:, 0], heap.position[:, 1], heap.position[:, 2] + DIAMETER / 2
+    x, y = x - np.median(x), y - np.median(y)
+    height = np.mean(np.sort(top)[-5:])
+    cells = []  # (mid-radius, ring mean), once per sector
+    for k in range(14):
+        sectors = max(1, int(np.pi * (k + 0.5)))
+        ring = (np.hypot(x, y) >= k * DIAMETER) & (np.hypot(x, y) < (k + 1) * DIAMETER)
+        sector = np.floor(np.arctan2(y, x) % (2 * np.pi) / (2 * np.pi / sectors))
+        mean = np.mean([top[ring & (sector == number)].max(initial=0.0) for number in range(sectors)])
+        if max(0.15 * height, 1.25 * DIAMETER) <= mean <= 0.75 * height:
+            cells += [((k + 0.5) * DIAMETER, mean)] * sectors
+    slope, apex = np.polyfit(*np.transpose(cells), 1)
+    measured = cone_angle(heap)
+    assert measured.value == pytest.approx(-degrees(np.arctan(slope)), abs=1e-9)
+    assert measured.details["apex"] == pytest.approx(apex)
+
+
+def test_grains_that_fell_off_the_plate_are_counted_and_not_measured():
+    centres = cone(30.0)
+    fallen = np.column_stack([np.full((50, 2), 0.1), np.full(50, -0.2)])
+    alone, both = repose_angle(snapshot_of(centres)), repose_angle(snapshot_of(np.vstack([centres, fallen])))
+    assert both.details["fallen_grains"] == 50
+    assert both.value == alone.value
+
+
+def test_few_short_flanks_make_a_flagged_angle():
+    # 0.6 R is the length of a flank: at R = 5 d about half of them are shorter than three diameters
+    measured = repose_angle(snapshot_of(cone(25.0, radius=5.0)))
+    assert 6 < measured.details["short_flanks"] < 24
+    assert measured.details["flags"] == ["few_points"]
+
+
+def test_a_single_short_flank_cannot_tell_its_own_bend():
+    measured = repose_angle(snapshot_of(cone(25.0, radius=4.5)))
+    assert measured.details["short_flanks"] == 23
+    assert isnan(measured.sd)
+    assert measured.details["flags"] == ["few_points"]
+
+
+@pytest.mark.parametrize(
+    ("heap", "reason"),
+    [
+        (EMPTY, "no grains"),
+        (snapshot_of(np.array([[0.0, 0.0, 1e-3]])), "no heap"),
+        (snapshot_of(skirt(0.0, 12.0)), "no heap"),
+        (snapshot_of(np.array([[0.0, np.nan, 1e-3]])), "not finite"),
+        (snapshot_of(cone(30.0) - np.array((0.0, 0.0, 1.0))), "no grains above the base"),
+    ],
+    ids=["empty", "one grain", "one layer", "nan", "under the plate"],
+)
+def test_no_heap_gives_no_angle_and_says_why(heap, reason):
+    measured = repose_angle(heap)
+    assert isnan(measured.value)
+    assert reason in measured.notes[0]
+    assert isnan(cone_angle(heap).value)
+
+
+def test_a_stray_heavy_tail_of_sizes_measures_its_sieve_median():
+    rng = np.random.default_rng(5)
+    centres = cone(30.0)
+    diameter = DIAMETER * rng.lognormal(0.0, 0.2, len(centres))
+    measured = repose_angle(snapshot_of(centres, diameter))
+    # volume median of a lognormal: exp(3 sigma^2) times the number median
+    assert measured.details["grain_diameter"] == pytest.approx(DIAMETER * np.exp(3 * 0.2**2), rel=0.03)
+    assert measured.value == pytest.approx(30.0, abs=half_a_grain(30.0))
+
+
+def test_the_error_within_one_pile_does_not_shrink_with_the_number_of_azimuths():
+    heap = snapshot_of(cone(30.0, radius=12.0))
+    few, many = repose_angle(heap, azimuths=12), repose_angle(heap, azimuths=48)
+    # 48 pictures of one pile hold no more grains than 12; sqrt(4) would be the naive gain
+    assert many.sd > few.sd / 1.5
+
+
+def test_every_witness_of_an_empty_scene_is_missing_with_a_reason():
+    for measurement in measure_heap(EMPTY).values():
+        assert isnan(measurement.value)
+        assert measurement.notes == ("no grains",)
+
+
+def test_twelve_azimuths_of_twenty_thousand_grains_take_less_than_two_seconds():
+    centres = cone(40.0, radius=23.5)
+    heap = replace(snapshot_of(centres), time=1.0)
+    assert heap.radius.size > 20_000
+    start = perf_counter()
+    repose_angle(heap)
+    assert perf_counter() - start < 2.0

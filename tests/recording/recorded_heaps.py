@@ -1,0 +1,95 @@
+"""A small heap under a falling grain, as the simulation would hand it over."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import Ledger, Snapshot
+from taichi_erosion.recording.stream import RunHeader, log_frame, log_ledger, recorded
+from taichi_erosion.recording.wall_mesh import WallMesh
+
+MOVING = 1e-2  # m s-1
+FRAME_TIME = 0.01  # s
+FLOOR = WallMesh(
+    "plate",
+    np.array([[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], [0.05, 0.05, 0.0], [-0.05, 0.05, 0.0]]),
+    np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
+    moving=False,
+)
+
+
+def pyramid(levels: int = 8, radius: float = 1e-3) -> Floats:
+    """Square pyramid of touching spheres: centres [n, 3] m."""
+    layers = []
+    for level in range(levels):
+        side = np.arange(levels - level) - 0.5 * (levels - level - 1)
+        x, y = np.meshgrid(side, side)
+        z = np.full(x.size, 1.0 + level * np.sqrt(2.0))
+        layers.append(radius * np.stack([2.0 * x.ravel(), 2.0 * y.ravel(), z], axis=-1))
+    return np.concatenate(layers)
+
+
+def heap_snapshot(frame: int = 0) -> Snapshot:
+    """A pyramid at rest and, last in the table, one grain that falls on it from 40 mm."""
+    resting = pyramid()
+    time = frame * FRAME_TIME
+    position = np.concatenate([resting, [[0.0, 0.0, 0.04 - 0.5 * 9.81 * time**2]]])
+    velocity = np.zeros_like(position)
+    velocity[-1, 2] = -9.81 * time
+    count = len(position)
+    radius = np.linspace(0.9e-3, 1.1e-3, count)
+    return Snapshot(
+        time=time,
+        step=100 * frame,
+        position=position,
+        velocity=velocity,
+        spin=np.zeros_like(position),
+        radius=radius,
+        mass=np.full(count, 1e-5),
+        contacts=np.full(count, 6, dtype=np.int32),
+        ident=np.arange(count, dtype=np.int32),
+        waiting=0,
+    )
+
+
+def ledger(frame: int) -> Ledger:
+    """Energies that fall by a decade every ten frames, and contacts that grow by three a frame."""
+    energy = 10.0 ** (-0.1 * frame)
+    return Ledger(
+        time=frame * FRAME_TIME,
+        step=100 * frame,
+        kinetic_translation=energy,
+        kinetic_rotation=0.0,
+        potential=2e-3,
+        elastic=0.01 * energy,
+        contacts=3 * frame,
+        overlap_largest=0.01,
+        speed_largest=1.0,
+        released=205,
+        rebuilds=frame,
+    )
+
+
+def header(kind: str = "repose") -> RunHeader:
+    """Header of the little heap."""
+    return RunHeader("test-run", "Little heap", kind, 'kind = "repose"', heap_snapshot().radius, (FLOOR,))
+
+
+def record_heap(path: Path, frames: int = 5, kind: str = "repose") -> list[Snapshot]:
+    """Write a recording of the heap and return what was written."""
+    snapshots = [heap_snapshot(frame) for frame in range(frames)]
+    with recorded(path, header(kind)) as recording:
+        for frame, snapshot in enumerate(snapshots):
+            log_frame(recording, snapshot, MOVING)
+            log_ledger(recording, ledger(frame))
+    return snapshots
+
+
+def moved(snapshot: Snapshot, grain: int, distance: float = 0.0, speed: float = 0.0) -> Snapshot:
+    """The snapshot with one grain shifted along x [m] and moving along x [m s-1]."""
+    position, velocity = snapshot.position.copy(), snapshot.velocity.copy()
+    position[grain, 0] += distance
+    velocity[grain, 0] += speed
+    return replace(snapshot, position=position, velocity=velocity)

@@ -1,0 +1,260 @@
+import os
+import signal
+import subprocess
+import sys
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_heaps import FLOOR, MOVING, header, heap_snapshot, ledger, moved, pyramid, record_heap
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.recording.bed import CREEP, FRAMES_BETWEEN
+from taichi_erosion.recording.blueprint import choose_focus, heap_focus
+from taichi_erosion.recording.readback import (
+    read_chunks,
+    read_component,
+    read_frames,
+    read_grains,
+    read_properties,
+    read_series,
+)
+from taichi_erosion.recording.stream import (
+    close,
+    flush,
+    log_frame,
+    log_image,
+    log_text,
+    log_wall_pose,
+    log_wall_removed,
+    open_recording,
+    recorded,
+    set_properties,
+)
+from taichi_erosion.recording.wall_mesh import WallMesh
+from taichi_erosion.recording.whole_file import part_path
+
+WRITER = """
+import os, signal, sys
+from pathlib import Path
+from recorded_heaps import MOVING, header, heap_snapshot
+from taichi_erosion.recording.stream import flush, log_frame, open_recording
+recording = open_recording(Path(sys.argv[1]), header())
+for frame in range(30):
+    log_frame(recording, heap_snapshot(frame), MOVING)
+    if frame == 24:
+        flush(recording)
+{end}
+"""
+DEATHS = {"SIGKILL": "os.kill(os.getpid(), signal.SIGKILL)", "os._exit": "os._exit(3)"}
+
+
+def kill_a_writer(path: Path, death: str) -> Path:
+    """Record 30 frames in a process that dies without a word; return what it left."""
+    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[2])])
+    environment = {**os.environ, "PYTHONPATH": paths}
+    command = [sys.executable, "-c", WRITER.format(end=DEATHS[death]), path]
+    code = subprocess.run(command, env=environment, check=False, timeout=120).returncode
+    assert code == (-signal.SIGKILL if death == "SIGKILL" else 3)
+    assert not path.exists()
+    return part_path(path)
+
+
+def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    snapshots = record_heap(path)
+    frames = read_grains(path)
+    assert len(frames) == len(snapshots)
+    for frame, snapshot in zip(frames, snapshots, strict=True):
+        assert frame.time == pytest.approx(snapshot.time, abs=1e-9)  # rerun counts nanoseconds
+        np.testing.assert_array_equal(frame.ident, snapshot.ident)
+        np.testing.assert_array_equal(frame.position, snapshot.position.astype(np.float32))
+        np.testing.assert_array_equal(frame.radius, snapshot.radius.astype(np.float32))
+
+
+def test_every_grain_is_either_in_the_bed_or_mobile(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    with recorded(path, header()) as recording:
+        for frame in range(2 * FRAMES_BETWEEN):
+            restless = moved(heap_snapshot(frame), frame, speed=3.0 * MOVING)
+            log_frame(recording, restless, MOVING)
+    for frame in read_grains(path):
+        np.testing.assert_array_equal(frame.ident, heap_snapshot().ident)
+
+
+def test_a_creeping_grain_is_never_shown_further_away_than_the_creep_allowed(tmp_path: Path):
+    path, crept = tmp_path / "heap.rrd", [moved(heap_snapshot(3), 7, 3e-6 * frame) for frame in range(40)]
+    with recorded(path, header()) as recording:
+        for frame, snapshot in enumerate(crept):
+            log_frame(recording, type(snapshot)(**{**vars(snapshot), "time": 0.01 * frame}), MOVING)
+    largest = CREEP * heap_snapshot().radius[7]
+    shown = np.array([frame.position[7, 0] for frame in read_grains(path)])
+    # 1e-9 m: single precision at a millimetre
+    assert np.abs(shown - [snapshot.position[7, 0] for snapshot in crept]).max() <= largest + 1e-9
+
+
+def test_a_resting_bed_is_written_once_while_mobile_grains_are_written_every_frame(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    record_heap(path, frames=10)
+    # frame 0: the last grain has no speed yet and counts as resting; it leaves the bed at the next frame
+    assert [len(positions) for _, positions in read_frames(path, "world/bed")] == [205, 204]
+    assert [len(positions) for _, positions in read_frames(path, "world/mobile")] == [0] + [1] * 9
+
+
+def test_the_ledger_is_read_back_as_curves_and_energies_also_in_decades(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    record_heap(path, frames=20)
+    times, contacts = read_series(path, "ledger/contacts")
+    np.testing.assert_allclose(times, [ledger(frame).time for frame in range(20)], atol=1e-9)
+    np.testing.assert_array_equal(contacts, [ledger(frame).contacts for frame in range(20)])
+    # one rounding of 10 ** x and one of its logarithm
+    np.testing.assert_allclose(
+        read_series(path, "decades/kinetic_translation")[1], -0.1 * np.arange(20), atol=1e-15
+    )
+
+
+def test_an_energy_of_zero_has_no_decade(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    record_heap(path)
+    assert len(read_series(path, "ledger/kinetic_rotation")[0]) == 5
+    assert len(read_series(path, "decades/kinetic_rotation")[0]) == 0
+
+
+def test_properties_are_read_back_and_those_without_a_value_are_left_out(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    with recorded(path, header()) as recording:
+        log_frame(recording, heap_snapshot(), MOVING)
+        set_properties(recording, "doe", {"contact.soil-soil.friction_rolling": 0.3})
+        set_properties(recording, "result", {"repose_angle": 33.5, "flag": None, "n": 3, "straight": True})
+    assert read_properties(path) == {
+        "doe": {"contact.soil-soil.friction_rolling": 0.3},
+        "result": {"repose_angle": 33.5, "n": 3, "straight": True},
+    }
+
+
+def test_only_simulated_time_and_steps_are_recorded(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    record_heap(path)
+    timelines = {name for chunk in read_chunks(path) for name in chunk.timeline_names}
+    assert timelines == {"sim_time", "step"}
+
+
+def test_the_recording_carries_its_blueprint_and_its_names(tmp_path: Path):
+    from rerun.chunk import RrdReader
+
+    record_heap(tmp_path / "heap.rrd")
+    reader = RrdReader(tmp_path / "heap.rrd")
+    (recording,) = reader.recordings()
+    assert (recording.application_id, recording.recording_id) == ("taichi_erosion", "test-run")
+    assert len(reader.blueprints()) == 1
+
+
+def test_two_recordings_of_one_process_keep_apart(tmp_path: Path):
+    with recorded(tmp_path / "a.rrd", header()) as a, recorded(tmp_path / "b.rrd", header()) as b:
+        log_frame(a, heap_snapshot(0), MOVING)
+        log_frame(b, heap_snapshot(5), MOVING)
+    assert [frame.time for frame in read_grains(tmp_path / "a.rrd")] == [0.0]
+    assert [frame.time for frame in read_grains(tmp_path / "b.rrd")] == pytest.approx([0.05])
+
+
+def test_the_file_takes_its_name_only_when_it_is_whole(tmp_path: Path):
+    path = tmp_path / "new" / "heap.rrd"
+    recording = open_recording(path, header())
+    log_frame(recording, heap_snapshot(), MOVING)
+    assert not path.exists()
+    assert close(recording) == path
+    assert [entry.name for entry in path.parent.iterdir()] == ["heap.rrd"]
+    assert close(recording) == path
+
+
+@pytest.mark.parametrize("end", [KeyboardInterrupt, ValueError])
+def test_an_interrupted_run_leaves_a_whole_recording(tmp_path: Path, end: type[BaseException]):
+    path = tmp_path / "heap.rrd"
+
+    def run() -> None:
+        with recorded(path, header()) as recording:
+            log_frame(recording, heap_snapshot(), MOVING)
+            raise end
+
+    with pytest.raises(end):
+        run()
+    assert len(read_grains(path)) == 1
+
+
+@pytest.mark.parametrize("death", DEATHS)
+def test_a_killed_run_leaves_everything_up_to_its_last_flush(tmp_path: Path, death: str):
+    part = kill_a_writer(tmp_path / "heap.rrd", death)
+    frames = read_grains(part)
+    assert 25 <= len(frames) <= 30
+    np.testing.assert_array_equal(frames[24].position, heap_snapshot(24).position.astype(np.float32))
+
+
+def test_a_recording_cut_anywhere_is_read_up_to_the_cut(tmp_path: Path):
+    path, sizes = tmp_path / "heap.rrd", []
+    with recorded(path, header()) as recording:
+        for frame in range(6):
+            log_frame(recording, heap_snapshot(frame), MOVING)
+            flush(recording)
+            sizes.append(part_path(path).stat().st_size)
+    whole = path.read_bytes()
+    for frame, size in enumerate(sizes):
+        path.write_bytes(whole[:size])
+        assert len(read_grains(path)) == frame + 1
+        path.write_bytes(whole[: size - 1])
+        assert len(read_grains(path)) == frame
+    path.write_bytes(whole[:100])
+    assert read_grains(path) == []
+
+
+def test_a_missing_or_foreign_file_is_named_in_one_line(tmp_path: Path):
+    foreign = tmp_path / "foreign.rrd"
+    foreign.write_text("not a recording")
+    with pytest.raises(BadInput, match=r"missing\.rrd: no such recording"):
+        read_grains(tmp_path / "missing.rrd")
+    with pytest.raises(BadInput, match=r"foreign\.rrd: not a recording"):
+        read_grains(foreign)
+
+
+def test_a_folder_that_cannot_be_made_is_named_in_one_line(tmp_path: Path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(BadInput, match=r"heap\.rrd: its folder cannot be made"):
+        open_recording(tmp_path / "file" / "heap.rrd", header())
+
+
+def test_a_wall_that_is_taken_away_is_cleared_at_that_time(tmp_path: Path):
+    path, tube = tmp_path / "heap.rrd", WallMesh("lifting tube", FLOOR.vertices, FLOOR.triangles, moving=True)
+    run = type(header())(**{**vars(header()), "walls": (FLOOR, tube)})
+    with recorded(path, run) as recording:
+        log_frame(recording, heap_snapshot(1), MOVING)
+        log_wall_pose(recording, "lifting tube", (0.0, 0.0, 0.01), (sqrt(0.5), 0.0, 0.0, sqrt(0.5)))
+        log_frame(recording, heap_snapshot(2), MOVING)
+        log_wall_removed(recording, "lifting tube")
+    entity = "world/walls/lifting\\ tube"
+    ((_, quaternion),) = read_component(path, entity, "Transform3D:quaternion")
+    # rerun stores x, y, z, w in single precision
+    np.testing.assert_allclose(quaternion[0], [0.0, 0.0, sqrt(0.5), sqrt(0.5)], rtol=1e-7)
+    assert [time for time, _ in read_component(path, entity, "Clear:is_recursive")] == [20_000_000]
+    static = {chunk.entity_path for chunk in read_chunks(path) if chunk.is_static}
+    assert "/world/walls/plate" in static
+    assert "/" + entity not in static
+
+
+def test_texts_and_pictures_are_kept_at_the_time_of_the_frame_before(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    with recorded(path, header()) as recording:
+        log_frame(recording, heap_snapshot(2), MOVING)
+        log_text(recording, "WARN", "the heap is truncated by the plate")
+        log_image(recording, "silhouette", np.zeros((20, 30, 3), dtype=np.uint8))
+    ((text_time, _),) = read_component(path, "log", "TextLog:text")
+    ((image_time, _),) = read_component(path, "silhouette", "EncodedImage:blob")
+    assert (text_time, image_time) == (20_000_000, 20_000_000)
+
+
+def test_the_camera_frames_the_heap_that_the_grains_will_form():
+    radii = np.full(len(pyramid()), 1e-3)
+    focus = heap_focus(radii, (0.01, 0.0, 0.1))
+    assert focus.centre[:2] == (0.01, 0.0)
+    # eight times the volume makes a heap twice as wide
+    assert heap_focus(2.0 * radii, (0.0, 0.0, 0.0)).radius == pytest.approx(2.0 * focus.radius, rel=1e-12)
+    assert choose_focus("drum", radii, (FLOOR,), (0.0, 0.0, 0.0)).radius == pytest.approx(0.05 * sqrt(2.0))

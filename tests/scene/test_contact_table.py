@@ -1,0 +1,87 @@
+"""Contact parameters follow from materials and pairs."""
+
+from typing import Any
+
+import pytest
+from scene_tables import changed, good_table
+
+from taichi_erosion.core.setup import pair_row
+from taichi_erosion.scene import build_setup, laws, parse_scene
+from taichi_erosion.scene.contacts import young_effective
+
+SOIL, STEEL = 0, 1  # materials come in alphabetical order
+
+
+def contacts_of(table: dict[str, Any]):
+    return build_setup(parse_scene(table), 1).contacts
+
+
+def softened(rule: str, energy: float) -> dict[str, Any]:
+    table = changed("materials.soil.softening", {"rule": rule, "true_modulus": 1e10})
+    table["laws"]["normal"] = "jkr"
+    table["contact"]["soil-soil"]["surface_energy"] = energy
+    table["contact"]["steel-soil"]["surface_energy"] = energy
+    return table
+
+
+def test_effective_moduli_of_like_materials():
+    contacts, row = contacts_of(good_table()), pair_row(SOIL, SOIL, 2)
+    young = 2.0 * 1e7 * 1.29
+    assert contacts.young_effective[row] == pytest.approx(young / (2.0 * (1.0 - 0.29**2)))
+    assert contacts.shear_effective[row] == pytest.approx(1e7 / (2.0 * (2.0 - 0.29)))
+
+
+def test_effective_moduli_of_soil_and_steel():
+    contacts, row = contacts_of(good_table()), pair_row(STEEL, SOIL, 2)
+    soil, steel, steel_shear = 2.0 * 1e7 * 1.29, 1.8e11, 1.8e11 / 2.6
+    assert 1.0 / contacts.young_effective[row] == pytest.approx(
+        (1.0 - 0.29**2) / soil + (1.0 - 0.3**2) / steel
+    )
+    assert 1.0 / contacts.shear_effective[row] == pytest.approx(
+        (2.0 - 0.29) / 1e7 + (2.0 - 0.3) / steel_shear
+    )
+
+
+def test_a_pair_is_the_same_in_either_order_of_names():
+    table = good_table()
+    table["contact"]["soil-steel"] = table["contact"].pop("steel-soil")
+    first, other = contacts_of(good_table()), contacts_of(table)
+    assert all((a == b).all() for a, b in zip(vars(first).values(), vars(other).values(), strict=True))
+    row = pair_row(SOIL, STEEL, 2)
+    assert (first.restitution[row], first.friction_sliding[row], first.friction_rolling[row]) == (
+        0.25,
+        0.34,
+        0.41,
+    )
+
+
+def test_bond_number_softening_keeps_the_surface_energy():
+    assert contacts_of(softened("bond_number", 0.02)).surface_energy[pair_row(SOIL, SOIL, 2)] == 0.02
+
+
+def test_sticking_velocity_softening_scales_the_surface_energy_by_stiffness_to_two_fifths():
+    # 1000 times softer between grains: a factor 0.063
+    contacts = contacts_of(softened("sticking_velocity", 0.02))
+    assert contacts.surface_energy[pair_row(SOIL, SOIL, 2)] == pytest.approx(0.02 * 1000.0**-0.4)
+    assert 1000.0**-0.4 == pytest.approx(0.063, abs=5e-4)
+
+
+def test_at_a_wall_the_effective_modulus_counts():
+    scene = parse_scene(softened("sticking_velocity", 0.02))
+    soil, steel = scene.materials["soil"], scene.materials["steel"]
+    stiff = parse_scene(changed("materials.soil.shear_modulus", 1e10)).materials["soil"]
+    ratio = young_effective(soil, steel) / young_effective(stiff, steel)
+    contacts = build_setup(scene, 1).contacts
+    assert contacts.surface_energy[pair_row(SOIL, STEEL, 2)] == pytest.approx(0.02 * ratio**0.4)
+
+
+def test_laws_are_those_of_the_scene():
+    chosen = laws(parse_scene(softened("bond_number", 0.02)))
+    assert (chosen.normal, chosen.rolling, chosen.friction_cap) == ("jkr", "elastic_plastic", "thornton")
+
+
+@pytest.mark.parametrize("name", ["soil", "steel"])
+def test_every_row_of_the_table_is_finite_and_stiff(name: str):
+    table = contacts_of(changed("geometry.plate.material", name))
+    assert (table.young_effective > 0.0).all()
+    assert (table.shear_effective > 0.0).all()

@@ -1,0 +1,247 @@
+"""The house rules a linter cannot express.
+
+A device function is a Taichi kernel or function. It may write to its own variables, and to what can be
+reached from an argument whose name ends in `_out`; a reader of a signature then knows what a call changes.
+"""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "taichi_erosion"
+LONGEST_FUNCTION = 40  # lines, docstring excluded
+LONGEST_FILE = 300  # lines
+DEVICE_DECORATORS = {"ti.kernel", "ti.func", "ti.pyfunc", "ti.real_func"}
+WRITING_METHODS = {"append", "deactivate", "fill"}  # of Taichi fields
+
+SOURCES = [*sorted(PACKAGE.rglob("*.py")), ROOT / "erosion"]
+TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
+each_file = pytest.mark.parametrize("path", SOURCES, ids=[str(path.relative_to(ROOT)) for path in SOURCES])
+
+
+def functions(tree: ast.AST) -> list[ast.FunctionDef]:
+    return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+
+
+def decorators(node: ast.FunctionDef | ast.ClassDef) -> set[str]:
+    return {ast.unparse(decorator).partition("(")[0] for decorator in node.decorator_list}
+
+
+def is_device_function(function: ast.FunctionDef) -> bool:
+    return bool(decorators(function) & DEVICE_DECORATORS)
+
+
+def body_lines(function: ast.FunctionDef) -> int:
+    first = function.body[0]
+    if ast.get_docstring(function) is not None and len(function.body) > 1:
+        first = function.body[1]
+    assert function.end_lineno is not None
+    return function.end_lineno - first.lineno + 1
+
+
+def imported_modules(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+
+
+def flat(target: ast.expr) -> Iterator[ast.expr]:
+    """The parts of `a, (b, c) = ...` one by one."""
+    if isinstance(target, ast.Tuple | ast.List):
+        for part in target.elts:
+            yield from flat(part)
+    else:
+        yield target.value if isinstance(target, ast.Starred) else target
+
+
+def targets(function: ast.FunctionDef) -> Iterator[ast.expr]:
+    """Everything that the function assigns to, loop variables included."""
+    for node in ast.walk(function):
+        if isinstance(node, ast.Assign):
+            for target in node.targets:
+                yield from flat(target)
+        elif isinstance(node, ast.AugAssign | ast.AnnAssign | ast.For):
+            yield from flat(node.target)
+
+
+def root_name(expression: ast.expr) -> str | None:
+    """The name at the beginning of `name.member[index].other`."""
+    while isinstance(expression, ast.Attribute | ast.Subscript):
+        expression = expression.value
+    return expression.id if isinstance(expression, ast.Name) else None
+
+
+def static_content(value: ast.expr) -> ast.expr | None:
+    """What `ti.static(content)` or `ti.static(content)[k]` stands for: another name of it, not a copy."""
+    if isinstance(value, ast.Call) and ast.unparse(value.func) == "ti.static":
+        return value.args[0]
+    if isinstance(value, ast.Subscript) and isinstance(value.slice, ast.Constant):
+        content = static_content(value.value)
+        return content.elts[value.slice.value] if isinstance(content, ast.Tuple) else content
+    return None
+
+
+def aliases(function: ast.FunctionDef) -> dict[str, str]:
+    """Names that `ti.static` makes for something reached from another name."""
+    found: dict[str, str] = {}
+    for node in ast.walk(function):
+        if not isinstance(node, ast.Assign) or (content := static_content(node.value)) is None:
+            continue
+        contents = content.elts if isinstance(content, ast.Tuple) else [content]
+        for target, origin in zip(flat(node.targets[0]), contents, strict=False):
+            root = root_name(origin)
+            if isinstance(target, ast.Name) and root:
+                found[target.id] = root
+    return found
+
+
+def template_arguments(function: ast.FunctionDef) -> set[str]:
+    """Arguments handed over as themselves: assigning to the bare name changes the caller's variable."""
+    return {a.arg for a in function.args.args if a.annotation and "ti.template" in ast.unparse(a.annotation)}
+
+
+def own_variables(function: ast.FunctionDef) -> set[str]:
+    """Names that belong to the function alone: writing to them is nobody else's concern."""
+    assigned = {target.id for target in targets(function) if isinstance(target, ast.Name)}
+    return assigned - {argument.arg for argument in function.args.args} - set(aliases(function))
+
+
+def written(function: ast.FunctionDef) -> Iterator[ast.expr]:
+    """Every expression that the function changes in place."""
+    templates = template_arguments(function)
+    for target in targets(function):
+        if not isinstance(target, ast.Name) or target.id in templates:
+            yield target
+    for node in ast.walk(function):
+        if not isinstance(node, ast.Call):
+            continue
+        if ast.unparse(node.func).startswith("ti.atomic_"):
+            yield node.args[0]
+        elif isinstance(node.func, ast.Attribute) and node.func.attr in WRITING_METHODS:
+            yield node.func.value
+
+
+def device_signatures() -> dict[str, list[str]]:
+    """Argument names of every Taichi function whose name occurs once in the package."""
+    found: dict[str, list[list[str]]] = {}
+    for tree in TREES.values():
+        for function in filter(is_device_function, functions(tree)):
+            found.setdefault(function.name, []).append([argument.arg for argument in function.args.args])
+    return {name: signatures[0] for name, signatures in found.items() if len(signatures) == 1}
+
+
+def handed_over(function: ast.FunctionDef, signatures: dict[str, list[str]]) -> Iterator[ast.expr]:
+    """Arguments of calls that the called function writes to."""
+    for node in ast.walk(function):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            names = signatures.get(node.func.id, [])
+            positional = list(zip(names, node.args, strict=False))
+            named = [(keyword.arg or "", keyword.value) for keyword in node.keywords]
+            yield from (argument for name, argument in positional + named if name.endswith("_out"))
+
+
+def silent_writes(function: ast.FunctionDef, signatures: dict[str, list[str]]) -> set[str]:
+    """What the function changes although no name says so."""
+    names, own = aliases(function), own_variables(function)
+    silent = set()
+    for expression in [*written(function), *handed_over(function, signatures)]:
+        root = root_name(expression)
+        while root in names:
+            root = names[root]
+        if root and root not in own and not root.endswith("_out"):
+            silent.add(ast.unparse(expression))
+    return silent
+
+
+SIGNATURES = device_signatures()
+
+
+@each_file
+def test_files_and_functions_stay_short(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_FILE
+    for function in functions(TREES[path]):
+        assert body_lines(function) <= LONGEST_FUNCTION, function.name
+
+
+@each_file
+def test_kernels_are_free_functions(path):
+    for node in ast.walk(TREES[path]):
+        if isinstance(node, ast.ClassDef):
+            owned = [f.name for f in node.body if isinstance(f, ast.FunctionDef) and is_device_function(f)]
+            assert not owned, f"{node.name} owns kernels {owned}"
+            assert "ti.data_oriented" not in decorators(node), node.name
+
+
+@each_file
+def test_kernels_are_nested_only_where_a_choice_is_compiled(path):
+    for owner in functions(TREES[path]):
+        nested = [f.name for f in functions(owner) if f is not owner and is_device_function(f)]
+        assert not nested or owner.name.startswith("compile_"), f"{owner.name} holds {nested}"
+
+
+@each_file
+def test_device_functions_say_what_they_write(path):
+    for function in filter(is_device_function, functions(TREES[path])):
+        silent = silent_writes(function, SIGNATURES)
+        assert not silent, f"{function.name} writes {sorted(silent)} without the _out suffix"
+
+
+@each_file
+def test_annotations_of_kernels_are_types_and_not_text(path):
+    if any(map(is_device_function, functions(TREES[path]))):
+        assert "__future__" not in imported_modules(TREES[path]), "Taichi rejects annotations that are text"
+
+
+@each_file
+def test_libraries_are_spoken_where_they_belong(path):
+    place = path.relative_to(ROOT).as_posix()
+    spoken = {module.partition(".")[0] for module in imported_modules(TREES[path])}
+    assert "taichi" not in spoken or place == "taichi_erosion/core/ti.py"
+    assert not spoken & {"rerun", "rerun_cli"} or place.startswith("taichi_erosion/recording/")
+
+
+@each_file
+def test_the_device_is_started_in_one_place(path):
+    calls = {ast.unparse(node.func) for node in ast.walk(TREES[path]) if isinstance(node, ast.Call)}
+    assert "ti.init" not in calls or path == PACKAGE / "core" / "device.py"
+
+
+SILENT = {
+    "an argument": "def f(x: ti.template()):\n    x[0] = 1.0",
+    "a member of an argument": "def f(grains: ti.template()):\n    grains.velocity[0] += 1.0",
+    "a component of an element": "def f(x: ti.template()):\n    x[0].z = 1.0",
+    "one of several targets": "def f(x: ti.template(), y_out: ti.template()):\n    y_out[0], x[0] = 1.0, 2.0",
+    "an argument by its bare name": "def f(total: ti.template()):\n    total += 1.0",
+    "a field of the surroundings": "def f():\n    counter[None] += 1",
+    "an argument through an atomic": "def f(x: ti.template()):\n    ti.atomic_add(x[0], 1.0)",
+    "another name of an argument": "def f(g: ti.template()):\n    v = ti.static(g.velocity)\n    v[0] = 1.0",
+    "one of two other names": "def f(w: ti.template()):\n    a, b = ti.static((w.a, w.b))\n    b[0] = 1.0",
+    "a picked other name": "def f(w: ti.template()):\n    a = ti.static((w.a,))[0]\n    a[0] = 1.0",
+    "a list": "def f(found: ti.template()):\n    found.append(1)",
+    "an argument through a call": "def f(x: ti.template()):\n    clear(x)",
+}
+SPOKEN = {
+    "a marked argument": "def f(x_out: ti.template()):\n    x_out[0] = 1.0",
+    "a member of a marked argument": "def f(grains_out: ti.template()):\n    grains_out.velocity[0] += 1.0",
+    "its own vector": "def f(x: ti.template()):\n    y = x[0] + x[1]\n    y[0] = 1.0",
+    "its own loop variable": "def f(x: ti.template()):\n    for y in range(3):\n        y += 1",
+    "another name of a marked one": "def f(g_out: ti.template()):\n    v = ti.static(g_out.v)\n    v[0] = 1",
+    "a marked argument through a call": "def f(x_out: ti.template()):\n    clear(x_out)",
+}
+
+
+@pytest.mark.parametrize("source", SILENT.values(), ids=SILENT.keys())
+def test_a_silent_write_is_noticed(source):
+    (function,) = functions(ast.parse(source))
+    assert silent_writes(function, {"clear": ["field_out"]})
+
+
+@pytest.mark.parametrize("source", SPOKEN.values(), ids=SPOKEN.keys())
+def test_a_write_that_the_signature_shows_is_allowed(source):
+    (function,) = functions(ast.parse(source))
+    assert not silent_writes(function, {"clear": ["field_out"]})

@@ -1,0 +1,348 @@
+"""The command line as a shell sees it: exit code, stdout for results, stderr for everything else.
+
+The rooms behind the commands are replaced by stand-ins, so that only the translation of words is tested.
+"""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import get_args, get_type_hints
+
+import numpy as np
+import pytest
+
+from taichi_erosion.cli import commands
+from taichi_erosion.cli.main import main
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.setup import Numerics
+
+DOCUMENT = {
+    "scene": "funnel",
+    "hash": "0123456789ab",
+    "seed": 1,
+    "replicas": [
+        {"seed": 1, "measures": {}, "warnings": ["flank not straight"]},
+        {"seed": 2, "measures": {}, "warnings": ["flank not straight"]},
+    ],
+    "measures": {
+        "repose_angle": {"value": 32.914, "sd": 0.514, "unit": "deg", "n": 2},
+        "height": {"value": 0.0123456, "sd": float("nan"), "unit": "m", "n": 1},
+    },
+    "measured": {"repose_angle": {"value": 33.52, "sd": 0.68, "n": 10, "source": "Hao et al. 2022"}},
+    "grain_steps": 6_000_000,
+    "wall_s": 2.0,
+    "recording": Path("recordings/funnel.rrd"),
+    "versions": {},
+}
+
+
+@dataclass(frozen=True)
+class Claim:
+    id: str
+    claim: str
+    got: float
+    want: float
+    tolerance: float
+    precision: str
+    passed: bool
+    wall_s: float
+
+
+HELD = Claim("V01", "a sphere falls freely", 1.0, 1.0, 1e-6, "f64", True, 0.1)
+BROKEN = Claim("V02", "a sphere bounces", float("nan"), 2.0, 1e-6, "f32", False, 0.1)
+
+
+@pytest.fixture
+def room(monkeypatch):
+    """Function that puts a stand-in where a command imports a room, and returns the calls it received."""
+
+    def replace(module, name, answer):
+        calls = []
+
+        def stand_in(*arguments, **words):
+            calls.append((arguments, words))
+            if isinstance(answer, BaseException):
+                raise answer
+            return answer
+
+        substitute = ModuleType(module)
+        setattr(substitute, name, stand_in)
+        substitute.RunOptions = SimpleNamespace
+        monkeypatch.setitem(sys.modules, module, substitute)
+        return calls
+
+    return replace
+
+
+def run_scene(room, answer=DOCUMENT):
+    return room("taichi_erosion.run", "run_scene", answer)
+
+
+def test_words_of_run_arrive_as_options_and_only_those_that_were_typed(room, tmp_path):
+    calls = run_scene(room)
+    target = tmp_path / "a.rrd"
+    words = [
+        "--set",
+        "run.seed=3",
+        "--set",
+        "a.b=1",
+        "--replicas",
+        "3",
+        "--arch",
+        "cpu",
+        "--record",
+        str(target),
+    ]
+    assert main(["run", "scene.toml", *words]) == 0
+    (((path, options), _),) = calls
+    assert path == Path("scene.toml")
+    typed = vars(options)
+    assert callable(typed.pop("progress"))
+    assert typed == {
+        "overrides": ("run.seed=3", "a.b=1"),
+        "replicas": 3,
+        "arch": "cpu",
+        "record": target,
+        "no_record": False,
+    }
+
+
+def test_json_of_run_is_one_document_that_any_reader_accepts(room, capsys):
+    run_scene(room)
+    assert main(["run", "scene.toml", "--json"]) == 0
+    printed = capsys.readouterr()
+    document = json.loads(printed.out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert document["measures"]["repose_angle"]["value"] == 32.914
+    assert document["measures"]["height"]["sd"] is None
+    assert document["recording"] == "recordings/funnel.rrd"
+    assert printed.err == ""
+
+
+def test_run_prints_the_measured_value_beside_the_simulated_one(room, capsys):
+    run_scene(room)
+    assert main(["run", "scene.toml"]) == 0
+    printed = capsys.readouterr().out
+    (row,) = [line for line in printed.splitlines() if "repose_angle" in line]
+    cells = [cell.strip() for cell in re.split("[│┃|]", row) if cell.strip()]
+    assert cells == [
+        "repose_angle [deg]",
+        "32.91 ± 0.51 (n = 2)",
+        "33.52 ± 0.68 (n = 10)",
+        "-0.606 (-1.8%)",
+        "Hao et al. 2022",
+    ]
+    assert "warning: flank not straight (2 of 2 replicas)" in printed
+    assert "recording: recordings/funnel.rrd" in printed
+    assert "3e+06 grain-steps/s" in printed
+
+
+def test_progress_goes_to_stderr(room, capsys, monkeypatch):
+    monkeypatch.setattr("taichi_erosion.cli.progress.LINE_INTERVAL", 0.0)
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+
+    def simulate(_scene, options):
+        options.progress(0.25, "t = 0.1 s")
+        return DOCUMENT
+
+    run_scene(room)
+    monkeypatch.setattr(sys.modules["taichi_erosion.run"], "run_scene", simulate)
+    assert main(["run", "scene.toml", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == "simulating: 25%, t = 0.1 s\n"
+    assert json.loads(printed.out)["seed"] == 1
+
+
+def test_check_validates_without_simulating(room, capsys):
+    calls = room("taichi_erosion.run", "check_scene", {"scene": "funnel", "hash": "abc"})
+    assert main(["run", "scene.toml", "--check", "--set", "a.b=1"]) == 0
+    assert calls == [((Path("scene.toml"), ("a.b=1",)), {})]
+    assert capsys.readouterr().out == "scene.toml: valid, hash abc\n"
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "line"),
+    [
+        (BadInput("scene.toml: grains.count = -1 lies\noutside [1, 1000000]"), 2, "outside [1, 1000000]"),
+        (SimulationStopped("grains 3 and 7 overlap by 0.4 at t = 0.2 s"), 3, "grains 3 and 7"),
+        (KeyboardInterrupt("recording recordings/a.rrd"), 130, "interrupted; recording recordings/a.rrd"),
+        (ZeroDivisionError("division by zero"), 1, "unexpected ZeroDivisionError: division by zero"),
+    ],
+    ids=["bad input", "guarded stop", "Ctrl-C", "a mistake of ours"],
+)
+def test_every_failure_is_one_line_and_its_exit_code(room, capsys, failure, code, line):
+    run_scene(room, failure)
+    assert main(["run", "scene.toml", "--json"]) == code
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert line in printed.err
+
+
+def test_a_traceback_is_shown_to_those_who_ask_for_it(room, capsys, monkeypatch):
+    monkeypatch.setenv("TAICHI_EROSION_TRACEBACK", "1")
+    run_scene(room, ZeroDivisionError("division by zero"))
+    assert main(["run", "scene.toml"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["run"], "SCENE"),
+        (["run", "s.toml", "--arch", "abacus"], "abacus"),
+        (["run", "s.toml", "--replicas", "0"], "--replicas"),
+        (["run", "s.toml", "--threads", "many"], "--threads"),
+        (["run", "s.toml", "--record", "a.rrd", "--no-record"], "--no-record"),
+        (["run", "s.toml", "--every", "1"], "--checkpoint"),
+        (["run", "s.toml", "--every", "nan", "--checkpoint", "c.npz"], "--every nan"),
+        (["run", "s.toml", "--resume", "missing.npz"], "missing.npz"),
+        (["view", "missing.rrd"], "missing.rrd"),
+        (["measure", "repose", "missing.png"], "missing.png"),
+        (["measure", "repose", __file__, "--crop", "1,2,3"], "--crop 1,2,3"),
+        (["measure", "repose", __file__, "--crop", "5,0,5,9"], "--crop 5,0,5,9"),
+        (["schema", "-o", "missing/folder/s.json"], "missing/folder"),
+        (["erode"], "erode"),
+    ],
+    ids=" ".join,
+)
+def test_a_word_that_cannot_be_used_is_named_in_one_line(room, capsys, words, named):
+    calls = run_scene(room)
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert named in printed.err
+    assert calls == []
+
+
+def test_verify_fails_as_a_whole_where_one_claim_fails(room, capsys):
+    calls = room("taichi_erosion.verification", "verify", [HELD, BROKEN])
+    assert main(["verify", "V01", "V02", "--json"]) == 1
+    (((ids,), words),) = calls
+    assert ids == ("V01", "V02")
+    claims = json.loads(capsys.readouterr().out)["claims"]
+    assert [claim["passed"] for claim in claims] == [True, False]
+    assert claims[1]["got"] is None
+    words["on_claim"](BROKEN)
+    assert capsys.readouterr() == ("", "V02 FAILED: a sphere bounces\n")
+    assert list(claims[0]) == ["id", "claim", "got", "want", "tolerance", "precision", "passed", "wall_s"]
+
+
+def test_verify_succeeds_where_all_claims_hold(room, capsys):
+    room("taichi_erosion.verification", "verify", [HELD])
+    assert main(["verify"]) == 0
+    assert "1 of 1 claims hold" in capsys.readouterr().out
+
+
+def test_bench_prints_every_case_with_its_stages(room, capsys):
+    case = {
+        "case": "bed",
+        "grain_steps_per_s": np.float64(1.5e7),
+        "stages": {"contacts": 0.75, "rebuild": 0.25},
+    }
+    room("taichi_erosion.benchmark", "run_benchmarks", {"cases": [case]})
+    assert main(["bench"]) == 0
+    printed = capsys.readouterr().out
+    assert all(word in printed for word in ("bed", "1.5e+07", "contacts 0.75", "rebuild 0.25"))
+
+
+def test_repose_of_a_photograph_is_measured_within_the_crop(room, capsys, tmp_path):
+    image = tmp_path / "heap.png"
+    image.touch()
+    record = {
+        "name": "repose_angle",
+        "value": 31.0,
+        "sd": 0.4,
+        "unit": "deg",
+        "n": 1,
+        "notes": ["left flank only"],
+    }
+    calls = room("taichi_erosion.measures.photograph", "measure_photograph", record)
+    assert main(["measure", "repose", str(image), "--crop", "0,10,200,100", "--background", "dark"]) == 0
+    assert calls == [((image,), {"crop": (0, 10, 200, 100), "background": "dark"})]
+    assert capsys.readouterr().out == "repose_angle = 31.00 ± 0.40 (n = 1) deg\nnote: left flank only\n"
+
+
+def test_the_schema_of_scenes_is_written_where_it_was_asked_for(room, capsys, tmp_path):
+    calls = room("taichi_erosion.scene", "write_schema", None)
+    target = tmp_path / "scene.schema.json"
+    assert main(["schema", "-o", str(target)]) == 0
+    assert calls == [((target,), {})]
+    assert capsys.readouterr().out == f"{target}\n"
+
+
+def test_a_picture_is_taken_at_the_time_asked_for(room, capsys, tmp_path):
+    recording = tmp_path / "a.rrd"
+    recording.touch()
+    calls = room("taichi_erosion.recording.viewer", "picture", None)
+    assert main(["snapshot", str(recording), "--time", "0.5", "-o", "a.png"]) == 0
+    assert calls == [((recording, 0.5, Path("a.png")), {})]
+    assert capsys.readouterr().out == "a.png\n"
+
+
+def test_the_viewer_s_exit_code_is_ours(room, tmp_path):
+    recording = tmp_path / "a.rrd"
+    recording.touch()
+    room("taichi_erosion.recording.viewer", "open_viewer", 7)
+    assert main(["view", str(recording)]) == 7
+
+
+def test_devices_and_precisions_on_offer_are_those_of_the_core():
+    words = get_type_hints(commands.run)
+    offered = {name: set(get_args(get_args(words[name])[0])) for name in ("arch", "precision")}
+    known = get_type_hints(Numerics)
+    assert offered == {name: set(get_args(known[name])) for name in offered}
+
+
+def python(source, **words):
+    return subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, timeout=60, **words)
+
+
+def test_help_loads_none_of_the_heavy_libraries():
+    heavy = ("taichi", "rerun", "statsmodels", "scipy", "matplotlib", "numpy")
+    source = f"""
+import sys
+from taichi_erosion.cli.main import main
+code = main(["run", "--help"])
+print(code, [name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
+"""
+    answer = python(source, cwd=Path(__file__).parent.parent)
+    assert "--set" in answer.stdout
+    assert answer.stderr == "0 []\n"
+
+
+def test_no_colour_is_printed_where_none_is_wanted():
+    source = "from taichi_erosion.cli.main import main; main(['--help'])"
+    environment = {**os.environ, "NO_COLOR": "1", "FORCE_COLOR": "1"}
+    answer = python(source, cwd=Path(__file__).parent.parent, env=environment)
+    colours = re.findall(r"\x1b\[[0-9;]*3[0-9][0-9;]*m", answer.stdout)
+    assert answer.stdout
+    assert colours == []
+
+
+def test_sigterm_lets_what_is_open_be_closed():
+    source = """
+import os, signal, sys
+from types import ModuleType, SimpleNamespace
+from taichi_erosion.cli.main import main
+def run_scene(scene, options):
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+        signal.pause()
+    finally:
+        print("closed", file=sys.stderr)
+room = ModuleType("taichi_erosion.run")
+room.run_scene, room.RunOptions = run_scene, SimpleNamespace
+sys.modules["taichi_erosion.run"] = room
+sys.exit(main(["run", "scene.toml"]))
+"""
+    answer = python(source, cwd=Path(__file__).parent.parent)
+    assert answer.returncode == 128 + signal.SIGTERM
+    assert answer.stderr == "closed\n"
+    assert answer.stdout == ""

@@ -1,0 +1,261 @@
+"""The launcher, in a tree of its own whose path holds a space; a stand-in for `uv` makes the environment.
+
+The stand-in writes down what it was asked for. The program it "installs" prints its words and its folder.
+"""
+
+import ast
+import fcntl
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parent.parent
+LAUNCHER = ROOT / "erosion"
+UV = """#!/bin/sh
+echo "$@" >> "$ASKED"
+echo "chatter of the installer"
+case "$1" in
+venv)
+    mkdir -p .venv/bin
+    ln -sf "$PYTHON" .venv/bin/python
+    ;;
+pip)
+    [ -z "$BROKEN_NETWORK" ] || exit 7
+    for name in taichi-erosion ruff basedpyright lint-imports pytest; do
+        cp "$PROGRAM" ".venv/bin/$name"
+    done
+    ;;
+esac
+"""
+PROGRAM = """#!/bin/sh
+echo "$(basename "$0")" "$@"
+echo "in $PWD" >&2
+case "$FAILING" in *"$(basename "$0")"*) exit 4 ;; esac
+"""
+
+
+class Tree:
+    """A source tree and the record of what its installer was asked for."""
+
+    def __init__(self, folder: Path):
+        self.root = folder / "a source tree"
+        self.asked = folder / "asked"
+        tools = folder / "tools"
+        for path in (self.root, tools):
+            path.mkdir()
+        shutil.copy(LAUNCHER, self.root / "erosion")
+        (self.root / "pyproject.toml").write_text("[project]\n")
+        (self.root / "constraints.txt").write_text("numpy==2.4.6\n")
+        for path, text in ((tools / "uv", UV), (tools / "program", PROGRAM)):
+            path.write_text(text)
+            path.chmod(0o755)
+        self.environment = {
+            "PATH": f"{tools}:/usr/bin:/bin",
+            "ASKED": str(self.asked),
+            "PROGRAM": str(tools / "program"),
+            "PYTHON": sys.executable,
+        }
+
+    def call(
+        self, *words: str, cwd: Path | None = None, **environment: str
+    ) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, str(self.root / "erosion"), *words],
+            cwd=cwd or self.root,
+            env=self.environment | environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+
+    def installations(self) -> list[str]:
+        """First words of what the installer was asked for, since the last question."""
+        lines = self.asked.read_text().splitlines() if self.asked.exists() else []
+        self.asked.unlink(missing_ok=True)
+        return [line.split()[0] for line in lines]
+
+
+@pytest.fixture
+def tree(tmp_path):
+    return Tree(tmp_path)
+
+
+def test_the_first_use_makes_the_environment_and_later_ones_do_not(tree):
+    first = tree.call("run", "a scene.toml", "--json")
+    assert (first.returncode, first.stdout) == (0, "taichi-erosion run a scene.toml --json\n")
+    assert tree.installations() == ["venv", "pip"]
+    again = tree.call("run", "a scene.toml", "--json")
+    assert again.stdout == first.stdout
+    assert tree.installations() == []
+
+
+def test_the_test_extra_is_installed_at_the_pinned_versions(tree):
+    tree.call("run")
+    (installation,) = [line for line in tree.asked.read_text().splitlines() if line.startswith("pip")]
+    assert installation.endswith("--editable .[test] --constraint constraints.txt")
+
+
+def test_nothing_of_the_set_up_is_said_on_stdout(tree):
+    first = tree.call("--version")
+    assert first.stdout == "taichi-erosion --version\n"
+    assert "chatter of the installer" in first.stderr
+    assert "erosion: making .venv" in first.stderr
+
+
+def test_a_command_runs_where_it_was_typed(tree, tmp_path):
+    elsewhere = tmp_path / "else where"
+    elsewhere.mkdir()
+    assert f"in {elsewhere}\n" in tree.call("run", cwd=elsewhere).stderr
+    assert (tree.root / ".venv").is_dir()
+
+
+@pytest.mark.parametrize("name", ["pyproject.toml", "constraints.txt"])
+def test_a_change_of_requirements_completes_the_environment_in_place(tree, name):
+    tree.call("run")
+    tree.installations()
+    kept = tree.root / ".venv" / "kept"
+    kept.touch()
+    with (tree.root / name).open("a") as file:
+        file.write("# changed\n")
+    assert tree.call("run").returncode == 0
+    assert tree.installations() == ["pip"]
+    assert kept.exists()
+
+
+def test_an_environment_made_by_hand_is_adopted(tree):
+    programs = tree.root / ".venv" / "bin"
+    programs.mkdir(parents=True)
+    (programs / "python").symlink_to(sys.executable)
+    assert tree.call("run").returncode == 0
+    assert tree.installations() == ["pip"]
+
+
+def test_an_interrupted_set_up_is_begun_again(tree):
+    failed = tree.call("run", BROKEN_NETWORK="1")
+    assert failed.returncode == 1
+    assert failed.stdout == ""
+    assert "set-up failed with exit code 7" in failed.stderr
+    tree.installations()
+    remains = tree.root / ".venv" / "remains"
+    remains.touch()
+    assert tree.call("run").returncode == 0
+    assert tree.installations() == ["venv", "pip"]
+    assert not remains.exists()
+
+
+def test_a_failed_update_is_tried_again(tree):
+    tree.call("run")
+    (tree.root / "constraints.txt").write_text("")
+    assert tree.call("run", BROKEN_NETWORK="1").returncode == 1
+    tree.installations()
+    assert tree.call("run").returncode == 0
+    assert tree.installations() == ["pip"]
+
+
+def test_an_environment_whose_python_is_gone_is_made_again(tree):
+    tree.call("run")
+    tree.installations()
+    python = tree.root / ".venv" / "bin" / "python"
+    python.unlink()
+    python.symlink_to("/nowhere/python")
+    assert tree.call("run").returncode == 0
+    assert tree.installations() == ["venv", "pip"]
+
+
+def test_a_tree_that_was_moved_gets_its_own_environment(tree):
+    tree.call("run")
+    tree.installations()
+    tree.root = tree.root.rename(tree.root.with_name("moved tree"))
+    moved = tree.call("run")
+    assert "made for another folder" in moved.stderr
+    assert tree.installations() == ["venv", "pip"]
+
+
+def test_two_set_ups_do_not_run_at_once(tree):
+    with (tree.root / ".venv.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        words = [sys.executable, str(tree.root / "erosion"), "run"]
+        waiting = subprocess.Popen(
+            words, env=tree.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert waiting.stderr is not None
+        assert waiting.stderr.readline() == "erosion: waiting for another set-up of .venv to finish\n"
+        assert tree.installations() == []
+    out, _ = waiting.communicate(timeout=60)
+    assert out == "taichi-erosion run\n"
+
+
+def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
+    answer = tree.call("test", FAILING="ruff lint-imports")
+    assert answer.returncode == 4
+    assert answer.stdout.splitlines() == [
+        "ruff check",
+        "ruff format --check",
+        "basedpyright",
+        "lint-imports",
+        "pytest -m not slow and not gpu",
+    ]
+    summary = [line.split()[1:3] for line in answer.stderr.splitlines() if line[9:15] in ("passed", "FAILED")]
+    assert summary == [
+        ["FAILED", "ruff"],
+        ["FAILED", "ruff"],
+        ["passed", "basedpyright"],
+        ["FAILED", "lint-imports"],
+        ["passed", "pytest"],
+    ]
+
+
+def test_gates_that_all_pass_succeed(tree):
+    assert tree.call("test").returncode == 0
+
+
+def test_words_after_test_go_to_pytest_alone_from_the_root(tree, tmp_path):
+    answer = tree.call("test", "-k", "two words", cwd=tmp_path, FAILING="pytest")
+    assert answer.returncode == 4
+    assert answer.stdout == "pytest -k two words\n"
+    assert f"in {tree.root}\n" in answer.stderr
+
+
+def test_an_unsuitable_python_says_which_ones_serve(tree, tmp_path):
+    launcher = str(tree.root / "erosion")
+    source = (
+        f"import runpy, sys; sys.executable = '/nowhere'; runpy.run_path({launcher!r}, run_name='__main__')"
+    )
+    environment = tree.environment | {"PATH": str(tmp_path)}
+    answer = subprocess.run(
+        [sys.executable, "-c", source], env=environment, capture_output=True, text=True, check=False
+    )
+    assert answer.returncode == 1
+    assert answer.stderr.startswith("erosion: needs Python 3.11, 3.12 or 3.13 on PATH")
+    assert answer.stderr.count("\n") == 1
+    assert not (tree.root / ".venv").exists()
+
+
+def test_the_launcher_can_be_executed_and_read_by_an_old_python():
+    assert os.access(LAUNCHER, os.X_OK)
+    ast.parse(LAUNCHER.read_text(encoding="utf-8"), feature_version=(3, 8))
+
+
+def test_continuous_integration_runs_what_the_readme_tells_everybody_to_run():
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)
+    assert script.splitlines()[-1] == "exec ./erosion test"
+    assert "\n./erosion test\n" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_every_requirement_is_pinned_within_its_bounds():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = dict(line.split("==") for line in lines if not line.startswith("#"))
+    versions = {canonicalize_name(name): version for name, version in pins.items()}
+    for text in [*project["dependencies"], *project["optional-dependencies"]["test"]]:
+        requirement = Requirement(text)
+        assert versions.get(canonicalize_name(requirement.name), "none") in requirement.specifier, text
