@@ -1,6 +1,7 @@
 """Recordings read back as NumPy, those of killed runs too."""
 
 import warnings
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.recording.torn_file import readable
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -19,7 +20,6 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
-MAGIC = b"RRF2"  # first bytes of a recording file
 TIMELINE = "sim_time"
 PROPERTIES = "/__properties/"
 NANOSECOND = 1e-9  # s, unit of rerun's durations
@@ -39,30 +39,24 @@ def read_chunks(path: Path) -> Iterator["Chunk"]:
     """Chunks of the recording in a file, as far as they are whole; the blueprint beside it is left out."""
     from rerun.chunk import RrdReader
 
-    if not path.is_file():
-        raise BadInput(f"{path}: no such recording")
-    with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            raise BadInput(f"{path}: not a recording (.rrd)")
-    try:
+    with readable(path) as whole:
         with warnings.catch_warnings():
             # what a killed writer leaves has no footer, and is no legacy format
             warnings.filterwarnings("ignore", "RRD file has no footer")
-            chunks = RrdReader(path).stream()
-        yield from chunks
-    except (RuntimeError, ValueError, OSError):
-        return  # the writer died in the middle of a chunk; what came before it is whole
+            reader = RrdReader(whole)
+        if reader.recordings():  # none when the writer died within the blueprint
+            yield from reader.stream()
 
 
-def read_component(path: Path, entity: str, component: str) -> list[tuple[int, Any]]:
-    """Values of one component of an entity, (time [ns], Python or NumPy value), in order of time."""
-    rows: list[tuple[int, Any]] = []
+def read_rows(path: Path, entity: str, *components: str) -> list[tuple[Any, ...]]:
+    """Rows (time [ns], value of each component) of an entity, in order of time."""
+    rows: list[tuple[Any, ...]] = []
     for chunk in read_chunks(path):
         if chunk.entity_path == "/" + entity and not chunk.is_static:
             batch = chunk.to_record_batch()
-            if component in batch.schema.names:
-                times = batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(np.int64)
-                rows.extend(zip(times.tolist(), values(batch.column(component)), strict=True))
+            if set(components) <= set(batch.schema.names):
+                times = batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(np.int64).tolist()
+                rows.extend(zip(times, *(values(batch.column(name)) for name in components), strict=True))
     return sorted(rows, key=lambda row: row[0])
 
 
@@ -80,22 +74,20 @@ def values(column: "pa.Array") -> Iterator[NDArray[Any]]:
 
 def read_frames(path: Path, entity: str) -> list[tuple[float, Singles]]:
     """Positions [n, 3] m that an entity was given, each with its time [s]."""
-    rows = read_component(path, entity, "Points3D:positions")
-    return [(time * NANOSECOND, positions) for time, positions in rows]
+    return [(time * NANOSECOND, points) for time, points in read_rows(path, entity, "Points3D:positions")]
 
 
 def read_grains(path: Path) -> list[GrainFrame]:
     """Every frame of a run, bed and mobile grains put together."""
-    columns = ("ident", "Points3D:positions", "Points3D:radii")
-    bed = [read_component(path, "world/bed", column) for column in columns]
-    mobile = [read_component(path, "world/mobile", column) for column in columns]
-    bed_times = np.array([time for time, _ in bed[0]], dtype=np.int64)
+    components = ("ident", "Points3D:positions", "Points3D:radii")
+    beds = read_rows(path, "world/bed", *components)
+    bed_times = [bed[0] for bed in beds]
     frames = []
-    for index, (time, _) in enumerate(mobile[0]):
-        latest = int(np.searchsorted(bed_times, time, side="right")) - 1
+    for time, *mobile in read_rows(path, "world/mobile", *components):
+        latest = bisect_right(bed_times, time) - 1
         if latest < 0:
             continue  # the bed of this frame was lost with the killed writer
-        parts = [np.concatenate([b[latest][1], m[index][1]]) for b, m in zip(bed, mobile, strict=True)]
+        parts = [np.concatenate(part) for part in zip(beds[latest][1:], mobile, strict=True)]
         order = np.argsort(parts[0])
         frames.append(GrainFrame(time * NANOSECOND, *(part[order] for part in parts)))
     return frames
@@ -103,7 +95,7 @@ def read_grains(path: Path) -> list[GrainFrame]:
 
 def read_series(path: Path, entity: str) -> tuple[Floats, Floats]:
     """Times [s] and values of a curve, such as ledger/contacts."""
-    rows = read_component(path, entity, "Scalars:scalars")
+    rows = read_rows(path, entity, "Scalars:scalars")
     times = np.array([time for time, _ in rows], dtype=np.float64) * NANOSECOND
     return times, np.array([value[0] for _, value in rows], dtype=np.float64)
 

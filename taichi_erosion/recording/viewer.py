@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.readback import NANOSECOND, TIMELINE
+from taichi_erosion.recording.torn_file import readable
 from taichi_erosion.recording.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -43,9 +44,9 @@ def quiet_environment() -> dict[str, str]:
 
 def open_viewer(path: Path) -> int:
     """Show a recording in a window until the user closes it; returns the viewer's exit code."""
-    require(path)
-    command = [viewer_binary(), "--bind", LOOPBACK, "--port", str(free_port()), path.resolve()]
-    return subprocess.run(command, env=quiet_environment(), check=False).returncode
+    with readable(path) as whole:
+        command = [viewer_binary(), "--bind", LOOPBACK, "--port", str(free_port()), whole.resolve()]
+        return subprocess.run(command, env=quiet_environment(), check=False).returncode
 
 
 def picture(
@@ -104,7 +105,16 @@ def without_tabs(blueprint: dict[str, Any]) -> dict[str, Any]:
 @contextmanager
 def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient"]:
     """A viewer without a window that has loaded a recording."""
-    require(path)
+    with readable(path) as whole, viewer_process(size) as (process, port):
+        client = connect(process, port)
+        client.open(str(whole.resolve()))
+        wait_until(lambda: is_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
+        yield client
+
+
+@contextmanager
+def viewer_process(size: tuple[int, int]) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+    """A starting viewer without a window, and the port where it listens."""
     port = free_port()
     command = [viewer_binary(), "--headless", "--bind", LOOPBACK, "--port", str(port)]
     command += ["--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen"]
@@ -112,10 +122,7 @@ def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient
         command, env=quiet_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
-        client = connect(process, port)
-        client.open(str(path.resolve()))
-        wait_until(lambda: is_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
-        yield client
+        yield process, port
     finally:
         stop(process)
 
@@ -159,12 +166,6 @@ def stop(process: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-
-
-def require(path: Path) -> None:
-    """Raise BadInput unless the recording exists."""
-    if not path.is_file():
-        raise BadInput(f"{path}: no such recording")
 
 
 def free_port() -> int:

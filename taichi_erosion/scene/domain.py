@@ -7,7 +7,7 @@ from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_field import Vector
 from taichi_erosion.scene.walls import bounds_of, endless, wall_bounds
 
-MARGIN_OPEN = 2.0  # side margin over the apparatus where a plane lets grains roll away [1]
+MARGIN_OPEN = 30.0  # side margin over the apparatus where a plane lets splashed grains roll away [1]
 MARGIN_CLOSED = 0.5  # side margin otherwise [1]
 MARGIN_HEIGHT = 0.5  # margin above and below over the height of the apparatus [1]
 MARGIN_RADII = 20.0  # least margin, in largest radii [1]

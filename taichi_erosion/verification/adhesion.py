@@ -42,9 +42,7 @@ STEPS_PER_DEPTH = 400  # in which the pair moves by L^2/R* at its first speed [1
 
 @dataclass(frozen=True)
 class Bounce:
-    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce, and speeds of approach and of parting [m
-    s-1].
-    """
+    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce; speeds before and after it [m s-1]."""
 
     overlap: Floats
     force: Floats

@@ -22,7 +22,7 @@ class Stopped(Exception):
 
 @dataclass(frozen=True)
 class Trace:
-    """Samples of an ensemble whose replicas hold the same number of grains."""
+    """Samples of an ensemble; replicas with fewer grains than others are filled up with NaN."""
 
     time: Floats  # [samples, replicas] s
     position: Floats  # [samples, replicas, grains, 3] m
@@ -61,10 +61,20 @@ def sample(sim: Simulation, times: Floats) -> Trace:
         rows.append(states(sim, times.shape[1]))
     return Trace(
         time=np.array([[state.time for state in row] for row in rows]),
-        position=np.array([[state.position for state in row] for row in rows]),
-        velocity=np.array([[state.velocity for state in row] for row in rows]),
-        spin=np.array([[state.spin for state in row] for row in rows]),
+        position=stacked(rows, "position"),
+        velocity=stacked(rows, "velocity"),
+        spin=stacked(rows, "spin"),
     )
+
+
+def stacked(rows: list[list[Snapshot]], name: str) -> Floats:
+    """One vector of the state [samples, replicas, most grains, 3]."""
+    most = max(len(state.radius) for state in rows[0])
+    whole = np.full((len(rows), len(rows[0]), most, 3), np.nan)
+    for moment, row in zip(whole, rows, strict=True):
+        for place, state in zip(moment, row, strict=True):
+            place[: len(state.radius)] = getattr(state, name)
+    return whole
 
 
 def every_step(setups: Sequence[Setup], steps: int, stride: int = 1) -> Floats:
@@ -74,9 +84,7 @@ def every_step(setups: Sequence[Setup], steps: int, stride: int = 1) -> Floats:
 
 
 def crossing(time: Floats, value: Floats, level: float = 0.0) -> float:
-    """First time at which a sampled value falls through `level`, by linear interpolation; NaN if it never
-    does.
-    """
+    """First time at which a sampled value falls through `level`, interpolated; NaN if it never does."""
     falls = np.flatnonzero((value[:-1] > level) & (value[1:] <= level))
     if falls.size == 0:
         return float("nan")
@@ -88,8 +96,7 @@ def crossing(time: Floats, value: Floats, level: float = 0.0) -> float:
 def acceleration(trace: Trace) -> Floats:
     """Central second difference of the positions [samples - 2, replicas, grains, 3] in m s-2.
 
-    A leapfrog step makes this the force over mass at the middle sample exactly, when samples are one step
-    apart.
+    With samples one step apart a leapfrog step makes this exactly force over mass at the middle sample.
     """
     step = np.diff(trace.time, axis=0)[:-1, :, None, None]
     second = trace.position[2:] - 2.0 * trace.position[1:-1] + trace.position[:-2]

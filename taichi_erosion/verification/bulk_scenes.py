@@ -79,9 +79,7 @@ def column_scene(touch: Touch, count: int, radius: float, seed: int) -> Setup:
 
 
 def silo_scene(touch: Touch, count: int, radius: float, orifice: float, seed: int) -> Setup:
-    """A flat-bottomed round silo; wall0 tube, wall1 bottom with a round hole, wall2 plug of the hole, wall3
-    tray below.
-    """
+    """A flat-bottomed round silo; wall0 tube, wall1 bottom with a hole, wall2 its plug, wall3 tray below."""
     grains = loose_grains(count, (radius, radius), True, seed)
     walls = joined(
         tube(radius, 0.0, 80.0 * DIAMETER),
@@ -93,7 +91,7 @@ def silo_scene(touch: Touch, count: int, radius: float, orifice: float, seed: in
 
 
 def plate_scene(grain: Touch, plate: Touch, count: int, half_length: float, seed: int) -> Setup:
-    """Grains on a plate between two dams, periodic along y; wall0 plate, wall1 and wall2 dams, wall3 floor below.
+    """Grains on a plate between dams, periodic along y; wall0 plate, wall1 and wall2 dams, wall3 floor.
 
     The front and back walls of the apparatus are left out: its formula is for containers so thick that they
     do not matter.

@@ -1,5 +1,4 @@
-"""Curves behind the ladder, as arrays: test 4, test 6 and the JKR law, each beside what it is held against.
-"""
+"""Curves behind the ladder, as arrays: test 4, test 6 and JKR, each beside what it is held against."""
 
 from typing import Any
 

@@ -58,9 +58,7 @@ LADDER: dict[str, Check] = {
 
 
 def verify(ids: Sequence[str] = (), on_claim: Callable[[Claim], object] | None = None) -> list[Claim]:
-    """Run the checks named by `ids` (all where empty) and return their claims; each is also handed to
-    `on_claim`.
-    """
+    """Claims of the checks named by `ids` (all where empty), each handed to `on_claim` once known."""
     unknown = [ident for ident in ids if ident not in LADDER]
     if unknown:
         raise BadInput(f"verify: {unknown[0]} is not on the ladder; choose from {', '.join(LADDER)}")

@@ -83,7 +83,7 @@ def wall_case(name: str, touch: Touch, radius: float, density: float, speed: flo
 
 def overlaps(case: Case, position: Floats) -> Floats:
     """Overlap [m] from positions [samples, grains, 3]."""
-    if position.shape[1] == 2:
+    if case.setup.grains.radius.size == 2:
         return case.contact_distance - (position[:, 1, 0] - position[:, 0, 0])
     return case.contact_distance - position[:, 0, 2]
 

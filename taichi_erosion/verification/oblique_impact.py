@@ -94,9 +94,7 @@ def test4() -> Iterator[Outcome]:
 
 
 def reference_outcomes() -> Iterator[Outcome]:
-    """The integrator that judges the simulator, judged itself: with the table's way of sliding it prints
-    the table.
-    """
+    """The judge judged: with the table's way of sliding, the fine-step integrator gives the table."""
     impact = impact_at(SOLIDS["aluminium oxide"], published.TEST4_ANGLE, Sliding.TABLE)
     after = rebound(impact)
     ratio = after.tangential / impact.tangential
@@ -110,9 +108,7 @@ def reference_outcomes() -> Iterator[Outcome]:
 def own_law_outcomes(
     name: str, impact: Impact, after: Rebound, reference: Rebound, precision: Precision
 ) -> Iterator[Outcome]:
-    """Against the fine-step integration of the same law, 0.5 % of each value; patch angles near zero in 0.5
-    % of 5 deg.
-    """
+    """Against the same law in fine steps: 0.5 % of each value, of at least 5 deg for the patch angle."""
     head = f"T4 {name} against its own law"
     error = after.tangential / reference.tangential - 1.0
     yield below(f"{head}: tangential restitution, relative", error, 5e-3, precision)

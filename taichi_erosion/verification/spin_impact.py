@@ -76,9 +76,7 @@ def equal_spins() -> Iterator[Outcome]:
 
 
 def unequal_pair(solid: Solid, partner: Solid, direction: Floats, slip: float) -> Setup:
-    """Test 8: a small spinning sphere meets a large one at rest; `slip` is the speed of its surface [m
-    s-1].
-    """
+    """Test 8: a small sphere whose surface turns with `slip` [m s-1] meets a large one at rest."""
     touch = touch_of(solid, partner, RESTITUTION, FRICTION)
     masses = [sphere_mass(RADIUS, solid.density), sphere_mass(PARTNER_RADIUS, partner.density)]
     impact = HeadOn(touch.young, series(RADIUS, PARTNER_RADIUS), series(masses[0], masses[1]), SPEED)
@@ -126,9 +124,7 @@ def momentum() -> Iterator[Outcome]:
 
 
 def slip_speed(before: GrainTable, after: Snapshot) -> float:
-    """Slip after the impact in the direction of the slip before it [m s-1]; the line of centres has not
-    turned.
-    """
+    """Slip after the impact along the slip before it [m s-1], with the line of centres as it was."""
     line = before.position[1] - before.position[0]
     line /= np.linalg.norm(line)
 

@@ -61,7 +61,7 @@ def test_noise_and_lossy_compression_leave_the_angle(tmp_path):
 def test_dust_and_glints_leave_the_angle(tmp_path):
     picture = np.where(covered(32.0, 32.0), 40, 220)
     specks = np.random.default_rng(12).uniform(size=picture.shape)
-    picture = np.where(specks < 0.04, 0, np.where(specks > 0.96, 255, picture)).astype(np.uint8)
+    picture = np.where(specks < 0.12, 0, np.where(specks > 0.88, 255, picture)).astype(np.uint8)
     imageio.imwrite(tmp_path / "dust.png", picture)
     record = measure_photograph(tmp_path / "dust.png")
     assert record["value"] == pytest.approx(32.0, abs=pixel_error(32.0, 2.0))

@@ -14,10 +14,10 @@ from taichi_erosion.recording.bed import CREEP, FRAMES_BETWEEN
 from taichi_erosion.recording.blueprint import choose_focus, heap_focus
 from taichi_erosion.recording.readback import (
     read_chunks,
-    read_component,
     read_frames,
     read_grains,
     read_properties,
+    read_rows,
     read_series,
 )
 from taichi_erosion.recording.stream import (
@@ -32,6 +32,7 @@ from taichi_erosion.recording.stream import (
     recorded,
     set_properties,
 )
+from taichi_erosion.recording.torn_file import whole_size
 from taichi_erosion.recording.wall_mesh import WallMesh
 from taichi_erosion.recording.whole_file import part_path
 
@@ -207,6 +208,16 @@ def test_a_recording_cut_anywhere_is_read_up_to_the_cut(tmp_path: Path):
     assert read_grains(path) == []
 
 
+def test_a_whole_recording_is_whole_to_its_last_byte(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    record_heap(path)
+    assert whole_size(path) == path.stat().st_size
+    path.write_bytes(
+        path.read_bytes()[:-40]
+    )  # the footer and a little of the message that ends the recording
+    assert whole_size(path) < path.stat().st_size
+
+
 def test_a_missing_or_foreign_file_is_named_in_one_line(tmp_path: Path):
     foreign = tmp_path / "foreign.rrd"
     foreign.write_text("not a recording")
@@ -231,10 +242,10 @@ def test_a_wall_that_is_taken_away_is_cleared_at_that_time(tmp_path: Path):
         log_frame(recording, heap_snapshot(2), MOVING)
         log_wall_removed(recording, "lifting tube")
     entity = "world/walls/lifting\\ tube"
-    ((_, quaternion),) = read_component(path, entity, "Transform3D:quaternion")
+    ((_, quaternion),) = read_rows(path, entity, "Transform3D:quaternion")
     # rerun stores x, y, z, w in single precision
     np.testing.assert_allclose(quaternion[0], [0.0, 0.0, sqrt(0.5), sqrt(0.5)], rtol=1e-7)
-    assert [time for time, _ in read_component(path, entity, "Clear:is_recursive")] == [20_000_000]
+    assert [time for time, _ in read_rows(path, entity, "Clear:is_recursive")] == [20_000_000]
     static = {chunk.entity_path for chunk in read_chunks(path) if chunk.is_static}
     assert "/world/walls/plate" in static
     assert "/" + entity not in static
@@ -246,8 +257,8 @@ def test_texts_and_pictures_are_kept_at_the_time_of_the_frame_before(tmp_path: P
         log_frame(recording, heap_snapshot(2), MOVING)
         log_text(recording, "WARN", "the heap is truncated by the plate")
         log_image(recording, "silhouette", np.zeros((20, 30, 3), dtype=np.uint8))
-    ((text_time, _),) = read_component(path, "log", "TextLog:text")
-    ((image_time, _),) = read_component(path, "silhouette", "EncodedImage:blob")
+    ((text_time, _),) = read_rows(path, "log", "TextLog:text")
+    ((image_time, _),) = read_rows(path, "silhouette", "EncodedImage:blob")
     assert (text_time, image_time) == (20_000_000, 20_000_000)
 
 

@@ -81,6 +81,13 @@ def test_the_picture_has_the_size_asked_for_and_the_heap_in_its_middle(heap: Pat
     assert share_like(middle, palette.SAND) > 0.2
 
 
+def test_what_a_killed_run_left_can_be_seen(heap: Path, tmp_path: Path):
+    part = tmp_path / "heap.rrd.part"
+    part.write_bytes(heap.read_bytes()[: heap.stat().st_size // 2])
+    image = imageio.imread(viewer.picture(part, None, tmp_path / "part.png", size=SIZE))
+    assert share_like(image, palette.SAND) > 0.05
+
+
 def test_one_view_can_be_drawn_alone_at_any_time(heap: Path, tmp_path: Path):
     image = imageio.imread(viewer.picture(heap, 0.05, tmp_path / "grains.png", size=SIZE, view="Grains"))
     assert image.shape[1] < SIZE[0]

@@ -62,9 +62,7 @@ class Stack:
 
 
 def bounce_heights(drop: float, restitution: float, bounces: int) -> Floats:
-    """Heights of the lowest point at the apex after each bounce [m], (h_0 - r) e^(2k), for an infinitely
-    stiff grain.
-    """
+    """Heights of the lowest point after each bounce of an infinitely stiff grain [m], (h_0 - r) e^(2k)."""
     return drop * restitution ** (2.0 * np.arange(1, bounces + 1))
 
 

@@ -80,9 +80,7 @@ def force(pair: Sticky, overlap: Floats) -> Floats:
 
 
 def branch_force(reduced: float) -> float:
-    """F/(pi gamma R*) at d R*/L^2, zero past the tear; s is bracketed and bisected, not iterated by
-    Newton's rule.
-    """
+    """F/(pi gamma R*) at d R*/L^2, zero past the tear; s is bracketed, not found by Newton's rule."""
     lowest = CUBE_TEAR ** (1.0 / 3.0)
     if reduced < overlap_at(CUBE_TEAR):
         return 0.0

@@ -1,18 +1,15 @@
 """Oblique impact of a sphere on a rigid plane, integrated a second time with a fine step.
 
-    m dv_n/dt = (4/3) E* sqrt(R) d^1.5 - c_n v_n,         c_n = 2 sqrt(5/6) beta sqrt(2 E* a m),   a =
-    sqrt(R d) F_t = -8 G* a xi - c_t v_s,    |F_t| <= mu F_cap,     c_t = 2 sqrt(5/6) beta sqrt(8 G* a m),
-    v_s = v_t + R omega
+    m dv_n/dt = (4/3) E* sqrt(R) d^1.5 - c_n v_n,   c_n = 2 sqrt(5/6) beta sqrt(2 E* a m),   a = sqrt(R d)
+    F_t = -8 G* a xi - c_t v_s,   |F_t| <= mu F_cap,   c_t = 2 sqrt(5/6) beta sqrt(8 G* a m)
 
-xi is the whole tangential displacement of the contact (total form, no slip), the lever arm is R. Codes
-differ in what happens where friction slides; `Sliding` names two ways:
+v_s = v_t + R omega is the slip and xi its integral over the contact (total form, no slip); the lever arm is
+R. Codes differ in what happens where friction slides; `Sliding` names two ways:
 
-- `PROJECT`, this program: F_cap is the elastic force; spring and dashpot together are cut to the cap, and
-xi is shortened
-  so that both equal it.
-- `TABLE`, behind the published table of own values for test 4: F_cap is the whole normal force; the spring
-alone is held
-  against the cap, and the dashpot is left out while it slides.
+- `PROJECT`, this program: F_cap is the elastic force; spring and dashpot together are cut to the cap, and xi
+  is shortened so that both equal it.
+- `TABLE`, behind the table of own values for test 4: F_cap is the whole normal force; the spring alone is
+  held against the cap, and the dashpot is left out while it slides.
 
 Both give the same gross sliding; they part below 10 deg, where the contact sticks for most of its life.
 Vectorised over impacts; leapfrog with `steps` per elastic contact time.
@@ -44,9 +41,7 @@ class Sliding(Enum):
 
 @dataclass(frozen=True)
 class Impact:
-    """Impacts of one kind of sphere; `normal`, `tangential` [m s-1] and `spin` [rad s-1] have one entry per
-    impact.
-    """
+    """Impacts of one kind of sphere; `normal`, `tangential` and `spin` have one entry per impact."""
 
     young: float  # E*, Pa
     shear: float  # G*, Pa
@@ -54,9 +49,9 @@ class Impact:
     friction: float
     radius: float  # m
     mass: float  # kg
-    normal: Floats  # towards the plane
-    tangential: Floats
-    spin: Floats  # positive where it adds to the slip
+    normal: Floats  # m s-1, towards the plane
+    tangential: Floats  # m s-1
+    spin: Floats  # rad s-1, positive where it adds to the slip
     sliding: Sliding = Sliding.PROJECT
 
 
