@@ -12,13 +12,26 @@ from numpy.typing import NDArray
 from taichi_erosion.core.ti import ti
 
 
-def components(field: Any) -> list[Any]:
-    """Scalar fields that a field consists of, row by row for a matrix."""
+def layout(fields: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
+    """(field, first column of the table, rows, columns of one element) of every field; a scalar has no rows."""
+    rows, first = [], 0
+    for field in fields:
+        shape = (*inner_shape(field), 1, 1)[:2] if hasattr(field, "n") else (0, 1)
+        rows.append((field, first, *shape))
+        first += max(shape[0], 1) * shape[1]
+    return tuple(rows)
+
+
+def inner_shape(field: Any) -> tuple[int, ...]:
+    """Shape of one element of a field."""
     if not hasattr(field, "n"):
-        return [field]
-    if field.m == 1:
-        return [field.get_scalar_field(i) for i in range(field.n)]
-    return [field.get_scalar_field(i, j) for i in range(field.n) for j in range(field.m)]
+        return ()
+    return (field.n,) if field.m == 1 else (field.n, field.m)
+
+
+def width(field: Any) -> int:
+    """Numbers in one element of a field."""
+    return int(np.prod(inner_shape(field), dtype=int))
 
 
 @ti.kernel
@@ -28,11 +41,19 @@ def write_rows(
     # in
     table: ti.types.ndarray(dtype=ti.f64, ndim=2),
     # out
-    fields_out: ti.template(),
+    columns_out: ti.template(),
 ):
     for i in range(table.shape[0]):
-        for k in ti.static(range(len(fields_out))):
-            fields_out[k][first + i] = ti.cast(table[i, k], fields_out[k].dtype)
+        for column in ti.static(columns_out):
+            field_out, place, rows, columns = ti.static(column)
+            if ti.static(rows == 0):
+                field_out[first + i] = ti.cast(table[i, place], field_out.dtype)
+            for k in ti.static(range(rows * columns)):
+                number = ti.cast(table[i, place + k], field_out.dtype)
+                if ti.static(columns == 1):
+                    field_out[first + i][k] = number
+                else:
+                    field_out[first + i][k // columns, k % columns] = number
 
 
 @ti.kernel
@@ -40,13 +61,20 @@ def read_rows(
     # parameters
     first: ti.i32,
     # in
-    fields: ti.template(),
+    columns_in: ti.template(),
     # out
     table_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
     for i in range(table_out.shape[0]):
-        for k in ti.static(range(len(fields))):
-            table_out[i, k] = ti.cast(fields[k][first + i], ti.f64)
+        for column in ti.static(columns_in):
+            field, place, rows, columns = ti.static(column)
+            if ti.static(rows == 0):
+                table_out[i, place] = ti.cast(field[first + i], ti.f64)
+            for k in ti.static(range(rows * columns)):
+                if ti.static(columns == 1):
+                    table_out[i, place + k] = ti.cast(field[first + i][k], ti.f64)
+                else:
+                    table_out[i, place + k] = ti.cast(field[first + i][k // columns, k % columns], ti.f64)
 
 
 def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
@@ -54,21 +82,14 @@ def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
     rows = len(np.asarray(pairs[0][1]))
     if rows:
         table = np.concatenate([np.asarray(values, np.float64).reshape(rows, -1) for _, values in pairs], axis=1)
-        write_rows(first, np.ascontiguousarray(table), tuple(c for field, _ in pairs for c in components(field)))
+        write_rows(first, np.ascontiguousarray(table), layout([field for field, _ in pairs]))
 
 
 def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float64]]:
     """Read `rows` places of several fields from place `first` on; vectors become [rows, n], matrices [rows, n, m]."""
-    parts = [components(field) for field in fields]
-    table = np.zeros((rows, sum(map(len, parts))))
+    widths = [width(field) for field in fields]
+    table = np.zeros((rows, sum(widths)))
     if rows:
-        read_rows(first, tuple(c for part in parts for c in part), table)
-    splits = np.split(table, np.cumsum([len(p) for p in parts])[:-1], axis=1)
+        read_rows(first, layout(fields), table)
+    splits = np.split(table, np.cumsum(widths)[:-1], axis=1)
     return [split.reshape(rows, *inner_shape(field)) for split, field in zip(splits, fields, strict=True)]
-
-
-def inner_shape(field: Any) -> tuple[int, ...]:
-    """Shape of one element of a field."""
-    if not hasattr(field, "n"):
-        return ()
-    return (field.n,) if field.m == 1 else (field.n, field.m)

@@ -170,7 +170,8 @@ def log_grains(
         radii=snapshot.radius[rows].astype(np.float32),
         colors=colours,
     )
-    recording.stream.log(entity, points, rr.AnyValues(ident=snapshot.ident[rows]))
+    idents = [rr.AnyValues(ident=snapshot.ident[rows])] if rows.any() else []
+    recording.stream.log(entity, points, *idents)
 
 
 def log_ledger(recording: Recording, ledger: Ledger) -> None:
@@ -225,7 +226,8 @@ def set_properties(
     import rerun as rr
 
     known = {name: value for name, value in values.items() if value is not None}
-    recording.stream.send_property(group, rr.AnyValues(**known))
+    if known:
+        recording.stream.send_property(group, rr.AnyValues(**known))
 
 
 def flush(recording: Recording) -> None:

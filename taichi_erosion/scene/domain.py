@@ -11,6 +11,7 @@ MARGIN_OPEN = 30.0  # side margin over the apparatus where a plane lets splashed
 MARGIN_CLOSED = 0.5  # side margin otherwise [1]
 MARGIN_HEIGHT = 0.5  # margin above and below over the height of the apparatus [1]
 MARGIN_RADII = 20.0  # least margin, in largest radii [1]
+MARGIN_RADII_OPEN = 500.0  # likewise to the sides where a plane lets grains slide away [1]
 
 
 def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Vector, Vector]:
@@ -21,9 +22,11 @@ def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Ve
     boxes = [wall_bounds(scene, name) for name in scene.geometry] + [bounds_of(centres)]
     low = np.min([box.low for box in boxes], axis=0) + travel(scene, np.minimum)
     high = np.max([box.high for box in boxes], axis=0) + travel(scene, np.maximum)
-    share = MARGIN_OPEN if any(endless(wall) for wall in scene.geometry.values()) else MARGIN_CLOSED
+    is_open = any(endless(wall) for wall in scene.geometry.values())
+    share = MARGIN_OPEN if is_open else MARGIN_CLOSED
+    least = MARGIN_RADII_OPEN if is_open else MARGIN_RADII
     extent = high - low
-    side = share * max(extent[0], extent[1])
+    side = max(share * max(extent[0], extent[1]), least * radius_largest)
     margin = np.maximum((side, side, MARGIN_HEIGHT * extent[2]), MARGIN_RADII * radius_largest)
     (x, y, z), (a, b, c) = (low - margin).tolist(), (high + margin).tolist()
     return (x, y, z), (a, b, c)

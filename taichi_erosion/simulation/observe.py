@@ -11,6 +11,48 @@ from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.walls import wall_distance
 from taichi_erosion.simulation.assemble import Simulation
 
+SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
+
+
+
+@ti.func
+def stored_energy(world: ti.template(), row, overlap, root_radius, slip, tilt):
+    """Energy in the normal, tangential and rolling springs of one contact [J]."""
+    contact_radius = root_radius * ti.sqrt(ti.max(overlap, 0.0))
+    energy = world.laws.normal_energy(world.materials, row, overlap, root_radius)
+    energy += 4.0 * world.materials.shear[row] * contact_radius * slip.norm_sqr()
+    return energy + world.laws.rolling_energy(world.materials, row, contact_radius, root_radius, tilt)
+
+
+@ti.func
+def pair_overlap(world: ti.template(), base, i, e):
+    """Overlap of the pair of entry e [m]."""
+    j = base + world.pairs.neighbour[e]
+    offset = world.pairs.separation[e] + world.grains.shift[i] - world.grains.shift[j]
+    return world.grains.radius[i] + world.grains.radius[j] - offset.norm()
+
+
+@ti.func
+def pair_energy(world: ti.template(), base, i, e):
+    """Energy stored in the pair of entry e [J]."""
+    row = world.pairs.label[e] >> 1
+    slip, tilt = world.pairs.slip[e], world.pairs.tilt[e]
+    return stored_energy(world, row, pair_overlap(world, base, i, e), world.pairs.root_radius[e], slip, tilt)
+
+
+@ti.func
+def wall_overlap(world: ti.template(), i, e):
+    """Overlap of a grain with the wall of entry e [m], as of the last step."""
+    distance = wall_distance(world.walls, world.wall_pairs.wall[e], world.wall_pairs.offset[e])
+    return world.grains.radius[i] - ti.cast(distance, float)
+
+
+@ti.func
+def wall_energy(world: ti.template(), i, e):
+    """Energy stored in the wall contact of entry e [J]."""
+    slip, tilt = world.wall_pairs.slip[e], world.wall_pairs.tilt[e]
+    row = world.wall_pairs.label[e] >> 1
+    return stored_energy(world, row, wall_overlap(world, i, e), ti.sqrt(world.grains.radius[i]), slip, tilt)
 
 
 @ti.kernel
@@ -30,36 +72,18 @@ def read_contacts(
         i = base + rank
         for e in range(world.pairs.start[i], world.pairs.stop[i]):
             if world.pairs.label[e] & 1 == 1:
-                j = base + world.pairs.neighbour[e]
-                offset = world.pairs.separation[e] + world.grains.shift[i] - world.grains.shift[j]
-                overlap = world.grains.radius[i] + world.grains.radius[j] - offset.norm()
                 root = world.pairs.root_radius[e]
-                row = world.pairs.label[e] >> 1
                 contacts_out[rank] += 1
                 contacts_out[world.pairs.neighbour[e]] += 1
-                sums_out[0] += stored_energy(world, row, overlap, root, world.pairs.slip[e], world.pairs.tilt[e])
+                sums_out[0] += pair_energy(world, base, i, e)
                 sums_out[1] += 1.0
-                ti.atomic_max(sums_out[2], overlap / (2.0 * root * root))
+                ti.atomic_max(sums_out[2], pair_overlap(world, base, i, e) / (2.0 * root * root))
         for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
             if world.wall_pairs.label[e] & 1 == 1:
-                radius = world.grains.radius[i]
-                distance = wall_distance(world.walls, world.wall_pairs.wall[e], world.wall_pairs.offset[e])
-                overlap = radius - ti.cast(distance, float)
-                row = world.wall_pairs.label[e] >> 1
-                slip = world.wall_pairs.slip[e]
                 contacts_out[rank] += 1
-                sums_out[0] += stored_energy(world, row, overlap, ti.sqrt(radius), slip, world.wall_pairs.tilt[e])
+                sums_out[0] += wall_energy(world, i, e)
                 sums_out[1] += 1.0
-                ti.atomic_max(sums_out[2], overlap / radius)
-
-
-@ti.func
-def stored_energy(world: ti.template(), row, overlap, root_radius, slip, tilt):
-    """Energy in the normal, tangential and rolling springs of one contact [J]."""
-    contact_radius = root_radius * ti.sqrt(ti.max(overlap, 0.0))
-    energy = world.laws.normal_energy(world.materials, row, overlap, root_radius)
-    energy += 4.0 * world.materials.shear[row] * contact_radius * slip.norm_sqr()
-    return energy + world.laws.rolling_energy(world.materials, row, contact_radius, root_radius, tilt)
+                ti.atomic_max(sums_out[2], wall_overlap(world, i, e) / world.grains.radius[i])
 
 
 @ti.kernel
@@ -128,7 +152,7 @@ def ledger(sim: Simulation, replica: int) -> Ledger:
     _, sums = contact_sums(sim, replica, released)
     gravity = download([sim.world.replicas.gravity], replica, 1)[0][0]
     squared = (state.velocity**2).sum(axis=1)
-    inertia = 0.4 * state.mass * state.radius**2
+    inertia = SPHERE_INERTIA * state.mass * state.radius**2
     return Ledger(
         time=state.time,
         step=step,
@@ -142,3 +166,49 @@ def ledger(sim: Simulation, replica: int) -> Ledger:
         released=released,
         rebuilds=rebuilds,
     )
+
+
+@ti.kernel
+def sum_replicas(
+    # in
+    world: ti.template(),
+    # out
+    sums_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
+):
+    """Per replica: translational, rotational, potential and stored energy [J], largest speed [m s-1], released."""
+    for r in range(world.replicas.count):
+        base = side_block(world.grains, r, world.replicas.side[r])
+        half = ti.select(world.replicas.step[r] > 0, 0.5 * world.replicas.time_step[r], 0.0)
+        for rank in range(world.replicas.released[r]):
+            i = base + rank
+            mass = 1.0 / world.grains.mass_inverse[i]
+            inertia = SPHERE_INERTIA * mass * world.grains.radius[i] ** 2
+            place = r * world.grains.capacity + rank
+            velocity = world.grains.velocity[i] + half * world.grains.acceleration[place]
+            spin = world.grains.spin[i] + half * world.grains.spin_rate[place]
+            position = position_of(world.grains, world.replicas, r, i)
+            sums_out[r, 0] += 0.5 * mass * velocity.norm_sqr()
+            sums_out[r, 1] += 0.5 * inertia * spin.norm_sqr()
+            sums_out[r, 2] -= mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64))
+            sums_out[r, 4] = ti.max(sums_out[r, 4], ti.cast(velocity.norm(), ti.f64))
+            for e in range(world.pairs.start[i], world.pairs.stop[i]):
+                if world.pairs.label[e] & 1 == 1:
+                    sums_out[r, 3] += pair_energy(world, base, i, e)
+            for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
+                if world.wall_pairs.label[e] & 1 == 1:
+                    sums_out[r, 3] += wall_energy(world, i, e)
+        sums_out[r, 5] = world.replicas.released[r]
+
+
+def energies(sim: Simulation) -> NDArray[np.float64]:
+    """Sums of `sum_replicas`, [replicas, 6], in one launch: what guards and rest checks look at."""
+    sums = np.zeros((sim.sizes.replicas, 6))
+    sum_replicas(sim.world, sums)
+    return sums
+
+
+def share_touching(sim: Simulation, replica: int) -> float:
+    """Share of the released grains with at least one contact [1]."""
+    _, released, _, _ = replica_row(sim, replica)
+    contacts, _ = contact_sums(sim, replica, released)
+    return float(np.mean(contacts > 0)) if released else 0.0

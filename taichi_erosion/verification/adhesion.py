@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Laws, Setup
-from taichi_erosion.verification.bench_run import acceleration, bench, every_step, final_states, sample
+from taichi_erosion.simulation import advance
+from taichi_erosion.verification.bench_run import (
+    acceleration,
+    bench,
+    every_step,
+    final_states,
+    sample,
+    states,
+)
 from taichi_erosion.verification.bench_setup import (
     Touch,
     contact_table,
@@ -37,7 +45,9 @@ PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
 SPEED_SHARE = 1.1  # of the sticking speed: slow where the neck tears
 PULL_OFF_AT, TEAR_AT = jkr.overlap_at(jkr.CUBE_PULL_OFF), jkr.overlap_at(jkr.CUBE_TEAR)
 BALANCE_AT = jkr.overlap_at(jkr.CUBE_BALANCE)
-STEPS_PER_DEPTH = 400  # in which the pair moves by L^2/R* at its first speed [1]
+STEPS_PER_DEPTH = 800  # in which the pair moves by L^2/R* at its first speed [1]
+LONGEST_BOUNCE = 16  # times in which the pair moves by L^2/R* at its first speed [1]
+NEAR, SPARSE = 0.06, 40  # L^2/R* around a landmark, and steps between samples elsewhere [1]
 
 
 @dataclass(frozen=True)
@@ -61,18 +71,38 @@ def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> 
 
 
 def bounce(laws: Laws, precision: Precision, overlap: float = -1e-3) -> Bounce:
-    """One bounce sampled at every step, until well after the tear."""
+    """One bounce until well after the tear, sampled at every step near the landmarks and sparsely between them."""
     speed = SPEED_SHARE * PAIR.speed_sticking
     setup = pair_scene(speed, STEPS_PER_DEPTH, overlap)
-    trace = sample(bench([setup], precision, laws), every_step([setup], 15 * STEPS_PER_DEPTH))
-    gap = trace.position[:, 0, 1, 0] - trace.position[:, 0, 0, 0]
-    pull = acceleration(trace)[:, 0]
-    relative_speed = trace.velocity[:, 0, 1, 0] - trace.velocity[:, 0, 0, 0]
+    sim = bench([setup], precision, laws)
+    found: list[tuple[int, float, float]] = []
+    step = 1
+    while step < LONGEST_BOUNCE * STEPS_PER_DEPTH:
+        advance(sim, [step * setup.time_step])
+        state = states(sim, 1)[0]
+        gap = state.position[1, 0] - state.position[0, 0]
+        found.append((state.step, gap, state.velocity[1, 0] - state.velocity[0, 0]))
+        step = state.step + stride((2.0 * RADIUS - gap) / PAIR.depth)
+    return bounce_of(np.array(found), setup.time_step, speed)
+
+
+def stride(overlap: float) -> int:
+    """Steps to the next sample: one near a landmark [L^2/R*], else as many as cannot pass it by."""
+    nearest = min(abs(overlap - landmark) for landmark in (TEAR_AT, PULL_OFF_AT, 0.0, BALANCE_AT))
+    beyond = TEAR_AT - overlap
+    return 1 if nearest < NEAR and beyond < 0.02 else SPARSE
+
+
+def bounce_of(found: Floats, time_step: float, speed: float) -> Bounce:
+    """Forces where three samples follow each other step by step; `found` has rows of (step, gap, speed)."""
+    step, gap = found[:, 0], found[:, 1]
+    middle = np.flatnonzero((np.diff(step)[:-1] == 1) & (np.diff(step)[1:] == 1)) + 1
+    pull = (gap[middle + 1] - 2.0 * gap[middle] + gap[middle - 1]) / time_step**2
     return Bounce(
-        overlap=(2.0 * RADIUS - gap[1:-1]) / PAIR.depth,
-        force=MASS * pull[:, 1, 0] / PAIR.force_scale,
+        overlap=(2.0 * RADIUS - gap[middle]) / PAIR.depth,
+        force=PAIR.mass * pull / PAIR.force_scale,
         speed_in=speed,
-        speed_out=float(relative_speed[-1]),
+        speed_out=float(found[-1, 2]),
     )
 
 
@@ -88,29 +118,27 @@ def landmarks() -> Iterator[Outcome]:
 def curve_outcomes(run: Bounce, precision: Precision) -> Iterator[Outcome]:
     """Force at first touch and at zero overlap, pull-off, balance, tear, and the whole curve."""
     acts = np.flatnonzero(np.abs(run.force) > 0.5)
-    first, last = int(acts[0]), int(acts[-1])
-    parting = np.arange(int(np.argmax(run.overlap)), last + 1)
+    parting = slice(int(np.argmax(np.diff(run.overlap) < 0.0)) + 1, int(acts[-1]) + 1)
     d, f = run.overlap[parting], run.force[parting]
-    at_touch = (
-        f[::-1][np.searchsorted(d[::-1], 0.0)] if precision == "f32" else np.interp(0.0, d[::-1], f[::-1])
-    )
+    at_touch = np.interp(0.0, d[::-1], f[::-1])
     yield relative("JKR: force at zero overlap [pi gamma R*]", at_touch, -8.0 / 3.0, 1e-3, precision)
     yield relative("JKR: pull-off force [pi gamma R*]", f.min(), -3.0, 1e-3, precision)
-    lowest = fitted_minimum(d, f)
-    yield relative("JKR: overlap at pull-off [L^2/R*]", lowest, PULL_OFF_AT, 1e-3, precision)
-    balance = np.interp(0.0, -f[: int(np.argmin(f)) + 1], -d[: int(np.argmin(f)) + 1]) * -1.0
+    yield relative("JKR: overlap at pull-off [L^2/R*]", fitted_minimum(d, f), PULL_OFF_AT, 1e-3, precision)
+    before = d > 0.5 * BALANCE_AT
+    balance = np.interp(0.0, f[before][::-1], d[before][::-1])
     yield relative("JKR: overlap of zero force [L^2/R*]", balance, BALANCE_AT, 1e-3, precision)
     yield relative("JKR: overlap at the tear [L^2/R*]", d[-1], TEAR_AT, 1e-3, precision)
-    law = jkr.force(PAIR, run.overlap[first : last + 1] * PAIR.depth) / PAIR.force_scale
-    error = (run.force[first : last + 1] - law)[1:-1] / 3.0
-    yield below("JKR: force along the bounce off the law, over the pull-off force", error, 1e-3, precision)
+    law = jkr.force(PAIR, d * PAIR.depth) / PAIR.force_scale
+    error = (f - law) / 3.0
+    yield below("JKR: force while parting off the law, over the pull-off force", error, 1e-3, precision)
 
 
 def fitted_minimum(overlap: Floats, force: Floats) -> float:
-    """Overlap at the lowest force: vertex of the parabola through the neighbourhood of the lowest sample."""
-    near = np.abs(overlap - overlap[int(np.argmin(force))]) < 0.15
-    a, b, _ = np.polyfit(overlap[near], force[near], 2)
-    return float(-b / (2.0 * a))
+    """Overlap at the lowest force, from a cubic through its neighbourhood."""
+    near = np.abs(overlap - PULL_OFF_AT) < NEAR
+    fit = np.polynomial.Polynomial.fit(overlap[near], force[near], 3)
+    turns = fit.deriv().roots()
+    return float(np.real(turns[np.argmin(np.abs(turns - PULL_OFF_AT))]))
 
 
 def energy_outcomes(run: Bounce, precision: Precision) -> Iterator[Outcome]:
@@ -120,7 +148,8 @@ def energy_outcomes(run: Bounce, precision: Precision) -> Iterator[Outcome]:
     yield relative("JKR: work lost in a bounce [pi gamma L^2]", lost / scale, jkr.WORK_LOST, 1e-3, precision)
     shares = np.array([1.05, 1.2, 1.5, 2.0, 4.0, 10.0])
     speeds = shares * PAIR.speed_sticking
-    setups = [pair_scene(speed, 2000.0) for speed in speeds]
+    # the force jumps at first touch: the energy is right to the first order of the step only
+    setups = [pair_scene(speed, 8000.0) for speed in speeds]
     ends = final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
     out = np.array([end.velocity[1, 0] - end.velocity[0, 0] for end in ends])
     wanted = np.sqrt(1.0 - shares**-2.0)
@@ -139,9 +168,9 @@ def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
     """Branch `touch` does not pull before contact; branch `edem` does, and gives back what it took."""
     apart = 0.5 * TEAR_AT
     speed = SPEED_SHARE * PAIR.speed_sticking
-    for laws, wanted in ((JKR, 0.0), (EDEM, -jkr.branch_force(apart))):
+    for laws in (JKR, EDEM):
         setup = pair_scene(speed, STEPS_PER_DEPTH, apart)
-        trace = sample(bench([setup], precision, laws), every_step([setup], 2))
+        trace = sample(bench([setup], precision, laws), every_step([setup], 3))
         force = -MASS * acceleration(trace)[0, 0, 1, 0] / PAIR.force_scale
         at = (2.0 * RADIUS - trace.position[1, 0, 1, 0] + trace.position[1, 0, 0, 0]) / PAIR.depth
         wanted = -jkr.branch_force(at) if laws is EDEM else 0.0
@@ -177,7 +206,7 @@ def vanishing_adhesion() -> Iterator[Outcome]:
     step = impact.duration / 500.0
     grain = spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
     setups = [on_plane(replace(bare, surface_energy=energy), grain, step) for energy in energies]
-    times = np.linspace(0.0, 2.0 * impact.duration, 101)[:, None] * np.ones(len(setups))
+    times = np.linspace(0.0, 2.0 * impact.duration, 101)[1:][:, None] * np.ones(len(setups))
     for precision in PRECISIONS:
         with_law = sample(bench(setups, precision, JKR), times)
         hertz = sample(bench(setups[:1], precision), times[:, :1])

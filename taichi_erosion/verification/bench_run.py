@@ -78,8 +78,8 @@ def stacked(rows: list[list[Snapshot]], name: str) -> Floats:
 
 
 def every_step(setups: Sequence[Setup], steps: int, stride: int = 1) -> Floats:
-    """Times [steps // stride + 1, replicas] of every `stride`-th step from the start, in s."""
-    counts = np.arange(0, steps + 1, stride)
+    """Times [steps // stride, replicas] of every `stride`-th step from the first, in s."""
+    counts = np.arange(1, steps + 1, stride)
     return counts[:, None] * np.array([setup.time_step for setup in setups])[None, :]
 
 

@@ -80,7 +80,6 @@ def threads_and_ensembles() -> Iterator[Outcome]:
         for name, setups, place, threads in (
             ("1 thread", [target], 0, 1),
             ("2 threads", [target], 0, 2),
-            ("in company, 1 thread", company, 1, 1),
             ("in company, 2 threads", company, 1, 2),
         ):
             sim = bench(setups, precision, LAWS, threads)

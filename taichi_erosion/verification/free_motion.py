@@ -9,9 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taichi_erosion.verification.bench_run import final_states
+from taichi_erosion.simulation import advance
+from taichi_erosion.verification.bench_run import bench, states
 from taichi_erosion.verification.bench_setup import Touch, contact_table, sphere_setup, spheres
-from taichi_erosion.verification.claim import Outcome, Precision, below
+from taichi_erosion.verification.claim import Outcome, Precision, below, holds
 
 GRAVITY = (0.3, -0.4, -9.81)  # m s-2
 START = np.array([0.01, -0.02, 1.0])  # m
@@ -27,7 +28,11 @@ def free_fall() -> Iterator[Outcome]:
         spheres(START, VELOCITY, 0.0, 1e-3, 1e-5), contact_table(touch, touch), STEP, gravity=GRAVITY
     )
     for precision, limit in LIMIT.items():
-        state = final_states([setup], STEP * STEPS, precision)[0]
+        sim = bench([setup], precision)
+        before = states(sim, 1)[0]
+        yield holds("a grain released at t = 0 is seen at t = 0", len(before.radius) == 1, precision)
+        advance(sim, [STEP * STEPS])
+        state = states(sim, 1)[0]
         fallen = np.array(GRAVITY) * state.time
         path = START + (VELOCITY + 0.5 * fallen) * state.time
         length = np.linalg.norm(path - START)

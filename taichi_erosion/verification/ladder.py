@@ -26,6 +26,7 @@ from taichi_erosion.verification import (
 from taichi_erosion.verification.claim import Claim, Outcome, as_claim
 
 Check = Callable[[], Iterator[Outcome]]
+REASON_LENGTH = 200  # characters of an error that are printed
 
 LADDER: dict[str, Check] = {
     "V01": free_motion.free_fall,
@@ -81,5 +82,6 @@ def climb(ident: str) -> Iterator[Claim]:
             began = now
     except Exception as fault:
         # one broken check must not hide the others: it becomes a claim that fails and says why
-        lost = Outcome(f"runs to its end ({type(fault).__name__}: {fault})", nan, nan, 0.0, "f64")
+        reason = " ".join(str(fault).split())[:REASON_LENGTH]
+        lost = Outcome(f"runs to its end ({type(fault).__name__}: {reason})", nan, nan, 0.0, "f64")
         yield as_claim(ident, lost, time.perf_counter() - began)

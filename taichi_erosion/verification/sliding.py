@@ -48,7 +48,7 @@ def slide_to_roll() -> Iterator[Outcome]:
     frictions = (0.1, 0.3, 0.6)
     setups = [resting(Touch(YOUNG, YOUNG / 4.0, 0.5, friction), 0.0, START_SPEED) for friction in frictions]
     ends = np.array([rigid.slide_time(START_SPEED, friction) for friction in frictions])
-    shares = np.concatenate([[0.0, 0.5], np.linspace(0.95, 1.05, 41), [1.5]])
+    shares = np.concatenate([[0.5], np.linspace(0.95, 1.05, 41), [1.5]])
     for precision in PRECISIONS:
         trace = sample(bench(setups, precision), shares[:, None] * ends)
         slip = slip_speed(trace)

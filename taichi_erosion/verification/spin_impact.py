@@ -35,10 +35,10 @@ SPINS = np.array([0.175, 1.0, 5.0, 22.86])  # rad s-1, the range of the publishe
 PARTNER_RADIUS = 0.5  # m, test 8
 # directions of the line of centres: along an axis, and one along none
 DIRECTIONS = (np.array([1.0, 0.0, 0.0]), np.array([0.48, -0.6, 0.64]))
-# rounding of 1e-16 or 6e-8 per step, over the few hundred steps of a contact
+# rounding of 1e-16 or 6e-8 per step, at random over the thousands of steps of a contact
 LIMIT_SPIN: dict[Precision, float] = {"f64": 1e-10, "f32": 1e-4}
-LIMIT_LINEAR: dict[Precision, float] = {"f64": 1e-12, "f32": 1e-6}
-LIMIT_ANGULAR: dict[Precision, float] = {"f64": 1e-10, "f32": 1e-5}
+LIMIT_LINEAR: dict[Precision, float] = {"f64": 1e-12, "f32": 1e-5}
+LIMIT_ANGULAR: dict[Precision, float] = {"f64": 1e-10, "f32": 1e-4}
 
 
 def across(direction: Floats) -> Floats:
@@ -80,7 +80,7 @@ def unequal_pair(solid: Solid, partner: Solid, direction: Floats, slip: float) -
     touch = touch_of(solid, partner, RESTITUTION, FRICTION)
     masses = [sphere_mass(RADIUS, solid.density), sphere_mass(PARTNER_RADIUS, partner.density)]
     impact = HeadOn(touch.young, series(RADIUS, PARTNER_RADIUS), series(masses[0], masses[1]), SPEED)
-    step = impact.duration / 1000.0
+    step = impact.duration / 4000.0
     apart = RADIUS + PARTNER_RADIUS + 3.5 * SPEED * step
     grains = spheres(
         [-apart * direction, 0.0 * direction],
@@ -111,7 +111,7 @@ def momentum() -> Iterator[Outcome]:
     partners = ((ALLOY, NYLON), (NYLON, ALLOY), (ALLOY, ALLOY))
     setups = [unequal_pair(a, b, d, slip) for a, b in partners for d in DIRECTIONS for slip in slips]
     for precision in LIMIT_LINEAR:
-        ends = final_states(setups, [2000.0 * setup.time_step for setup in setups], precision)
+        ends = final_states(setups, [8000.0 * setup.time_step for setup in setups], precision)
         pairs = [(setup.grains, end) for setup, end in zip(setups, ends, strict=True)]
         lost = [np.linalg.norm(linear(b) - linear(a)) / np.linalg.norm(linear(a)) for a, b in pairs]
         yield below("T8: change of linear momentum, relative", lost, LIMIT_LINEAR[precision], precision)

@@ -92,6 +92,30 @@ def stacked_motion(stack: Stack, start: tuple[float, float], times: Floats) -> F
     return solution.y[:2].T
 
 
+def rebound_speed(spring: Spring, speed: float, gravity: float) -> float:
+    """Speed [m s-1] at which a grain that touches the floor at `speed` leaves it, pressed by its weight."""
+
+    def rates(_: float, state: Floats) -> list[float]:
+        return [state[1], gravity - spring.push(state[0], state[1]) / spring.mass]
+
+    def parts(_: float, state: Floats) -> float:
+        return state[0]
+
+    parts.terminal, parts.direction = True, -1.0
+    longest = 100.0 * (spring.mass**2 / (spring.radius * spring.young**2 * speed)) ** 0.2
+    solution = solve_ivp(
+        rates,
+        (0.0, longest),
+        [0.0, speed],
+        events=parts,
+        method="DOP853",
+        rtol=1e-9,
+        atol=1e-14,
+        max_step=longest / 2e4,
+    )
+    return float(-solution.y_events[0][-1][1])
+
+
 def hertz_motion(stiffness: float, mass: float, speed: float, duration: float) -> float:
     """Overlap [m] that an undamped Hertz contact has reached `duration` after touching at `speed`."""
     solution = solve_ivp(

@@ -1,0 +1,156 @@
+"""Speed: grain-steps per second of standard cases, with the time split by stage.
+
+Cases are generated here, so that they need no file: a settled bed and a funnel. `bed_rate` and `funnel_rate` time
+prepared cases (NumPy files), which other codes can run as well. Times are wall times of one sitting: only ratios taken
+side by side carry over to another machine.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from taichi_erosion.core.setup import (
+    SHAPE_NUMBERS,
+    ContactTable,
+    Floats,
+    GrainTable,
+    Laws,
+    Numerics,
+    PrimitiveKind,
+    PrimitiveTable,
+    Setup,
+    Surface,
+)
+from taichi_erosion.simulation import Simulation, advance, assemble, ledger
+
+Precision = Literal["f32", "f64"]
+Report = Callable[[float, str], None]
+
+DAMPING = 0.3  # of rolling, share of the critical value [1]
+SKIN = 0.1  # list margin of a resting grain over its radius [1], as the other codes' 0.1 d for a pair
+BED_UNTIMED = 200  # steps before the clock starts: compilation, and contacts that engage
+LAWS = Laws(rolling="elastic_plastic")
+REPLICAS = 8  # of the ensemble case
+SETTLED_GRAINS = 2000
+SETTLED_STEPS = 1000
+ROUNDS = 3
+
+
+def contact_table(case: Any) -> ContactTable:
+    """Contact of grain and grain, grain and rigid wall, wall and wall, from the scalars of a case file."""
+    young, poisson, one = float(case["young"]), float(case["poisson"]), np.ones(3)
+    frictions = [case["friction"], case["friction_wall"], case["friction_wall"]]
+    return ContactTable(
+        young_effective=young / (2.0 * (1.0 - poisson**2)) * one,
+        shear_effective=young / (4.0 * (2.0 - poisson) * (1.0 + poisson)) * one,
+        restitution=float(case["restitution"]) * one,
+        friction_sliding=np.array(frictions, dtype=np.float64),
+        friction_rolling=float(case["friction_rolling"]) * one,
+        rolling_damping=DAMPING * one,
+        surface_energy=0.0 * one,
+    )
+
+
+def grain_table(position: Floats, case: Any) -> GrainTable:
+    """Equal spheres at rest."""
+    count, radius = len(position), 0.5 * float(case["diameter"])
+    mass = float(case["density"]) * 4.0 / 3.0 * np.pi * radius**3
+    still = np.zeros((count, 3))
+    return GrainTable(
+        position=np.asarray(position, np.float64),
+        velocity=still,
+        spin=still,
+        radius=np.full(count, radius),
+        mass=np.full(count, mass),
+        material=np.zeros(count, np.int32),
+        release_time=np.zeros(count),
+    )
+
+
+def floor(height: float = 0.0) -> Floats:
+    """Row of an upward plane."""
+    return np.array([[0.0, 0.0, height, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
+
+
+def bed_setup(case: Any) -> Setup:
+    """Bed on a floor, periodic in x and y."""
+    period = np.asarray(case["period"], np.float64)
+    return Setup(
+        grains=grain_table(case["position"], case),
+        materials=("grain", "wall"),
+        contacts=contact_table(case),
+        primitives=PrimitiveTable(np.zeros(1, np.int32), np.zeros(1, np.int32), floor()),
+        surfaces=(Surface("floor", 1),),
+        time_step=float(case["time_step"]),
+        gravity=(0.0, 0.0, -float(case["gravity"])),
+        domain=((0.0, 0.0, -1.0), (float(period[0]), float(period[1]), 1.0)),
+        period=(float(period[0]), float(period[1]), 0.0),
+        skin=SKIN,
+    )
+
+
+def funnel_setup(case: Any) -> Setup:
+    """Grains in a cone above a floor."""
+    bottom, height, orifice = (float(case[k]) for k in ("funnel_bottom", "funnel_height", "orifice_radius"))
+    cone = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, orifice, bottom, orifice + height, bottom + height]])
+    kinds = np.array([PrimitiveKind.PLANE, PrimitiveKind.REVOLVED], np.int32)
+    assert cone.shape[1] == SHAPE_NUMBERS
+    return Setup(
+        grains=grain_table(case["position"], case),
+        materials=("grain", "wall"),
+        contacts=contact_table(case),
+        primitives=PrimitiveTable(kinds, np.array([0, 1], np.int32), np.concatenate([floor(), cone])),
+        surfaces=(Surface("floor", 1), Surface("funnel", 1)),
+        time_step=float(case["time_step"]),
+        gravity=(0.0, 0.0, -float(case["gravity"])),
+        skin=SKIN,
+    )
+
+
+def numerics(threads: int, precision: Precision) -> Numerics:
+    """CPU with so many threads."""
+    return Numerics("cpu", threads, precision)
+
+
+def timed(sim: Simulation, steps: int, done: int) -> float:
+    """Wall time [s] of `steps` more steps of every replica."""
+    start = time.perf_counter()
+    advance(sim, [(done + steps) * setup.time_step for setup in sim.setups])
+    return time.perf_counter() - start
+
+
+def warmed(setup: Setup, threads: int, precision: Precision, untimed: int) -> Simulation:
+    """A simulation whose kernels are compiled; without untimed steps, one more that stands at its start."""
+    sim = assemble([setup], LAWS, numerics(threads, precision))
+    advance(sim, [max(untimed, 1) * setup.time_step])
+    return sim if untimed else assemble([setup], LAWS, numerics(threads, precision))
+
+
+def rate(sim: Simulation, steps: int, done: int) -> dict[str, float]:
+    """Grain-steps per second, contacts among grains per grain, rebuilds."""
+    before = ledger(sim, 0).rebuilds
+    seconds = timed(sim, steps, done)
+    sums = ledger(sim, 0)
+    return {
+        "grain_steps_per_s": sim.sizes.replicas * len(sim.setups[0].grains.radius) * steps / seconds,
+        "contacts_per_grain": 2.0 * sums.contacts / max(sums.released, 1),
+        "rebuilds": sums.rebuilds - before,
+    }
+
+
+def bed_rate(case: Path, steps: int, threads: int, precision: Precision) -> dict[str, float]:
+    """Speed on a settled bed from a case file."""
+    with np.load(case) as arrays:
+        setup = bed_setup(arrays)
+    return rate(warmed(setup, threads, precision, BED_UNTIMED), steps, BED_UNTIMED)
+
+
+def funnel_rate(case: Path, steps: int, threads: int, precision: Precision) -> dict[str, float]:
+    """Speed of a funnel that empties, from its first step on."""
+    with np.load(case) as arrays:
+        setup = funnel_setup(arrays)
+    return rate(warmed(setup, threads, precision, 0), steps, 0)

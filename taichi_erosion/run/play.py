@@ -1,0 +1,108 @@
+"""Playing a scene: advance, guard, end stages, until every replica is finished or has failed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import Failure, Status
+from taichi_erosion.run.stages import (
+    ROUNDING,
+    Actor,
+    begin_stage,
+    close_stage,
+    is_over,
+    keep_frame,
+    tilt_gravity,
+    weight_over_diameters,
+)
+from taichi_erosion.scene import Scene
+from taichi_erosion.simulation import Simulation, advance, energies, failure
+
+ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
+
+Watcher = Callable[["Play"], None]
+
+
+@dataclass
+class Play:
+    """A scene being played."""
+
+    scene: Scene
+    sim: Simulation
+    actors: list[Actor]
+    checks: int = 0  # check intervals done
+    sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
+
+    @property
+    def time(self) -> float:
+        """Time of the last check [s]."""
+        return self.checks * self.scene.run.check_interval
+
+
+def play(stage_play: Play, watchers: list[Watcher]) -> None:
+    """Run to the end; every watcher is called after each check."""
+    sim, scene = stage_play.sim, stage_play.scene
+    for replica, actor in enumerate(stage_play.actors):
+        if actor.stage < 0:
+            begin_stage(sim, scene, replica, actor, stage_play.time)
+    while any(actor.active for actor in stage_play.actors):
+        stage_play.checks += 1
+        advance(sim, [stage_play.time if actor.active else 0.0 for actor in stage_play.actors])
+        stage_play.sums = energies(sim)
+        for replica, actor in enumerate(stage_play.actors):
+            if actor.active:
+                check_replica(stage_play, replica, actor)
+        for watcher in watchers:
+            watcher(stage_play)
+
+
+def check_replica(stage_play: Play, replica: int, actor: Actor) -> None:
+    """Guards, then tilt, frames and the end of the stage."""
+    sim, scene, time = stage_play.sim, stage_play.scene, stage_play.time
+    actor.failure = failure(sim, replica) or energy_failure(stage_play, replica, actor)
+    if actor.failure is not None:
+        return
+    tilt_gravity(sim, scene, replica, actor, time)
+    keep_frame(sim, scene, replica, actor, time)
+    if is_over(sim, scene, replica, actor, time, float(stage_play.sums[replica, 0])):
+        close_stage(sim, scene, replica, actor)
+        begin_stage(sim, scene, replica, actor, time)
+
+
+def energy_failure(stage_play: Play, replica: int, actor: Actor) -> Failure | None:
+    """A failure where mechanical energy grew although nothing did work on the grains.
+
+    Moving walls, released grains, a tilting plate and adhesion exchange energy that this sum does not hold; there the
+    guard rests.
+    """
+    translation, rotation, potential, elastic, _, released = stage_play.sums[replica]
+    sim = stage_play.sim
+    now = float(translation + rotation + potential + elastic)
+    before = actor.energy if released == actor.released else None
+    actor.released = int(released)
+    moving = bool(stage_play.scene.stages[actor.stage].move) or moved_before(stage_play.scene, actor.stage)
+    actor.energy = None if moving or sim.laws.normal == "jkr" else now
+    if before is None or actor.energy is None:
+        return None
+    scale = float(translation + rotation + elastic) + weight_over_diameters(sim, replica)
+    rise = (now - before) / scale
+    return Failure(Status.ENERGY, stage_play.time, -1, -1, rise) if rise > ENERGY_RISE else None
+
+
+def moved_before(scene: Scene, stage: int) -> bool:
+    """Whether a wall was set in motion in an earlier stage; it may still move."""
+    return any(earlier.move for earlier in scene.stages[:stage])
+
+
+def share_done(stage_play: Play) -> float:
+    """Rough share of the whole play that is done [1]; stages until rest usually end before their limit."""
+    scene = stage_play.scene
+    limits = [stage.duration_max for stage in scene.stages]
+    shares = []
+    for actor in stage_play.actors:
+        stage = min(max(actor.stage, 0), len(limits) - 1)
+        within = min((stage_play.time - actor.began) / limits[stage], 1.0)
+        shares.append((sum(limits[:stage]) + within * limits[stage]) / sum(limits) if actor.active else 1.0)
+    return min(shares) * (1.0 - ROUNDING)

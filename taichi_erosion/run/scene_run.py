@@ -1,0 +1,188 @@
+"""Running a scene file: everything between the command line and the result document."""
+
+import platform
+import time
+from collections.abc import Callable
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion import __version__
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.setup import Numerics
+from taichi_erosion.measures.result import as_record, pool
+from taichi_erosion.recording import stream
+from taichi_erosion.recording.checkpoint import load_checkpoint
+from taichi_erosion.recording.pictures import write_gif, write_png
+from taichi_erosion.run.check import read_scene
+from taichi_erosion.run.options import RunOptions
+from taichi_erosion.run.play import Play, play
+from taichi_erosion.run.result import write_document
+from taichi_erosion.run.stages import Actor, sentence
+from taichi_erosion.run.watch import FILM_DURATION, Camera, Keeper, Teller, open_camera, silhouettes, watch_first
+from taichi_erosion.scene import Scene, build_setup, explain, laws, resolved, scene_hash
+from taichi_erosion.simulation import assemble, import_state, snapshot
+
+FOLDER = Path("recordings")  # where results go unless the user names a file
+SURFACE_ENERGY_CONVENTION = "surface energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"
+
+
+def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
+    """Simulate, measure and record a scene; returns the document of `run --json`.
+
+    Raises BadInput before anything is written, SimulationStopped when no replica came to its end, and
+    KeyboardInterrupt with a note of what was kept.
+    """
+    started = time.perf_counter()
+    scene = with_words(read_scene(path, options.overrides), options)
+    hashed = scene_hash(scene)
+    record = options.record or FOLDER / f"{path.stem}-{hashed}-{scene.run.seed}.rrd"
+    seeds = [scene.run.seed + k for k in range(scene.run.replicas)]
+    resume = load_checkpoint(options.resume, hashed) if options.resume else None
+    if resume and [actor[0] for actor in resume[1]["actors"]] != seeds:
+        raise BadInput(f"{options.resume}: holds seeds {[a[0] for a in resume[1]['actors']]}, not {seeds}")
+    numerics = Numerics(options.arch, options.threads, scene.run.precision)
+    sim = assemble([build_setup(scene, seed) for seed in seeds], laws(scene), numerics)
+    stage_play = Play(scene, sim, [Actor(seed) for seed in seeds])
+    if resume:
+        import_state(sim, resume[0])
+        recall(stage_play, resume[1])
+    camera = None
+    if not options.no_record:
+        text = path.read_text(encoding="utf-8")
+        camera = open_camera(record, f"{scene.scene.title or path.stem}, seed {seeds[0]}", scene, sim.setups[0], text)
+    keeper = keeper_of(options, record, hashed)
+    perform(stage_play, camera, keeper, options)
+    document = describe(path, scene, stage_play, time.perf_counter() - started)
+    if camera:
+        finish(camera, stage_play, document)
+        document["recording"] = str(record)
+        write_document(record.with_suffix(".json"), document)
+    stop_if_none_left(stage_play)
+    return document
+
+
+def with_words(scene: Scene, options: RunOptions) -> Scene:
+    """The scene with what the command line says about repeats and precision."""
+    words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
+    given = {name: value for name, value in words.items() if value is not None}
+    return scene.model_copy(update={"run": scene.run.model_copy(update=given)})
+
+
+def recall(stage_play: Play, meta: dict[str, Any]) -> None:
+    """Put the actors where the checkpoint left them."""
+    stage_play.checks = meta["checks"]
+    for actor, (_, stage, began, finished, released, energy) in zip(stage_play.actors, meta["actors"], strict=True):
+        actor.stage, actor.began, actor.finished = stage, began, finished
+        actor.released, actor.energy = released, energy
+
+
+def keeper_of(options: RunOptions, record: Path, hashed: str) -> Keeper:
+    """Checkpoints as asked for; without words there is one only when the run is interrupted."""
+    path = options.checkpoint or record.with_suffix(".checkpoint.npz")
+    return Keeper(path, options.every or float("inf"), {"scene_hash": hashed})
+
+
+def perform(stage_play: Play, camera: Camera | None, keeper: Keeper, options: RunOptions) -> None:
+    """Play with all watchers; on Ctrl-C close the recording and keep a checkpoint."""
+    watchers: list[Callable[[Play], None]] = [partial(watch_first, camera)] if camera else []
+    if options.checkpoint and options.every:
+        watchers.append(keeper.watch)
+    if options.progress:
+        watchers.append(Teller(options.progress).watch)
+    try:
+        play(stage_play, watchers)
+    except (KeyboardInterrupt, SystemExit) as signal:
+        keeper.save(stage_play)
+        kept = f"recording {stream.close(camera.recording)}; " if camera else ""
+        signal.args = (f"{kept}checkpoint {keeper.path}",) if isinstance(signal, KeyboardInterrupt) else signal.args
+        raise
+    except BaseException:
+        if camera:
+            stream.close(camera.recording)
+        raise
+    if options.checkpoint and not options.every:
+        keeper.save(stage_play)
+
+
+def describe(path: Path, scene: Scene, stage_play: Play, seconds: float) -> dict[str, Any]:
+    """The result document of DESIGN: per replica, pooled, measured, cost, versions."""
+    sim = stage_play.sim
+    replicas = [
+        {
+            "seed": actor.seed,
+            "measures": {name: as_record(m) for name, m in actor.measurements.items()},
+            "warnings": actor.warnings + ([sentence(actor.failure, actor.seed)] if actor.failure else []),
+            "stopped": None if actor.failure is None else actor.failure.status.name.lower(),
+            "time": float(step) * setup.time_step,
+        }
+        for actor, step, setup in zip(stage_play.actors, steps_done(stage_play), sim.setups, strict=True)
+    ]
+    names = dict.fromkeys(name for actor in stage_play.actors for name in actor.measurements)
+    pooled = {
+        name: as_record(pool([a.measurements[name] for a in stage_play.actors if name in a.measurements]))
+        for name in names
+    }
+    counts = [len(setup.grains.radius) for setup in sim.setups]
+    return {
+        "scene": str(path),
+        "title": scene.scene.title,
+        "hash": scene_hash(scene),
+        "seed": scene.run.seed,
+        "replicas": replicas,
+        "measures": pooled,
+        "measured": {name: m.model_dump() for name, m in scene.measured.items()},
+        "grain_steps": int(np.dot(counts, steps_done(stage_play))),
+        "wall_s": seconds,
+        "recording": None,
+        "numerics": {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision},
+        "limits": explain(scene),
+        "convention": SURFACE_ENERGY_CONVENTION,
+        "resolved": resolved(scene),
+        "versions": versions(),
+    }
+
+
+def steps_done(stage_play: Play) -> list[int]:
+    """Steps of every replica."""
+    return [int(step) for step in stage_play.sim.world.replicas.step.to_numpy()]
+
+
+def versions() -> dict[str, str]:
+    """Versions that a result depends on."""
+    return {"taichi_erosion": __version__, "python": platform.python_version()} | {
+        name: version(name) for name in ("taichi", "numpy", "scipy", "rerun-sdk")
+    }
+
+
+def finish(camera: Camera, stage_play: Play, document: dict[str, Any]) -> None:
+    """Last pictures and properties of the first replica, then close the recording."""
+    actor = stage_play.actors[0]
+    path = camera.recording.path
+    for name in ("repose_angle", "angle_of_repose"):
+        measurement = actor.measurements.get(name)
+        if measurement is not None and measurement.details.get("lines"):
+            image = silhouettes(snapshot(stage_play.sim, 0), measurement.details, base_height=0.0)
+            stream.log_image(camera.recording, "silhouette", image)
+            document["silhouettes"] = str(write_png(path.with_suffix(".png"), image))
+    if camera.film:
+        document["film"] = str(write_gif(path.with_suffix(".gif"), camera.film, FILM_DURATION))
+    for warning in document["replicas"][0]["warnings"]:
+        stream.log_text(camera.recording, "WARN", warning)
+    values = {name: record["value"] for name, record in document["replicas"][0]["measures"].items()}
+    stream.set_properties(camera.recording, "result", values)
+    stream.set_properties(camera.recording, "scene", {"hash": document["hash"], "seed": actor.seed})
+    stream.close(camera.recording)
+
+
+def stop_if_none_left(stage_play: Play) -> None:
+    """Raise SimulationStopped when every replica failed."""
+    failed = [actor for actor in stage_play.actors if actor.failure is not None]
+    if len(failed) == len(stage_play.actors):
+        first = failed[0]
+        assert first.failure is not None
+        more = f" (and {len(failed) - 1} more replicas stopped)" if len(failed) > 1 else ""
+        raise SimulationStopped(sentence(first.failure, first.seed) + more)

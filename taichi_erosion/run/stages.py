@@ -1,0 +1,150 @@
+"""The acts of an experiment: when a stage ends, what changes when the next begins, what is measured on the way."""
+
+from dataclasses import dataclass, field
+from math import radians
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from taichi_erosion.core.setup import Motion
+from taichi_erosion.core.snapshot import Failure, Snapshot, Status
+from taichi_erosion.measures.result import Measurement
+from taichi_erosion.run.observables import Evidence, measure
+from taichi_erosion.scene import Scene
+from taichi_erosion.scene.schema import Stage
+from taichi_erosion.simulation import (
+    Simulation,
+    move_surface,
+    remove_surface,
+    set_gravity,
+    share_touching,
+    snapshot,
+)
+
+ROUNDING = 1e-9  # of an interval: a moment that lies on it counts as reached [1]
+
+
+@dataclass
+class Actor:
+    """Where one replica stands in the play."""
+
+    seed: int
+    stage: int = -1  # before the first
+    began: float = 0.0  # s, start of the stage
+    finished: bool = False
+    failure: Failure | None = None
+    energy: float | None = None  # J, mechanical energy at the last check, None where it may have changed by work
+    released: int = 0
+    frames: list[Snapshot] = field(default_factory=list)
+    tilts: list[float] = field(default_factory=list)
+    measurements: dict[str, Measurement] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def active(self) -> bool:
+        """Whether this replica still has steps to do."""
+        return not self.finished and self.failure is None
+
+
+def begin_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float) -> None:
+    """Move on to the next stage: walls vanish or begin to move; after the last stage the replica is finished."""
+    actor.stage += 1
+    actor.began = time
+    actor.energy = None
+    actor.frames, actor.tilts = [], []
+    if actor.stage == len(scene.stages):
+        actor.finished = True
+        return
+    stage = scene.stages[actor.stage]
+    for name in stage.remove:
+        remove_surface(sim, replica, name)
+    for name, order in stage.move.items():
+        move_surface(sim, replica, name, Motion(order.velocity, order.spin, order.centre))
+
+
+def tilt_of(stage: Stage, elapsed: float) -> float:
+    """Inclination of the apparatus [rad] after a time within the stage [s]."""
+    return radians(stage.tilt_rate) * elapsed
+
+
+def tilt_gravity(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float) -> None:
+    """Turn gravity against the tilt of the apparatus: seen from the plate, gravity turns."""
+    stage = scene.stages[actor.stage]
+    if stage.tilt_rate == 0.0:
+        return
+    axis = np.asarray(stage.tilt_axis) / np.linalg.norm(stage.tilt_axis)
+    upright = np.asarray(sim.setups[replica].gravity)
+    x, y, z = Rotation.from_rotvec(-tilt_of(stage, time - actor.began) * axis).apply(upright)
+    set_gravity(sim, replica, (float(x), float(y), float(z)))
+    actor.energy = None
+
+
+def keep_frame(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float) -> None:
+    """Keep a snapshot for the measures that look at the whole stage."""
+    stage = scene.stages[actor.stage]
+    intervals = [order.every for name, order in scene.measure.items() if stage_of(scene, name) == actor.stage and order.every]
+    if intervals and time - actor.began >= len(actor.frames) * min(intervals) * (1.0 - ROUNDING):
+        actor.frames.append(snapshot(sim, replica))
+        actor.tilts.append(tilt_of(stage, time - actor.began))
+
+
+def stage_of(scene: Scene, observable: str) -> int:
+    """Index of the stage at whose end an observable is read."""
+    name = scene.measure[observable].stage
+    names = [stage.name for stage in scene.stages]
+    return names.index(name) if name else len(names) - 1
+
+
+def is_over(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float, kinetic: float) -> bool:
+    """Whether the stage ends now; `kinetic` is the translational kinetic energy of the replica [J]."""
+    stage = scene.stages[actor.stage]
+    elapsed = time - actor.began
+    if elapsed >= stage.duration_max * (1.0 - ROUNDING):
+        if stage.until == "rest":
+            actor.warnings.append(f"stage {stage.name} reached its time limit of {stage.duration_max:g} s before rest")
+        return True
+    if stage.until == "time" or elapsed < stage.duration_min or actor.released < len(sim.setups[replica].grains.radius):
+        return False
+    if kinetic > stage.rest_energy * weight_over_diameters(sim, replica):
+        return False
+    return share_touching(sim, replica) >= stage.rest_contact_share
+
+
+def weight_over_diameters(sim: Simulation, replica: int) -> float:
+    """Sum of m g d over all grains [J]: what lifting each by its own diameter takes."""
+    setup = sim.setups[replica]
+    masses = setup.grains.mass if setup.clumps is None else setup.clumps.mass
+    return float(masses.sum() * np.linalg.norm(setup.gravity) * 2.0 * setup.grains.radius.mean())
+
+
+def close_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor) -> None:
+    """Read what is to be read at the end of the stage."""
+    due = [name for name in scene.measure if stage_of(scene, name) == actor.stage]
+    if not due:
+        return
+    end = snapshot(sim, replica)
+    for name in due:
+        evidence = Evidence(scene, scene.measure[name], end, tuple(actor.frames), tuple(actor.tilts))
+        actor.measurements[name] = measure(name, evidence)
+
+
+CAUSES = {
+    Status.OVERLAP: "the time step is too long, the material too soft for these speeds, or grains start inside each other",
+    Status.LOST: "a grain passed a gap in the walls or was shot away by an overlap",
+    Status.NOT_FINITE: "a parameter is not a number, or forces grew without bound: shorten the time step",
+    Status.ENERGY: "the time step is too long for the stiffest contact",
+    Status.OVERFLOW: "lists could not grow: out of memory",
+    Status.RUNNING: "",
+}
+
+
+def sentence(failure: Failure, seed: int) -> str:
+    """Why a replica stopped, in one line."""
+    partner = f"grain {failure.partner}" if failure.partner >= 0 else f"wall piece {-1 - failure.partner}"
+    said = {
+        Status.OVERLAP: f"grain {failure.grain} overlaps {partner} by {failure.value:.3g} radii",
+        Status.LOST: f"grain {failure.grain} left the domain at a coordinate of {failure.value:.4g} m",
+        Status.NOT_FINITE: f"grain {failure.grain} has a coordinate that is not a number",
+        Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
+    }.get(failure.status, failure.status.name.lower())
+    return f"seed {seed} stopped at {failure.time:.6g} s: {said}; likely cause: {CAUSES[failure.status]}"

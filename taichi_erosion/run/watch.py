@@ -1,0 +1,170 @@
+"""What happens beside the simulation: recording, film, checkpoints, progress."""
+
+import time
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.setup import PrimitiveKind, Setup
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
+from taichi_erosion.recording import stream
+from taichi_erosion.recording.checkpoint import save_checkpoint
+from taichi_erosion.recording.pictures import film_frame, silhouette_grid
+from taichi_erosion.recording.side_view import SideView
+from taichi_erosion.recording.wall_mesh import WallMesh, wall_meshes
+from taichi_erosion.run.options import Report
+from taichi_erosion.run.play import Play, share_done
+from taichi_erosion.scene import Scene
+from taichi_erosion.simulation import export_state, ledger, snapshot
+
+Image = NDArray[np.uint8]
+
+RESTING_SHARE = 0.02  # of sqrt(g d): slower grains are drawn as bed [1]
+FILM_FRAMES = 120  # most pictures in a film; beyond, every second one is dropped and the interval doubled
+FILM_DURATION = 0.06  # s each picture is shown
+PROGRESS_INTERVAL = 0.2  # s of wall time
+ROUNDING = 1e-9  # of an interval: a moment that lies on it counts as reached [1]
+OPEN_MARGIN = 0.25  # share by which an endless plate is drawn beyond the apparatus [1]
+
+
+@dataclass
+class Camera:
+    """Recording and film of the first replica."""
+
+    recording: stream.Recording
+    walls: tuple[WallMesh, ...]
+    view: SideView
+    resting_speed: float  # m s-1
+    interval: float  # s between frames
+    shot: int = 0  # frames taken
+    stage: int = 0
+    film: list[Image] = field(default_factory=list)
+    film_every: int = 1  # frames for one picture of the film
+
+
+def open_camera(path: Path, name: str, scene: Scene, setup: Setup, text: str) -> Camera:
+    """Begin the recording of one replica. Raises BadInput where it cannot be written."""
+    moving = frozenset(wall for s in scene.stages for wall in (*s.remove, *s.move))
+    box = apparatus_box(setup)
+    walls = wall_meshes(setup, box, moving)
+    header = stream.RunHeader(path.stem, name, scene.scene.kind, text, setup.grains.radius, walls)
+    diameter = 2.0 * float(np.median(setup.grains.radius))
+    speed = RESTING_SHARE * float(np.sqrt(np.linalg.norm(setup.gravity) * diameter))
+    view = SideView((box[0][0], box[0][2]), (box[1][0], box[1][2]))
+    return Camera(stream.open_recording(path, header), walls, view, speed, scene.record.every)
+
+
+def apparatus_box(setup: Setup) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Corners [m] of a box around finite walls and starting grains, with a margin for what spreads."""
+    points = [setup.grains.position]
+    for kind, row in zip(setup.primitives.kind, setup.primitives.shape, strict=True):
+        if kind == PrimitiveKind.TRIANGLE:
+            points.append(row[:9].reshape(3, 3))
+        elif kind == PrimitiveKind.REVOLVED:
+            radius = max(row[6], row[8])
+            for height in (row[7], row[9]):
+                points += [row[:3] + height * row[3:6] + sign * radius * (1.0 - np.abs(row[3:6])) for sign in (-1.0, 1.0)]
+    corners = np.concatenate([np.atleast_2d(p) for p in points])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = OPEN_MARGIN * float((high - low).max()) + float(setup.grains.radius.max())
+    side = np.array([margin, margin, 0.0])
+    low, high = low - side, high + side
+    return (float(low[0]), float(low[1]), min(float(low[2]), 0.0)), (float(high[0]), float(high[1]), float(high[2]))
+
+
+def watch_first(camera: Camera, stage_play: Play) -> None:
+    """Log the first replica whenever a frame is due, and what its stages change."""
+    actor = stage_play.actors[0]
+    stages = stage_play.scene.stages
+    while camera.stage < min(actor.stage, len(stages) - 1):
+        camera.stage += 1
+        for name in stages[camera.stage].remove:
+            stream.log_wall_removed(camera.recording, name)
+        camera.walls = tuple(w for w in camera.walls if w.name not in stages[camera.stage].remove)
+        stream.log_text(camera.recording, "INFO", f"stage {stages[camera.stage].name} begins")
+    ended = not actor.active
+    if stage_play.time >= camera.shot * camera.interval * (1.0 - ROUNDING) or ended:
+        if camera.interval < inf:
+            take_frame(camera, stage_play)
+        if ended:
+            camera.interval = inf
+
+
+def take_frame(camera: Camera, stage_play: Play) -> None:
+    """One frame of the recording, and one of the film if it is due."""
+    state = snapshot(stage_play.sim, 0)
+    stream.log_frame(camera.recording, state, camera.resting_speed)
+    stream.log_ledger(camera.recording, ledger(stage_play.sim, 0))
+    if camera.shot % camera.film_every == 0:
+        camera.film.append(film_frame(state, camera.view, camera.walls, (camera.resting_speed, stream.FASTEST_COLOUR)))
+    if len(camera.film) > FILM_FRAMES:
+        camera.film = camera.film[::2]
+        camera.film_every *= 2
+    camera.shot += 1
+
+
+def silhouettes(state: Snapshot, details: dict[str, Any], base_height: float) -> Image:
+    """Silhouettes of a heap from all measured azimuths, with the fitted flanks."""
+    grain = 2.0 * float(np.median(state.radius))
+    masks, flanks, captions = [], [], []
+    lines = np.array(details["lines"]).reshape(-1, 5)
+    above = state.position[:, 2] > base_height
+    for azimuth in np.unique(lines[:, 0]):
+        turn = float(np.radians(azimuth))
+        drawn = draw_silhouette(state.position[above], state.radius[above], turn, base_height, grain)
+        mask = largest_body(drawn.image)
+        rows = mask.shape[0]
+        ends = lines[lines[:, 0] == azimuth][:, 1:].reshape(-1, 2, 2)
+        column = (ends[..., 0] - drawn.left) / drawn.pixel
+        flanks.append(np.stack([column, rows - ends[..., 1] / drawn.pixel], axis=-1))
+        columns = np.flatnonzero(mask.any(axis=0))
+        masks.append(mask[::-1, columns[0] : columns[-1] + 1])
+        flanks[-1][..., 0] -= columns[0]
+        captions.append(f"{azimuth:.0f}")
+    return silhouette_grid(masks, flanks, captions)
+
+
+@dataclass
+class Keeper:
+    """Checkpoints at intervals of simulated time."""
+
+    path: Path
+    interval: float  # s
+    meta: dict[str, Any]
+    kept: int = 0
+
+    def watch(self, stage_play: Play) -> None:
+        """Save when the next interval is reached."""
+        if stage_play.time >= (self.kept + 1) * self.interval * (1.0 - ROUNDING):
+            self.kept = int(stage_play.time / self.interval * (1.0 + ROUNDING))
+            self.save(stage_play)
+
+    def save(self, stage_play: Play) -> None:
+        """Write everything that the rest of the play depends on."""
+        actors = [[a.seed, a.stage, a.began, a.finished, a.released, a.energy] for a in stage_play.actors]
+        meta = self.meta | {"checks": stage_play.checks, "actors": actors}
+        save_checkpoint(self.path, export_state(stage_play.sim), meta)
+
+
+@dataclass
+class Teller:
+    """Progress words, not more often than a reader can follow."""
+
+    report: Report
+    last: float = 0.0
+
+    def watch(self, stage_play: Play) -> None:
+        """Say which stage runs, its time and its energy."""
+        now = time.monotonic()
+        if now - self.last < PROGRESS_INTERVAL:
+            return
+        self.last = now
+        active = [actor for actor in stage_play.actors if actor.active]
+        stages = stage_play.scene.stages
+        name = stages[min(active[0].stage, len(stages) - 1)].name if active else "measuring"
+        self.report(share_done(stage_play), f"{name}, {stage_play.time:.3f} s simulated")
