@@ -5,16 +5,17 @@ prepared cases (NumPy files), which other codes can run as well. Times are wall 
 side by side carry over to another machine.
 """
 
+import os
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from taichi_erosion import __version__
 from taichi_erosion.core.setup import (
-    SHAPE_NUMBERS,
     ContactTable,
     Floats,
     GrainTable,
@@ -26,6 +27,7 @@ from taichi_erosion.core.setup import (
     Surface,
 )
 from taichi_erosion.simulation import Simulation, advance, assemble, ledger
+from taichi_erosion.simulation.stage_times import stage_times
 
 Precision = Literal["f32", "f64"]
 Report = Callable[[float, str], None]
@@ -34,10 +36,26 @@ DAMPING = 0.3  # of rolling, share of the critical value [1]
 SKIN = 0.1  # list margin of a resting grain over its radius [1], as the other codes' 0.1 d for a pair
 BED_UNTIMED = 200  # steps before the clock starts: compilation, and contacts that engage
 LAWS = Laws(rolling="elastic_plastic")
-REPLICAS = 8  # of the ensemble case
-SETTLED_GRAINS = 2000
-SETTLED_STEPS = 1000
-ROUNDS = 3
+SOIL = {  # of the generated cases, SI units: the soil of the published study, softened
+    "diameter": 1e-3,
+    "density": 2130.0,
+    "young": 1e7,
+    "poisson": 0.29,
+    "restitution": 0.6,
+    "friction": 0.61,
+    "friction_wall": 0.34,
+    "friction_rolling": 0.1,
+    "gravity": 9.81,
+    "time_step": 5e-6,
+}
+BED_SIDE = 12  # grains along each period of the generated bed
+BED_LAYERS = 14
+PITCH = 1.08  # of the lattice that it settles from, over the diameter [1]
+JITTER = 0.03  # of that lattice, over the diameter [1]
+SETTLING = 0.05  # s, until the contacts of the bed last
+TIMED_STEPS = 1000
+ENSEMBLE = 8  # replicas of the bed in the ensemble case
+ROUNDS = 3  # the median is reported
 
 
 def contact_table(case: Any) -> ContactTable:
@@ -98,7 +116,6 @@ def funnel_setup(case: Any) -> Setup:
     bottom, height, orifice = (float(case[k]) for k in ("funnel_bottom", "funnel_height", "orifice_radius"))
     cone = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, orifice, bottom, orifice + height, bottom + height]])
     kinds = np.array([PrimitiveKind.PLANE, PrimitiveKind.REVOLVED], np.int32)
-    assert cone.shape[1] == SHAPE_NUMBERS
     return Setup(
         grains=grain_table(case["position"], case),
         materials=("grain", "wall"),
@@ -154,3 +171,63 @@ def funnel_rate(case: Path, steps: int, threads: int, precision: Precision) -> d
     with np.load(case) as arrays:
         setup = funnel_setup(arrays)
     return rate(warmed(setup, threads, precision, 0), steps, 0)
+
+
+def lattice_bed(seed: int) -> Setup:
+    """Jittered lattice over a periodic floor, which settles to a bed."""
+    diameter = SOIL["diameter"]
+    grid = np.stack(np.meshgrid(*(np.arange(k) for k in (BED_SIDE, BED_SIDE, BED_LAYERS)), indexing="ij"), axis=-1)
+    rng = np.random.Generator(np.random.Philox(seed))
+    sites = grid.reshape(-1, 3) * PITCH + 0.6
+    position = diameter * (sites + rng.uniform(-JITTER, JITTER, sites.shape))
+    return bed_setup(SOIL | {"position": position, "period": (diameter * PITCH * BED_SIDE,) * 2})
+
+
+def settled(replicas: int, threads: int, precision: Precision) -> Simulation:
+    """Beds that have settled; their kernels are compiled."""
+    sim = assemble([lattice_bed(seed) for seed in range(replicas)], LAWS, numerics(threads, precision))
+    advance(sim, [SETTLING] * replicas)
+    return sim
+
+
+def bed_case(name: str, replicas: int, threads: int, precision: Precision) -> dict[str, Any]:
+    """Median speed on settled beds, with the share of every stage."""
+    sim = settled(replicas, threads, precision)
+    done = round(SETTLING / SOIL["time_step"])
+    figures = [rate(sim, TIMED_STEPS, done + k * TIMED_STEPS) for k in range(ROUNDS)]
+    middle = sorted(figures, key=lambda f: f["grain_steps_per_s"])[ROUNDS // 2]
+    cores = min(threads, sim.workers)
+    return {
+        "case": name,
+        "grains": replicas * len(sim.setups[0].grains.radius),
+        "threads": threads,
+        "precision": precision,
+        "M grain-steps/s": 1e-6 * middle["grain_steps_per_s"],
+        "per core": 1e-6 * middle["grain_steps_per_s"] / cores,
+        "contacts per grain": middle["contacts_per_grain"],
+        "stages": stage_shares(sim, middle["rebuilds"] / TIMED_STEPS),
+    }
+
+
+def stage_shares(sim: Simulation, rebuilds_per_step: float) -> dict[str, float]:
+    """Share of a step's time that every stage takes [1]."""
+    cost = stage_times(sim)
+    cost["rebuild"] *= rebuilds_per_step
+    return {stage: spent / sum(cost.values()) for stage, spent in cost.items()}
+
+
+def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
+    """The cases of `bench`: a settled bed of 2,016 grains on one thread and on all, in f32 and f64, and an ensemble."""
+    cores = len(os.sched_getaffinity(0))
+    orders: list[tuple[str, int, int, Precision]] = [
+        ("settled bed", 1, 1, "f32"),
+        ("settled bed", 1, 1, "f64"),
+        ("ensemble of beds", ENSEMBLE, 1, "f32"),
+        ("ensemble of beds", ENSEMBLE, cores, "f32"),
+    ]
+    cases = []
+    for index, order in enumerate(orders):
+        if progress:
+            progress(index / len(orders), f"{order[0]}, {order[2]} thread(s), {order[3]}")
+        cases.append(bed_case(*order))
+    return {"cases": cases, "versions": {"taichi_erosion": __version__, "taichi": version("taichi")}, "cores": cores}

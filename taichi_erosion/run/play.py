@@ -33,6 +33,7 @@ class Play:
     sim: Simulation
     actors: list[Actor]
     checks: int = 0  # check intervals done
+    grain_steps: float = 0.0  # released grains times steps
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
 
     @property
@@ -51,6 +52,9 @@ def play(stage_play: Play, watchers: list[Watcher]) -> None:
         stage_play.checks += 1
         advance(sim, [stage_play.time if actor.active else 0.0 for actor in stage_play.actors])
         stage_play.sums = energies(sim)
+        running = np.array([actor.active for actor in stage_play.actors])
+        steps = scene.run.check_interval / np.array([setup.time_step for setup in sim.setups])
+        stage_play.grain_steps += float((running * steps * stage_play.sums[:, 5]).sum())
         for replica, actor in enumerate(stage_play.actors):
             if actor.active:
                 check_replica(stage_play, replica, actor)

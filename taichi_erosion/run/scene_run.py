@@ -8,7 +8,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput, SimulationStopped
@@ -126,7 +125,6 @@ def describe(path: Path, scene: Scene, stage_play: Play, seconds: float) -> dict
         name: as_record(pool([a.measurements[name] for a in stage_play.actors if name in a.measurements]))
         for name in names
     }
-    counts = [len(setup.grains.radius) for setup in sim.setups]
     return {
         "scene": str(path),
         "title": scene.scene.title,
@@ -135,7 +133,7 @@ def describe(path: Path, scene: Scene, stage_play: Play, seconds: float) -> dict
         "replicas": replicas,
         "measures": pooled,
         "measured": {name: m.model_dump() for name, m in scene.measured.items()},
-        "grain_steps": int(np.dot(counts, steps_done(stage_play))),
+        "grain_steps": round(stage_play.grain_steps),
         "wall_s": seconds,
         "recording": None,
         "numerics": {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision},

@@ -11,7 +11,8 @@ from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.sizes import grown
 from taichi_erosion.simulation.state import export_state, import_state
-from taichi_erosion.simulation.step import run_replicas
+from taichi_erosion.simulation.step import run_alone, run_together
+from taichi_erosion.simulation.turns import deal_turns, write_turns
 
 LAUNCH_SECONDS = 0.4  # Ctrl-C is heard between launches
 FIRST_LAUNCH = 500  # steps before the pace is known
@@ -52,15 +53,19 @@ def launch_steps(sim: Simulation) -> int:
 
 def launch(sim: Simulation, steps: Integers) -> Integers:
     """Run once; returns the steps that each replica did not do."""
-    replicas = sim.world.replicas
-    upload([(replicas.steps_left, steps), (replicas.arrivals, np.zeros(len(steps)))])
-    size = max(sim.workers // len(steps), 1)
-    workers = sim.workers // size * size
+    replicas, count = sim.world.replicas, len(steps)
+    upload([(replicas.steps_left, steps), (replicas.arrivals, np.zeros(count))])
     start = time.perf_counter()
-    run_replicas(workers, size, sim.chunk, sim.world)
-    left = download([replicas.steps_left], 0, len(steps))[0].astype(np.int32)
+    size = sim.workers // count
+    if size > 1:
+        run_together(count, size, sim.chunk, sim.world)
+    else:
+        workers = min(sim.workers, count)
+        write_turns(sim.turns, deal_turns(steps, workers))
+        run_alone(workers, sim.chunk, sim.turns, sim.world)
+    left = download([replicas.steps_left], 0, count)[0].astype(np.int32)
     elapsed = time.perf_counter() - start
-    if sim.pace > 0.0 or sim.launched:
+    if sim.launched:
         sim.pace = float((steps - left).max()) / elapsed
     sim.launched = True
     return left

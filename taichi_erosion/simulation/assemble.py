@@ -20,6 +20,7 @@ from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.grains.world import World
 from taichi_erosion.simulation.fill import fill_world
 from taichi_erosion.simulation.sizes import Sizes, first_sizes, partition_count
+from taichi_erosion.simulation.turns import Turns, allocate_turns
 
 PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
 
@@ -35,6 +36,7 @@ class Simulation:
     chunk: int
     sizes: Sizes
     world: World
+    turns: Turns
     pace: float = 0.0  # steps a second and replica seen so far
     launched: bool = False  # the first launch compiles and says nothing about the pace
 
@@ -92,7 +94,8 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     sizes = first_sizes(listed)
     workers = threads if on_cpu else len(listed)
     world = build_world(listed, laws, sizes)
-    return Simulation(listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world)
+    turns = allocate_turns(workers, len(listed))
+    return Simulation(listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world, turns)
 
 
 def reallocate(sim: Simulation, sizes: Sizes) -> None:

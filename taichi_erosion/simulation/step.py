@@ -133,11 +133,10 @@ def tick(world_out: ti.template(), r):
 
 
 @ti.func
-def run_replica(world_out: ti.template(), r, member, size):
+def run_replica(world_out: ti.template(), r, member, size, steps):
     """Time loop of one replica until its steps are done, it needs the host, or it fails."""
     (replicas_out,) = ti.static((world_out.replicas,))
     turn = 1
-    steps = replicas_out.steps_left[r]
     done = 0
     going = replicas_out.status[r] == 0
     while going and done < steps:
@@ -167,20 +166,45 @@ def close_launch(replicas_out: ti.template(), r, done):
             replicas_out.status[r] = OVERLAP
 
 
+@ti.func
+def run_turns(world_out: ti.template(), turns: ti.template(), worker):
+    """Run the turns of one worker in order; a replica that another worker began is waited for."""
+    for turn in range(turns.first[worker], turns.first[worker + 1]):
+        r = turns.replica[turn]
+        while ti.atomic_add(world_out.replicas.arrivals[r], 0) < turns.order[turn]:
+            pass
+        run_replica(world_out, r, 0, 1, turns.steps[turn])
+        ti.atomic_add(world_out.replicas.arrivals[r], 1)
+
+
 @ti.kernel
-def run_replicas(
+def run_alone(
     # parameters
     workers: ti.i32,
+    chunk: ti.i32,
+    # in
+    turns: ti.template(),
+    # out
+    world_out: ti.template(),
+):
+    """Every worker runs whole replicas by itself, in the turns that the host has dealt out."""
+    for lane in range(workers * chunk):
+        if lane % chunk == 0:
+            run_turns(world_out, turns, lane // chunk)
+
+
+@ti.kernel
+def run_together(
+    # parameters
+    teams: ti.i32,
     size: ti.i32,
     chunk: ti.i32,
     # out
     world_out: ti.template(),
 ):
-    """Run every replica for its `steps_left`; `workers` tasks in teams of `size`, one task every `chunk` iterations."""
-    for lane in range(workers * chunk):
+    """Teams of `size` workers share the partitions of one replica each."""
+    for lane in range(teams * size * chunk):
         if lane % chunk == 0:
             worker = lane // chunk
             r = worker // size
-            while r < world_out.replicas.count:
-                run_replica(world_out, r, worker % size, size)
-                r += workers // size
+            run_replica(world_out, r, worker % size, size, world_out.replicas.steps_left[r])

@@ -1,0 +1,70 @@
+"""Dealing the steps of many replicas to few workers, so that all workers finish together.
+
+Replicas are laid end to end and the whole is cut into equal parts, one a worker; a replica that is cut is begun by the next
+worker, at its start, and ended by the earlier one, at its end. That is the shortest schedule with interruptions.
+
+Reference: McNaughton (1959), Management Science 6, 1.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.core.setup import Integers
+from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import upload
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """Turns of all workers on the device."""
+
+    first: Any  # i32 by worker: first turn, and one more bound
+    replica: Any  # i32 by turn
+    steps: Any  # i32 by turn
+    order: Any  # i32 by turn: how many turns of the same replica come before
+
+
+@dataclass(frozen=True)
+class Deal:
+    """Turns as lists, worker by worker."""
+
+    first: list[int]
+    replica: list[int]
+    steps: list[int]
+    order: list[int]
+
+
+def allocate_turns(workers: int, replicas: int) -> Turns:
+    """Fields for one schedule: every worker can cut one replica more."""
+    turns = workers + replicas
+    return Turns(ti.field(ti.i32, workers + 1), *(ti.field(ti.i32, turns) for _ in range(3)))
+
+
+def deal_turns(steps: Integers, workers: int) -> Deal:
+    """Cut the steps of all replicas into equal parts; a part never holds the same replica twice."""
+    if workers >= len(steps):
+        everyone = list(range(len(steps)))
+        first = [min(worker, len(steps)) for worker in range(workers + 1)]
+        return Deal(first, everyone, [int(n) for n in steps], [0] * len(steps))
+    total = int(steps.sum())
+    share = max(-(-total // workers), int(steps.max()), 1)
+    bounds = np.concatenate([[0], np.cumsum(steps)])
+    deal = Deal([0], [], [], [])
+    for worker in range(workers):
+        low, high = worker * share, min((worker + 1) * share, total)
+        for r in np.flatnonzero((bounds[:-1] < high) & (bounds[1:] > low)):
+            begin, end = max(low, int(bounds[r])), min(high, int(bounds[r + 1]))
+            # a replica cut by the end of this part is begun by the next worker
+            deal.order.append(1 if bounds[r + 1] > high else 0)
+            deal.replica.append(int(r))
+            deal.steps.append(end - begin)
+        deal.first.append(len(deal.replica))
+    return deal
+
+
+def write_turns(turns: Turns, deal: Deal) -> None:
+    """Put a schedule on the device."""
+    upload([(turns.first, deal.first)])
+    upload([(turns.replica, deal.replica), (turns.steps, deal.steps), (turns.order, deal.order)])
