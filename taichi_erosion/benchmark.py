@@ -1,8 +1,8 @@
 """Speed: grain-steps per second of standard cases, with the time split by stage.
 
-Cases are generated here, so that they need no file: a settled bed and a funnel. `bed_rate` and `funnel_rate` time
-prepared cases (NumPy files), which other codes can run as well. Times are wall times of one sitting: only ratios taken
-side by side carry over to another machine.
+Cases are generated here, so that they need no file: a settled bed and a funnel. `bed_rate` and `funnel_rate`
+time prepared cases (NumPy files), which other codes can run as well. Times are wall times of one sitting:
+only ratios taken side by side carry over to another machine.
 """
 
 import os
@@ -176,7 +176,8 @@ def funnel_rate(case: Path, steps: int, threads: int, precision: Precision) -> d
 def lattice_bed(seed: int) -> Setup:
     """Jittered lattice over a periodic floor, which settles to a bed."""
     diameter = SOIL["diameter"]
-    grid = np.stack(np.meshgrid(*(np.arange(k) for k in (BED_SIDE, BED_SIDE, BED_LAYERS)), indexing="ij"), axis=-1)
+    axes = (np.arange(sites) for sites in (BED_SIDE, BED_SIDE, BED_LAYERS))
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     rng = np.random.Generator(np.random.Philox(seed))
     sites = grid.reshape(-1, 3) * PITCH + 0.6
     position = diameter * (sites + rng.uniform(-JITTER, JITTER, sites.shape))
@@ -217,7 +218,7 @@ def stage_shares(sim: Simulation, rebuilds_per_step: float) -> dict[str, float]:
 
 
 def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
-    """The cases of `bench`: a settled bed of 2,016 grains on one thread and on all, in f32 and f64, and an ensemble."""
+    """The cases of `bench`: a settled bed in f32 and f64, and an ensemble of beds on one thread and on all."""
     cores = len(os.sched_getaffinity(0))
     orders: list[tuple[str, int, int, Precision]] = [
         ("settled bed", 1, 1, "f32"),
@@ -230,4 +231,5 @@ def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
         if progress:
             progress(index / len(orders), f"{order[0]}, {order[2]} thread(s), {order[3]}")
         cases.append(bed_case(*order))
-    return {"cases": cases, "versions": {"taichi_erosion": __version__, "taichi": version("taichi")}, "cores": cores}
+    versions = {"taichi_erosion": __version__, "taichi": version("taichi")}
+    return {"cases": cases, "versions": versions, "cores": cores}

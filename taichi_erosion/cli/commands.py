@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from taichi_erosion.verification import Claim
 
 INTERRUPTED = 130  # exit code of a program ended by Ctrl-C, 128 + SIGINT
+STOPPED = 3  # exit code where the simulation of a replica failed; the others are printed
 
 app = typer.Typer(
     help="Wind erosion of soil, grain by grain: simulate a scene, measure it, compare it with experiments.",
@@ -103,6 +104,8 @@ def run(
     words |= given(checkpoint=checkpoint, every=every, resume=resume)
     document = simulate(scene, overrides=overrides, no_record=no_record, **words)
     (output.print_json if as_json else output.print_run)(document)
+    if any(replica.get("stopped") for replica in document["replicas"]):
+        raise typer.Exit(STOPPED)
 
 
 def check_only(scene: Path, overrides: tuple[str, ...], as_json: bool) -> None:

@@ -5,10 +5,11 @@ import io
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.core.ti import ti
+from taichi_erosion.core.ti import impl, ti
 
 
 def cache_folder() -> Path:
@@ -30,13 +31,13 @@ def is_writable(folder: Path) -> bool:
 def start_device(numerics: Numerics) -> int:
     """Start Taichi and return the number of workers that run at the same time.
 
-    Fast-math stays off: IEEE arithmetic gives the same bits in every kernel that holds the same formula, so a replica
-    repeats alone, in an ensemble, and on any number of threads.
+    Fast-math stays off: IEEE arithmetic gives the same bits in every kernel that holds the same formula, so a
+    replica repeats alone, in an ensemble, and on any number of threads.
     """
     threads = numerics.threads or os.cpu_count() or 1
     cache = cache_folder()
     offline = is_writable(cache)
-    options = {"offline_cache_file_path": str(cache)} if offline else {}
+    options: dict[str, Any] = {"offline_cache_file_path": str(cache)} if offline else {}
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, numerics.arch),
@@ -54,7 +55,7 @@ def start_device(numerics: Numerics) -> int:
 
 def refuse_fallback(arch: str) -> None:
     """Raise BadInput where Taichi silently took another device."""
-    started = ti.lang.impl.current_cfg().arch
+    started = impl.current_cfg().arch
     wanted = {ti.x64, ti.arm64} if arch == "cpu" else {getattr(ti, arch)}
     if started not in wanted:
         raise BadInput(f"--arch {arch}: no such device on this machine; use --arch cpu")

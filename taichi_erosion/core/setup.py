@@ -1,7 +1,7 @@
 """What one replica starts from: grains, clumps, contact table, walls and numerics, as plain NumPy.
 
-`scene/` makes these records from a scene file, `simulation/` puts them on the device. Lengths are in m, masses in kg,
-times in s, angles in rad. Nothing here knows Taichi.
+`scene/` makes these records from a scene file, `simulation/` puts them on the device. Lengths are in m,
+masses in kg, times in s, angles in rad. Nothing here knows Taichi.
 """
 
 from dataclasses import dataclass, field
@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
+Triple = tuple[float, float, float]
+
+EVERYWHERE: tuple[Triple, Triple] = ((-inf, -inf, -inf), (inf, inf, inf))  # m, a domain without an end
 
 
 class PrimitiveKind(IntEnum):
     """Shapes that walls are made of; `PrimitiveTable.shape` says what the numbers of a row mean."""
 
     PLANE = 0  # half space: point (3), unit normal into the free side (3)
-    REVOLVED = 1  # line segment turned about an axis: axis point (3), unit axis (3), radius and height of both ends (4)
+    REVOLVED = 1  # turned segment: point of the axis (3), unit axis (3), radius and height of both ends (4)
     TRIANGLE = 2  # corners a, b, c (9)
 
 
@@ -31,8 +34,8 @@ SHAPE_NUMBERS = 10  # longest row of PrimitiveTable.shape
 class GrainTable:
     """Contact spheres of one replica, one row each.
 
-    A sphere is a grain of its own unless `ClumpTable` groups it. A sphere whose `release_time` lies in the future is not
-    simulated yet: it enters at `position` with `velocity` once the clock reaches that time.
+    A sphere is a grain of its own unless `ClumpTable` groups it. A sphere whose `release_time` lies in the
+    future is not simulated yet: it enters at `position` with `velocity` once the clock reaches that time.
     """
 
     position: Floats  # [n, 3] m
@@ -112,10 +115,10 @@ class Setup:
     primitives: PrimitiveTable
     surfaces: tuple[Surface, ...]
     time_step: float  # s
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)  # m s-2
+    gravity: Triple = (0.0, 0.0, -9.81)  # m s-2
     clumps: ClumpTable | None = None
-    domain: tuple[tuple[float, float, float], tuple[float, float, float]] = ((-inf,) * 3, (inf,) * 3)  # m, low and high
-    period: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, 0 where the box is open; a period starts at domain low
+    domain: tuple[Triple, Triple] = EVERYWHERE  # m, low and high
+    period: Triple = (0.0, 0.0, 0.0)  # m, 0 where the box is open; a period starts at domain low
     overlap_limit: float = 0.2  # overlap over the smaller radius that stops the run [1]
     skin: float = 0.05  # least list margin of a grain over its radius [1]
 
@@ -124,9 +127,9 @@ class Setup:
 class Motion:
     """Rigid motion of a surface, from the moment it is set."""
 
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m s-1
-    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad s-1
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, a point of the spin axis
+    velocity: Triple = (0.0, 0.0, 0.0)  # m s-1
+    spin: Triple = (0.0, 0.0, 0.0)  # rad s-1
+    centre: Triple = (0.0, 0.0, 0.0)  # m, a point of the spin axis
 
 
 @dataclass(frozen=True)

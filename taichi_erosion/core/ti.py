@@ -5,5 +5,6 @@ import os
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 
 import taichi as ti
+from taichi.lang import impl
 
-__all__ = ["ti"]
+__all__ = ["impl", "ti"]

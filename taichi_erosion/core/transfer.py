@@ -1,7 +1,7 @@
 """Moving numbers between fields and NumPy, many fields in one launch.
 
-Taichi compiles one kernel for every field that is copied by itself; here a whole group of fields of equal length goes
-through one kernel and one f64 table, which holds f32 and i32 values exactly.
+Taichi compiles one kernel for every field that is copied by itself; here a whole group of fields of equal
+length goes through one kernel and one f64 table, which holds f32 and i32 values exactly.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from taichi_erosion.core.ti import ti
 
 
 def layout(fields: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
-    """(field, first column of the table, rows, columns of one element) of every field; a scalar has no rows."""
+    """Field, first column of the table, rows and columns of one element; a scalar has no rows."""
     rows, first = [], 0
     for field in fields:
         shape = (*inner_shape(field), 1, 1)[:2] if hasattr(field, "n") else (0, 1)
@@ -81,12 +81,13 @@ def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
     """Write arrays of equal length to fields, from place `first` on: pairs of (field, array)."""
     rows = len(np.asarray(pairs[0][1]))
     if rows:
-        table = np.concatenate([np.asarray(values, np.float64).reshape(rows, -1) for _, values in pairs], axis=1)
+        columns = [np.asarray(values, np.float64).reshape(rows, -1) for _, values in pairs]
+        table = np.concatenate(columns, axis=1)
         write_rows(first, np.ascontiguousarray(table), layout([field for field, _ in pairs]))
 
 
 def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float64]]:
-    """Read `rows` places of several fields from place `first` on; vectors become [rows, n], matrices [rows, n, m]."""
+    """Read `rows` places of several fields from `first` on: vectors as [rows, n], matrices as [rows, n, m]."""
     widths = [width(field) for field in fields]
     table = np.zeros((rows, sum(widths)))
     if rows:

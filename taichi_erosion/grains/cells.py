@@ -1,7 +1,8 @@
 """Cells: sorting grains in space, so that neighbours in space are neighbours in memory.
 
-A fixed box around the scene is cut into cells at least as wide as the longest list distance. Grains outside fall to the
-border cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are numbered with x fastest.
+A fixed box around the scene is cut into cells at least as wide as the longest list distance. Grains outside
+fall to the border cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are
+numbered with x fastest.
 """
 
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
 
 @ti.func
 def row_of_cells(cells: ti.template(), r):
-    """First place of replica r in `first`; two more than cells, one for the shift of the sort and one to close."""
+    """First place of replica r in `first`; two places more than cells, to shift the sort and to close."""
     return r * (cells.capacity + 2)
 
 

@@ -5,8 +5,8 @@ Bodies are kept in f64: angular momentum and orientation advance by
     L(t + dt/2) = L(t - dt/2) + T dt
     q(t + dt) = q + dt/2 w(q_mid) q,    q_mid = q + dt/4 w(q) q,    w = A(q) I^-1 A(q)^T L,
 
-with T the torque about the centre of mass, w the spin [rad s-1] and A(q) the rotation of the body, and the spheres are
-placed anew from their body in every step, so that a clump never deforms.
+with T the torque about the centre of mass, w the spin [rad s-1] and A(q) the rotation of the body, and the
+spheres are placed anew from their body in every step, so that a clump never deforms.
 
 Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., section 3.3.2.
 """
@@ -22,7 +22,7 @@ from taichi_erosion.grains.state import REBUILD, force_block, side_block
 
 @dataclass(frozen=True, eq=False)
 class Clumps:
-    """Bodies of all replicas; replica r owns rows r * capacity on. Spheres are addressed by row of the GrainTable."""
+    """Bodies of all replicas; replica r owns rows r * capacity on. Spheres go by their row of the GrainTable."""
 
     capacity: int
     first: Any  # i32, first sphere of the body

@@ -3,11 +3,13 @@
     F_n = F_el(d) - c_n v_n,              c_n = 2 sqrt(5/6) beta sqrt(2 E* a m*)
     F_t = -8 G* a xi - c_t v_t,           c_t = c_n sqrt(4 G*/E*),     |F_t| <= mu F_cap
 
-xi is the tangential displacement since engagement [m] (Mindlin, no slip); where friction slides it is shortened so that
-spring and dashpot together equal the cap. The cap uses the elastic force, without damping, so that a sliding impact
-exchanges exactly mu (1 + e) m v_n. The normal force is not clipped at zero: clipping would change the restitution.
+xi is the tangential displacement since engagement [m] (Mindlin, no slip); where friction slides it is
+shortened so that spring and dashpot together equal the cap. The cap uses the elastic force, without damping,
+so that a sliding impact exchanges exactly mu (1 + e) m v_n. The normal force is not clipped at zero: clipping
+would change the restitution.
 
-Reference: Mindlin & Deresiewicz (1953), J. Appl. Mech. 20, 327; Tsuji et al. (1992), Powder Technology 71, 239.
+Reference: Mindlin & Deresiewicz (1953), J. Appl. Mech. 20, 327; Tsuji et al. (1992), Powder Technology 71,
+239.
 """
 
 from dataclasses import dataclass
@@ -16,8 +18,15 @@ from typing import Any
 
 from taichi_erosion.core.setup import Laws
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.laws import hertz, jkr, rolling_constant_torque, rolling_elastic_plastic, rolling_none
+from taichi_erosion.grains.laws import (
+    hertz,
+    jkr,
+    rolling_constant_torque,
+    rolling_elastic_plastic,
+    rolling_none,
+)
 
+ROLLING_INERTIA = 1.4  # (I + m R^2) / (m R^2) of a sphere [1]
 STIFFNESS_LEAST = 1e-30  # keeps the spring of a contact of no depth finite [N m-1]
 
 ROLLING: dict[str, ModuleType] = {
@@ -58,12 +67,19 @@ def touch_type() -> Any:
     )
 
 
+def compile_normal_force(laws: Laws) -> Any:
+    """Normal force of the chosen law; the choices of adhesion concern JKR alone."""
+    if laws.normal == "jkr":
+        return jkr.compile_jkr(laws.adhesion_branch, laws.friction_cap)
+    return hertz.normal_force
+
+
 def compile_contact_laws(laws: Laws) -> ContactLaws:
     """Turn names into functions; below this nobody asks again."""
     rolling = ROLLING[laws.rolling]
     sticky = laws.normal == "jkr"
     return ContactLaws(
-        normal_force=jkr.compile_jkr(laws.adhesion_branch, laws.friction_cap) if sticky else hertz.normal_force,
+        normal_force=compile_normal_force(laws),
         normal_energy=jkr.normal_energy if sticky else hertz.normal_energy,
         rolling_torque=rolling.rolling_torque,
         rolling_constant=rolling.rolling_constant,
@@ -76,7 +92,10 @@ def compile_contact_laws(laws: Laws) -> ContactLaws:
 
 @ti.func
 def describe_contact(laws: ti.template(), normal, velocity, rolling, constants, elastic):
-    """Struct of one contact; `constants` are (root radius, damping, rolling damping), `elastic` (force, a, cap)."""
+    """Struct of one contact.
+
+    `constants` are (root radius, damping, rolling damping), `elastic` is (force, contact radius, cap force).
+    """
     return laws.touch(
         normal=normal,
         velocity=velocity,
@@ -110,7 +129,7 @@ def friction_force(materials: ti.template(), row, touch: ti.template(), slip, dt
 
 @ti.func
 def contact_force(laws: ti.template(), materials: ti.template(), row, touch: ti.template(), slip, tilt, dt):
-    """Force on grain i [N], its tangential part [N], rolling torque on i [N m], and both memories after the step."""
+    """Force on grain i [N], its tangential part [N], rolling torque [N m], slip and tilt after the step."""
     tangential, slip_after = friction_force(materials, row, touch, slip, dt)
     turned = tilt + touch.rolling * dt
     turned -= turned.dot(touch.normal) * touch.normal

@@ -26,10 +26,11 @@ def gather_forces(world_out: ti.template(), r, p):
             other = force_block(grains_out, replicas, r, q)
             low = ti.max(first, replicas.touched_low[r, q])
             for rank in range(low, ti.min(last, replicas.touched_high[r, q])):
-                grains_out.force[own + rank] = grains_out.force[own + rank] + grains_out.force[other + rank]
-                grains_out.torque[own + rank] = grains_out.torque[own + rank] + grains_out.torque[other + rank]
-                grains_out.force[other + rank] = 0.0 * grains_out.force[own + rank]
-                grains_out.torque[other + rank] = 0.0 * grains_out.torque[own + rank]
+                i, j = own + rank, other + rank
+                grains_out.force[i] = grains_out.force[i] + grains_out.force[j]
+                grains_out.torque[i] = grains_out.torque[i] + grains_out.torque[j]
+                grains_out.force[j] = 0.0 * grains_out.force[i]
+                grains_out.torque[j] = 0.0 * grains_out.torque[i]
 
 
 @ti.func

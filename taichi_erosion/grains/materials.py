@@ -11,6 +11,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import upload
 
 TSUJI = 2.0 * sqrt(5.0 / 6.0)  # factor of the damping force of a Hertz contact [1], Tsuji et al. (1992)
+RESTITUTION_LEAST = 1e-6  # stands for every smaller restitution [1]; log(0) has no value
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +41,11 @@ def damping_ratio(restitution: Floats) -> Floats:
     """Damping over critical damping that gives a Hertz contact its restitution [1].
 
     beta = -ln e / sqrt(ln^2 e + pi^2); exact for F = k d^1.5 + c d^0.25 v.
-    Reference: Tsuji, Tanaka & Ishida (1992), Powder Technology 71, 239; Antypov & Elliott (2011), EPL 94, 50004.
+    Reference: Tsuji, Tanaka & Ishida (1992), Powder Technology 71, 239; Antypov & Elliott (2011), EPL 94,
+    50004.
     """
     logarithm = np.log(np.maximum(restitution, RESTITUTION_LEAST))
     return -logarithm / np.sqrt(logarithm**2 + pi**2)
-
-
-RESTITUTION_LEAST = 1e-6  # below it a contact is treated as fully damped [1]; log(0) has no value
 
 
 def device_columns(table: ContactTable) -> dict[str, Floats]:

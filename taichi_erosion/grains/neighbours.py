@@ -1,7 +1,7 @@
 """Rebuilding the neighbour list: sort, move, search, and carry the memory of contacts over.
 
-A grain may move by its own margin before the list is rebuilt: fast grains get a wide margin, resting grains a narrow
-one, so that a few flying grains do not force the settled ones to search again. A pair is listed when
+A grain may move by its own margin before the list is rebuilt: fast grains get a wide margin, resting grains a
+narrow one, so that a few flying grains do not force the settled ones to search again. A pair is listed when
 
     |x_i - x_j| < R_i + R_j + h_i + h_j + reach,    h = clip(|v| t, m R, h_most),
 
@@ -10,11 +10,11 @@ and a rebuild is due as soon as any grain has moved by more than its h: no conta
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import cell_coordinates, cell_index, cell_start, nearest_image, position_of
+from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.pairs import entry_block, partition_entries
 from taichi_erosion.grains.state import partition_first, side_block
 
-ROLLING_INERTIA = 1.4  # (I + m R^2) / (m R^2) of a sphere [1]
 ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one beside it, three above
 
 
@@ -108,9 +108,7 @@ def row_piece(cells: ti.template(), periodic, r, place, row, piece):
     if piece == 1:
         left = ti.select(place[0] == 0, number[0] - 1, 0)
         right = left
-    wanted = piece == 0 or (
-        periodic[0] == 1 and ((place[0] == 0 and row > 0) or place[0] == number[0] - 1)
-    )
+    wanted = piece == 0 or (periodic[0] == 1 and ((place[0] == 0 and row > 0) or place[0] == number[0] - 1))
     first = 0
     last = 0
     if wanted and 0 <= y < number[1] and z < number[2]:

@@ -1,4 +1,4 @@
-"""Forces between grains: walks the half list and adds to both partners, in the buffer of its own partition."""
+"""Forces between grains: each partition walks its half list and adds to both partners in its own buffer."""
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import contact_force, describe_contact

@@ -1,8 +1,9 @@
 """Neighbour list: which grains may touch before the next rebuild, with the memory of those that do.
 
-Half list: a pair stands once, with the grain whose cell comes first. Entries of a grain lie together from `start` to
-`stop`, touching pairs first, so that the force loop meets them in runs. Every replica owns `capacity` entries on each
-of two sides; each partition of its grains fills its own share of them, so partitions never wait for each other.
+Half list: a pair stands once, with the grain whose cell comes first. Entries of a grain lie together from
+`start` to `stop`, touching pairs first, so that the force loop meets them in runs. Every replica owns
+`capacity` entries on each of two sides; each partition of its grains fills its own share of them, so
+partitions never wait for each other.
 """
 
 from dataclasses import dataclass
@@ -34,7 +35,7 @@ def allocate_pairs(replicas: int, grains: int, capacity: int) -> Pairs:
     vectors = {name: ti.Vector.field(3, float) for name in ("separation", "slip", "tilt")}
     labels = {name: ti.field(ti.i32) for name in ("neighbour", "label")}
     ti.root.dense(ti.i, 2 * replicas * capacity).place(
-        labels["neighbour"], labels["label"], vectors["separation"], *reals.values(), vectors["slip"], vectors["tilt"]
+        *labels.values(), vectors["separation"], *reals.values(), vectors["slip"], vectors["tilt"]
     )
     bounds = {name: ti.field(ti.i32) for name in ("start", "stop")}
     ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())

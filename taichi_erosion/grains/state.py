@@ -1,11 +1,11 @@
 """Device state of the grains of all replicas.
 
-Every replica owns a block of `capacity` places on each of two sides. A rebuild sorts the grains in space and moves them
-to the other side; `Replicas.side` says which one is valid. A grain is addressed by `side_block(...) + rank`, its
-rank being its place in the sorted order; `ident` is its row in the GrainTable.
+Every replica owns a block of `capacity` places on each of two sides. A rebuild sorts the grains in space and
+moves them to the other side; `Replicas.side` says which one is valid. A grain is addressed by
+`side_block(...) + rank`, its rank being its place in the sorted order; `ident` is its row in the GrainTable.
 
-Positions are split as x = origin + shift: `origin` is exact (f64) and changes at a rebuild only, `shift` is the small
-displacement since then, so that single precision resolves overlaps of a millionth of a radius.
+Positions are split as x = origin + shift: `origin` is exact (f64) and changes at a rebuild only, `shift` is
+the small displacement since then, so that single precision resolves overlaps of a millionth of a radius.
 """
 
 from dataclasses import dataclass
@@ -114,7 +114,8 @@ def allocate_source(replicas: int, capacity: int) -> Source:
     places = replicas * capacity
     exact = {"position": vector(ti.f64)}
     ti.root.dense(ti.i, places).place(*exact.values())
-    reals = {"velocity": vector(), "spin": vector(), "radius": ti.field(float), "mass_inverse": ti.field(float)}
+    reals = {"velocity": vector(), "spin": vector()}
+    reals |= {name: ti.field(float) for name in ("radius", "mass_inverse")}
     ti.root.dense(ti.i, places).place(*reals.values())
     labels = {name: ti.field(ti.i32) for name in ("material", "release_step", "body")}
     ti.root.dense(ti.i, places).place(*labels.values())
@@ -123,8 +124,10 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 
 def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
-    whole = ("side", "partitions", "stale", "released", "total", "step", "steps_left", "rebuilds", "status", "arrivals")
-    reals = ("time_step", "margin_least", "margin_most", "margin_time", "reach", "wall_travel", "overlap_limit")
+    clocks = ("step", "steps_left", "rebuilds", "status", "arrivals")
+    whole = ("side", "partitions", "stale", "released", "total", *clocks)
+    margins = ("margin_least", "margin_most", "margin_time", "reach", "wall_travel")
+    reals = ("time_step", *margins, "overlap_limit")
     shared = ("need", "short", "wall_short", "touched_low", "touched_high", "fault_grain", "fault_partner")
     table: dict[str, Any] = {name: ti.field(ti.i32, shape=count) for name in whole}
     table |= {name: ti.field(float, shape=count) for name in reals}

@@ -1,8 +1,8 @@
 """Workers and teams: who runs which replica, and how the members of a team wait for each other.
 
-On a CPU one task is one worker thread. Where there are at least as many replicas as workers, every worker runs whole
-replicas by itself, taking the next one when it is done; where there are fewer, workers form teams and share the partitions
-of a replica. Partitions and their order of summation are properties of the replica, so the result is the same.
+On a CPU one task is one worker thread. Where there are two workers or more for every replica, they form
+teams and share its partitions; elsewhere a worker runs replicas by itself, in the turns that the host deals.
+Partitions and their order of summation are properties of the replica, so the result is the same.
 """
 
 from taichi_erosion.core.ti import ti

@@ -1,22 +1,27 @@
 """Contacts between grains and walls.
 
-A grain near a wall keeps an entry for every primitive within its list margin. A primitive pushes only where its closest
-point is a local minimum of the distance to its surface: an edge or corner shared by two primitives counts once, and not
-at all where one of them is met on its inside. When a grain passes from one primitive of a surface to the next, the memory
-of the contact goes with it.
+A grain near a wall keeps an entry for every primitive within its list margin. A primitive pushes only where
+its closest point is a local minimum of the distance to its surface: an edge or corner shared by two
+primitives counts once, and not at all where one of them is met on its inside. When a grain passes from one
+primitive of a surface to the next, the memory of the contact goes with it.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.contact import contact_force, describe_contact
+from taichi_erosion.grains.contact import ROLLING_INERTIA, contact_force, describe_contact
 from taichi_erosion.grains.pair_contacts import forget, remember, report_overlap
 from taichi_erosion.grains.state import force_block, partition_first, side_block
-from taichi_erosion.grains.walls import into_wall_frame, surface_of, surface_velocity, wall_distance, wall_offset
+from taichi_erosion.grains.walls import (
+    into_wall_frame,
+    surface_of,
+    surface_velocity,
+    wall_distance,
+    wall_offset,
+)
 
 SAME_POINT = 1e-6  # of the grain radius: closest points nearer than this are one point [1]
-ROLLING_INERTIA = 1.4  # (I + m R^2) / (m R^2) of a sphere [1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +106,7 @@ def hand_over(world_out: ti.template(), i):
 
 @ti.func
 def act_on_wall(world_out: ti.template(), r, i, e, normal, speed, elastic):
-    """Force [N] and torque [N m] on the grain of an acting contact; `speed` is the wall's velocity there [m s-1]."""
+    """Force [N] and torque [N m] on the grain of an acting contact; `speed` is the wall's there [m s-1]."""
     grains, entries_out, materials = ti.static((world_out.grains, world_out.wall_pairs, world_out.materials))
     row = entries_out.label[e] >> 1
     radius = grains.radius[i]
@@ -135,12 +140,15 @@ def wall_force(world_out: ti.template(), r, p, base, i, e):
         overlap = radius - ti.cast(distance, float)
         label = entries_out.label[e]
         report_overlap(world_out.replicas, r, p, i - base, -1 - w, overlap / radius)
-        elastic = world_out.laws.normal_force(world_out.materials, label >> 1, overlap, ti.sqrt(radius), label & 1)
+        root = ti.sqrt(radius)
+        elastic = world_out.laws.normal_force(world_out.materials, label >> 1, overlap, root, label & 1)
         acts = elastic[3]
         if acts == 1:
-            normal = walls.turn[s] @ (entries_out.offset[e] * (1.0 / distance))
-            speed = surface_velocity(walls, s, position_at(grains, i) - distance * normal)
-            force, torque = act_on_wall(world_out, r, i, e, ti.cast(normal, float), ti.cast(speed, float), elastic)
+            exact = walls.turn[s] @ (entries_out.offset[e] * (1.0 / distance))
+            normal = ti.cast(exact, float)
+            there = position_at(grains, i) - distance * exact
+            speed = ti.cast(surface_velocity(walls, s, there), float)
+            force, torque = act_on_wall(world_out, r, i, e, normal, speed, elastic)
     if acts == 0:
         forget(entries_out, e)
     return force, torque

@@ -28,7 +28,8 @@ def is_near(world: ti.template(), r, i, w):
 def recall_wall(world_out: ti.template(), r, e, rank, w):
     """Write entry e with the memory that the grain had of primitive w."""
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
-    old = side_block(grains, r, world_out.replicas.side[r]) + world_out.cells.order[r * grains.capacity + rank]
+    before = world_out.cells.order[r * grains.capacity + rank]
+    old = side_block(grains, r, world_out.replicas.side[r]) + before
     row = pair_row(world_out.materials, r, grains.material[old], walls.material[surface_of(walls, w)])
     entries_out.wall[e] = w
     entries_out.label[e] = 2 * row

@@ -1,10 +1,10 @@
 """Walls: distance from a point to a plane, a surface of revolution or a triangle, on walls that may move.
 
-Each primitive answers with the vector from its closest point to the grain's centre. Geometry is evaluated in f64 at
-f64 positions: a wall is met by few grains, and the overlap is a small difference of large numbers.
+Each primitive answers with the vector from its closest point to the grain's centre. Geometry is evaluated in
+f64 at f64 positions: a wall is met by few grains, and the overlap is a small difference of large numbers.
 
-A surface of several primitives must act as one: where two primitives share an edge, a grain that touches the edge may
-only be pushed once. `wall_contacts.py` decides that with the closest points found here.
+A surface of several primitives must act as one: where two primitives share an edge, a grain that touches the
+edge may only be pushed once. `wall_contacts.py` decides that with the closest points found here.
 """
 
 from dataclasses import dataclass
@@ -46,8 +46,10 @@ class Walls:
 def allocate_walls(replicas: int, primitives: int, surfaces: int) -> Walls:
     """Fields for the walls of all replicas; at least one place of each, since a field cannot be empty."""
     bodies, pieces = replicas * max(surfaces, 1), replicas * max(primitives, 1)
-    table: dict[str, Any] = {name: ti.Vector.field(3, ti.f64, shape=pieces) for name in ("corner", "second", "third", "middle")}
-    table |= {name: ti.Vector.field(3, ti.f64, shape=bodies) for name in ("shift", "velocity", "spin", "centre")}
+    points = ("corner", "second", "third", "middle")
+    motions = ("shift", "velocity", "spin", "centre")
+    table: dict[str, Any] = {name: ti.Vector.field(3, ti.f64, shape=pieces) for name in points}
+    table |= {name: ti.Vector.field(3, ti.f64, shape=bodies) for name in motions}
     table |= {name: ti.field(ti.i32, shape=pieces) for name in ("kind", "surface")}
     table |= {name: ti.field(ti.i32, shape=bodies) for name in ("material", "present", "moving")}
     table |= {"size": ti.field(ti.f64, shape=pieces), "sweep": ti.field(ti.f64, shape=bodies)}

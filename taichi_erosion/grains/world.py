@@ -1,4 +1,4 @@
-"""Everything on the device that belongs to the grains of a run, in one record that kernels take as an argument."""
+"""Everything on the device that belongs to the grains of a run; kernels take it as one argument."""
 
 from dataclasses import dataclass
 

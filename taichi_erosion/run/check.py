@@ -15,4 +15,5 @@ def read_scene(path: Path, overrides: tuple[str, ...]) -> Scene:
 def check_scene(path: Path, overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     """Hash, resolved scene, time-step limits and warnings; never touches Taichi. Raises BadInput."""
     scene = read_scene(path, overrides)
-    return {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": explain(scene)}
+    document = {"scene": str(path), "hash": scene_hash(scene)}
+    return document | {"resolved": resolved(scene), "limits": explain(scene)}

@@ -49,8 +49,9 @@ def play(stage_play: Play, watchers: list[Watcher]) -> None:
         if actor.stage < 0:
             begin_stage(sim, scene, replica, actor, stage_play.time)
     while any(actor.active for actor in stage_play.actors):
+        target = (stage_play.checks + 1) * scene.run.check_interval
+        advance(sim, [target if actor.active else 0.0 for actor in stage_play.actors])
         stage_play.checks += 1
-        advance(sim, [stage_play.time if actor.active else 0.0 for actor in stage_play.actors])
         stage_play.sums = energies(sim)
         running = np.array([actor.active for actor in stage_play.actors])
         steps = scene.run.check_interval / np.array([setup.time_step for setup in sim.setups])
@@ -78,8 +79,8 @@ def check_replica(stage_play: Play, replica: int, actor: Actor) -> None:
 def energy_failure(stage_play: Play, replica: int, actor: Actor) -> Failure | None:
     """A failure where mechanical energy grew although nothing did work on the grains.
 
-    Moving walls, released grains, a tilting plate and adhesion exchange energy that this sum does not hold; there the
-    guard rests.
+    Moving walls, released grains, a tilting plate and adhesion exchange energy that this sum does not hold;
+    there the guard rests.
     """
     translation, rotation, potential, elastic, _, released = stage_play.sums[replica]
     sim = stage_play.sim

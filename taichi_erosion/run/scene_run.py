@@ -8,7 +8,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
@@ -17,16 +16,26 @@ from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
 from taichi_erosion.recording.pictures import write_gif, write_png
 from taichi_erosion.run.check import read_scene
+from taichi_erosion.run.interrupt import deferred
+from taichi_erosion.run.memory import recall, seeds_of
 from taichi_erosion.run.options import RunOptions
 from taichi_erosion.run.play import Play, play
 from taichi_erosion.run.result import write_document
 from taichi_erosion.run.stages import Actor, sentence
-from taichi_erosion.run.watch import FILM_DURATION, Camera, Keeper, Teller, open_camera, silhouettes, watch_first
+from taichi_erosion.run.watch import (
+    FILM_DURATION,
+    Camera,
+    Keeper,
+    Teller,
+    open_camera,
+    silhouettes,
+    watch_first,
+)
 from taichi_erosion.scene import Scene, build_setup, explain, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, import_state, snapshot
 
 FOLDER = Path("recordings")  # where results go unless the user names a file
-SURFACE_ENERGY_CONVENTION = "surface energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"
+SURFACE_ENERGY_CONVENTION = "energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"
 
 
 def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
@@ -41,19 +50,19 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     record = options.record or FOLDER / f"{path.stem}-{hashed}-{scene.run.seed}.rrd"
     seeds = [scene.run.seed + k for k in range(scene.run.replicas)]
     resume = load_checkpoint(options.resume, hashed) if options.resume else None
-    if resume and [actor[0] for actor in resume[1]["actors"]] != seeds:
-        raise BadInput(f"{options.resume}: holds seeds {[a[0] for a in resume[1]['actors']]}, not {seeds}")
+    if resume and seeds_of(resume[1]) != seeds:
+        raise BadInput(f"{options.resume}: holds seeds {seeds_of(resume[1])}, not {seeds}")
     numerics = Numerics(options.arch, options.threads, scene.run.precision)
     sim = assemble([build_setup(scene, seed) for seed in seeds], laws(scene), numerics)
     stage_play = Play(scene, sim, [Actor(seed) for seed in seeds])
     if resume:
         import_state(sim, resume[0])
-        recall(stage_play, resume[1])
+        recall(stage_play, *resume)
     camera = None
     if not options.no_record:
-        text = path.read_text(encoding="utf-8")
-        camera = open_camera(record, f"{scene.scene.title or path.stem}, seed {seeds[0]}", scene, sim.setups[0], text)
-    keeper = keeper_of(options, record, hashed)
+        title = f"{scene.scene.title or path.stem}, seed {seeds[0]}"
+        camera = open_camera(record, title, stage_play, path.read_text(encoding="utf-8"))
+    keeper = keeper_of(options, record, hashed, stage_play.time)
     perform(stage_play, camera, keeper, options)
     document = describe(path, scene, stage_play, time.perf_counter() - started)
     if camera:
@@ -71,18 +80,11 @@ def with_words(scene: Scene, options: RunOptions) -> Scene:
     return scene.model_copy(update={"run": scene.run.model_copy(update=given)})
 
 
-def recall(stage_play: Play, meta: dict[str, Any]) -> None:
-    """Put the actors where the checkpoint left them."""
-    stage_play.checks = meta["checks"]
-    for actor, (_, stage, began, finished, released, energy) in zip(stage_play.actors, meta["actors"], strict=True):
-        actor.stage, actor.began, actor.finished = stage, began, finished
-        actor.released, actor.energy = released, energy
-
-
-def keeper_of(options: RunOptions, record: Path, hashed: str) -> Keeper:
-    """Checkpoints as asked for; without words there is one only when the run is interrupted."""
+def keeper_of(options: RunOptions, record: Path, hashed: str, time: float) -> Keeper:
+    """Checkpoints as asked for, from a time on; without words there is one only when the run is interrupted."""
     path = options.checkpoint or record.with_suffix(".checkpoint.npz")
-    return Keeper(path, options.every or float("inf"), {"scene_hash": hashed})
+    interval = options.every or float("inf")
+    return Keeper(path, interval, {"scene_hash": hashed}, kept=whole_intervals(time, interval))
 
 
 def perform(stage_play: Play, camera: Camera | None, keeper: Keeper, options: RunOptions) -> None:
@@ -93,11 +95,13 @@ def perform(stage_play: Play, camera: Camera | None, keeper: Keeper, options: Ru
     if options.progress:
         watchers.append(Teller(options.progress).watch)
     try:
-        play(stage_play, watchers)
+        with deferred() as interruption:
+            play(stage_play, [*watchers, lambda _: interruption.obey()])
     except (KeyboardInterrupt, SystemExit) as signal:
         keeper.save(stage_play)
         kept = f"recording {stream.close(camera.recording)}; " if camera else ""
-        signal.args = (f"{kept}checkpoint {keeper.path}",) if isinstance(signal, KeyboardInterrupt) else signal.args
+        if isinstance(signal, KeyboardInterrupt):
+            signal.args = (f"{kept}checkpoint {keeper.path}",)
         raise
     except BaseException:
         if camera:

@@ -1,4 +1,4 @@
-"""The acts of an experiment: when a stage ends, what changes when the next begins, what is measured on the way."""
+"""The acts of an experiment: when a stage ends, what the next one changes, what is measured on the way."""
 
 from dataclasses import dataclass, field
 from math import radians
@@ -33,7 +33,7 @@ class Actor:
     began: float = 0.0  # s, start of the stage
     finished: bool = False
     failure: Failure | None = None
-    energy: float | None = None  # J, mechanical energy at the last check, None where it may have changed by work
+    energy: float | None = None  # J, mechanical energy at the last check; None where work may have changed it
     released: int = 0
     frames: list[Snapshot] = field(default_factory=list)
     tilts: list[float] = field(default_factory=list)
@@ -47,7 +47,7 @@ class Actor:
 
 
 def begin_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float) -> None:
-    """Move on to the next stage: walls vanish or begin to move; after the last stage the replica is finished."""
+    """Move on to the next stage: walls vanish or begin to move; after the last one the play is over."""
     actor.stage += 1
     actor.began = time
     actor.energy = None
@@ -82,7 +82,8 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, actor: Actor, time
 def keep_frame(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float) -> None:
     """Keep a snapshot for the measures that look at the whole stage."""
     stage = scene.stages[actor.stage]
-    intervals = [order.every for name, order in scene.measure.items() if stage_of(scene, name) == actor.stage and order.every]
+    orders = [order for name, order in scene.measure.items() if stage_of(scene, name) == actor.stage]
+    intervals = [order.every for order in orders if order.every]
     if intervals and time - actor.began >= len(actor.frames) * min(intervals) * (1.0 - ROUNDING):
         actor.frames.append(snapshot(sim, replica))
         actor.tilts.append(tilt_of(stage, time - actor.began))
@@ -101,9 +102,12 @@ def is_over(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: flo
     elapsed = time - actor.began
     if elapsed >= stage.duration_max * (1.0 - ROUNDING):
         if stage.until == "rest":
-            actor.warnings.append(f"stage {stage.name} reached its time limit of {stage.duration_max:g} s before rest")
+            limit = f"its time limit of {stage.duration_max:g} s"
+            actor.warnings.append(f"stage {stage.name} reached {limit} before rest")
         return True
-    if stage.until == "time" or elapsed < stage.duration_min or actor.released < len(sim.setups[replica].grains.radius):
+    if stage.until == "time" or elapsed < stage.duration_min:
+        return False
+    if actor.released < len(sim.setups[replica].grains.radius):
         return False
     if kinetic > stage.rest_energy * weight_over_diameters(sim, replica):
         return False
@@ -129,7 +133,8 @@ def close_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor) -> No
 
 
 CAUSES = {
-    Status.OVERLAP: "the time step is too long, the material too soft for these speeds, or grains start inside each other",
+    Status.OVERLAP: "the time step is too long, the material too soft for these speeds, "
+    "or grains start inside each other",
     Status.LOST: "a grain passed a gap in the walls or was shot away by an overlap",
     Status.NOT_FINITE: "a parameter is not a number, or forces grew without bound: shorten the time step",
     Status.ENERGY: "the time step is too long for the stiffest contact",

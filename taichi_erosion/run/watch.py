@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.setup import PrimitiveKind, Setup
+from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup, Triple
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
 from taichi_erosion.recording import stream
@@ -17,9 +17,9 @@ from taichi_erosion.recording.checkpoint import save_checkpoint
 from taichi_erosion.recording.pictures import film_frame, silhouette_grid
 from taichi_erosion.recording.side_view import SideView
 from taichi_erosion.recording.wall_mesh import WallMesh, wall_meshes
+from taichi_erosion.run.memory import remembered
 from taichi_erosion.run.options import Report
 from taichi_erosion.run.play import Play, share_done
-from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import export_state, ledger, snapshot
 
 Image = NDArray[np.uint8]
@@ -47,8 +47,14 @@ class Camera:
     film_every: int = 1  # frames for one picture of the film
 
 
-def open_camera(path: Path, name: str, scene: Scene, setup: Setup, text: str) -> Camera:
-    """Begin the recording of one replica. Raises BadInput where it cannot be written."""
+def whole_intervals(time: float, interval: float) -> int:
+    """Intervals that have passed."""
+    return int(time / interval * (1.0 + ROUNDING))
+
+
+def open_camera(path: Path, name: str, stage_play: Play, text: str) -> Camera:
+    """Begin the recording of the first replica, wherever it stands. Raises BadInput where it cannot be written."""
+    scene, setup = stage_play.scene, stage_play.sim.setups[0]
     moving = frozenset(wall for s in scene.stages for wall in (*s.remove, *s.move))
     box = apparatus_box(setup)
     walls = wall_meshes(setup, box, moving)
@@ -56,25 +62,33 @@ def open_camera(path: Path, name: str, scene: Scene, setup: Setup, text: str) ->
     diameter = 2.0 * float(np.median(setup.grains.radius))
     speed = RESTING_SHARE * float(np.sqrt(np.linalg.norm(setup.gravity) * diameter))
     view = SideView((box[0][0], box[0][2]), (box[1][0], box[1][2]))
-    return Camera(stream.open_recording(path, header), walls, view, speed, scene.record.every)
+    shot = whole_intervals(stage_play.time, scene.record.every)
+    return Camera(stream.open_recording(path, header), walls, view, speed, scene.record.every, shot)
 
 
-def apparatus_box(setup: Setup) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
     """Corners [m] of a box around finite walls and starting grains, with a margin for what spreads."""
     points = [setup.grains.position]
     for kind, row in zip(setup.primitives.kind, setup.primitives.shape, strict=True):
         if kind == PrimitiveKind.TRIANGLE:
             points.append(row[:9].reshape(3, 3))
         elif kind == PrimitiveKind.REVOLVED:
-            radius = max(row[6], row[8])
-            for height in (row[7], row[9]):
-                points += [row[:3] + height * row[3:6] + sign * radius * (1.0 - np.abs(row[3:6])) for sign in (-1.0, 1.0)]
+            across = max(row[6], row[8]) * (1.0 - np.abs(row[3:6]))
+            ends = row[:3] + np.outer(row[[7, 9]], row[3:6])
+            points += [ends - across, ends + across]
     corners = np.concatenate([np.atleast_2d(p) for p in points])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = OPEN_MARGIN * float((high - low).max()) + float(setup.grains.radius.max())
     side = np.array([margin, margin, 0.0])
     low, high = low - side, high + side
-    return (float(low[0]), float(low[1]), min(float(low[2]), 0.0)), (float(high[0]), float(high[1]), float(high[2]))
+    low[2] = min(low[2], 0.0)
+    return corner(low), corner(high)
+
+
+def corner(point: Floats) -> Triple:
+    """A point as plain numbers."""
+    x, y, z = point.tolist()
+    return x, y, z
 
 
 def watch_first(camera: Camera, stage_play: Play) -> None:
@@ -101,7 +115,8 @@ def take_frame(camera: Camera, stage_play: Play) -> None:
     stream.log_frame(camera.recording, state, camera.resting_speed)
     stream.log_ledger(camera.recording, ledger(stage_play.sim, 0))
     if camera.shot % camera.film_every == 0:
-        camera.film.append(film_frame(state, camera.view, camera.walls, (camera.resting_speed, stream.FASTEST_COLOUR)))
+        speeds = (camera.resting_speed, stream.FASTEST_COLOUR)
+        camera.film.append(film_frame(state, camera.view, camera.walls, speeds))
     if len(camera.film) > FILM_FRAMES:
         camera.film = camera.film[::2]
         camera.film_every *= 2
@@ -123,7 +138,7 @@ def silhouettes(state: Snapshot, details: dict[str, Any], base_height: float) ->
         column = (ends[..., 0] - drawn.left) / drawn.pixel
         flanks.append(np.stack([column, rows - ends[..., 1] / drawn.pixel], axis=-1))
         columns = np.flatnonzero(mask.any(axis=0))
-        masks.append(mask[::-1, columns[0] : columns[-1] + 1])
+        masks.append(mask[:, columns[0] : columns[-1] + 1])
         flanks[-1][..., 0] -= columns[0]
         captions.append(f"{azimuth:.0f}")
     return silhouette_grid(masks, flanks, captions)
@@ -141,14 +156,13 @@ class Keeper:
     def watch(self, stage_play: Play) -> None:
         """Save when the next interval is reached."""
         if stage_play.time >= (self.kept + 1) * self.interval * (1.0 - ROUNDING):
-            self.kept = int(stage_play.time / self.interval * (1.0 + ROUNDING))
+            self.kept = whole_intervals(stage_play.time, self.interval)
             self.save(stage_play)
 
     def save(self, stage_play: Play) -> None:
         """Write everything that the rest of the play depends on."""
-        actors = [[a.seed, a.stage, a.began, a.finished, a.released, a.energy] for a in stage_play.actors]
-        meta = self.meta | {"checks": stage_play.checks, "actors": actors}
-        save_checkpoint(self.path, export_state(stage_play.sim), meta)
+        arrays, meta = remembered(stage_play)
+        save_checkpoint(self.path, export_state(stage_play.sim) | arrays, self.meta | meta)
 
 
 @dataclass

@@ -30,8 +30,8 @@ def steps_until(sim: Simulation, until: Sequence[float]) -> Integers:
 def advance(sim: Simulation, until: Sequence[float]) -> None:
     """Run every replica that has not failed to its own time [s].
 
-    A list that proves too short is grown and the step repeated. Launches are short, so that the host hears signals;
-    their length changes no result.
+    A list that proves too short is grown and the step repeated. Launches are short, so that the host hears
+    signals; their length changes no result.
     """
     remaining = steps_until(sim, until)
     while True:

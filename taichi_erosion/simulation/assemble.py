@@ -64,8 +64,8 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
 
 def gap_reach(setup: Setup, laws: ContactLaws) -> float:
     """Longest gap across which a contact of this replica may act [m]; walls double the effective radius."""
-    table = setup.contacts
-    reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, float(setup.grains.radius.max()))
+    table, largest = setup.contacts, float(setup.grains.radius.max())
+    reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, largest)
     return reach if np.isfinite(reach) else 0.0
 
 
@@ -75,9 +75,10 @@ def check_periods(world: World, setups: list[Setup]) -> None:
     for r, setup in enumerate(setups):
         for axis in range(3):
             if setup.period[axis] > 0.0 and number[r, axis] < PERIOD_CELLS_LEAST:
+                named = f"period along {'xyz'[axis]} = {setup.period[axis]} m"
                 raise BadInput(
-                    f"period along {'xyz'[axis]} = {setup.period[axis]} m holds fewer than {PERIOD_CELLS_LEAST} cells of "
-                    "the largest grain; make the box wider or the grains smaller"
+                    f"{named} holds fewer than {PERIOD_CELLS_LEAST} cells of the largest grain; "
+                    "make the box wider or the grains smaller"
                 )
 
 

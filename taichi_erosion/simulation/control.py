@@ -30,8 +30,8 @@ def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> No
     place = surface_index(sim, replica, name)
     moves = any((*motion.velocity, *motion.spin))
     sweep = shape_speed(sim.setups[replica], place % sim.sizes.surfaces, motion)
-    columns = [(walls.moving, [float(moves)]), (walls.velocity, [motion.velocity]), (walls.spin, [motion.spin])]
-    upload([*columns, (walls.centre, [motion.centre]), (walls.sweep, [sweep])], place)
+    vectors = [(getattr(walls, name), [getattr(motion, name)]) for name in ("velocity", "spin", "centre")]
+    upload([(walls.moving, [float(moves)]), (walls.sweep, [sweep]), *vectors], place)
     make_stale(sim, replica)
 
 

@@ -12,6 +12,7 @@ from taichi_erosion.grains.walls import Walls
 from taichi_erosion.grains.world import World
 from taichi_erosion.simulation.sizes import cell_grid, margins
 
+
 def padded(columns: list[Any], rows: int) -> Any:
     """Join one array a replica, each filled up with zeros to `rows`."""
     inner = np.asarray(columns[0]).shape[1:]
@@ -50,7 +51,9 @@ def fill_source(world: World, setups: list[Setup]) -> None:
     upload(columns)
 
 
-def fill_replicas(replicas: Replicas, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
+def fill_replicas(
+    replicas: Replicas, setups: list[Setup], reaches: list[float], partitions: list[int]
+) -> None:
     """Clocks, boxes and list margins; nothing is released yet, the first step rebuilds."""
     least, most, time = zip(*(margins(s) for s in setups), strict=True)
     upload(
@@ -75,8 +78,8 @@ def fill_replicas(replicas: Replicas, setups: list[Setup], reaches: list[float],
 def fill_cells(world: World, setups: list[Setup], reaches: list[float]) -> None:
     """Cell grids."""
     grids = [cell_grid(s, reach, world.cells.capacity) for s, reach in zip(setups, reaches, strict=True)]
-    low, width, number = world.cells.low, world.cells.inverse_width, world.cells.number
-    upload([(low, [g.low for g in grids]), (width, [g.inverse_width for g in grids]), (number, [g.number for g in grids])])
+    names = ("low", "inverse_width", "number")
+    upload([(getattr(world.cells, name), [getattr(grid, name) for grid in grids]) for name in names])
 
 
 def fill_walls(walls: Walls, setups: list[Setup]) -> None:

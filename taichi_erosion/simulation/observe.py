@@ -1,8 +1,8 @@
 """Reading a running simulation: snapshots and sums."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import Ledger, Snapshot
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
@@ -12,7 +12,6 @@ from taichi_erosion.grains.walls import wall_distance
 from taichi_erosion.simulation.assemble import Simulation
 
 SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
-
 
 
 @ti.func
@@ -111,7 +110,7 @@ def replica_row(sim: Simulation, replica: int) -> tuple[int, int, int, int]:
     return side, released, step, rebuilds
 
 
-def contact_sums(sim: Simulation, replica: int, released: int) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+def contact_sums(sim: Simulation, replica: int, released: int) -> tuple[Integers, Floats]:
     """Contacts by rank, and the sums of `read_contacts`."""
     contacts, sums = np.zeros(max(released, 1), np.int32), np.zeros(3)
     read_contacts(replica, sim.world, contacts, sums)
@@ -119,7 +118,7 @@ def contact_sums(sim: Simulation, replica: int, released: int) -> tuple[NDArray[
 
 
 def snapshot(sim: Simulation, replica: int) -> Snapshot:
-    """Released grains of one replica, in the order of its GrainTable; velocities at the time of the positions."""
+    """Released grains of one replica in the order of its GrainTable, velocities as of the positions' time."""
     side, released, step, _ = replica_row(sim, replica)
     grains, rows = sim.world.grains, sim.sizes.grains
     fields = [grains.velocity, grains.spin, grains.radius, grains.mass_inverse, grains.ident]
@@ -146,7 +145,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
 
 
 def ledger(sim: Simulation, replica: int) -> Ledger:
-    """Energies and extremes of one replica; energies of spheres, so that clumps are counted by their spheres' motion."""
+    """Energies and extremes of one replica, summed over spheres: a clump counts once for every sphere."""
     state = snapshot(sim, replica)
     _, released, step, rebuilds = replica_row(sim, replica)
     _, sums = contact_sums(sim, replica, released)
@@ -175,7 +174,7 @@ def sum_replicas(
     # out
     sums_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
-    """Per replica: translational, rotational, potential and stored energy [J], largest speed [m s-1], released."""
+    """Per replica translational, rotational, potential, stored energy [J], top speed [m s-1], released."""
     for r in range(world.replicas.count):
         base = side_block(world.grains, r, world.replicas.side[r])
         half = ti.select(world.replicas.step[r] > 0, 0.5 * world.replicas.time_step[r], 0.0)
@@ -200,7 +199,7 @@ def sum_replicas(
         sums_out[r, 5] = world.replicas.released[r]
 
 
-def energies(sim: Simulation) -> NDArray[np.float64]:
+def energies(sim: Simulation) -> Floats:
     """Sums of `sum_replicas`, [replicas, 6], in one launch: what guards and rest checks look at."""
     sums = np.zeros((sim.sizes.replicas, 6))
     sum_replicas(sim.world, sums)

@@ -1,7 +1,7 @@
 """How much room a run needs on the device, and how its grains are cut into cells and partitions.
 
-Everything here that can touch a result (partitions, margins, cells) depends on one replica alone, so that a replica
-gives the same bits whatever runs beside it.
+Everything here that can touch a result (partitions, margins, cells) depends on one replica alone, so that a
+replica gives the same bits whatever runs beside it.
 """
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What each stage of a step costs, by repeating that stage alone on the state of a run; the state is spoilt by it."""
+"""What each stage of a step costs: it is repeated alone on the state of a run, which spoils that state."""
 
 import time
 from collections.abc import Callable
@@ -78,7 +78,10 @@ STAGES: dict[str, Any] = {
 
 
 def stage_times(sim: Simulation) -> dict[str, float]:
-    """Nanoseconds per grain and call of every stage of replica 0, on one thread; the motion comes last, it moves grains."""
+    """Nanoseconds per grain and call of every stage of replica 0, on one thread.
+
+    The motion comes last, since it moves the grains.
+    """
     _, released, _, _ = replica_row(sim, 0)
     times = {}
     for name, kernel in STAGES.items():

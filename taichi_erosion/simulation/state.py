@@ -1,4 +1,4 @@
-"""The whole state of a run as plain arrays, independent of capacities: for checkpoints and for growing lists."""
+"""The whole state of a run as plain arrays that know no capacities: for checkpoints and for growing lists."""
 
 from typing import Any
 
@@ -11,7 +11,9 @@ from taichi_erosion.simulation.assemble import Simulation
 Arrays = dict[str, NDArray[Any]]
 
 REPLICA = ("partitions", "released", "step", "rebuilds", "status", "time_step", "gravity", "wall_travel")
-GRAIN = ("origin", "shift", "velocity", "spin", "radius", "mass_inverse", "travel_squared", "material", "ident")
+MOTION = ("origin", "shift", "velocity", "spin")
+GRAIN = (*MOTION, "radius", "mass_inverse", "travel_squared", "material", "ident")
+FAULT = ("fault_grain", "fault_partner", "fault_value")
 RATE = ("acceleration", "spin_rate")
 PAIR = ("neighbour", "label", "separation", "root_radius", "damping", "rolling_damping", "slip", "tilt")
 WALL_PAIR = ("wall", "label", "slip", "tilt")
@@ -30,19 +32,20 @@ def export_state(sim: Simulation) -> Arrays:
     state: Arrays = dict(zip(REPLICA, download(fields_of(world.replicas, REPLICA), 0, count), strict=True))
     side, stale = download([world.replicas.side, world.replicas.stale], 0, count)
     state["stale"] = np.maximum(stale, world.replicas.need.to_numpy().max(axis=1) > 0)
+    state |= {name: getattr(world.replicas, name).to_numpy() for name in FAULT}
     surfaces = download(fields_of(world.walls, SURFACE), 0, count * sim.sizes.surfaces)
     state |= {f"surface_{name}": values for name, values in zip(SURFACE, surfaces, strict=True)}
     for r in range(count):
         block = 2 * r + int(side[r])
-        state |= {f"replica{r}_{name}": values for name, values in export_replica(sim, r, block, state).items()}
+        part = export_replica(sim, r, block, int(state["released"][r]))
+        state |= {f"replica{r}_{name}": values for name, values in part.items()}
     return state
 
 
-def export_replica(sim: Simulation, r: int, block: int, state: Arrays) -> Arrays:
-    """Grains, lists and bodies of one replica; `block` counts sides over all replicas."""
+def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
+    """Released grains, lists and bodies of one replica; `block` counts sides over all replicas."""
     world, rows = sim.world, sim.sizes.grains
-    count = int(state["released"][r])
-    out = dict(zip(GRAIN, download(fields_of(world.grains, GRAIN), block * rows, count), strict=True))
+    out: Arrays = dict(zip(GRAIN, download(fields_of(world.grains, GRAIN), block * rows, count), strict=True))
     out |= dict(zip(RATE, download(fields_of(world.grains, RATE), r * rows, count), strict=True))
     for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
         start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], block * rows, count))
@@ -70,6 +73,10 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     replicas = world.replicas
     columns = list(zip(fields_of(replicas, REPLICA), (state[name] for name in REPLICA), strict=True))
     upload([*columns, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
+    for name in FAULT:
+        getattr(replicas, name).from_numpy(state[name])
+    for gone in (replicas.need, world.grains.force, world.grains.torque):
+        gone.fill(0)
     if sim.sizes.surfaces:
         upload([(getattr(world.walls, name), state[f"surface_{name}"]) for name in SURFACE])
     for r in range(count):
@@ -93,7 +100,9 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
         upload([(world.clumps.rank, rank)], r * rows)
 
 
-def upload_entries(sim: Simulation, r: int, table: Any, number: NDArray[np.int64], columns: list[Any]) -> None:
+def upload_entries(
+    sim: Simulation, r: int, table: Any, number: NDArray[np.int64], columns: list[Any]
+) -> None:
     """Lay the joined entries of a replica out by partition and write where each grain's begin and end."""
     partitions = int(download([sim.world.replicas.partitions], r, 1)[0][0])
     count = len(number)
@@ -114,7 +123,9 @@ def upload_entries(sim: Simulation, r: int, table: Any, number: NDArray[np.int64
         upload_touched(sim, r, reach, columns[0][1])
 
 
-def upload_touched(sim: Simulation, r: int, reach: list[tuple[int, int, slice]], neighbour: NDArray[Any]) -> None:
+def upload_touched(
+    sim: Simulation, r: int, reach: list[tuple[int, int, slice]], neighbour: NDArray[Any]
+) -> None:
     """Ranks that the forces of every partition reach, as the list search notes them."""
     replicas = sim.world.replicas
     for p, (first, last, entries) in enumerate(reach):

@@ -27,10 +27,9 @@ def check_positions(world_out: ti.template(), r):
     for rank in range(replicas_out.released[r]):
         position = position_of(grains, replicas_out, r, base + rank)
         for k in ti.static(range(3)):
-            if replicas_out.low[r][k] <= position[k] <= replicas_out.high[r][k]:
-                pass
-            else:
-                replicas_out.status[r] = ti.select(position[k] == position[k], LOST, NOT_FINITE)
+            finite = position[k] - position[k] == 0.0
+            if not (finite and replicas_out.low[r][k] <= position[k] <= replicas_out.high[r][k]):
+                replicas_out.status[r] = ti.select(finite, LOST, NOT_FINITE)
                 replicas_out.fault_grain[r, 0] = rank
                 replicas_out.fault_value[r, 0] = ti.cast(position[k], float)
 
@@ -88,7 +87,7 @@ def rebuild(world_out: ti.template(), r, member, size, turn):
 
 @ti.func
 def demand(world: ti.template(), r):
-    """What must happen before the next step: nothing, REBUILD or STOP. All members of a team read the same."""
+    """What must happen before the next step: nothing, REBUILD or STOP; a team's members read the same."""
     replicas, source = ti.static((world.replicas, world.source))
     wanted = replicas.stale[r]
     for p in range(replicas.partitions[r]):

@@ -1,7 +1,8 @@
 """Dealing the steps of many replicas to few workers, so that all workers finish together.
 
-Replicas are laid end to end and the whole is cut into equal parts, one a worker; a replica that is cut is begun by the next
-worker, at its start, and ended by the earlier one, at its end. That is the shortest schedule with interruptions.
+Replicas are laid end to end and the whole is cut into equal parts, one a worker; a replica that is cut is
+begun by the next worker, at its start, and ended by the earlier one, at its end. That is the shortest
+schedule with interruptions.
 
 Reference: McNaughton (1959), Management Science 6, 1.
 """

@@ -77,9 +77,9 @@ def stacked(rows: list[list[Snapshot]], name: str) -> Floats:
     return whole
 
 
-def every_step(setups: Sequence[Setup], steps: int, stride: int = 1) -> Floats:
-    """Times [steps // stride, replicas] of every `stride`-th step from the first, in s."""
-    counts = np.arange(1, steps + 1, stride)
+def every_step(setups: Sequence[Setup], steps: int) -> Floats:
+    """Times of the first steps [steps, replicas] in s."""
+    counts = np.arange(1.0, steps + 1.0)
     return counts[:, None] * np.array([setup.time_step for setup in setups])[None, :]
 
 

@@ -1,10 +1,10 @@
 """One row of the ladder: a sentence, a number, the number wanted, and the largest admissible difference."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 Precision = Literal["f32", "f64"]
 
@@ -39,7 +39,7 @@ def relative(claim: str, got: float, want: float, share: float, precision: Preci
     return Outcome(claim, float(got), float(want), share * abs(float(want)), precision)
 
 
-def below(claim: str, deviations: float | Iterable[float], limit: float, precision: Precision) -> Outcome:
+def below(claim: str, deviations: ArrayLike, limit: float, precision: Precision) -> Outcome:
     """The largest of some deviations must vanish up to `limit`; a NaN among them fails."""
     largest = float(np.max(np.abs(np.asarray(deviations, dtype=float))))
     return Outcome(claim, largest, 0.0, limit, precision)

@@ -6,8 +6,9 @@ from math import nan, pi, sqrt
 
 import numpy as np
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Setup
-from taichi_erosion.core.snapshot import Status
+from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.simulation import advance, failure, snapshot
 from taichi_erosion.verification.bench_run import bench
 from taichi_erosion.verification.bulk_scenes import DIAMETER, SOFT_GLASS, column_scene, soft_touch
@@ -61,18 +62,33 @@ def bad_starts() -> Iterator[Outcome]:
     cases = [
         Hostile("overlapping start", overlapping(), (Status.OVERLAP,)),
         Hostile("time step of five Rayleigh times", replace(healthy(), time_step=slow), blown_up),
-        Hostile("surface energy NaN", poisoned(), (Status.NOT_FINITE,)),
     ]
     for precision in PRECISIONS:
         sim = bench([healthy(), *(case.setup for case in cases)], precision, LAWS)
         advance(sim, [DURATION] * (1 + len(cases)))
         for replica, case in enumerate(cases, start=1):
-            fault = failure(sim, replica)
-            reason = fault.status.name if fault else "it went on"
-            right = fault is not None and fault.status in case.reasons
-            yield holds(f"{case.name}: stops with a reason ({reason})", right, precision)
+            yield stops(case, failure(sim, replica), precision)
         kept = snapshot(sim, 0)
         alone = bench([healthy()], precision, LAWS)
         advance(alone, [DURATION])
         same = failure(alone, 0) is None and np.array_equal(kept.position, snapshot(alone, 0).position)
         yield holds("a healthy replica beside them ends as if alone", bool(same), precision)
+        yield poisoned_outcome(precision)
+
+
+def stops(case: Hostile, fault: Failure | None, precision: Precision) -> Outcome:
+    """Whether the replica stopped for one of its reasons."""
+    reason = fault.status.name if fault else "it went on"
+    right = fault is not None and fault.status in case.reasons
+    return holds(f"{case.name}: stops with a reason ({reason})", right, precision)
+
+
+def poisoned_outcome(precision: Precision) -> Outcome:
+    """A parameter that is not a number is refused at the door or stops the run."""
+    case = Hostile("surface energy NaN", poisoned(), (Status.NOT_FINITE,))
+    try:
+        sim = bench([case.setup], precision, LAWS)
+    except BadInput as refusal:
+        return holds(f"{case.name}: refused ({refusal})", True, precision)
+    advance(sim, [DURATION])
+    return stops(case, failure(sim, 0), precision)

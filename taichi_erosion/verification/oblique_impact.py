@@ -21,7 +21,7 @@ from taichi_erosion.verification.bench_setup import Touch, on_plane, spheres, to
 from taichi_erosion.verification.claim import Outcome, Precision, below, relative
 from taichi_erosion.verification.reference import published
 from taichi_erosion.verification.reference.hertz import HeadOn, Solid, sphere_mass
-from taichi_erosion.verification.reference.mindlin import Impact, Rebound, Sliding, rebound
+from taichi_erosion.verification.reference.mindlin import OWN_LAW, Impact, Rebound, Sliding, rebound
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ FINE = 20_000  # the same where damping is strong: its half-step lag is of first
 PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
 
 
-def impact_at(solid: Solid, angle: Floats, sliding: Sliding = Sliding.PROJECT) -> Impact:
+def impact_at(solid: Solid, angle: Floats, sliding: Sliding = OWN_LAW) -> Impact:
     """Test 4 at angles of incidence [deg]."""
     touch = touch_of(solid, None, RESTITUTION, FRICTION)
     return Impact(

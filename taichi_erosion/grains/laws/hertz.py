@@ -2,7 +2,8 @@
 
     F = (4/3) E* sqrt(R*) d^(3/2) = (4/3) E* a d,    a = sqrt(R* d)
 
-with d the overlap [m], R* the effective radius [m], E* the effective Young's modulus [Pa], a the contact radius [m].
+with d the overlap [m], R* the effective radius [m], E* the effective Young's modulus [Pa], a the contact
+radius [m].
 
 Reference: Johnson (1985), Contact Mechanics, eqs (4.22)-(4.23).
 """

@@ -3,17 +3,19 @@
     F = (4/3) E* a^3 / R* - 4 sqrt(pi gamma E*) a^(3/2)
     d = a^2 / R* - 2 sqrt(pi gamma a / E*)
 
-with gamma the surface energy of each surface [J m-2] (work of adhesion 2 gamma), a the contact radius [m], d the
-overlap [m]. With L = (pi gamma R*^2 / E*)^(1/3) and a = L s^2 both become polynomials of one variable,
+with gamma the surface energy of each surface [J m-2] (work of adhesion 2 gamma), a the contact radius [m], d
+the overlap [m]. With L = (pi gamma R*^2 / E*)^(1/3) and a = L s^2 both become polynomials of one variable,
 
     d R* / L^2 = s^4 - 2 s,    F = (4/3) pi gamma R* s^3 (s^3 - 3),
 
 solved for s by Newton's method. The pull-off force is 3 pi gamma R* at d = -0.57236 L^2/R*; the neck tears at
-d = -1.190551 L^2/R*, where s^3 = 1/2. A contact starts at d = 0 (branch `touch`), or wherever the neck can exist (branch `edem`).
+d = -1.190551 L^2/R*, where s^3 = 1/2. A contact starts at d = 0 (branch `touch`), or wherever the neck can
+exist (branch `edem`).
 
 Friction is capped by |F + 6 pi gamma R*| (`thornton`) or by (4/3) E* a^3 / R* (`edem`).
 
-Reference: Johnson, Kendall & Roberts (1971), Proc. R. Soc. A 324, 301; Thornton (1991), J. Phys. D 24, 1942 (friction).
+Reference: Johnson, Kendall & Roberts (1971), Proc. R. Soc. A 324, 301; Thornton (1991), J. Phys. D 24, 1942
+(friction).
 """
 
 from typing import Any
@@ -28,11 +30,13 @@ TEAR_ROOT = 0.7937005259840998  # s where the neck tears, (1/2)^(1/3) [1]
 HERTZ_LIMIT = 1e6  # d R*/L^2 beyond which adhesion is below rounding and Hertz is used [1]
 CURVATURE_AT_TEAR = 3.7797631496846193  # (d^2/ds^2)(s^4 - 2 s)/2 at the tear, 6 s^2 [1]
 START_SHIFT = 2.5198420997897464  # makes the first guess of s exact at d = 0 [1], 2^(4/3)
+SLOPE_LEAST = 1e-6  # of d(s^4 - 2 s)/ds, which vanishes at the tear [1]
+CUBE_LEAST = 1e-37  # keeps the logarithm of a cube root finite in single precision [m3]
 
 
 @ti.func
 def root(reduced):
-    """s >= TEAR_ROOT with s^4 - 2 s = reduced; three Newton steps give single precision, four double."""
+    """Largest s with s^4 - 2 s = reduced [1]; three Newton steps give single precision, four double."""
     inner = ti.max(reduced + START_SHIFT, 0.0)
     far = ti.sqrt(ti.sqrt(ti.max(reduced, 0.0) + 2.0 * ti.sqrt(ti.sqrt(inner))))
     near = TEAR_ROOT + ti.sqrt(ti.max(reduced + TEAR_GAP, 0.0) / CURVATURE_AT_TEAR)
@@ -41,9 +45,6 @@ def root(reduced):
         cubed = s * s * s
         s = ti.max(s - (cubed * s - 2.0 * s - reduced) / ti.max(4.0 * cubed - 2.0, SLOPE_LEAST), TEAR_ROOT)
     return s
-
-
-SLOPE_LEAST = 1e-6  # of d(s^4 - 2 s)/ds, which vanishes at the tear [1]
 
 
 @ti.func
@@ -60,10 +61,7 @@ def adhesive_force(young, adhesion, reduced, root_radius):
 @ti.func
 def cube_root(x):
     """Real cube root of a positive number."""
-    return ti.exp(ti.log(ti.max(x, TINY)) / 3.0)
-
-
-TINY = 1e-37  # keeps the logarithm finite in single precision
+    return ti.exp(ti.log(ti.max(x, CUBE_LEAST)) / 3.0)
 
 
 def compile_jkr(branch: str, cap: str) -> Any:
@@ -73,7 +71,7 @@ def compile_jkr(branch: str, cap: str) -> Any:
 
     @ti.func
     def normal_force(materials: ti.template(), row, overlap, root_radius, engaged):
-        """Elastic force [N], contact radius [m], force that caps friction [N], and whether the contact acts."""
+        """Elastic force [N], contact radius [m], force that caps friction [N], whether the contact acts."""
         young = materials.young[row]
         adhesion = materials.adhesion[row]
         depth = ti.max(overlap, 0.0)

@@ -2,10 +2,12 @@
 
     M = -mu_r R* F omega / |omega|
 
-with mu_r the rolling friction [1], R* the effective radius [m], F the force that caps friction [N], omega the relative
-spin without its twist about the normal [rad s-1]. The torque changes sign with the motion, so grains at rest rattle.
+with mu_r the rolling friction [1], R* the effective radius [m], F the force that caps friction [N], omega the
+relative spin without its twist about the normal [rad s-1]. The torque changes sign with the motion, so grains
+at rest rattle.
 
-Reference: Ai, Chen, Rotter & Ooi (2011), Powder Technology 206, 269, model A; Zhou et al. (1999), Physica A 269, 536.
+Reference: Ai, Chen, Rotter & Ooi (2011), Powder Technology 206, 269, model A; Zhou et al. (1999), Physica A
+269, 536.
 """
 
 from taichi_erosion.core.ti import ti

@@ -4,10 +4,12 @@
     M = -mu_r R* F theta/|theta| beyond, theta shortened to that limit, no viscous part
     k = 2.25 k_n mu_r^2 R*^2,    k_n = 2 E* a,    c = eta 2 sqrt(I k)
 
-with theta the rolling angle since engagement without twist [rad], omega its rate, F the force that caps friction [N],
-I = 1/(1/(I_i + m_i r_i^2) + 1/(I_j + m_j r_j^2)) [kg m2], eta the share of critical damping [1].
+with theta the rolling angle since engagement without twist [rad], omega its rate, F the force that caps
+friction [N], I = 1/(1/(I_i + m_i r_i^2) + 1/(I_j + m_j r_j^2)) [kg m2], eta the share of critical damping
+[1].
 
-Reference: Ai, Chen, Rotter & Ooi (2011), Powder Technology 206, 269, model C; Iwashita & Oda (1998), J. Eng. Mech. 124, 285.
+Reference: Ai, Chen, Rotter & Ooi (2011), Powder Technology 206, 269, model C; Iwashita & Oda (1998), J. Eng.
+Mech. 124, 285.
 """
 
 from taichi_erosion.core.ti import ti

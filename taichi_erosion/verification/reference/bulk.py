@@ -10,13 +10,22 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 BEVERLOO_EXPONENT = 2.5  # circular orifice [1]
+BEVERLOO_EDGES = np.linspace(1.2, 1.6, 41)  # k of spheres [1]
 BEVERLOO_EDGE = 1.4  # k: grain diameters that the rim takes from the orifice [1], spheres
 
 
-def discharge_exponent(orifice: Floats, diameter: float, flow: Floats, edge: float = BEVERLOO_EDGE) -> float:
-    """N of W = c (D - k d)^n, least squares in log W against log (D - k d) with k given."""
-    slope, _ = np.polyfit(np.log(orifice - edge * diameter), np.log(flow), 1)
-    return float(slope)
+def discharge_exponent(orifice: Floats, diameter: float, flow: Floats, edge: float) -> tuple[float, float]:
+    """N of W = c (D - k d)^n by least squares in the logarithms with k given, and the sum of squares left."""
+    width = np.log(orifice - edge * diameter)
+    line, (residual, *_) = np.polynomial.polynomial.polyfit(width, np.log(flow), 1, full=True)
+    return float(line[1]), float(np.sum(residual))
+
+
+def discharge_fit(orifice: Floats, diameter: float, flow: Floats) -> tuple[float, float]:
+    """K and n of W = c (D - k d)^n, k searched in BEVERLOO_EDGES."""
+    fits = [(discharge_exponent(orifice, diameter, flow, edge), edge) for edge in BEVERLOO_EDGES]
+    (exponent, _), edge = min(fits, key=lambda fit: fit[0][1])
+    return float(edge), exponent
 
 
 def discharge_edge(orifice: Floats, diameter: float, flow: Floats) -> float:

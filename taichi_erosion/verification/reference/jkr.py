@@ -17,7 +17,7 @@ from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 Floats = NDArray[np.float64]
 
@@ -85,5 +85,5 @@ def branch_force(reduced: float) -> float:
     if reduced < overlap_at(CUBE_TEAR):
         return 0.0
     highest = 2.0 + abs(reduced)
-    s = float(brentq(lambda s: s**4 - 2.0 * s - reduced, lowest, highest, xtol=1e-15, rtol=1e-14))
-    return force_at(s**3)
+    found = root_scalar(lambda s: s**4 - 2.0 * s - reduced, bracket=(lowest, highest), xtol=1e-15, rtol=1e-14)
+    return force_at(found.root**3)

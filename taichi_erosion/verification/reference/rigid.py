@@ -45,11 +45,3 @@ def spin_decay(friction_rolling: float, radius: float) -> float:
     mu_r g / (2 R).
     """
     return 2.5 * friction_rolling * GRAVITY / radius
-
-
-def sliding_rebound(friction: float, restitution: float, normal: float) -> tuple[float, float]:
-    """Change of tangential speed [m s-1] and of spin times radius [m s-1] by an impact that slides
-    throughout.
-    """
-    lost = friction * (1.0 + restitution) * normal
-    return -lost, -2.5 * lost

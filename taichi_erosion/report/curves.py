@@ -1,0 +1,112 @@
+"""Figures of the verification ladder: the simulator against reference curves and published points."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from taichi_erosion.verification import curves
+
+POINT, LINE, FINE = "#c0392b", "#1f4e79", "#7f8c8d"
+NAMES = {"T4": "oblique_impact", "T6": "spinning_impact", "JKR": "jkr_law"}
+
+
+def draw_curves(folder: Path) -> list[Path]:
+    """Draw tests 4 and 6 and the JKR law into `folder`, each as PNG and SVG; returns the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    drawings: dict[str, Callable[[dict[str, Any]], Figure]] = {
+        "T4": draw_oblique_impact,
+        "T6": draw_spinning_impact,
+        "JKR": draw_jkr,
+    }
+    files = []
+    for name, draw in drawings.items():
+        figure = draw(curves(name))
+        for ending in ("png", "svg"):
+            file = folder / f"{NAMES[name]}.{ending}"
+            figure.savefig(file, dpi=150, metadata={"Date": None} if ending == "svg" else None)
+            files.append(file)
+        plt.close(figure)
+    return files
+
+
+def draw_oblique_impact(curve: dict[str, Any]) -> Figure:
+    """Test 4: tangential restitution, spin and patch angle against the angle of incidence."""
+    figure, frames = plt.subplots(1, 3, figsize=(11.0, 3.6), layout="constrained")
+    panels = (
+        ("restitution", "restitution_fine_step", "literature_restitution", "tangential restitution [1]"),
+        ("spin_rad_s", "spin_fine_step_rad_s", "literature_spin_rad_s", "spin after impact [rad/s]"),
+        ("patch_deg", "patch_fine_step_deg", "literature_patch_deg", "rebound angle of the contact [deg]"),
+    )
+    for frame, (found, fine, literature, label) in zip(frames, panels, strict=True):
+        frame.plot(curve["angle_deg"], curve[fine], color=FINE, lw=3.0, label="same law, fine step")
+        frame.plot(curve["angle_deg"], curve[found], color=LINE, lw=1.0, label="simulator")
+        frame.plot(
+            curve["literature_angle_deg"],
+            curve[literature],
+            "o",
+            color=POINT,
+            ms=4,
+            label="Chung & Ooi (2011)",
+        )
+        frame.set(xlabel="angle of incidence [deg]", ylabel=label)
+    finish(
+        figure,
+        frames[0],
+        "Test 4: aluminium oxide sphere on a rigid plane, 3.9 m/s, e = 0.98, friction 0.092",
+    )
+    return figure
+
+
+def draw_spinning_impact(curve: dict[str, Any]) -> Figure:
+    """Test 6: tangential restitution against X."""
+    figure, frame = plt.subplots(figsize=(6.0, 4.2), layout="constrained")
+    frame.plot(
+        curve["sliding_ratio"], curve["sliding_beta"], color=FINE, lw=5.0, alpha=0.5, label="exact, sliding"
+    )
+    frame.plot(
+        curve["ratio"], curve["beta_fine_step"], color=FINE, lw=2.5, label="same law, fine step (alloy)"
+    )
+    frame.plot(
+        curve["ratio"], curve["beta_aluminium_alloy"], color=LINE, lw=1.0, label="simulator, aluminium alloy"
+    )
+    frame.plot(curve["ratio"], curve["beta_nylon"], "--", color=LINE, lw=1.0, label="simulator, nylon")
+    frame.plot(
+        curve["literature_ratio"],
+        curve["literature_beta"],
+        "o",
+        color=POINT,
+        ms=4,
+        label="Chung & Ooi (2011)",
+    )
+    frame.set(
+        xlabel="X = 3.5 mu (1 + e) v_n / v_s [1]", ylabel="tangential restitution beta [1]", xscale="log"
+    )
+    finish(figure, frame, "Test 6: spinning sphere on a rigid plane, 0.2 m/s, e = 0.5, friction 0.4")
+    return figure
+
+
+def draw_jkr(curve: dict[str, Any]) -> Figure:
+    """Force against overlap along one bounce of two sticky spheres, on the law."""
+    figure, frame = plt.subplots(figsize=(6.0, 4.2), layout="constrained")
+    frame.plot(curve["law_overlap"], curve["law_force"], color=FINE, lw=3.0, label="JKR (1971)")
+    frame.plot(curve["overlap"], curve["force"], ".", color=LINE, ms=2.0, label="simulator, one bounce")
+    frame.plot(
+        curve["landmark_overlap"], curve["landmark_force"], "o", color=POINT, ms=5, label="closed form"
+    )
+    frame.axhline(0.0, color="black", lw=0.5)
+    frame.set(xlabel="overlap [L^2/R*]", ylabel="force [pi gamma R*]", xlim=(-1.6, 2.2), ylim=(-3.4, 4.0))
+    finish(figure, frame, "Adhesive contact: touch, pull-off and tear")
+    return figure
+
+
+def finish(figure: Figure, frame: Axes, title: str) -> None:
+    """Legend and title."""
+    frame.legend(frameon=False, fontsize=8)
+    figure.suptitle(title, fontsize=10)

@@ -1,0 +1,71 @@
+"""Every rung of the ladder that takes seconds; those that pour heaps or drain silos are marked slow."""
+
+from dataclasses import fields
+from math import nan
+
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.report.ladder import markdown_table
+from taichi_erosion.verification import LADDER, Claim, verify
+from taichi_erosion.verification.claim import Outcome, as_claim
+
+SLOW = ("V22", "V33", "V34")
+
+
+@pytest.mark.parametrize(
+    "ident", [pytest.param(i, marks=pytest.mark.slow if i in SLOW else ()) for i in LADDER]
+)
+def test_every_claim_of_this_rung_holds(ident: str) -> None:
+    failed = [
+        f"{c.claim}: got {c.got:.6g}, want {c.want:.6g} +- {c.tolerance:.2g} ({c.precision})"
+        for c in verify([ident])
+        if not c.passed
+    ]
+    assert not failed, "\n".join(failed)
+
+
+def test_the_ladder_holds_every_rung_that_is_asked_of_it() -> None:
+    assert list(LADDER) == [f"V{k:02d}" for k in (*range(1, 25), 33, 34)]
+
+
+def test_an_unknown_rung_is_refused_by_name() -> None:
+    with pytest.raises(BadInput, match="V99"):
+        verify(["V01", "V99"])
+
+
+def test_a_result_that_is_not_a_number_fails_its_claim() -> None:
+    assert not as_claim("V01", Outcome("falls", nan, 0.0, 1.0, "f64"), 0.0).passed
+
+
+def test_a_result_at_its_tolerance_passes_and_beyond_it_fails() -> None:
+    assert as_claim("V01", Outcome("falls", 1.5, 1.0, 0.5, "f64"), 0.0).passed
+    assert not as_claim("V01", Outcome("falls", 1.51, 1.0, 0.5, "f64"), 0.0).passed
+
+
+def test_a_check_that_breaks_is_a_claim_that_fails_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken():
+        yield Outcome("first", 0.0, 0.0, 0.0, "f64")
+        raise ValueError("spheres were cubes")
+
+    monkeypatch.setitem(LADDER, "V01", broken)
+    seen: list[Claim] = []
+    first, second = verify(["V01"], seen.append)
+    assert seen == [first, second]
+    assert first.passed
+    assert not second.passed
+    assert "spheres were cubes" in second.claim
+
+
+def test_the_table_shows_a_failing_claim_as_failing() -> None:
+    claims = [
+        as_claim("V01", Outcome("a | b", 1.0, 1.0, 0.1, "f64"), 0.5),
+        as_claim("V02", Outcome("late", 2.0, 1.0, 0.1, "f32"), 0.5),
+    ]
+    table = markdown_table(claims)
+    assert "**NO**" in table
+    assert "a \\| b" in table
+    assert "1 of 2 claims hold; 1 s." in table
+    assert all(
+        len(fields(Claim)) + 1 == line.replace("\\|", "").count("|") for line in table.splitlines()[:4]
+    )
