@@ -218,7 +218,7 @@ def stage_shares(sim: Simulation, rebuilds_per_step: float) -> dict[str, float]:
 
 
 def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
-    """The cases of `bench`: a settled bed in f32 and f64, and an ensemble of beds on one thread and on all."""
+    """The cases of `bench`: a settled bed in f32 and f64, an ensemble of beds on one thread and on all."""
     cores = len(os.sched_getaffinity(0))
     orders: list[tuple[str, int, int, Precision]] = [
         ("settled bed", 1, 1, "f32"),

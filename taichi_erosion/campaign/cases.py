@@ -1,7 +1,7 @@
 """Cases of a study: one scene, some of its parameters changed, a few seeds; and the table of what came out.
 
-Each case is simulated in a process of its own on one thread, by the command that stands in its rows, so that any row
-can be repeated alone.
+Each case is simulated in a process of its own on one thread, by the command that stands in its rows, so that
+any row can be repeated alone.
 """
 
 import csv
@@ -15,10 +15,12 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.whole_file import write_whole
 
 ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
 STOPPED = "stopped"  # observable of a case that gave no result; `note` says why
+GUARDED = 3  # exit code of a run that its guards stopped
 
 
 @dataclass(frozen=True)
@@ -65,20 +67,27 @@ def settings(*orders: str) -> tuple[str, ...]:
 
 def command(scene: str, case: Case) -> list[str]:
     """Words of `taichi-erosion` that simulate a case."""
-    return ["run", scene, *case.order, "--replicas", str(case.replicas), "--threads", "1", "--no-record", "--json"]
+    plain = ["--replicas", str(case.replicas), "--threads", "1", "--no-record", "--json"]
+    return ["run", scene, *case.order, *plain]
 
 
 def simulate(scene: str, case: Case) -> list[Row]:
-    """Simulate one case in its own process; a run that stops or refuses is a row too."""
+    """Simulate one case in its own process; a run stopped by its guards is a row, one refused raises BadInput."""
     words = command(scene, case)
-    done = subprocess.run(
-        [sys.executable, "-m", "taichi_erosion", *words], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    program = [sys.executable, "-m", "taichi_erosion"]
+    done = subprocess.run([*program, *words], cwd=ROOT, capture_output=True, text=True, check=False)
     typed = shlex.join(["./erosion", *words])
-    if done.returncode != 0 or not done.stdout:
-        reason = done.stderr.strip().splitlines()[-1]
-        return [Row(case.group, case.label, STOPPED, nan, nan, 0, "", "", 0, nan, nan, 0, nan, typed, "", reason)]
+    reason = (done.stderr.strip().splitlines() or [""])[-1]
+    if done.returncode == GUARDED:
+        return [stopped(case, typed, reason)]
+    if done.returncode != 0:
+        raise BadInput(f"{typed}: {reason}")
     return rows_of(case, typed, json.loads(done.stdout))
+
+
+def stopped(case: Case, typed: str, reason: str) -> Row:
+    """Row of a case without a result."""
+    return Row(case.group, case.label, STOPPED, nan, nan, 0, "", "", 0, nan, nan, 0, nan, typed, "", reason)
 
 
 def rows_of(case: Case, typed: str, document: dict[str, Any]) -> list[Row]:
@@ -147,9 +156,12 @@ def read_rows(table: Path) -> list[Row]:
     """Rows of a table that `write_rows` wrote."""
     kinds = {f.name: f.type for f in fields(Row)}
     with table.open(encoding="utf-8", newline="") as file:
-        return [Row(**{name: typed(kinds[name], text) for name, text in line.items()}) for line in csv.DictReader(file)]
+        return [
+            Row(**{name: parse(kinds[name], text) for name, text in line.items()})
+            for line in csv.DictReader(file)
+        ]
 
 
-def typed(kind: Any, text: str) -> Any:
+def parse(kind: Any, text: str) -> Any:
     """A cell as its field wants it."""
     return nan if kind is float and not text else kind(text)

@@ -12,6 +12,9 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import impl, ti
 
 
+WITHOUT_DOUBLES = ("vulkan", "metal")  # devices that Taichi compiles for without f64 arithmetic
+
+
 def cache_folder() -> Path:
     """Folder of compiled kernels, shared by all runs of this user."""
     root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
@@ -28,13 +31,20 @@ def is_writable(folder: Path) -> bool:
         return False
 
 
+def usable_cores() -> int:
+    """Cores that this process may run on; more workers than those would wait for each other in turn."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def start_device(numerics: Numerics) -> int:
     """Start Taichi and return the number of workers that run at the same time.
 
     Fast-math stays off: IEEE arithmetic gives the same bits in every kernel that holds the same formula, so a
     replica repeats alone, in an ensemble, and on any number of threads.
     """
-    threads = numerics.threads or os.cpu_count() or 1
+    if numerics.arch in WITHOUT_DOUBLES:
+        raise BadInput(f"--arch {numerics.arch}: positions are kept in f64, which it lacks; use cpu or cuda")
+    threads = numerics.threads or usable_cores()
     cache = cache_folder()
     offline = is_writable(cache)
     options: dict[str, Any] = {"offline_cache_file_path": str(cache)} if offline else {}

@@ -87,7 +87,7 @@ def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
 
 
 def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float64]]:
-    """Read `rows` places of several fields from `first` on: vectors as [rows, n], matrices as [rows, n, m]."""
+    """Read `rows` places of several fields from `first` on: vectors as [rows, n], matrices [rows, n, m]."""
     widths = [width(field) for field in fields]
     table = np.zeros((rows, sum(widths)))
     if rows:

@@ -22,7 +22,7 @@ from taichi_erosion.grains.state import REBUILD, force_block, side_block
 
 @dataclass(frozen=True, eq=False)
 class Clumps:
-    """Bodies of all replicas; replica r owns rows r * capacity on. Spheres go by their row of the GrainTable."""
+    """Bodies of all replicas; replica r owns rows r * capacity on. Spheres go by row of the GrainTable."""
 
     capacity: int
     first: Any  # i32, first sphere of the body

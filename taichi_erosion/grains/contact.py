@@ -1,12 +1,13 @@
 """One contact: normal law, friction with memory and rolling resistance, put together.
 
     F_n = F_el(d) - c_n v_n,              c_n = 2 sqrt(5/6) beta sqrt(2 E* a m*)
-    F_t = -8 G* a xi - c_t v_t,           c_t = c_n sqrt(4 G*/E*),     |F_t| <= mu F_cap
+    F_t = -8 G* a xi - c_t v_t            while 8 G* a |xi| <= mu F_cap,      c_t = c_n sqrt(4 G*/E*)
+    F_t = -mu F_cap xi/|xi|               beyond, xi shortened to that limit
 
-xi is the tangential displacement since engagement [m] (Mindlin, no slip); where friction slides it is
-shortened so that spring and dashpot together equal the cap. The cap uses the elastic force, without damping,
-so that a sliding impact exchanges exactly mu (1 + e) m v_n. The normal force is not clipped at zero: clipping
-would change the restitution.
+xi is the tangential displacement since engagement [m] (Mindlin, no slip). A sliding contact has no dashpot: it
+would load the spring backwards at first touch, where the cap is still zero. The cap uses the elastic force,
+without damping, so that a sliding impact exchanges exactly mu (1 + e) m v_n. The normal force is not clipped at
+zero: clipping would change the restitution.
 
 Reference: Mindlin & Deresiewicz (1953), J. Appl. Mech. 20, 327; Tsuji et al. (1992), Powder Technology 71,
 239.
@@ -117,13 +118,14 @@ def friction_force(materials: ti.template(), row, touch: ti.template(), slip, dt
     tangential = touch.velocity - touch.velocity.dot(touch.normal) * touch.normal
     stretched = slip + tangential * dt
     stretched -= stretched.dot(touch.normal) * touch.normal
-    viscous = (materials.shear_damping[row] * touch.damping * touch.root_contact_radius) * tangential
-    force = -stiffness * stretched - viscous
+    force = -stiffness * stretched
     limit = materials.friction_sliding[row] * touch.cap_force
     size_squared = force.norm_sqr()
     if size_squared > limit * limit:
         force *= limit / ti.sqrt(size_squared)
-        stretched = (force + viscous) * (-1.0 / ti.max(stiffness, STIFFNESS_LEAST))
+        stretched = force * (-1.0 / ti.max(stiffness, STIFFNESS_LEAST))
+    else:
+        force -= (materials.shear_damping[row] * touch.damping * touch.root_contact_radius) * tangential
     return force, stretched
 
 

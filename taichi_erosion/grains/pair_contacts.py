@@ -32,11 +32,12 @@ def remember(entries_out: ti.template(), e, slip, tilt):
 
 
 @ti.func
-def pair_touch(world: ti.template(), e, i, j, normal, elastic):
-    """Struct of the contact of places i and j."""
+def pair_touch(world: ti.template(), e, places, normal, elastic):
+    """Struct of the contact of a pair; `places` as in `act_on_pair`."""
     grains, pairs = ti.static((world.grains, world.pairs))
+    i, j, reaction, lever = places
     arms = grains.radius[i] * grains.spin[i] + grains.radius[j] * grains.spin[j]
-    velocity = grains.velocity[i] - grains.velocity[j] - arms.cross(normal)
+    velocity = grains.velocity[i] - grains.velocity[j] - lever * arms.cross(normal)
     constants = (pairs.root_radius[e], pairs.damping[e], pairs.rolling_damping[e])
     return describe_contact(world.laws, normal, velocity, grains.spin[i] - grains.spin[j], constants, elastic)
 
@@ -45,18 +46,20 @@ def pair_touch(world: ti.template(), e, i, j, normal, elastic):
 def act_on_pair(world_out: ti.template(), r, e, places, normal, elastic):
     """Force [N] and torque [N m] on the owner of an acting contact; the partner gets its share.
 
-    `places` are the owner, the partner, and the partner's place in the force buffer.
+    `places` are the owner, the partner, the partner's place in the force buffer, and the lever: the distance of the
+    centres over the sum of the radii [1]. Both grains are turned about one point of contact, which keeps the angular
+    momentum of the pair.
     """
     grains_out, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
-    i, j, reaction = places
-    touch = pair_touch(world_out, e, i, j, normal, elastic)
+    i, j, reaction, lever = places
+    touch = pair_touch(world_out, e, places, normal, elastic)
     row = pairs_out.label[e] >> 1
     dt = world_out.replicas.time_step[r]
     force, tangential, moment, slip, tilt = contact_force(
         world_out.laws, materials, row, touch, pairs_out.slip[e], pairs_out.tilt[e], dt
     )
     remember(pairs_out, e, slip, tilt)
-    twist = normal.cross(tangential)
+    twist = lever * normal.cross(tangential)
     grains_out.force[reaction] = grains_out.force[reaction] - force
     grains_out.torque[reaction] = grains_out.torque[reaction] - moment - grains_out.radius[j] * twist
     return force, moment - grains_out.radius[i] * twist
@@ -86,7 +89,7 @@ def pair_force(world_out: ti.template(), r, p, base, i, e):
         elastic = world_out.laws.normal_force(world_out.materials, label >> 1, overlap, root, label & 1)
         acts = elastic[3]
         if acts == 1:
-            places = (i, j, force_block(grains, replicas_out, r, p) + rank)
+            places = (i, j, force_block(grains, replicas_out, r, p) + rank, distance / contact_distance)
             force, torque = act_on_pair(world_out, r, e, places, offset * (1.0 / distance), elastic)
     if acts == 0:
         forget(pairs_out, e)

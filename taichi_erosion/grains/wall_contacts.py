@@ -65,18 +65,22 @@ def seen_from(world: ti.template(), i, e):
 
 @ti.func
 def is_local_minimum(world: ti.template(), i, e):
-    """Whether the closest point of entry e is one where its surface pushes; all offsets must be known."""
+    """Whether the closest point of entry e is one where its surface pushes; all offsets must be known.
+
+    It is not where another primitive of the surface holds that point and comes closer elsewhere. Where both
+    hold each other's closest point, as on an edge that they share, the first of them pushes.
+    """
     walls, entries = ti.static((world.walls, world.wall_pairs))
     surface = walls.surface[entries.wall[e]]
     tolerance = SAME_POINT * world.grains.radius[i]
-    distance = entries.offset[e].norm()
+    position = seen_from(world, i, e)
+    farthest = entries.offset[e].norm() + tolerance
     minimum = 1
     for f in range(entries.start[i], entries.stop[i]):
-        if f != e and walls.surface[entries.wall[f]] == surface:
-            farther = distance - entries.offset[f].norm()
-            if farther > tolerance or (farther > -tolerance and f < e):
-                point = seen_from(world, i, e) - entries.offset[e]
-                if wall_offset(walls, entries.wall[f], point).norm() < tolerance:
+        if f != e and walls.surface[entries.wall[f]] == surface and entries.offset[f].norm() < farthest:
+            if wall_offset(walls, entries.wall[f], position - entries.offset[e]).norm() < tolerance:
+                back = wall_offset(walls, entries.wall[e], position - entries.offset[f]).norm()
+                if f < e or back >= tolerance:
                     minimum = 0
     return minimum
 
@@ -137,7 +141,7 @@ def wall_force(world_out: ti.template(), r, p, base, i, e):
     torque = force
     acts = 0
     if walls.present[s] * entries_out.pushes[e] == 1 and distance < radius + world_out.replicas.reach[r]:
-        overlap = radius - ti.cast(distance, float)
+        overlap = ti.cast(ti.cast(radius, ti.f64) - distance, float)
         label = entries_out.label[e]
         report_overlap(world_out.replicas, r, p, i - base, -1 - w, overlap / radius)
         root = ti.sqrt(radius)

@@ -96,12 +96,12 @@ def draw_jkr(curve: dict[str, Any]) -> Figure:
     """Force against overlap along one bounce of two sticky spheres, on the law."""
     figure, frame = plt.subplots(figsize=(6.0, 4.2), layout="constrained")
     frame.plot(curve["law_overlap"], curve["law_force"], color=FINE, lw=3.0, label="JKR (1971)")
-    frame.plot(curve["overlap"], curve["force"], ".", color=LINE, ms=2.0, label="simulator, one bounce")
+    frame.plot(curve["overlap"], curve["force"], ".", color=LINE, ms=3.0, label="simulator, one bounce")
     frame.plot(
         curve["landmark_overlap"], curve["landmark_force"], "o", color=POINT, ms=5, label="closed form"
     )
     frame.axhline(0.0, color="black", lw=0.5)
-    frame.set(xlabel="overlap [L^2/R*]", ylabel="force [pi gamma R*]", xlim=(-1.6, 2.2), ylim=(-3.4, 4.0))
+    frame.set(xlabel="overlap [L^2/R*]", ylabel="force [pi gamma R*]", xlim=(-1.6, 3.2), ylim=(-3.4, 6.0))
     finish(figure, frame, "Adhesive contact: touch, pull-off and tear")
     return figure
 

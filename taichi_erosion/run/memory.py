@@ -1,4 +1,4 @@
-"""What a play knows beside the state of the device, for checkpoints: a resumed run ends as one that went through."""
+"""What a play knows beside the state of the device, so that a resumed run ends as one that went through."""
 
 import json
 from dataclasses import asdict

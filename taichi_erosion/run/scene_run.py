@@ -30,6 +30,7 @@ from taichi_erosion.run.watch import (
     open_camera,
     silhouettes,
     watch_first,
+    whole_intervals,
 )
 from taichi_erosion.scene import Scene, build_setup, explain, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, import_state, snapshot
@@ -81,7 +82,7 @@ def with_words(scene: Scene, options: RunOptions) -> Scene:
 
 
 def keeper_of(options: RunOptions, record: Path, hashed: str, time: float) -> Keeper:
-    """Checkpoints as asked for, from a time on; without words there is one only when the run is interrupted."""
+    """Checkpoints as asked for, from a time on; without words only an interruption leaves one."""
     path = options.checkpoint or record.with_suffix(".checkpoint.npz")
     interval = options.every or float("inf")
     return Keeper(path, interval, {"scene_hash": hashed}, kept=whole_intervals(time, interval))

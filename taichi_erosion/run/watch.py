@@ -53,7 +53,7 @@ def whole_intervals(time: float, interval: float) -> int:
 
 
 def open_camera(path: Path, name: str, stage_play: Play, text: str) -> Camera:
-    """Begin the recording of the first replica, wherever it stands. Raises BadInput where it cannot be written."""
+    """Begin the recording of the first replica as it stands. Raises BadInput where it cannot be written."""
     scene, setup = stage_play.scene, stage_play.sim.setups[0]
     moving = frozenset(wall for s in scene.stages for wall in (*s.remove, *s.move))
     box = apparatus_box(setup)

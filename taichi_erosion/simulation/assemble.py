@@ -1,7 +1,7 @@
 """From Setups to a device that is ready to run: where names become functions and records become fields."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.grains.world import World
 from taichi_erosion.simulation.fill import fill_world
 from taichi_erosion.simulation.sizes import Sizes, first_sizes, partition_count
+from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.turns import Turns, allocate_turns
 
 PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
@@ -82,6 +83,14 @@ def check_periods(world: World, setups: list[Setup]) -> None:
                 )
 
 
+def refuse_nonsense(setup: Setup) -> None:
+    """Raise BadInput where a grain or a contact parameter is not a finite number."""
+    for table in (setup.contacts, setup.grains):
+        for column in fields(table):
+            if not np.isfinite(getattr(table, column.name)).all():
+                raise BadInput(f"{column.name} holds a value that is not a finite number")
+
+
 def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulation:
     """Start the device and put an ensemble on it.
 
@@ -90,11 +99,14 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     listed = list(setups)
     if len({s.clumps is None for s in listed}) > 1:
         raise BadInput("an ensemble mixes clumps and single spheres; run them apart")
+    for setup in listed:
+        refuse_nonsense(setup)
     threads = start_device(numerics)
     on_cpu = numerics.arch == "cpu"
     sizes = first_sizes(listed)
     workers = threads if on_cpu else len(listed)
     world = build_world(listed, laws, sizes)
+    release_first(world)
     turns = allocate_turns(workers, len(listed))
     return Simulation(listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world, turns)
 

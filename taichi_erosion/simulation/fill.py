@@ -3,8 +3,9 @@
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
+from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import upload
 from taichi_erosion.grains.materials import fill_materials
 from taichi_erosion.grains.state import Replicas
@@ -12,13 +13,16 @@ from taichi_erosion.grains.walls import Walls
 from taichi_erosion.grains.world import World
 from taichi_erosion.simulation.sizes import cell_grid, margins
 
+NOWHERE = np.inf  # m, where the primitives lie that a replica with fewer walls than another has too many
 
-def padded(columns: list[Any], rows: int) -> Any:
-    """Join one array a replica, each filled up with zeros to `rows`."""
-    inner = np.asarray(columns[0]).shape[1:]
-    stacked = np.zeros((len(columns), rows, *inner))
+
+def padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
+    """Join one array a replica, each filled up to `rows`; a replica may have none."""
+    inner = np.asarray(max(columns, key=len)).shape[1:]
+    stacked = np.full((len(columns), rows, *inner), filling)
     for block, column in zip(stacked, columns, strict=True):
-        block[: len(column)] = column
+        if len(column):
+            block[: len(column)] = column
     return stacked.reshape(-1, *inner)
 
 
@@ -98,7 +102,7 @@ def fill_walls(walls: Walls, setups: list[Setup]) -> None:
             (walls.second, shapes[..., 3:6]),
             (walls.third, np.where((kinds == PrimitiveKind.TRIANGLE)[..., None], shapes[..., 6:9], 0.0)),
             (walls.profile, shapes[..., 6:10]),
-            (walls.middle, padded([[b[0] for b in ball] for ball in balls], walls.primitives)),
+            (walls.middle, padded([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE)),
             (walls.size, padded([[b[1] for b in ball] for ball in balls], walls.primitives)),
         ]
     )
@@ -125,12 +129,12 @@ def bounding_ball(kind: int, row: Floats) -> tuple[Floats, float]:
 
 
 def fill_clumps(world: World, setups: list[Setup]) -> None:
-    """Bodies at rest orientation, moving as their spheres do at release."""
+    """Bodies as placed, moving and turning as the first sphere of each does at release."""
     clumps, rows = world.clumps, world.grains.capacity
     tables = [s.clumps for s in setups if s.clumps is not None]
     bodies = clumps.capacity
-    firsts = [np.searchsorted(t.body, np.arange(len(t.mass))) for t in tables]
-    moving = [s.grains.velocity[f] for s, f in zip(setups, firsts, strict=True)]
+    firsts = [np.searchsorted(t.body, np.arange(len(t.mass))).astype(np.int32) for t in tables]
+    motions = [body_motion(s.grains, t, f) for s, t, f in zip(setups, tables, firsts, strict=True)]
     upload(
         [
             (clumps.first, padded(firsts, bodies)),
@@ -139,7 +143,23 @@ def fill_clumps(world: World, setups: list[Setup]) -> None:
             (clumps.orientation, padded([t.orientation for t in tables], bodies)),
             (clumps.mass_inverse, padded([1.0 / t.mass for t in tables], bodies)),
             (clumps.inertia_inverse, padded([1.0 / t.inertia for t in tables], bodies)),
-            (clumps.velocity, padded(moving, bodies)),
+            (clumps.velocity, padded([velocity for velocity, _ in motions], bodies)),
+            (clumps.momentum, padded([momentum for _, momentum in motions], bodies)),
         ]
     )
     upload([(clumps.offset, padded([t.offset for t in tables], rows))])
+
+
+def body_motion(grains: GrainTable, table: ClumpTable, firsts: Integers) -> tuple[Floats, Floats]:
+    """Velocity of the centre [m s-1] and angular momentum [kg m2 s-1] of bodies that follow a sphere.
+
+        v = v_1 - w x (A o_1),    L = A I A^T w
+
+    with v_1 and w velocity and spin of the sphere, o_1 its offset in the body, A the rotation of the body.
+    """
+    spin = grains.spin[firsts]
+    frame: Any = Rotation.from_quat(table.orientation, scalar_first=True).as_matrix()
+    arm = np.einsum("bij,bj->bi", frame, table.offset[firsts])
+    turning: Any = np.cross(spin, arm)
+    momentum = np.einsum("bij,bj,bkj,bk->bi", frame, table.inertia, frame, spin)
+    return grains.velocity[firsts] - turning, momentum

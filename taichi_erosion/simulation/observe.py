@@ -8,7 +8,8 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.state import side_block
-from taichi_erosion.grains.walls import wall_distance
+from taichi_erosion.grains.wall_contacts import seen_from
+from taichi_erosion.grains.walls import wall_distance, wall_offset
 from taichi_erosion.simulation.assemble import Simulation
 
 SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
@@ -41,9 +42,10 @@ def pair_energy(world: ti.template(), base, i, e):
 
 @ti.func
 def wall_overlap(world: ti.template(), i, e):
-    """Overlap of a grain with the wall of entry e [m], as of the last step."""
-    distance = wall_distance(world.walls, world.wall_pairs.wall[e], world.wall_pairs.offset[e])
-    return world.grains.radius[i] - ti.cast(distance, float)
+    """Overlap of a grain with the wall of entry e where both are now [m]."""
+    w = world.wall_pairs.wall[e]
+    distance = wall_distance(world.walls, w, wall_offset(world.walls, w, seen_from(world, i, e)))
+    return ti.cast(ti.cast(world.grains.radius[i], ti.f64) - distance, float)
 
 
 @ti.func

@@ -177,6 +177,16 @@ def run_turns(world_out: ti.template(), turns: ti.template(), worker):
 
 
 @ti.kernel
+def release_first(
+    # out
+    world_out: ti.template(),
+):
+    """Release what is there from the start, so that a run can be looked at before its first step."""
+    for r in range(world_out.replicas.count):
+        release_grains(world_out, r)
+
+
+@ti.kernel
 def run_alone(
     # parameters
     workers: ti.i32,

@@ -80,15 +80,16 @@ def bounce() -> Bounce:
         state = states(sim, 1)[0]
         gap = state.position[1, 0] - state.position[0, 0]
         found.append((state.step, gap))
-        step = state.step + stride((2.0 * RADIUS - gap) / PAIR.depth)
+        dense = is_near_landmark((2.0 * RADIUS - gap) / PAIR.depth)
+        # three samples in a row give one force
+        step = state.step + (1 if dense or len(found) % 3 else SPARSE)
     return bounce_of(np.array(found), setup.time_step)
 
 
-def stride(overlap: float) -> int:
-    """Steps to the next sample: one near a landmark [L^2/R*], else as many as cannot pass it by."""
+def is_near_landmark(overlap: float) -> bool:
+    """Whether every step counts at this overlap [L^2/R*]; past the tear nothing happens any more."""
     nearest = min(abs(overlap - landmark) for landmark in (TEAR_AT, PULL_OFF_AT, 0.0, BALANCE_AT))
-    beyond = TEAR_AT - overlap
-    return 1 if nearest < NEAR and beyond < 0.02 else SPARSE
+    return nearest < NEAR and overlap > TEAR_AT - 0.02
 
 
 def bounce_of(found: Floats, time_step: float) -> Bounce:

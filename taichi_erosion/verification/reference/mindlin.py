@@ -42,7 +42,7 @@ class Sliding(Enum):
     TABLE = "table"
 
 
-OWN_LAW = Sliding.TOGETHER  # what `grains/contact.py` does
+OWN_LAW = Sliding.APART  # what `grains/contact.py` does
 
 
 @dataclass(frozen=True)

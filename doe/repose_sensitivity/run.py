@@ -1,0 +1,102 @@
+"""Sensitivity of the funnel angle: simulates the cases, writes results.csv, draws the figure, fills the page.
+
+python doe/repose_sensitivity/run.py             all cases
+python doe/repose_sensitivity/run.py GROUP...    the cases of some groups
+python doe/repose_sensitivity/run.py --page      only the figure and the tables of the page, from results.csv
+"""
+
+import sys
+from pathlib import Path
+
+from taichi_erosion.campaign.cases import ROOT, Case, perform, settings
+from taichi_erosion.report.repose_sensitivity import publish
+
+SCENE = "scenes/funnel_repose.toml"
+TABLE = Path(__file__).with_name("results.csv")
+
+COUNT = 3000  # grains in the scene, for which its outlet stands just above the heap
+OUTLET_HEIGHT = 0.032  # m, in the scene
+FUNNEL_HEIGHT = 0.065  # m, stem and cone
+RATE = 20000.0  # s-1, in the scene: the outlet passes about 5000, so that the funnel fills
+DURATION = 2.0  # s, limit in the scene
+FUNNEL = {"outlet_radius": 0.0125, "stem_length": 0.010, "rim_radius": 0.060, "cone_height": 0.055}  # m
+FILL_RADIUS = 0.040  # m
+COARSE = 8.0  # grains over the sieve class in the scene
+SURFACE_ENERGY = 3.302  # J m-2, published
+EDEM = ("laws.adhesion_branch=edem", "laws.friction_cap=edem")
+SOFT = ("materials.soil.shear_modulus=1e6", "run.overlap_limit=0.3")  # impacts overlap by 0.23 radii
+
+
+def heap(count: int = COUNT, size: float = 1.0, lift: float = 1.0, rate: float = RATE) -> tuple[str, ...]:
+    """Settings of a similar test: lengths grow with `size`, times with its root, the outlet with the heap.
+
+    `lift` multiplies the height of the outlet; `rate` [s-1] is that of grains of the scene's size.
+    """
+    outlet = OUTLET_HEIGHT * (count / COUNT) ** (1.0 / 3.0) * size * lift
+    root = size**0.5
+    orders = [
+        f"grains.count={count}",
+        f"grains.size.scale={COARSE * size:g}",
+        f"geometry.funnel.outlet=[0.0, 0.0, {outlet:.5f}]",
+        f"fill.centre=[0.0, 0.0, {outlet + FUNNEL_HEIGHT * size:.5f}]",
+        f"fill.rate={rate / root:g}",
+        f"stages.0.duration_min={root * max(0.4, 1.1 * count / rate):.4g}",
+        f"stages.0.duration_max={root * (DURATION + count / rate):.4g}",
+    ]
+    if size != 1.0:
+        orders += [f"geometry.funnel.{name}={length * size:g}" for name, length in FUNNEL.items()]
+        orders.append(f"fill.radius={FILL_RADIUS * size:g}")
+    return tuple(orders)
+
+
+def adhesive(energy: float) -> tuple[str, ...]:
+    """Settings of a surface energy [J m-2] in both pairs of materials."""
+    pairs = ("contact.soil-soil", "contact.soil-steel")
+    return ("laws.normal=jkr", *(f"{pair}.surface_energy={energy:g}" for pair in pairs))
+
+
+def step(fraction: float) -> tuple[str, ...]:
+    """Settings of a time step, in Rayleigh times; beyond 0.3 the scene must insist."""
+    forced = ("run.force_time_step=true",) if fraction > 0.3 else ()
+    return (f"run.time_step_fraction={fraction}", *forced)
+
+
+def case(group: str, label: str, *orders: str, replicas: int = 1) -> Case:
+    """A case from its settings."""
+    return Case(group, label, settings(*orders), replicas)
+
+
+JKR = adhesive(SURFACE_ENERGY)
+
+CASES = [
+    case("reference", "3000 grains", replicas=2),
+    *[
+        case("adhesion and time step", f"3.302 J/m2, {f:g} Rayleigh times", *JKR, *step(f))
+        for f in (1.0, 0.6, 0.3, 0.2, 0.1)
+    ],
+    *[case("surface energy", f"{energy:g} J/m2", *adhesive(energy)) for energy in (0.302, 0.0302, 0.00302)],
+    case("time step", "0.6 Rayleigh times", *step(0.6)),
+    case("time step", "0.3 Rayleigh times", *step(0.3)),
+    case("stiffness", "G = 1e6 Pa", *SOFT),
+    case("adhesion and grain size", "14 mm, 0 J/m2", *heap(size=5.0)),
+    case("adhesion and grain size", "14 mm, 3.302 J/m2", *heap(size=5.0), *JKR),
+    case("law of adhesion", "3.302 J/m2, branch and cap of EDEM", *JKR, *EDEM),
+    case("grain number", "1000 grains", *heap(1000), replicas=3),
+    case("outlet height", "1.5 of the reference", *heap(lift=1.5)),
+    case("pouring rate", "2500 per second, the outlet stays open", *heap(rate=2500.0)),
+    case("time step", "0.1 Rayleigh times", *step(0.1)),
+    case("stiffness", "G = 1e8 Pa", "materials.soil.shear_modulus=1e8"),
+    case("grain number", "10000 grains, G = 1e6 Pa", *heap(10_000), *SOFT),
+    case("grain size", "half, apparatus alike", *heap(size=0.5)),
+]  # the most telling first: a study may be cut short
+
+
+def main(words: list[str]) -> None:
+    """Simulate what was asked for, then publish the table."""
+    if words != ["--page"]:
+        perform(SCENE, [c for c in CASES if not words or c.group in words], TABLE)
+    publish(TABLE, ROOT / "docs")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

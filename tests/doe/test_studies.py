@@ -1,0 +1,151 @@
+"""The studies under doe/: their tables are complete, and the pages in docs show nothing else."""
+
+import csv
+from dataclasses import fields
+from math import isfinite, nan
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.campaign.cases import (
+    STOPPED,
+    Case,
+    Row,
+    command,
+    read_rows,
+    rows_of,
+    settings,
+    write_rows,
+)
+from taichi_erosion.report import lab_c, repose_sensitivity
+from taichi_erosion.report.page import fill_tables, markdown_table, with_spread
+
+ROOT = Path(__file__).parents[2]
+TABLES = {name: ROOT / "doe" / name / "results.csv" for name in ("lab_c", "repose_sensitivity")}
+LABORATORY = ROOT / "doe" / "lab_c" / "laboratory.csv"
+MOST_BYTES = 200_000  # of a picture in the repository
+
+each_table = pytest.mark.parametrize("table", TABLES.values(), ids=TABLES.keys())
+each_page = pytest.mark.parametrize("page", [lab_c, repose_sensitivity], ids=TABLES.keys())
+
+
+def made_tables(page) -> dict[str, str]:
+    if page is lab_c:
+        return lab_c.tables(read_rows(TABLES["lab_c"]), lab_c.read_laboratory(LABORATORY))
+    return repose_sensitivity.tables(read_rows(TABLES["repose_sensitivity"]))
+
+
+@each_table
+def test_every_row_carries_value_unit_seeds_hash_command_and_versions(table):
+    with table.open(encoding="utf-8", newline="") as file:
+        assert csv.DictReader(file).fieldnames == [field.name for field in fields(Row)]
+    rows = [row for row in read_rows(table) if row.observable != STOPPED]
+    assert rows
+    for row in rows:
+        assert row.unit
+        assert row.n >= 1 or row.note, "an observable without a value says why"
+        assert len(row.hash) == 12
+        assert row.time_step > 0.0
+        assert row.grains > 0
+        assert "taichi" in row.versions or "Update" in row.versions
+        assert row.command
+
+
+@each_table
+def test_repeats_have_a_spread_and_single_runs_claim_none(table):
+    for row in read_rows(table):
+        assert isfinite(row.sd) == (row.n > 1)
+
+
+@each_table
+def test_a_case_stands_in_its_table_once(table):
+    names = [(row.group, row.label, row.observable) for row in read_rows(table)]
+    assert len(names) == len(set(names))
+
+
+@each_table
+def test_no_row_tells_a_machine_path(table):
+    text = table.read_text(encoding="utf-8")
+    assert "/tmp" not in text
+    assert str(ROOT) not in text
+
+
+@each_page
+def test_a_page_shows_the_tables_that_its_numbers_make(page):
+    text = (ROOT / "docs" / page.PAGE).read_text(encoding="utf-8")
+    assert fill_tables(text, made_tables(page)) == text
+
+
+@each_page
+def test_a_picture_is_there_and_small(page):
+    picture = ROOT / "docs" / page.PICTURE
+    assert 0 < picture.stat().st_size < MOST_BYTES
+    assert page.PICTURE in (ROOT / "docs" / page.PAGE).read_text(encoding="utf-8")
+
+
+def test_both_diameters_are_compared_in_every_observable_with_six_seeds():
+    rows = [row for row in read_rows(TABLES["lab_c"]) if row.group == lab_c.MAIN]
+    assert {(row.observable, lab_c.DIAMETERS[row.label]) for row in rows} == set(
+        lab_c.read_laboratory(LABORATORY)
+    )
+    assert all(row.n >= 6 for row in rows)
+
+
+def test_at_least_four_time_steps_were_tried_with_the_published_surface_energy():
+    rows = [row for row in read_rows(TABLES["repose_sensitivity"]) if row.group == "adhesion and time step"]
+    assert len({row.time_step for row in rows if isfinite(row.time_step)}) >= 4
+
+
+def a_row(**changes: object) -> Row:
+    values = {"value": 1.5, "sd": 0.2, "n": 4, "unit": "m", "note": 'a comma, a "quote"'} | changes
+    rest = {f.name: "" if f.type is str else f.type(0) for f in fields(Row) if f.name not in values}
+    return Row(**(rest | values))
+
+
+def test_a_difference_is_measured_in_the_standard_error_of_both_means():
+    # 1.5 - 1.0 over sqrt(0.2^2/4 + 0.3^2/9) = 0.5 / 0.1414
+    laboratory = lab_c.LaboratoryValue(1.0, 0.3, 9)
+    assert lab_c.difference_in_errors(a_row(), laboratory) == pytest.approx(0.5 / 0.02**0.5, rel=1e-12)
+
+
+def test_a_table_comes_back_from_its_file_unchanged(tmp_path):
+    rows = [a_row(), a_row(sd=nan, n=1, note="")]
+    write_rows(tmp_path / "t.csv", rows)
+    back = read_rows(tmp_path / "t.csv")
+    assert repr(back) == repr(rows)  # NaN differs from itself, its text does not
+
+
+def test_a_case_is_the_command_that_repeats_it():
+    case = Case("g", "l", settings("grains.count=10"), 2)
+    typed = "run s.toml --set grains.count=10 --replicas 2 --threads 1 --no-record --json"
+    assert " ".join(command("s.toml", case)) == typed
+
+
+def test_a_single_seed_has_no_spread_even_where_a_measure_gives_one():
+    found = {"value": 30.0, "sd": 2.0, "n": 1, "unit": "deg", "notes": []}
+    document = {
+        "limits": {"time_step": 1e-5, "time_step_over_rayleigh": 0.2},
+        "replicas": [{"stopped": None}],
+        "measures": {"repose_angle": found},
+        "hash": "0" * 12,
+        "seed": 1,
+        "resolved": {"grains": {"count": 10}},
+        "wall_s": 1.0,
+        "versions": {},
+    }
+    (row,) = rows_of(Case("g", "l", ()), "typed", document)
+    assert row.value == 30.0
+    assert not isfinite(row.sd)
+
+
+def test_numbers_are_cut_at_the_second_figure_of_their_spread():
+    assert with_spread(23.96297, 0.40313, 6) == "23.96 ± 0.40 (6)"
+    assert with_spread(1234.5, 150.0, 3) == "1234 ± 150 (3)"
+    assert with_spread(30.123, nan, 1) == "30.12 (1)"
+
+
+def test_a_mark_without_a_table_is_noticed():
+    page = "before\n<!-- table: a -->\nold\n<!-- end -->\nafter\n"
+    assert fill_tables(page, {"a": markdown_table(("x",), [("1",)])}).count("| 1 |") == 1
+    with pytest.raises(ValueError, match="marks"):
+        fill_tables(page, {"b": ""})

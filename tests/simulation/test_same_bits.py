@@ -1,0 +1,95 @@
+"""A replica gives the same bits alone and in company, on one worker or two, resumed, after lists grew."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from grain_worlds import contacts, fingerprint, grains, heap, setup
+
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.simulation import advance, assemble, export_state, failure, import_state, ledger, snapshot
+from taichi_erosion.simulation.assemble import reallocate
+from taichi_erosion.simulation.sizes import partition_count
+
+LAWS = Laws(rolling="elastic_plastic")
+GRAINS = 200
+HALF, WHOLE = 0.005, 0.01  # s
+PAIRS_TOO_FEW = 256  # entries; the heap wants more than these and fewer than twice as many
+WALL_PAIRS_TOO_FEW = 64
+
+
+def run(setups: list[Setup], threads: int, until: float) -> list[str]:
+    sim = assemble(setups, LAWS, Numerics("cpu", threads))
+    advance(sim, [until] * len(setups))
+    assert all(failure(sim, r) is None for r in range(len(setups)))
+    return [fingerprint(snapshot(sim, r)) for r in range(len(setups))]
+
+
+@pytest.fixture(scope="module")
+def alone() -> dict[str, object]:
+    """One heap on one worker, half way and at the end, with its state and contacts half way."""
+    sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
+    advance(sim, [HALF])
+    state, contacts_then, half = export_state(sim), ledger(sim, 0).contacts, fingerprint(snapshot(sim, 0))
+    advance(sim, [WHOLE])
+    end = fingerprint(snapshot(sim, 0))
+    import_state(sim, state)
+    back = fingerprint(snapshot(sim, 0))
+    advance(sim, [WHOLE])
+    again = fingerprint(snapshot(sim, 0))
+    stop_device()
+    return {"state": state, "contacts": contacts_then, "half": half, "end": end, "back": back, "again": again}
+
+
+def test_heaps_of_different_seeds_differ():
+    first, second = run([heap(GRAINS, 1), heap(GRAINS, 2)], 1, HALF)
+    stop_device()
+    assert first != second
+
+
+def test_a_run_put_back_to_an_earlier_state_repeats_itself(alone):
+    assert alone["contacts"] > GRAINS // 2  # springs are stretched
+    assert alone["back"] == alone["half"]
+    assert alone["again"] == alone["end"] != alone["half"]
+
+
+def test_neighbours_in_an_ensemble_and_a_second_worker_change_no_bit(alone):
+    # three replicas on two workers: one of them is begun by one worker and ended by the other
+    ensemble = [heap(GRAINS // 2, 3, friction=0.1), heap(GRAINS, 1), heap(GRAINS, 2)]
+    bits = run(ensemble, 2, WHOLE)
+    stop_device()
+    assert bits[1] == alone["end"]
+
+
+def test_a_resumed_run_whose_lists_must_grow_changes_no_bit(alone):
+    sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
+    tiny = replace(sim.sizes, pairs=PAIRS_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW)
+    reallocate(sim, tiny)
+    advance(sim, [HALF])
+    grown, half = sim.sizes, fingerprint(snapshot(sim, 0))
+    import_state(sim, alone["state"])
+    advance(sim, [WHOLE])
+    end = fingerprint(snapshot(sim, 0))
+    stop_device()
+    assert grown.pairs > tiny.pairs
+    assert half == alone["half"]
+    assert end == alone["end"]
+
+
+def bed() -> Setup:
+    """Enough grains for two partitions, in contact from the start, stirred at random."""
+    rng = np.random.default_rng(5)
+    axes = np.meshgrid(np.arange(30), np.arange(30), np.arange(10), indexing="ij")
+    sites = np.stack(axes, axis=-1).reshape(-1, 3)
+    place = 0.99e-3 * np.column_stack([sites[:, :2], sites[:, 2] + 0.5])
+    table = grains(place, rng.normal(0.0, 0.02, place.shape), rng.normal(0.0, 20.0, place.shape))
+    return setup(table, law=contacts(rolling=0.1))
+
+
+def test_two_workers_that_share_a_bed_change_no_bit():
+    assert partition_count(bed()) == 2
+    (one,) = run([bed()], 1, 2e-4)
+    (two,) = run([bed()], 2, 2e-4)
+    stop_device()
+    assert one == two
