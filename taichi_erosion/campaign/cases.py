@@ -72,7 +72,7 @@ def command(scene: str, case: Case) -> list[str]:
 
 
 def simulate(scene: str, case: Case) -> list[Row]:
-    """Simulate one case in its own process; a run stopped by its guards is a row, one refused raises BadInput."""
+    """Simulate one case in its own process; what a guard stops is a row, what is refused raises BadInput."""
     words = command(scene, case)
     program = [sys.executable, "-m", "taichi_erosion"]
     done = subprocess.run([*program, *words], cwd=ROOT, capture_output=True, text=True, check=False)

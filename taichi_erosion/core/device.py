@@ -11,7 +11,6 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import impl, ti
 
-
 WITHOUT_DOUBLES = ("vulkan", "metal")  # devices that Taichi compiles for without f64 arithmetic
 
 

@@ -4,10 +4,10 @@
     F_t = -8 G* a xi - c_t v_t            while 8 G* a |xi| <= mu F_cap,      c_t = c_n sqrt(4 G*/E*)
     F_t = -mu F_cap xi/|xi|               beyond, xi shortened to that limit
 
-xi is the tangential displacement since engagement [m] (Mindlin, no slip). A sliding contact has no dashpot: it
-would load the spring backwards at first touch, where the cap is still zero. The cap uses the elastic force,
-without damping, so that a sliding impact exchanges exactly mu (1 + e) m v_n. The normal force is not clipped at
-zero: clipping would change the restitution.
+xi is the tangential displacement since engagement [m] (Mindlin, no slip). A sliding contact has no dashpot:
+it would load the spring backwards at first touch, where the cap is still zero. The cap uses the elastic
+force, without damping, so that a sliding impact exchanges exactly mu (1 + e) m v_n. The normal force is not
+clipped at zero: clipping would change the restitution.
 
 Reference: Mindlin & Deresiewicz (1953), J. Appl. Mech. 20, 327; Tsuji et al. (1992), Powder Technology 71,
 239.

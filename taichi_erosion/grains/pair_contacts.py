@@ -35,7 +35,7 @@ def remember(entries_out: ti.template(), e, slip, tilt):
 def pair_touch(world: ti.template(), e, places, normal, elastic):
     """Struct of the contact of a pair; `places` as in `act_on_pair`."""
     grains, pairs = ti.static((world.grains, world.pairs))
-    i, j, reaction, lever = places
+    i, j, _, lever = places
     arms = grains.radius[i] * grains.spin[i] + grains.radius[j] * grains.spin[j]
     velocity = grains.velocity[i] - grains.velocity[j] - lever * arms.cross(normal)
     constants = (pairs.root_radius[e], pairs.damping[e], pairs.rolling_damping[e])
@@ -46,9 +46,9 @@ def pair_touch(world: ti.template(), e, places, normal, elastic):
 def act_on_pair(world_out: ti.template(), r, e, places, normal, elastic):
     """Force [N] and torque [N m] on the owner of an acting contact; the partner gets its share.
 
-    `places` are the owner, the partner, the partner's place in the force buffer, and the lever: the distance of the
-    centres over the sum of the radii [1]. Both grains are turned about one point of contact, which keeps the angular
-    momentum of the pair.
+    `places` are the owner, the partner, the partner's place in the force buffer, and the lever: the distance
+    of the centres over the sum of the radii [1]. Both grains turn about one point of contact, which keeps
+    the angular momentum of the pair.
     """
     grains_out, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
     i, j, reaction, lever = places

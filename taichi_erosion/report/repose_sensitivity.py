@@ -1,6 +1,8 @@
 """The page on what the funnel angle depends on: its tables and its figure."""
 
+import re
 from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 
 import matplotlib as mpl
@@ -21,6 +23,9 @@ MILLIMETRES = 1e3  # per metre
 MICROSECONDS = 1e6  # per second
 OURS, THEIRS = "#1f4e79", "#c0392b"
 
+BEND = re.compile(r"changes by (-?[\d.]+) deg")
+CAUSE = "; likely cause"  # what a guard adds to what it saw
+
 Found = dict[str, Row]  # rows of one case by observable
 
 
@@ -36,16 +41,25 @@ def case_line(name: tuple[str, str], found: Found) -> tuple[str, ...]:
     """One line: what was changed, the two angles, the heap, the step."""
     row = next(iter(found.values()))
     if row.observable == STOPPED:
-        return (*name, "stopped", "", "", "", "", row.note)
+        return (*name, "stopped", "", "", "", "", row.note.partition(CAUSE)[0])
+    angle = spread(found, "repose_angle")
     return (
         *name,
-        spread(found, "repose_angle"),
-        spread(found, "cone_angle"),
+        angle,
+        spread(found, "cone_angle") if found["repose_angle"].n else angle,
         spread(found, "pile_height", MILLIMETRES),
         spread(found, "centroid_height", MILLIMETRES),
         f"{MICROSECONDS * row.time_step:.3g}",
-        found["repose_angle"].note,
+        remark(found["repose_angle"].note),
     )
+
+
+def remark(note: str) -> str:
+    """What an angle's note says, in few words."""
+    if bends := BEND.findall(note):
+        return f"flank bent by {', '.join(bends)} deg"
+    _, hanging, reason = note.partition("no heap")
+    return hanging + reason
 
 
 def spread(found: Found, name: str, factor: float = 1.0) -> str:
@@ -76,7 +90,7 @@ def cost_table(rows: Sequence[Row]) -> str:
     lines = [
         (*name, str(row.grains), str(row.n), row.hash, f"{row.wall_s:.0f} s")
         for name, found in by_case(rows).items()
-        for row in [next(iter(found.values()))]
+        if (row := found.get("pile_height"))
     ]
     return markdown_table(("group", "case", "grains", "seeds", "scene hash", "wall time"), lines)
 
@@ -93,6 +107,8 @@ def draw(rows: Sequence[Row], file: Path) -> None:
     figure, frame = plt.subplots(figsize=(8.0, 0.6 + 0.27 * len(cases)), layout="constrained")
     for place, found in enumerate(cases.values()):
         row = found["repose_angle"]
+        if not isfinite(row.value):
+            frame.text(MEASURED[0], place, "no heap", ha="center", va="center", fontsize=7)
         frame.errorbar(row.value, place, xerr=row.sd if row.n > 1 else None, fmt="o", color=OURS, capsize=3)
     value, sd = MEASURED
     frame.axvspan(value - sd, value + sd, color=THEIRS, alpha=0.25, lw=0.0, label="Hao et al. (2022)")

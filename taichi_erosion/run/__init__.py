@@ -1,7 +1,16 @@
 """One run: scene file -> simulate -> measure -> record -> result."""
 
+from pathlib import Path
+from typing import Any
+
 from taichi_erosion.run.check import check_scene
 from taichi_erosion.run.options import RunOptions
-from taichi_erosion.run.scene_run import run_scene
 
 __all__ = ["RunOptions", "check_scene", "run_scene"]
+
+
+def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
+    """Simulate, measure and record a scene; the device is loaded here, since a check needs none."""
+    from taichi_erosion.run import scene_run
+
+    return scene_run.run_scene(path, options)

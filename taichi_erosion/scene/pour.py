@@ -28,8 +28,9 @@ def clearing_time(distance: float, speed: float, gravity: float) -> float:
 def pour_layers(fill: Pour, radius: Floats, gravity: float, places: np.random.Generator) -> Layers:
     """Random places and release times of grains with the given bounding radii [m].
 
-    A layer is released at once, the next one when this one has fallen clear of the plane. A rate makes layers as
-    thin as it can keep them, so that the flow is steady; where one grain a layer is still too fast, layers wait.
+    A layer is released at once, the next one when this one has fallen clear of the plane. A rate makes
+    layers as thin as it can keep them, so that the flow is steady; where one grain a layer is still too
+    fast, layers wait.
     """
     clear = clearing_time(2.0 * CLEARANCE * float(radius.max()), fill.speed, gravity)
     most = max(1, round(fill.rate * clear)) if fill.rate else len(radius)

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.transfer import download, upload
-from taichi_erosion.simulation.assemble import Simulation
+from taichi_erosion.simulation.assemble import Simulation, reallocate
+from taichi_erosion.simulation.sizes import grown
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -69,6 +70,7 @@ def entry_places(start: NDArray[np.int64], stop: NDArray[np.int64]) -> NDArray[n
 
 def import_state(sim: Simulation, state: Arrays) -> None:
     """Put an exported state on the device; the Setups must be those it was exported with."""
+    make_room(sim, state)
     world, count = sim.world, sim.sizes.replicas
     replicas = world.replicas
     columns = list(zip(fields_of(replicas, REPLICA), (state[name] for name in REPLICA), strict=True))
@@ -82,6 +84,26 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     for r in range(count):
         prefix = f"replica{r}_"
         import_replica(sim, r, {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
+
+
+def make_room(sim: Simulation, state: Arrays) -> None:
+    """Grow the lists until a state fits whose own lists had been grown."""
+    pairs, wall_pairs = (capacity_wanted(state, prefix) for prefix in ("pair", "wall"))
+    sizes = sim.sizes
+    while sizes.pairs < pairs or sizes.wall_pairs < wall_pairs:
+        sizes = grown(sizes)
+    if sizes != sim.sizes:
+        reallocate(sim, sizes)
+
+
+def capacity_wanted(state: Arrays, prefix: str) -> int:
+    """Entries a replica and side with which the fullest partition of all replicas fits its share."""
+    wanted = 0
+    for r, partitions in enumerate(state["partitions"].astype(int)):
+        joined = np.concatenate([[0], np.cumsum(state[f"replica{r}_{prefix}_number"])]).astype(int)
+        bounds = (len(joined) - 1) * np.arange(partitions + 1) // partitions
+        wanted = max(wanted, int(partitions * np.diff(joined[bounds]).max()))
+    return wanted
 
 
 def import_replica(sim: Simulation, r: int, part: Arrays) -> None:

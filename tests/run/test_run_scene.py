@@ -112,18 +112,19 @@ def test_a_checkpoint_of_other_seeds_is_refused(resumed, folder):
         run_scene(write_scene(folder), RunOptions(threads=1, seed=8, no_record=True, resume=kept))
 
 
-HOSTILE = {
-    "grains that start inside each other": {
-        "grains": {"count": 2},
-        "fill": {"law": "positions", "grains": [{"position": [0, 0, 2e-3]}, {"position": [0, 0, 3e-3]}]},
-    },
-    "a time step of thirty Rayleigh times": {"run": {"time_step": 5e-3, "force_time_step": True}},
-}
+OVERLAPPING = {"law": "positions", "grains": [{"position": [0, 0, 2e-3]}, {"position": [0, 0, 3e-3]}]}
+ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
 
 
-@pytest.mark.parametrize("sections", HOSTILE.values(), ids=HOSTILE.keys())
-def test_a_hostile_scene_that_starts_is_stopped_with_one_sentence(sections, tmp_path, capsys):
-    scene = write_scene(tmp_path, **sections)
+def test_grains_that_start_inside_each_other_are_refused_at_the_door(tmp_path, capsys):
+    scene = write_scene(tmp_path, grains={"count": 2}, fill=OVERLAPPING)
+    assert main(["run", str(scene), "--record", str(tmp_path / "kept.rrd")]) == ExitCode.BAD_INPUT
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+    assert not (tmp_path / "kept.rrd").exists()
+
+
+def test_a_time_step_beyond_all_limits_is_stopped_with_one_sentence(tmp_path, capsys):
+    scene = write_scene(tmp_path, run=ABSURD_STEP)
     code = main(["run", str(scene), "--threads", "1", "--record", str(tmp_path / "kept.rrd")])
     stop_device()
     said = capsys.readouterr().err.strip().splitlines()
