@@ -113,7 +113,7 @@ def draw(rows: Sequence[Row], file: Path) -> None:
     value, sd = MEASURED
     frame.axvspan(value - sd, value + sd, color=THEIRS, alpha=0.25, lw=0.0, label="Hao et al. (2022)")
     frame.set_yticks(range(len(cases)), [": ".join(name) for name in cases], fontsize=7)
-    frame.invert_yaxis()
+    frame.set_ylim(len(cases) - 0.5, -0.5)
     frame.set(xlabel="angle of repose [deg]")
     frame.legend(frameon=False, fontsize=8)
     figure.savefig(file, dpi=110)
