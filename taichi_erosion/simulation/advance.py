@@ -56,7 +56,7 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
     replicas, count = sim.world.replicas, len(steps)
     upload([(replicas.steps_left, steps), (replicas.arrivals, np.zeros(count))])
     start = time.perf_counter()
-    size = sim.workers // count
+    size = min(sim.workers // count, sim.sizes.partitions)
     if size > 1:
         run_together(count, size, sim.chunk, sim.world)
     else:
