@@ -163,6 +163,7 @@ def log_grains(
     recording: Recording, entity: str, snapshot: Snapshot, rows: NDArray[np.bool_], colours: NDArray[np.uint8]
 ) -> None:
     """Write some of the grains; their radii too, since which grains they are changes from frame to frame."""
+    import pyarrow as pa
     import rerun as rr
 
     points = rr.Points3D.from_fields(
@@ -170,8 +171,9 @@ def log_grains(
         radii=snapshot.radius[rows].astype(np.float32),
         colors=colours,
     )
-    idents = [rr.AnyValues(ident=snapshot.ident[rows])] if rows.any() else []
-    recording.stream.log(entity, points, *idents)
+    # an Arrow array has a type even where it is empty, which rerun cannot guess
+    ident = pa.array(snapshot.ident[rows], type=pa.int32())
+    recording.stream.log(entity, points, rr.AnyValues(ident=ident))
 
 
 def log_ledger(recording: Recording, ledger: Ledger) -> None:
