@@ -84,7 +84,7 @@ def check_periods(world: World, setups: list[Setup]) -> None:
 
 
 def refuse_nonsense(setup: Setup) -> None:
-    """Raise BadInput where a contact parameter is not a finite number: a comparison with NaN would hide it."""
+    """Raise BadInput where a contact parameter is not finite: a comparison with NaN would hide it."""
     for column in fields(setup.contacts):
         if not np.isfinite(getattr(setup.contacts, column.name)).all():
             raise BadInput(f"{column.name} holds a value that is not a finite number")
