@@ -7,10 +7,13 @@ masses in kg, times in s, angles in rad. Nothing here knows Taichi.
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import inf
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from taichi_erosion.core.effect import Acting
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
@@ -121,6 +124,7 @@ class Setup:
     period: Triple = (0.0, 0.0, 0.0)  # m, 0 where the box is open; a period starts at domain low
     overlap_limit: float = 0.2  # overlap over the smaller radius that stops the run [1]
     skin: float = 0.05  # least list margin of a grain over its radius [1]
+    effects: "tuple[Acting, ...]" = ()  # optional physics between and on grains
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 """
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.held import drag_along
 from taichi_erosion.grains.state import REBUILD, STOP, force_block, partition_first, side_block
 
 SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
@@ -59,7 +60,13 @@ def advance_grains(world_out: ti.template(), r, p, step, is_last):
         spin_rate = grains_out.torque[buffer + rank] * (SPHERE * inverse / (radius * radius))
         grains_out.force[buffer + rank] = 0.0 * gravity
         grains_out.torque[buffer + rank] = 0.0 * gravity
+        if ti.static(world_out.driven):
+            acceleration += world_out.held.push[i]
+            spin_rate += world_out.held.twist[i]
         velocity = grains_out.velocity[i] + acceleration * kick
+        if ti.static(world_out.driven):
+            velocity = drag_along(world_out.held, i, velocity, kick)
+            acceleration = (velocity - grains_out.velocity[i]) / kick
         shift = grains_out.shift[i] + velocity * dt
         grains_out.velocity[i] = velocity
         grains_out.spin[i] = grains_out.spin[i] + spin_rate * kick

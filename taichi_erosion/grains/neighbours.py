@@ -11,8 +11,9 @@ and a rebuild is due as soon as any grain has moved by more than its h: no conta
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import cell_coordinates, cell_index, cell_start, nearest_image, position_of
 from taichi_erosion.grains.contact import ROLLING_INERTIA
+from taichi_erosion.grains.held import clear_held, move_held
 from taichi_erosion.grains.materials import pair_row
-from taichi_erosion.grains.pairs import entry_block, partition_entries
+from taichi_erosion.grains.pairs import MEMORY, ROW_SHIFT, entry_block, partition_entries
 from taichi_erosion.grains.state import partition_first, side_block
 
 ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one beside it, three above
@@ -34,6 +35,8 @@ def release_grains(world_out: ti.template(), r):
         grains_out.mass_inverse[base + count] = source.mass_inverse[row + count]
         grains_out.material[base + count] = source.material[row + count]
         grains_out.ident[base + count] = count
+        if ti.static(world_out.driven):
+            clear_held(world_out.held, base + count)
         for bounds_out in ti.static((world_out.pairs, world_out.wall_pairs)):
             bounds_out.start[base + count] = 0
             bounds_out.stop[base + count] = 0
@@ -71,6 +74,8 @@ def move_grains(world_out: ti.template(), r, p):
         grains_out.travel_squared[k] = allowed * allowed
         grains_out.material[k] = grains_out.material[i]
         grains_out.ident[k] = grains_out.ident[i]
+        if ti.static(world_out.driven):
+            move_held(world_out.held, k, i)
 
 
 @ti.func
@@ -172,14 +177,14 @@ def recall(world_out: ti.template(), r, entry, rank_i, rank_j):
         source = remembered(pairs_out, old + old_j, old + old_i, old_i)
     slip = 0.0 * pairs_out.separation[entry]
     tilt = slip
-    engaged = 0
+    memory = 0
     if source >= 0:
         slip = sign * pairs_out.slip[source]
         tilt = sign * pairs_out.tilt[source]
-        engaged = pairs_out.label[source] & 1
+        memory = pairs_out.label[source] & MEMORY
     pairs_out.slip[entry] = slip
     pairs_out.tilt[entry] = tilt
-    return engaged
+    return memory
 
 
 @ti.func
@@ -200,7 +205,7 @@ def fill_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     pairs_out.root_radius[entry] = root_radius
     pairs_out.damping[entry] = materials.damping[row] * ti.sqrt(mass)
     pairs_out.rolling_damping[entry] = world_out.laws.rolling_constant(materials, row, root_radius, inertia)
-    pairs_out.label[entry] = 2 * row + recall(world_out, r, entry, rank_i, rank_j)
+    pairs_out.label[entry] = (row << ROW_SHIFT) + recall(world_out, r, entry, rank_i, rank_j)
 
 
 @ti.func

@@ -1,7 +1,9 @@
 """Forces between grains: each partition walks its half list and adds to both partners in its own buffer."""
 
+from taichi_erosion.core.effect import pull_of
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import contact_force, describe_contact
+from taichi_erosion.grains.pairs import ENGAGED, MET, ROW_SHIFT
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 
 
@@ -17,8 +19,8 @@ def report_overlap(replicas_out: ti.template(), r, p, rank, partner, ratio):
 @ti.func
 def forget(entries_out: ti.template(), e):
     """Drop the memory of a contact that has ended."""
-    if entries_out.label[e] & 1 == 1:
-        entries_out.label[e] = entries_out.label[e] - 1
+    if entries_out.label[e] & ENGAGED == ENGAGED:
+        entries_out.label[e] = entries_out.label[e] - ENGAGED
         entries_out.slip[e] = 0.0 * entries_out.slip[e]
         entries_out.tilt[e] = 0.0 * entries_out.tilt[e]
 
@@ -26,7 +28,7 @@ def forget(entries_out: ti.template(), e):
 @ti.func
 def remember(entries_out: ti.template(), e, slip, tilt):
     """Keep the memory of a contact that acts."""
-    entries_out.label[e] = entries_out.label[e] | 1
+    entries_out.label[e] = entries_out.label[e] | ENGAGED
     entries_out.slip[e] = slip
     entries_out.tilt[e] = tilt
 
@@ -53,7 +55,7 @@ def act_on_pair(world_out: ti.template(), r, e, places, normal, elastic):
     grains_out, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
     i, j, reaction, lever = places
     touch = pair_touch(world_out, e, places, normal, elastic)
-    row = pairs_out.label[e] >> 1
+    row = pairs_out.label[e] >> ROW_SHIFT
     dt = world_out.replicas.time_step[r]
     force, tangential, moment, slip, tilt = contact_force(
         world_out.laws, materials, row, touch, pairs_out.slip[e], pairs_out.tilt[e], dt
@@ -66,6 +68,39 @@ def act_on_pair(world_out: ti.template(), r, e, places, normal, elastic):
 
 
 @ti.func
+def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair: ti.template()):
+    """Attraction by the effects [N]; remembers that the two have met until all have let go."""
+    if pair.gap <= 0.0:
+        entries_out.label[e] = entries_out.label[e] | MET
+    pair.met = ti.cast((entries_out.label[e] & MET) / MET, float)
+    pull = pull_of(bound, r, pair)
+    if pair.gap > 0.0 and pull == 0.0:
+        entries_out.label[e] = entries_out.label[e] & ~MET
+    return pull
+
+
+@ti.func
+def pull_pair(world_out: ti.template(), r, e, places, normal, gap):
+    """Force on the owner by the effects [N]; the partner gets the opposite. `places` as in `act_on_pair`."""
+    grains_out, pairs_out = ti.static((world_out.grains, world_out.pairs))
+    i, j, reaction, _ = places
+    root = pairs_out.root_radius[e]
+    pair = world_out.pair_type(
+        gap=gap,
+        radius_i=grains_out.radius[i],
+        radius_j=grains_out.radius[j],
+        radius_effective=root * root,
+        mass_i=1.0 / grains_out.mass_inverse[i],
+        mass_j=1.0 / grains_out.mass_inverse[j],
+        closing_speed=(grains_out.velocity[j] - grains_out.velocity[i]).dot(normal),
+        met=0.0,
+    )
+    force = -hold(world_out.pair_effects, pairs_out, r, e, pair) * normal
+    grains_out.force[reaction] = grains_out.force[reaction] - force
+    return force
+
+
+@ti.func
 def pair_force(world_out: ti.template(), r, p, base, i, e):
     """Force [N] and torque [N m] that entry e exerts on its owner at place i."""
     grains, pairs_out, replicas_out = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
@@ -74,7 +109,7 @@ def pair_force(world_out: ti.template(), r, p, base, i, e):
     offset = pairs_out.separation[e] + grains.shift[i] - grains.shift[j]
     contact_distance = grains.radius[i] + grains.radius[j]
     reach = contact_distance
-    if ti.static(world_out.laws.adhesive):
+    if ti.static(world_out.laws.adhesive or world_out.pair_effects.any):
         reach += replicas_out.reach[r]
     force = 0.0 * offset
     torque = force
@@ -86,11 +121,14 @@ def pair_force(world_out: ti.template(), r, p, base, i, e):
         overlap = contact_distance - distance
         report_overlap(replicas_out, r, p, i - base, rank, overlap / (2.0 * root * root))
         label = pairs_out.label[e]
-        elastic = world_out.laws.normal_force(world_out.materials, label >> 1, overlap, root, label & 1)
+        row, engaged = label >> ROW_SHIFT, label & ENGAGED
+        elastic = world_out.laws.normal_force(world_out.materials, row, overlap, root, engaged)
         acts = elastic[3]
+        places = (i, j, force_block(grains, replicas_out, r, p) + rank, distance / contact_distance)
         if acts == 1:
-            places = (i, j, force_block(grains, replicas_out, r, p) + rank, distance / contact_distance)
             force, torque = act_on_pair(world_out, r, e, places, offset * (1.0 / distance), elastic)
+        if ti.static(world_out.pair_effects.any):
+            force += pull_pair(world_out, r, e, places, offset * (1.0 / distance), -overlap)
     if acts == 0:
         forget(pairs_out, e)
     return force, torque

@@ -11,6 +11,11 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 
+ENGAGED = 1  # bit of a label: the contact acts
+MET = 2  # bit of a label: the two have touched, and an effect has held on to them since
+MEMORY = ENGAGED | MET
+ROW_SHIFT = 2  # of a label: above these bits stands the row of Materials
+
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
@@ -18,7 +23,7 @@ class Pairs:
 
     capacity: int  # entries a replica and side
     neighbour: Any  # i32, rank of the partner
-    label: Any  # i32, 2 * row of Materials + engaged (0 or 1)
+    label: Any  # i32, row of Materials above the bits ENGAGED and MET
     separation: Any  # vec3, origin of the owner minus origin of the partner [m]
     root_radius: Any  # square root of the effective radius [m^0.5]
     damping: Any  # normal damping constant over sqrt(a) [kg s-1 m-0.5]

@@ -11,7 +11,8 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import ROLLING_INERTIA, contact_force, describe_contact
-from taichi_erosion.grains.pair_contacts import forget, remember, report_overlap
+from taichi_erosion.grains.pair_contacts import forget, hold, remember, report_overlap
+from taichi_erosion.grains.pairs import ENGAGED, ROW_SHIFT
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 from taichi_erosion.grains.walls import (
     into_wall_frame,
@@ -30,7 +31,7 @@ class WallPairs:
 
     capacity: int
     wall: Any  # i32, primitive, counted over all replicas
-    label: Any  # i32, 2 * row of Materials + engaged
+    label: Any  # i32, as in `Pairs`
     offset: Any  # f64 vec3, from the closest point of the wall to the grain, in the wall's frame [m]
     pushes: Any  # i32, whether the closest point is one where the surface pushes
     slip: Any  # vec3, tangential displacement since engagement [m]
@@ -100,10 +101,10 @@ def hand_over(world_out: ti.template(), i):
     """Pass memory from the entry where a contact ended to the one where it goes on, within a surface."""
     surface, entries_out = ti.static((world_out.walls.surface, world_out.wall_pairs))
     for e in range(entries_out.start[i], entries_out.stop[i]):
-        if entries_out.pushes[e] == 1 and entries_out.label[e] & 1 == 0:
+        if entries_out.pushes[e] == 1 and entries_out.label[e] & ENGAGED == 0:
             for f in range(entries_out.start[i], entries_out.stop[i]):
                 same = surface[entries_out.wall[f]] == surface[entries_out.wall[e]]
-                if same and entries_out.pushes[f] == 0 and entries_out.label[f] & 1 == 1:
+                if same and entries_out.pushes[f] == 0 and entries_out.label[f] & ENGAGED == ENGAGED:
                     entries_out.slip[e] = entries_out.slip[f]
                     entries_out.tilt[e] = entries_out.tilt[f]
 
@@ -112,7 +113,7 @@ def hand_over(world_out: ti.template(), i):
 def act_on_wall(world_out: ti.template(), r, i, e, normal, speed, elastic):
     """Force [N] and torque [N m] on the grain of an acting contact; `speed` is the wall's there [m s-1]."""
     grains, entries_out, materials = ti.static((world_out.grains, world_out.wall_pairs, world_out.materials))
-    row = entries_out.label[e] >> 1
+    row = entries_out.label[e] >> ROW_SHIFT
     radius = grains.radius[i]
     mass = 1.0 / grains.mass_inverse[i]
     root = ti.sqrt(radius)
@@ -127,6 +128,24 @@ def act_on_wall(world_out: ti.template(), r, i, e, normal, speed, elastic):
     )
     remember(entries_out, e, slip, tilt)
     return force, moment - radius * normal.cross(tangential)
+
+
+@ti.func
+def pull_to_wall(world_out: ti.template(), r, i, e, normal, gap):
+    """Force on the grain by the effects [N]; the wall counts as at rest."""
+    (grains,) = ti.static((world_out.grains,))
+    radius = grains.radius[i]
+    pair = world_out.pair_type(
+        gap=gap,
+        radius_i=radius,
+        radius_j=0.0,
+        radius_effective=radius,
+        mass_i=1.0 / grains.mass_inverse[i],
+        mass_j=0.0,
+        closing_speed=-grains.velocity[i].dot(normal),
+        met=0.0,
+    )
+    return -hold(world_out.pair_effects, world_out.wall_pairs, r, e, pair) * normal
 
 
 @ti.func
@@ -145,14 +164,17 @@ def wall_force(world_out: ti.template(), r, p, base, i, e):
         label = entries_out.label[e]
         report_overlap(world_out.replicas, r, p, i - base, -1 - w, overlap / radius)
         root = ti.sqrt(radius)
-        elastic = world_out.laws.normal_force(world_out.materials, label >> 1, overlap, root, label & 1)
+        row, engaged = label >> ROW_SHIFT, label & ENGAGED
+        elastic = world_out.laws.normal_force(world_out.materials, row, overlap, root, engaged)
         acts = elastic[3]
+        exact = walls.turn[s] @ (entries_out.offset[e] * (1.0 / distance))
+        normal = ti.cast(exact, float)
         if acts == 1:
-            exact = walls.turn[s] @ (entries_out.offset[e] * (1.0 / distance))
-            normal = ti.cast(exact, float)
             there = position_at(grains, i) - distance * exact
             speed = ti.cast(surface_velocity(walls, s, there), float)
             force, torque = act_on_wall(world_out, r, i, e, normal, speed, elastic)
+        if ti.static(world_out.pair_effects.any):
+            force += pull_to_wall(world_out, r, i, e, normal, -overlap)
     if acts == 0:
         forget(entries_out, e)
     return force, torque

@@ -2,7 +2,7 @@
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.materials import pair_row
-from taichi_erosion.grains.pairs import entry_block, partition_entries
+from taichi_erosion.grains.pairs import MEMORY, ROW_SHIFT, entry_block, partition_entries
 from taichi_erosion.grains.state import partition_first, side_block
 from taichi_erosion.grains.walls import into_wall_frame, surface_of, wall_distance, wall_offset
 
@@ -32,12 +32,12 @@ def recall_wall(world_out: ti.template(), r, e, rank, w):
     old = side_block(grains, r, world_out.replicas.side[r]) + before
     row = pair_row(world_out.materials, r, grains.material[old], walls.material[surface_of(walls, w)])
     entries_out.wall[e] = w
-    entries_out.label[e] = 2 * row
+    entries_out.label[e] = row << ROW_SHIFT
     entries_out.slip[e] = 0.0 * entries_out.slip[e]
     entries_out.tilt[e] = 0.0 * entries_out.tilt[e]
     for f in range(entries_out.start[old], entries_out.stop[old]):
         if entries_out.wall[f] == w:
-            entries_out.label[e] = 2 * row + (entries_out.label[f] & 1)
+            entries_out.label[e] = (row << ROW_SHIFT) + (entries_out.label[f] & MEMORY)
             entries_out.slip[e] = entries_out.slip[f]
             entries_out.tilt[e] = entries_out.tilt[f]
 

@@ -1,10 +1,13 @@
 """Everything on the device that belongs to the grains of a run; kernels take it as one argument."""
 
 from dataclasses import dataclass
+from typing import Any
 
+from taichi_erosion.core.effect import Bound
 from taichi_erosion.grains.cells import Cells
 from taichi_erosion.grains.clumps import Clumps
 from taichi_erosion.grains.contact import ContactLaws
+from taichi_erosion.grains.held import Held
 from taichi_erosion.grains.materials import Materials
 from taichi_erosion.grains.pairs import Pairs
 from taichi_erosion.grains.state import Grains, Replicas, Source
@@ -27,3 +30,7 @@ class World:
     laws: ContactLaws
     clumped: bool  # compiled in: without clumps nothing of them is in the kernels
     clumps: Clumps
+    pair_effects: Bound
+    pair_type: Any  # struct type of a pair as its effects see it, in the run's precision
+    driven: bool  # compiled in: whether air or grain effects act between contacts
+    held: Held

@@ -7,13 +7,27 @@ from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, load_scene, resolved, scene_hash
 
 
-def read_scene(path: Path, overrides: tuple[str, ...]) -> Scene:
+def read_scene(path: Path, overrides: tuple[str, ...], effect_files: tuple[Path, ...] = ()) -> Scene:
     """Load a scene whose measures and effects this program knows. Raises BadInput."""
-    return load_scene(path, overrides, effects={}, observables=tuple(OBSERVABLES))
+    scene = load_scene(path, overrides, observables=tuple(OBSERVABLES))
+    if scene.effects:
+        known = effect_parameters(effect_files)
+        scene = load_scene(path, overrides, effects=known, observables=tuple(OBSERVABLES))
+    return scene
 
 
-def check_scene(path: Path, overrides: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Hash, resolved scene, time-step limits and warnings; never touches Taichi. Raises BadInput."""
-    scene = read_scene(path, overrides)
+def effect_parameters(files: tuple[Path, ...]) -> dict[str, tuple[str, ...]]:
+    """Entries that a scene may give, by effect; the library is loaded here, since most scenes need none."""
+    from taichi_erosion.core.effect import parameter_names
+    from taichi_erosion.effects import load_library
+
+    return {name: parameter_names(effect) for name, effect in load_library(files).items()}
+
+
+def check_scene(
+    path: Path, overrides: tuple[str, ...] = (), effect_files: tuple[Path, ...] = ()
+) -> dict[str, Any]:
+    """Hash, resolved scene, time-step limits and warnings; starts no device. Raises BadInput."""
+    scene = read_scene(path, overrides, effect_files)
     document = {"scene": str(path), "hash": scene_hash(scene)}
     return document | {"resolved": resolved(scene), "limits": explain(scene)}

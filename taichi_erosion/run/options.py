@@ -23,4 +23,5 @@ class RunOptions:
     checkpoint: Path | None = None
     every: float | None = None  # simulated s between checkpoints
     resume: Path | None = None
+    effect_files: tuple[Path, ...] = ()  # effects from outside the package
     progress: Report | None = None

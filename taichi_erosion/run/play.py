@@ -27,9 +27,9 @@ Watcher = Callable[["Play"], None]
 
 @dataclass
 class Play:
-    """A scene being played."""
+    """An ensemble being played: each replica has a scene of its own, and all have the same check interval."""
 
-    scene: Scene
+    scenes: list[Scene]  # by replica
     sim: Simulation
     actors: list[Actor]
     checks: int = 0  # check intervals done
@@ -37,24 +37,29 @@ class Play:
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
 
     @property
+    def check_interval(self) -> float:
+        """Simulated time between checks [s]."""
+        return self.scenes[0].run.check_interval
+
+    @property
     def time(self) -> float:
         """Time of the last check [s]."""
-        return self.checks * self.scene.run.check_interval
+        return self.checks * self.check_interval
 
 
 def play(stage_play: Play, watchers: list[Watcher]) -> None:
     """Run to the end; every watcher is called after each check."""
-    sim, scene = stage_play.sim, stage_play.scene
+    sim, interval = stage_play.sim, stage_play.check_interval
     for replica, actor in enumerate(stage_play.actors):
         if actor.stage < 0:
-            begin_stage(sim, scene, replica, actor, stage_play.time)
+            begin_stage(sim, stage_play.scenes[replica], replica, actor, stage_play.time)
     while any(actor.active for actor in stage_play.actors):
-        target = (stage_play.checks + 1) * scene.run.check_interval
+        target = (stage_play.checks + 1) * interval
         advance(sim, [target if actor.active else 0.0 for actor in stage_play.actors])
         stage_play.checks += 1
         stage_play.sums = energies(sim)
         running = np.array([actor.active for actor in stage_play.actors])
-        steps = scene.run.check_interval / np.array([setup.time_step for setup in sim.setups])
+        steps = interval / np.array([setup.time_step for setup in sim.setups])
         stage_play.grain_steps += float((running * steps * stage_play.sums[:, 5]).sum())
         for replica, actor in enumerate(stage_play.actors):
             if actor.active:
@@ -65,7 +70,7 @@ def play(stage_play: Play, watchers: list[Watcher]) -> None:
 
 def check_replica(stage_play: Play, replica: int, actor: Actor) -> None:
     """Guards, then tilt, frames and the end of the stage."""
-    sim, scene, time = stage_play.sim, stage_play.scene, stage_play.time
+    sim, scene, time = stage_play.sim, stage_play.scenes[replica], stage_play.time
     actor.failure = failure(sim, replica) or energy_failure(stage_play, replica, actor)
     if actor.failure is not None:
         return
@@ -83,11 +88,11 @@ def energy_failure(stage_play: Play, replica: int, actor: Actor) -> Failure | No
     there the guard rests.
     """
     translation, rotation, potential, elastic, _, released = stage_play.sums[replica]
-    sim = stage_play.sim
+    sim, scene = stage_play.sim, stage_play.scenes[replica]
     now = float(translation + rotation + potential + elastic)
     before = actor.energy if released == actor.released else None
     actor.released = int(released)
-    moving = bool(stage_play.scene.stages[actor.stage].move) or moved_before(stage_play.scene, actor.stage)
+    moving = bool(scene.stages[actor.stage].move) or moved_before(scene, actor.stage)
     actor.energy = None if moving or sim.laws.normal == "jkr" else now
     if before is None or actor.energy is None:
         return None
@@ -103,10 +108,9 @@ def moved_before(scene: Scene, stage: int) -> bool:
 
 def share_done(stage_play: Play) -> float:
     """Rough share of the whole play that is done [1]; stages until rest usually end before their limit."""
-    scene = stage_play.scene
-    limits = [stage.duration_max for stage in scene.stages]
     shares = []
-    for actor in stage_play.actors:
+    for scene, actor in zip(stage_play.scenes, stage_play.actors, strict=True):
+        limits = [stage.duration_max for stage in scene.stages]
         stage = min(max(actor.stage, 0), len(limits) - 1)
         within = min((stage_play.time - actor.began) / limits[stage], 1.0)
         shares.append((sum(limits[:stage]) + within * limits[stage]) / sum(limits) if actor.active else 1.0)

@@ -1,11 +1,36 @@
-"""The result document as a file beside the recording."""
+"""What a run leaves: the record of every replica, and the document as a file beside the recording."""
 
 import json
+import platform
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.measures.result import without_nan
+from taichi_erosion import __version__
+from taichi_erosion.measures.result import as_record, without_nan
 from taichi_erosion.recording.whole_file import write_whole
+from taichi_erosion.run.play import Play
+from taichi_erosion.run.stages import sentence
+
+
+def replica_record(stage_play: Play, replica: int) -> dict[str, Any]:
+    """What came out of one replica, as JSON can hold it."""
+    actor, sim = stage_play.actors[replica], stage_play.sim
+    step = int(sim.world.replicas.step[replica])
+    return {
+        "seed": actor.seed,
+        "measures": {name: as_record(m) for name, m in actor.measurements.items()},
+        "warnings": actor.warnings + ([sentence(actor.failure, actor.seed)] if actor.failure else []),
+        "stopped": None if actor.failure is None else actor.failure.status.name.lower(),
+        "time": step * sim.setups[replica].time_step,
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions that a result depends on."""
+    return {"taichi_erosion": __version__, "python": platform.python_version()} | {
+        name: version(name) for name in ("taichi", "numpy", "scipy", "rerun-sdk")
+    }
 
 
 def write_document(path: Path, document: dict[str, Any]) -> None:

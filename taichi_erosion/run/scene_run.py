@@ -1,39 +1,35 @@
 """Running a scene file: everything between the command line and the result document."""
 
-import platform
 import time
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
+from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import as_record, pool
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
-from taichi_erosion.recording.pictures import write_gif, write_png
 from taichi_erosion.run.check import read_scene
 from taichi_erosion.run.interrupt import deferred
 from taichi_erosion.run.memory import recall, seeds_of
 from taichi_erosion.run.options import RunOptions
 from taichi_erosion.run.play import Play, play
-from taichi_erosion.run.result import write_document
+from taichi_erosion.run.result import replica_record, versions, write_document
 from taichi_erosion.run.stages import Actor, sentence
 from taichi_erosion.run.watch import (
-    FILM_DURATION,
     Camera,
     Keeper,
     Teller,
+    finish,
     open_camera,
-    silhouettes,
-    watch_first,
+    watch_replica,
     whole_intervals,
 )
-from taichi_erosion.scene import Scene, build_setup, explain, laws, resolved, scene_hash
-from taichi_erosion.simulation import assemble, import_state, snapshot
+from taichi_erosion.scene import Scene, explain, laws, resolved, scene_hash
+from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
 
 FOLDER = Path("recordings")  # where results go unless the user names a file
 SURFACE_ENERGY_CONVENTION = "energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"
@@ -46,7 +42,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     KeyboardInterrupt with a note of what was kept.
     """
     started = time.perf_counter()
-    scene = with_words(read_scene(path, options.overrides), options)
+    scene = with_words(read_scene(path, options.overrides, options.effect_files), options)
     hashed = scene_hash(scene)
     record = options.record or FOLDER / f"{path.stem}-{hashed}-{scene.run.seed}.rrd"
     seeds = [scene.run.seed + k for k in range(scene.run.replicas)]
@@ -54,8 +50,10 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     if resume and seeds_of(resume[1]) != seeds:
         raise BadInput(f"{options.resume}: holds seeds {seeds_of(resume[1])}, not {seeds}")
     numerics = Numerics(options.arch, options.threads, scene.run.precision)
-    sim = assemble([build_setup(scene, seed) for seed in seeds], laws(scene), numerics)
-    stage_play = Play(scene, sim, [Actor(seed) for seed in seeds])
+    library = load_library(options.effect_files) if scene.effects else {}
+    setups = [prepare(scene, seed, library) for seed in seeds]
+    sim = assemble(setups, laws(effective_scene(scene, library)), numerics)
+    stage_play = Play([scene] * len(seeds), sim, [Actor(seed) for seed in seeds])
     if resume:
         import_state(sim, resume[0])
         recall(stage_play, *resume)
@@ -67,8 +65,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     perform(stage_play, camera, keeper, options)
     document = describe(path, scene, stage_play, time.perf_counter() - started)
     if camera:
-        finish(camera, stage_play, document)
-        document["recording"] = str(record)
+        document |= finish(camera, stage_play, document["replicas"][0], {"scene": {"hash": hashed}})
         write_document(record.with_suffix(".json"), document)
     stop_if_none_left(stage_play)
     return document
@@ -90,7 +87,7 @@ def keeper_of(options: RunOptions, record: Path, hashed: str, time: float) -> Ke
 
 def perform(stage_play: Play, camera: Camera | None, keeper: Keeper, options: RunOptions) -> None:
     """Play with all watchers; on Ctrl-C close the recording and keep a checkpoint."""
-    watchers: list[Callable[[Play], None]] = [partial(watch_first, camera)] if camera else []
+    watchers: list[Callable[[Play], None]] = [partial(watch_replica, camera)] if camera else []
     if options.checkpoint and options.every:
         watchers.append(keeper.watch)
     if options.progress:
@@ -115,16 +112,7 @@ def perform(stage_play: Play, camera: Camera | None, keeper: Keeper, options: Ru
 def describe(path: Path, scene: Scene, stage_play: Play, seconds: float) -> dict[str, Any]:
     """The result document of DESIGN: per replica, pooled, measured, cost, versions."""
     sim = stage_play.sim
-    replicas = [
-        {
-            "seed": actor.seed,
-            "measures": {name: as_record(m) for name, m in actor.measurements.items()},
-            "warnings": actor.warnings + ([sentence(actor.failure, actor.seed)] if actor.failure else []),
-            "stopped": None if actor.failure is None else actor.failure.status.name.lower(),
-            "time": float(step) * setup.time_step,
-        }
-        for actor, step, setup in zip(stage_play.actors, steps_done(stage_play), sim.setups, strict=True)
-    ]
+    replicas = [replica_record(stage_play, replica) for replica in range(len(stage_play.actors))]
     names = dict.fromkeys(name for actor in stage_play.actors for name in actor.measurements)
     pooled = {
         name: as_record(pool([a.measurements[name] for a in stage_play.actors if name in a.measurements]))
@@ -147,38 +135,6 @@ def describe(path: Path, scene: Scene, stage_play: Play, seconds: float) -> dict
         "resolved": resolved(scene),
         "versions": versions(),
     }
-
-
-def steps_done(stage_play: Play) -> list[int]:
-    """Steps of every replica."""
-    return [int(step) for step in stage_play.sim.world.replicas.step.to_numpy()]
-
-
-def versions() -> dict[str, str]:
-    """Versions that a result depends on."""
-    return {"taichi_erosion": __version__, "python": platform.python_version()} | {
-        name: version(name) for name in ("taichi", "numpy", "scipy", "rerun-sdk")
-    }
-
-
-def finish(camera: Camera, stage_play: Play, document: dict[str, Any]) -> None:
-    """Last pictures and properties of the first replica, then close the recording."""
-    actor = stage_play.actors[0]
-    path = camera.recording.path
-    for name in ("repose_angle", "angle_of_repose"):
-        measurement = actor.measurements.get(name)
-        if measurement is not None and measurement.details.get("lines"):
-            image = silhouettes(snapshot(stage_play.sim, 0), measurement.details, base_height=0.0)
-            stream.log_image(camera.recording, "silhouette", image)
-            document["silhouettes"] = str(write_png(path.with_suffix(".png"), image))
-    if camera.film:
-        document["film"] = str(write_gif(path.with_suffix(".gif"), camera.film, FILM_DURATION))
-    for warning in document["replicas"][0]["warnings"]:
-        stream.log_text(camera.recording, "WARN", warning)
-    values = {name: record["value"] for name, record in document["replicas"][0]["measures"].items()}
-    stream.set_properties(camera.recording, "result", values)
-    stream.set_properties(camera.recording, "scene", {"hash": document["hash"], "seed": actor.seed})
-    stream.close(camera.recording)
 
 
 def stop_if_none_left(stage_play: Play) -> None:

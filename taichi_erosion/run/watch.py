@@ -1,6 +1,7 @@
 """What happens beside the simulation: recording, film, checkpoints, progress."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -14,7 +15,7 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import save_checkpoint
-from taichi_erosion.recording.pictures import film_frame, silhouette_grid
+from taichi_erosion.recording.pictures import film_frame, silhouette_grid, write_gif, write_png
 from taichi_erosion.recording.side_view import SideView
 from taichi_erosion.recording.wall_mesh import WallMesh, wall_meshes
 from taichi_erosion.run.memory import remembered
@@ -23,6 +24,7 @@ from taichi_erosion.run.play import Play, share_done
 from taichi_erosion.simulation import export_state, ledger, snapshot
 
 Image = NDArray[np.uint8]
+Properties = Mapping[str, Mapping[str, Any]]  # by group: what rerun's table of runs shows
 
 RESTING_SHARE = 0.02  # of sqrt(g d): slower grains are drawn as bed [1]
 FILM_FRAMES = 120  # most pictures in a film; beyond, every second one is dropped and the interval doubled
@@ -34,8 +36,9 @@ OPEN_MARGIN = 0.25  # share by which an endless plate is drawn beyond the appara
 
 @dataclass
 class Camera:
-    """Recording and film of the first replica."""
+    """Recording and film of one replica."""
 
+    replica: int
     recording: stream.Recording
     walls: tuple[WallMesh, ...]
     view: SideView
@@ -52,9 +55,9 @@ def whole_intervals(time: float, interval: float) -> int:
     return int(time / interval * (1.0 + ROUNDING))
 
 
-def open_camera(path: Path, name: str, stage_play: Play, text: str) -> Camera:
-    """Begin the recording of the first replica as it stands. Raises BadInput where it cannot be written."""
-    scene, setup = stage_play.scene, stage_play.sim.setups[0]
+def open_camera(path: Path, name: str, stage_play: Play, text: str, replica: int = 0) -> Camera:
+    """Begin the recording of a replica as it stands. Raises BadInput where it cannot be written."""
+    scene, setup = stage_play.scenes[replica], stage_play.sim.setups[replica]
     moving = frozenset(wall for s in scene.stages for wall in (*s.remove, *s.move))
     box = apparatus_box(setup)
     walls = wall_meshes(setup, box, moving)
@@ -63,7 +66,8 @@ def open_camera(path: Path, name: str, stage_play: Play, text: str) -> Camera:
     speed = RESTING_SHARE * float(np.sqrt(np.linalg.norm(setup.gravity) * diameter))
     view = SideView((box[0][0], box[0][2]), (box[1][0], box[1][2]))
     shot = whole_intervals(stage_play.time, scene.record.every)
-    return Camera(stream.open_recording(path, header), walls, view, speed, scene.record.every, shot)
+    recording = stream.open_recording(path, header)
+    return Camera(replica, recording, walls, view, speed, scene.record.every, shot)
 
 
 def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
@@ -91,10 +95,10 @@ def corner(point: Floats) -> Triple:
     return x, y, z
 
 
-def watch_first(camera: Camera, stage_play: Play) -> None:
-    """Log the first replica whenever a frame is due, and what its stages change."""
-    actor = stage_play.actors[0]
-    stages = stage_play.scene.stages
+def watch_replica(camera: Camera, stage_play: Play) -> None:
+    """Log the replica whenever a frame is due, and what its stages change."""
+    actor = stage_play.actors[camera.replica]
+    stages = stage_play.scenes[camera.replica].stages
     while camera.stage < min(actor.stage, len(stages) - 1):
         camera.stage += 1
         for name in stages[camera.stage].remove:
@@ -111,9 +115,9 @@ def watch_first(camera: Camera, stage_play: Play) -> None:
 
 def take_frame(camera: Camera, stage_play: Play) -> None:
     """One frame of the recording, and one of the film if it is due."""
-    state = snapshot(stage_play.sim, 0)
+    state = snapshot(stage_play.sim, camera.replica)
     stream.log_frame(camera.recording, state, camera.resting_speed)
-    stream.log_ledger(camera.recording, ledger(stage_play.sim, 0))
+    stream.log_ledger(camera.recording, ledger(stage_play.sim, camera.replica))
     if camera.shot % camera.film_every == 0:
         speeds = (camera.resting_speed, stream.FASTEST_COLOUR)
         camera.film.append(film_frame(state, camera.view, camera.walls, speeds))
@@ -121,6 +125,34 @@ def take_frame(camera: Camera, stage_play: Play) -> None:
         camera.film = camera.film[::2]
         camera.film_every *= 2
     camera.shot += 1
+
+
+def finish(
+    camera: Camera, stage_play: Play, record: dict[str, Any], properties: Properties
+) -> dict[str, str]:
+    """Last pictures and properties of the replica, then close the recording; returns the files by kind.
+
+    `record` is what came out of the replica; `properties` are further columns of rerun's table of runs.
+    """
+    path, recording = camera.recording.path, camera.recording
+    actor, files = stage_play.actors[camera.replica], {"recording": str(camera.recording.path)}
+    for name in ("repose_angle", "angle_of_repose"):
+        measurement = actor.measurements.get(name)
+        if measurement is not None and measurement.details.get("lines"):
+            end = snapshot(stage_play.sim, camera.replica)
+            image = silhouettes(end, measurement.details, base_height=0.0)
+            stream.log_image(recording, "silhouette", image)
+            files["silhouettes"] = str(write_png(path.with_suffix(".png"), image))
+    if camera.film:
+        files["film"] = str(write_gif(path.with_suffix(".gif"), camera.film, FILM_DURATION))
+    for warning in record["warnings"]:
+        stream.log_text(recording, "WARN", warning)
+    values = {name: found["value"] for name, found in record["measures"].items()}
+    stream.set_properties(recording, "result", values)
+    stream.set_properties(recording, "scene", {"seed": actor.seed} | dict(properties.get("scene", {})))
+    stream.set_properties(recording, "doe", properties.get("doe", {}))
+    stream.close(recording)
+    return files
 
 
 def silhouettes(state: Snapshot, details: dict[str, Any], base_height: float) -> Image:
@@ -178,7 +210,7 @@ class Teller:
         if now - self.last < PROGRESS_INTERVAL:
             return
         self.last = now
-        active = [actor for actor in stage_play.actors if actor.active]
-        stages = stage_play.scene.stages
-        name = stages[min(active[0].stage, len(stages) - 1)].name if active else "measuring"
+        played = zip(stage_play.scenes, stage_play.actors, strict=True)
+        active = [scene.stages[actor.stage].name for scene, actor in played if actor.active]
+        name = active[0] if active else "measuring"
         self.report(share_done(stage_play), f"{name}, {stage_play.time:.3f} s simulated")

@@ -6,11 +6,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from taichi_erosion.core.device import start_device
+from taichi_erosion.core.effect import bind, pair_type
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.grains.cells import allocate_cells
 from taichi_erosion.grains.clumps import allocate_clumps
 from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
+from taichi_erosion.grains.held import allocate_held
 from taichi_erosion.grains.materials import allocate_materials
 from taichi_erosion.grains.pairs import allocate_pairs
 from taichi_erosion.grains.state import allocate_grains, allocate_replicas, allocate_source
@@ -45,6 +47,7 @@ class Simulation:
 def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
     """Allocate all fields and write the Setups to them; the device must have been started."""
     compiled = compile_contact_laws(laws)
+    driven = is_driven(setups)
     world = World(
         grains=allocate_grains(sizes.replicas, sizes.partitions, sizes.grains),
         source=allocate_source(sizes.replicas, sizes.grains),
@@ -57,6 +60,10 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
         laws=compiled,
         clumped=setups[0].clumps is not None,
         clumps=allocate_clumps(sizes.replicas, sizes.bodies, sizes.grains),
+        pair_effects=bind("pair", [s.effects for s in setups]),
+        pair_type=pair_type(),
+        driven=driven,
+        held=allocate_held(sizes.replicas if driven else 1, sizes.grains if driven else 1),
     )
     fill_world(world, setups, [gap_reach(s, compiled) for s in setups], [partition_count(s) for s in setups])
     check_periods(world, setups)
@@ -67,7 +74,12 @@ def gap_reach(setup: Setup, laws: ContactLaws) -> float:
     """Longest gap across which a contact of this replica may act [m]; walls double the effective radius."""
     table, largest = setup.contacts, float(setup.grains.radius.max())
     reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, largest)
-    return reach if np.isfinite(reach) else 0.0
+    return max([reach if np.isfinite(reach) else 0.0, *(acting.reach for acting in setup.effects)])
+
+
+def is_driven(setups: list[Setup]) -> bool:
+    """Whether anything acts on grains between contacts."""
+    return any(acting.effect.place == "grain" for setup in setups for acting in setup.effects)
 
 
 def check_periods(world: World, setups: list[Setup]) -> None:

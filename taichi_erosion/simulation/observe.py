@@ -7,6 +7,7 @@ from taichi_erosion.core.snapshot import Ledger, Snapshot
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
 from taichi_erosion.grains.cells import position_of
+from taichi_erosion.grains.pairs import ENGAGED, ROW_SHIFT
 from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import seen_from
 from taichi_erosion.grains.walls import wall_distance, wall_offset
@@ -35,7 +36,7 @@ def pair_overlap(world: ti.template(), base, i, e):
 @ti.func
 def pair_energy(world: ti.template(), base, i, e):
     """Energy stored in the pair of entry e [J]."""
-    row = world.pairs.label[e] >> 1
+    row = world.pairs.label[e] >> ROW_SHIFT
     slip, tilt = world.pairs.slip[e], world.pairs.tilt[e]
     return stored_energy(world, row, pair_overlap(world, base, i, e), world.pairs.root_radius[e], slip, tilt)
 
@@ -52,7 +53,7 @@ def wall_overlap(world: ti.template(), i, e):
 def wall_energy(world: ti.template(), i, e):
     """Energy stored in the wall contact of entry e [J]."""
     slip, tilt = world.wall_pairs.slip[e], world.wall_pairs.tilt[e]
-    row = world.wall_pairs.label[e] >> 1
+    row = world.wall_pairs.label[e] >> ROW_SHIFT
     return stored_energy(world, row, wall_overlap(world, i, e), ti.sqrt(world.grains.radius[i]), slip, tilt)
 
 
@@ -72,7 +73,7 @@ def read_contacts(
         base = side_block(world.grains, r, world.replicas.side[r])
         i = base + rank
         for e in range(world.pairs.start[i], world.pairs.stop[i]):
-            if world.pairs.label[e] & 1 == 1:
+            if world.pairs.label[e] & ENGAGED == ENGAGED:
                 root = world.pairs.root_radius[e]
                 contacts_out[rank] += 1
                 contacts_out[world.pairs.neighbour[e]] += 1
@@ -80,7 +81,7 @@ def read_contacts(
                 sums_out[1] += 1.0
                 ti.atomic_max(sums_out[2], pair_overlap(world, base, i, e) / (2.0 * root * root))
         for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
-            if world.wall_pairs.label[e] & 1 == 1:
+            if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
                 contacts_out[rank] += 1
                 sums_out[0] += wall_energy(world, i, e)
                 sums_out[1] += 1.0
@@ -193,10 +194,10 @@ def sum_replicas(
             sums_out[r, 2] -= mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64))
             sums_out[r, 4] = ti.max(sums_out[r, 4], ti.cast(velocity.norm(), ti.f64))
             for e in range(world.pairs.start[i], world.pairs.stop[i]):
-                if world.pairs.label[e] & 1 == 1:
+                if world.pairs.label[e] & ENGAGED == ENGAGED:
                     sums_out[r, 3] += pair_energy(world, base, i, e)
             for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
-                if world.wall_pairs.label[e] & 1 == 1:
+                if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
                     sums_out[r, 3] += wall_energy(world, i, e)
         sums_out[r, 5] = world.replicas.released[r]
 

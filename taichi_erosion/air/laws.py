@@ -1,0 +1,54 @@
+"""Laws of the air that a column and a whole grid share: wall stress, mixing length.
+
+Reference for the numbers behind smooth walls: Schlichting & Gersten (2017), Boundary-Layer Theory, 17.1.2.
+"""
+
+from taichi_erosion.core.ti import ti
+
+real = ti.f64
+
+SMOOTH = 0.109375  # z0 u* / nu of a smooth wall, exp(-kappa C) = 0.11 within its own scatter [1]
+WALL_ROUNDS = 6  # fixed-point rounds of the wall stress; each gains a factor of ten or more
+SMALLEST = 2.0**-60  # keeps divisions by a speed or a length finite; binary, so exact in any precision
+
+
+@ti.func
+def wall_friction_velocity(speed, distance, roughness, viscosity, karman):
+    """Friction velocity u* [m s-1] of a wall seen from the nearest cell.
+
+    U = (u* / kappa) ln(1 + z / z0e),   z0e = z0 + 0.11 nu / u*
+
+    with U the speed [m s-1] at distance z [m] and z0 the roughness length [m]. Where the viscous sublayer
+    reaches the cell, u*^2 = nu U / z is larger and counts.
+    """
+    laminar = ti.sqrt(viscosity * speed / distance)
+    friction = ti.max(laminar, SMALLEST)
+    for _ in range(WALL_ROUNDS):
+        effective = roughness + SMOOTH * viscosity / friction
+        friction = ti.max(karman * speed / ti.log(1.0 + distance / effective), SMALLEST)
+    return ti.max(friction, laminar)
+
+
+@ti.func
+def root_slope(root, rate, karman):
+    """Slope of sqrt(l) along z [m-1/2]; the root is taken because l = 0 would stay zero for ever.
+
+    dl/dz = kappa (1 - exp(-sqrt(u l / (R_c nu))))   ->   ds/dz = (kappa / 2) (1 - exp(-a s)) / s
+
+    with s = sqrt(l) and a = sqrt(u / (R_c nu)), `rate` [m-1/2].
+
+    Reference: Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306, eq. (11).
+    """
+    exponent = rate * root
+    slope = rate * (1.0 - 0.5 * exponent)
+    if exponent > 0.0009765625:  # 2^-10: below, the series is exact to 2e-7
+        slope = (1.0 - ti.exp(-exponent)) / root
+    return 0.5 * karman * slope
+
+
+@ti.func
+def risen_root(root, speed, rise, viscosity, sublayer, karman):
+    """sqrt(l) [m1/2] after a rise [m] through air of a speed [m s-1]; midpoint rule."""
+    rate = ti.sqrt(speed / (sublayer * viscosity))
+    middle = root + 0.5 * rise * root_slope(root, rate, karman)
+    return root + rise * root_slope(middle, rate, karman)

@@ -1,0 +1,196 @@
+"""The interface of optional physics: one record per effect, and its numbers bound to the device for a run.
+
+An effect lives in one file and acts at one place:
+
+    pair        a pull [N] between two grains, or a grain and a wall, that touch or are near
+    grain       a force [N] and torque [N m] on one grain, from the air around it or from a field
+    scene       a change of the scene before anything is built: materials, sizes, gravity, air, packing
+    instrument  a change of the value that a laboratory reads
+
+`strength` multiplies the effect: 0 is bitwise the model without it (it is not even bound), 1 the textbook.
+Pair and grain effects run on the device with a few `constants` that the host works out for every replica from
+parameters, strength and conditions; so each replica of an ensemble has its own.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.quantity import check_range
+from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import upload
+
+Conditions = Mapping[str, float]  # what a laboratory wrote beside a measurement, in SI units
+Constants = dict[str, float]  # numbers that the device reads, named as the effect's file names them
+Probe = Callable[..., Any]  # (params, conditions, **members of the place) -> what the effect does there
+STRENGTH = "strength"  # reserved among an effect's entries in a scene
+STRENGTH_MOST = 100.0  # largest strength that a scene may ask for [1]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of a verification table: `got` must equal `want` within tolerance."""
+
+    claim: str
+    got: float
+    want: float
+    rtol: float = 1e-5
+    atol: float = 0.0
+
+
+def everywhere(conditions: Mapping[str, NDArray[np.float64]]) -> bool:
+    """Mask of an effect that every condition lets act."""
+    return True
+
+
+def no_reach(constants: Constants, radius: float) -> float:
+    """Reach of an effect that acts at contact only [m]."""
+    return 0.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Optional physics that a scene can switch on by name.
+
+    `act` is, by place:
+        pair        ti.func (constants, pair) -> attraction along the line of centres [N]
+        grain       ti.func (constants, grain) -> force [N], torque [N m]
+        scene       (params, strength, conditions, scene) -> scene
+        instrument  (params, strength, conditions, observable, value) -> value
+    """
+
+    name: str
+    title: str  # one line for lists
+    doc: str | None  # module docstring: equation, symbols, units, range, reference
+    place: Literal["pair", "grain", "scene", "instrument"]
+    params: type  # frozen dataclass of `quantity` fields
+    act: Callable[..., Any]
+    checks: Callable[[Probe], Iterator[Check]]
+    constants: Callable[[Any, float, Conditions], Constants] | None = None  # pair and grain only
+    reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
+    reads: tuple[str, ...] = ()  # conditions that it reads
+    can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
+    prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
+    most: float = 3.0  # largest strength that is physical [1]
+
+
+@dataclass(frozen=True)
+class Acting:
+    """An effect with its numbers for one replica."""
+
+    effect: Effect
+    constants: Constants
+    reach: float  # gap beyond which it vanishes [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """Device functions of the effects of a run; each reads the constants of its replica."""
+
+    acts: tuple[Any, ...]  # ti.func of each effect
+    constants: tuple[Any, ...]  # struct field by replica
+    present: Any  # i32 [replica, effect]: 0 where the replica is without it
+    any: bool  # compiled in: with none, nothing of them is in the kernels
+
+
+def read_params(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, float]:
+    """Parameters and strength from a scene's entries. Raises ValueError naming what is out of range."""
+    strength = float(entries.get(STRENGTH, 1.0))
+    if not 0.0 <= strength <= STRENGTH_MOST:
+        raise ValueError(f"effects.{effect.name}.strength = {strength} lies outside [0, {STRENGTH_MOST}]")
+    params = effect.params(**{name: value for name, value in entries.items() if name != STRENGTH})
+    check_range(params)
+    return params, strength
+
+
+def parameter_names(effect: Effect) -> tuple[str, ...]:
+    """Entries that a scene may give for an effect."""
+    return (STRENGTH, *(f.name for f in fields(effect.params)))
+
+
+def acting(effect: Effect, params: Any, strength: float, conditions: Conditions, radius: float) -> Acting:
+    """Constants and reach of a pair or grain effect in one replica whose largest radius [m] is given."""
+    assert effect.constants is not None
+    constants = effect.constants(params, strength, conditions)
+    return Acting(effect, constants, effect.reach(constants, radius))
+
+
+def bind(place: str, replicas: Sequence[Sequence[Acting]]) -> Bound:
+    """Put the effects of one place on the device; a replica may lack an effect that another has."""
+    effects = list(
+        {a.effect.name: a.effect for row in replicas for a in row if a.effect.place == place}.values()
+    )
+    count = len(replicas)
+    present = ti.field(ti.i32, shape=(count, max(len(effects), 1)))
+    tables = []
+    for k, effect in enumerate(effects):
+        rows = [next((a for a in acts if a.effect.name == effect.name), None) for acts in replicas]
+        names = list(next(row.constants for row in rows if row is not None))
+        table = ti.types.struct(**dict.fromkeys(names, float)).field(shape=count)
+        columns = [[0.0 if row is None else row.constants[name] for row in rows] for name in names]
+        upload([(getattr(table, name), column) for name, column in zip(names, columns, strict=True)])
+        for r, row in enumerate(rows):
+            present[r, k] = int(row is not None)
+        tables.append(table)
+    return Bound(tuple(effect.act for effect in effects), tuple(tables), present, bool(effects))
+
+
+def pair_type() -> Any:
+    """Two grains, or a grain and a wall, as a pair effect sees them."""
+    return ti.types.struct(
+        gap=float,  # surface distance [m]; negative where they overlap
+        radius_i=float,  # [m]
+        radius_j=float,  # [m]; 0 marks a wall
+        radius_effective=float,  # R_i R_j / (R_i + R_j), of a wall R_i [m]
+        mass_i=float,  # [kg]
+        mass_j=float,  # [kg]; 0 marks a wall
+        closing_speed=float,  # at which the gap shrinks [m s-1]
+        met=float,  # 1 where they have touched since they were last out of reach, else 0
+    )
+
+
+def grain_type() -> Any:
+    """One grain and the air around it, as a grain effect sees them."""
+    real3 = ti.types.vector(3, float)
+    return ti.types.struct(
+        position=real3,  # [m]
+        velocity=real3,  # [m s-1]
+        spin=real3,  # [rad s-1]
+        radius=float,  # [m]
+        mass=float,  # [kg]
+        air_velocity=real3,  # undisturbed, at the centre [m s-1]
+        air_shear=float,  # vertical gradient of the streamwise velocity [s-1]
+        air_density=float,  # [kg m-3]
+        air_viscosity=float,  # dynamic [Pa s]
+        friction_velocity=float,  # of the driving stress [m s-1]
+        void_fraction=float,  # of the air around the grain [1]
+        height=float,  # above the undisturbed bed surface [m]
+        noise=real3,  # three standard normal numbers of this grain and turn, fixed by the seed [1]
+        interval=float,  # time until the next look at this grain [s]
+    )
+
+
+@ti.func
+def pull_of(bound: ti.template(), r, pair: ti.template()):
+    """Sum of the attractions of all pair effects of replica r [N]."""
+    total = 0.0
+    for k in ti.static(range(len(bound.acts))):
+        if bound.present[r, k] == 1:
+            total += bound.acts[k](bound.constants[k][r], pair)
+    return total
+
+
+@ti.func
+def push_of(bound: ti.template(), r, grain: ti.template()):
+    """Sum of the forces [N] and torques [N m] of all grain effects of replica r."""
+    force = 0.0 * grain.velocity
+    torque = force
+    for k in ti.static(range(len(bound.acts))):
+        if bound.present[r, k] == 1:
+            part, moment = bound.acts[k](bound.constants[k][r], grain)
+            force += part
+            torque += moment
+    return force, torque

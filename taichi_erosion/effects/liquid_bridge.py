@@ -1,0 +1,126 @@
+"""Liquid bridge: the pull of a water neck between two moist grains.
+
+    F = f_wet 2 pi R gamma cos(theta) / (1 + 1.05 S + 2.5 S^2),    S = s sqrt(R / V),    s >= 0 (S = 0 touching)
+    F = 0 beyond s_max = (1 + theta / 2) V^(1/3)
+
+    R      = 2 R_i R_j / (R_i + R_j), of a wall 2 R_i                                   [m]
+    V      = 2 (w - w_a) (rho_s / rho_w) (4/3) pi R_h^3 / N                              water of one bridge [m3]
+    R_h    = R_i R_j-mean radius, (R_i + R_j) / 2, of a wall R_i                         [m]
+
+with gamma the surface tension [N m-1], theta the contact angle [rad], s the gap [m], w the gravimetric
+moisture [kg kg-1], w_a the part adsorbed in films and clay, which forms no neck, rho_s and rho_w the densities
+of solid and water [kg m-3], N the bridges that share the water of a grain. A neck forms when grains touch and
+holds until it ruptures.
+
+f_wet is the share of the smooth-sphere force that rough grains keep: asperities hold the water in small
+menisci (Halsey & Levine). Smooth spheres would need winds of tens of metres a second at a moisture where sand
+is known to move; f_wet of about 0.01 is what measured thresholds ask for. Strength multiplies the force.
+Holds for necks of V < 0.05 R^3.
+
+Reference: Willett, Adams, Johnson & Seville (2000), Langmuir 16, 9396, short form for equal spheres; Lian,
+Thornton & Adams (1993), J. Colloid Interface Sci. 161, 138 (rupture); Halsey & Levine (1998), Phys. Rev. Lett.
+80, 3141 (roughness).
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import cos, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
+from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.ti import ti
+
+WATER_DENSITY = 998.0  # at 20 C [kg m-3]
+FALL_LINEAR = 1.05  # Willett et al. (2000), eq. (12) [1]
+FALL_SQUARE = 2.5  # Willett et al. (2000), eq. (12) [1]
+
+
+@dataclass(frozen=True)
+class Params:
+    surface_tension: float = quantity(0.0728, "N m-1", "water against air, 20 C", low=1e-3, high=0.1)
+    contact_angle: float = quantity(0.3, "rad", "water on the grain", low=0.0, high=1.5)
+    bridges: float = quantity(6.0, "1", "bridges that share a grain's water", low=1.0, high=12.0)
+    adsorbed: float = quantity(0.0, "kg kg-1", "moisture that forms no neck", low=0.0, high=0.2)
+    wet_fraction: float = quantity(0.01, "1", "share of the smooth-sphere force", low=1e-4, high=1.0)
+    grain_density: float = quantity(2650.0, "kg m-3", "of the solid", low=500.0, high=8000.0)
+
+
+def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
+    """Numbers of one replica; without water in necks all of them vanish."""
+    free = max(conditions.get("moisture", 0.0) - params.adsorbed, 0.0)
+    smooth = 2.0 * pi * params.surface_tension * cos(params.contact_angle)
+    volume = 2.0 * free * params.grain_density / WATER_DENSITY * (4.0 / 3.0) * pi / params.bridges
+    return {
+        "pull": strength * params.wet_fraction * smooth * (free > 0.0),  # force over R [N m-1]
+        "volume": volume,  # V / R_h^3 [1]
+        "rupture": 1.0 + 0.5 * params.contact_angle,  # s_max / V^(1/3) [1]
+    }
+
+
+@ti.func
+def pull(constants, pair):
+    """Attraction [N]."""
+    other = ti.select(pair.radius_j > 0.0, pair.radius_j, pair.radius_i)
+    mean = 0.5 * (pair.radius_i + other)
+    volume = constants.volume * mean * mean * mean
+    attraction = 0.0
+    if pair.met > 0.0 and volume > 0.0:
+        stretch = ti.max(pair.gap, 0.0)
+        if stretch < constants.rupture * volume ** (1.0 / 3.0):
+            radius = 2.0 * pair.radius_effective
+            reduced = stretch * ti.sqrt(radius / volume)
+            attraction = constants.pull * radius / (1.0 + reduced * (FALL_LINEAR + FALL_SQUARE * reduced))
+    return attraction
+
+
+def reach(constants: Constants, radius: float) -> float:
+    """Longest rupture gap [m]."""
+    return constants["rupture"] * constants["volume"] ** (1.0 / 3.0) * radius
+
+
+def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
+    """Dry grains have no bridges."""
+    return np.asarray(conditions.get("moisture", 0.0)) > 0.0
+
+
+def checks(probe: Probe) -> Iterator[Check]:
+    radius, tension, angle = 1e-4, 0.07, pi / 3.0
+    water = Params(tension, angle, bridges=4.0, adsorbed=0.005, wet_fraction=0.02, grain_density=2000.0)
+    touching = 0.02 * 2.0 * pi * radius * tension * 0.5  # cos 60 deg = 1/2
+    volume = 2.0 * 0.01 * (2000.0 / 998.0) * 4.18879020 * radius**3 / 4.0
+    rupture = (1.0 + pi / 6.0) * volume ** (1.0 / 3.0)
+    unit = (volume / radius) ** 0.5  # gap where S = 1
+
+    def force(gap: float, moisture: float = 0.015, radius_j: float = radius, met: float = 1.0) -> float:
+        effective = radius if radius_j == 0.0 else radius * radius_j / (radius + radius_j)
+        members = {"gap": gap, "radius_i": radius, "radius_j": radius_j, "met": met}
+        return probe(water, {"moisture": moisture}, radius_effective=effective, **members)
+
+    yield Check("touching equal grains pull with f 2 pi R gamma cos(theta)", force(0.0), touching)
+    yield Check("overlap does not change the pull", force(-1e-7), touching)
+    yield Check("at S = 1/10 it has fallen by 1 + 0.105 + 0.025", force(0.1 * unit), touching / 1.13)
+    half = touching / (1.0 + 1.05 * 0.999 * rupture / unit + 2.5 * (0.999 * rupture / unit) ** 2)
+    yield Check("a neck holds until just before its rupture gap", force(0.999 * rupture), half)
+    yield Check("a ruptured neck pulls no more", force(1.001 * rupture), 0.0)
+    yield Check("grains that never met have no neck", force(0.1 * unit, met=0.0), 0.0)
+    yield Check("adsorbed water forms no neck", force(0.0, moisture=0.005), 0.0)
+    yield Check("a wall pulls twice as hard as an equal grain", force(0.0, radius_j=0.0), 2.0 * touching)
+
+
+EFFECT = Effect(
+    name="liquid_bridge",
+    title="capillary bridges between moist grains",
+    doc=__doc__,
+    place="pair",
+    params=Params,
+    act=pull,
+    checks=checks,
+    constants=constants,
+    reach=reach,
+    reads=("moisture",),
+    can_act=can_act,
+)

@@ -1,0 +1,243 @@
+"""Measurements as laboratories write them: a tidy CSV table, one row for every mean of repeats.
+
+Columns: observable, value, sd, n, unit, group, source, and one for every condition. A condition's unit may
+stand in its heading, `moisture [%]`; without one it is SI. `value` is the mean of `n` repeats and `sd` the
+standard deviation of single repeats. An empty value, `no transport` or `<x` is censored: the instrument saw
+nothing, or less than x. Rows that repeat observable, group, source and conditions are repeats of one another.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import isfinite, nan
+from pathlib import Path
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.units import EXAMPLES, UnknownUnit, parse_unit
+from taichi_erosion.scene.load import file_text
+
+REQUIRED = ("observable", "value", "unit")
+OPTIONAL = ("sd", "n", "group", "source")
+REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
+NOTHING_SEEN = ("", "no transport")  # values of a censored row
+HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+MOST_REPEATS = 10**9
+LONGEST_SHOWN = 40  # characters of a cell that a message repeats
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table; NaN where a number was left out."""
+
+    line: int  # in the file, the heading being row 1
+    observable: str
+    value: float  # mean, or the limit below which a censored value lies; NaN: the study's floor
+    censored: bool
+    sd: float  # of single repeats
+    n: int | None
+    unit: str
+    group: str
+    source: str
+    conditions: tuple[float, ...]  # SI, in the order of the table's conditions
+
+
+@dataclass(frozen=True)
+class Table:
+    """A measurement file as read: `conditions` names the columns behind every row's conditions."""
+
+    file: str
+    conditions: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where a column stands, what it is called, and the factor from its unit to SI."""
+
+    place: int
+    name: str
+    factor: float
+
+
+def read_table(path: Path, file: str = "") -> Table:
+    """Measurements of one CSV file; raises BadInput with file, row, column, value."""
+    name = (file or str(path)).replace("\n", "?")
+    lines = list(csv_lines(file_text(path, name), name))
+    if not lines:
+        raise BadInput(f"{name}: is empty; the first row names the columns: {', '.join(REQUIRED)}, ...")
+    columns = read_heading(lines[0][1], name)
+    fixed = {column.name: column.place for column in columns if column.name in REQUIRED + OPTIONAL}
+    conditions = condition_columns(columns, lines[1:], name)
+    rows = [read_row(cells, fixed, conditions, f"{name}: row {line}", line) for line, cells in lines[1:]]
+    if not rows:
+        raise BadInput(f"{name}: has a heading but no measurement")
+    refuse_copies(lines[1:], columns, name)
+    return Table(name, tuple(column.name for column in conditions), tuple(rows))
+
+
+def csv_lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    """(row number, cells) of every line that is not empty; all as wide as the heading."""
+    width = 0
+    try:
+        reader = csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            width = width or len(cells)
+            if len(cells) != width:
+                raise BadInput(f"{name}: row {reader.line_num} has {len(cells)} cells, the heading {width}")
+            yield reader.line_num, [cell.strip() for cell in cells]
+    except csv.Error as error:
+        raise BadInput(f"{name}: not a CSV table: {error}") from None
+
+
+def read_heading(cells: Sequence[str], name: str) -> list[Column]:
+    """Columns in their order."""
+    columns: list[Column] = []
+    for place, cell in enumerate(cells):
+        match = HEADING.fullmatch(cell)
+        if match is None or not NAME.fullmatch(match["name"]):
+            hint = "; separate columns by commas" if ";" in cell or "\t" in cell else ""
+            raise BadInput(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _{hint}")
+        if match["name"] in [column.name for column in columns]:
+            raise BadInput(f"{name}: column '{match['name']}' stands in the heading twice")
+        columns.append(Column(place, match["name"], heading_factor(match, name)))
+    for wanted in (*REQUIRED, *OPTIONAL):
+        refuse_misspelt(wanted, [column.name for column in columns], name)
+    return columns
+
+
+def heading_factor(match: re.Match[str], name: str) -> float:
+    """Factor to SI of the unit in a heading."""
+    if match["unit"] is None:
+        return 1.0
+    if match["name"] in REQUIRED + OPTIONAL:
+        raise BadInput(f"{name}: heading {quoted(match[0])}: the unit of values stands in column 'unit'")
+    try:
+        return parse_unit(match["unit"]).factor
+    except UnknownUnit:
+        raise BadInput(f"{name}: heading {quoted(match[0])}: unknown unit; allowed: {EXAMPLES}") from None
+
+
+def refuse_misspelt(wanted: str, names: Sequence[str], name: str) -> None:
+    """Refuse a table where a column of the format is missing, or seems to be there under another spelling."""
+    if wanted in names:
+        return
+    near = get_close_matches(wanted, [n for n in names if n not in REQUIRED + OPTIONAL], n=1, cutoff=0.75)
+    if near:
+        raise BadInput(f"{name}: column '{near[0]}' is unknown; did you mean '{wanted}'?")
+    if wanted in REQUIRED:
+        raise BadInput(f"{name}: column '{wanted}' is missing; there are: {', '.join(names)}")
+
+
+def condition_columns(
+    columns: Sequence[Column], lines: Sequence[tuple[int, Sequence[str]]], name: str
+) -> list[Column]:
+    """Columns of numbers that are neither of the format nor remarks."""
+    found = [column for column in columns if column.name not in REQUIRED + OPTIONAL + REMARKS]
+    for column in found:
+        for line, cells in lines:
+            if cells[column.place] and not NUMBER.fullmatch(cells[column.place]):
+                raise BadInput(
+                    f"{name}: row {line}, {column.name} = {quoted(cells[column.place])} must be a number: "
+                    f"any other column is a condition; words belong into 'source' or 'note'"
+                )
+    return found
+
+
+def read_row(
+    cells: Sequence[str], fixed: Mapping[str, int], conditions: Sequence[Column], where: str, line: int
+) -> Row:
+    """One row, every cell checked."""
+
+    def cell(column: str) -> str:
+        return cells[fixed[column]] if column in fixed else ""
+
+    if not NAME.fullmatch(cell("observable")):
+        raise BadInput(f"{where}, observable = {quoted(cell('observable'))} must be a name")
+    value, censored = read_value(cell("value"), where)
+    return Row(
+        line=line,
+        observable=cell("observable"),
+        value=value,
+        censored=censored,
+        sd=read_sd(cell("sd"), where),
+        n=read_count(cell("n"), where),
+        unit=read_unit(cell("unit"), where),
+        group=cell("group"),
+        source=cell("source"),
+        conditions=tuple(
+            column.factor * number(cells[column.place], f"{where}, {column.name}") for column in conditions
+        ),
+    )
+
+
+def read_value(text: str, where: str) -> tuple[float, bool]:
+    """Value and whether it is censored; the value of nothing seen is NaN."""
+    if text.lower() in NOTHING_SEEN:
+        return nan, True
+    limit = text.removeprefix("<").strip()
+    if not NUMBER.fullmatch(limit):
+        raise BadInput(
+            f"{where}, value = {quoted(text)} must be a number, '<' and a number, or empty for 'no transport'"
+        )
+    return number(limit, f"{where}, value"), text.startswith("<")
+
+
+def read_sd(text: str, where: str) -> float:
+    """Standard deviation of single repeats, NaN where none is given."""
+    sd = number(text, f"{where}, sd")
+    if sd <= 0.0:
+        raise BadInput(f"{where}, sd = {quoted(text)} must be above 0; leave it empty where it is not known")
+    return sd
+
+
+def read_count(text: str, where: str) -> int | None:
+    """Number of repeats, None where none is given."""
+    if not text:
+        return None
+    count = number(text, f"{where}, n")
+    if count != int(count) or not 1 <= count <= MOST_REPEATS:
+        raise BadInput(f"{where}, n = {quoted(text)} must be a whole number from 1 to {MOST_REPEATS:g}")
+    return int(count)
+
+
+def read_unit(text: str, where: str) -> str:
+    """Unit as it stands, once it is known to be one."""
+    try:
+        parse_unit(text)
+    except UnknownUnit:
+        raise BadInput(f"{where}, unit = {quoted(text)} is not known; allowed: {EXAMPLES}") from None
+    return text or "1"
+
+
+def number(text: str, where: str) -> float:
+    """A finite number, NaN for an empty cell."""
+    if not text:
+        return nan
+    value = float(text) if NUMBER.fullmatch(text) else nan
+    if not isfinite(value):
+        raise BadInput(f"{where} = {quoted(text)} must be a finite number")
+    return value
+
+
+def quoted(text: str) -> str:
+    """A cell on one line, shortened."""
+    clean = "".join(c if c.isprintable() else "?" for c in text[: LONGEST_SHOWN + 1])
+    return f"'{clean}'" if len(clean) <= LONGEST_SHOWN else f"'{clean[: LONGEST_SHOWN - 3]}...'"
+
+
+def refuse_copies(lines: Sequence[tuple[int, Sequence[str]]], columns: Sequence[Column], name: str) -> None:
+    """Refuse a row that stands twice; equal single values may be two repeats, equal means with sd may not."""
+    places = {column.name: column.place for column in columns}
+    telling = [places[c] for c in ("sd", "replicate", "repeat") if c in places]
+    seen: dict[tuple[str, ...], int] = {}
+    for line, cells in lines:
+        first = seen.setdefault(tuple(cells), line)
+        if first != line and any(cells[place] for place in telling):
+            raise BadInput(f"{name}: row {line} repeats row {first} cell by cell; remove one of them")

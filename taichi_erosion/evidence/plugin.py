@@ -1,0 +1,117 @@
+"""A model that the user brings: `module:function`, beside the study file or in an installed package."""
+
+import contextlib
+import importlib.util
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.evidence.problem import Floats, Integers, Model
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A model function that is held to its contract at every call."""
+
+    name: str
+    function: Model
+    version: str  # digest of the source files beside it: an edited model forgets its earlier runs
+
+    def __call__(
+        self,
+        observable: str,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+        seeds: Integers,
+    ) -> Floats:
+        """Predictions [seed, row]; raises SimulationStopped where the function fails."""
+        rows = len(next(iter(conditions.values()))) if conditions else 1
+        try:
+            with stdout_kept_clean():
+                found = self.function(observable, conditions, parameters, effects, seeds)
+        except Exception as error:
+            kind = type(error).__name__
+            raise SimulationStopped(f"model {self.name} failed on {observable}: {kind}: {error}") from error
+        return checked(found, (len(seeds), rows), f"model {self.name}, {observable}")
+
+
+def checked(found: object, shape: tuple[int, int], where: str) -> Floats:
+    """What a model returned, as an array of the promised shape; raises BadInput."""
+    try:
+        values = np.asarray(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BadInput(f"{where}: returned {type(found).__name__}; an array of numbers is needed") from None
+    if values.shape != shape:
+        raise BadInput(f"{where}: returned shape {values.shape}; {shape} is needed: (seeds, conditions)")
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+@contextlib.contextmanager
+def stdout_kept_clean() -> Iterator[None]:
+    """What a user's function prints goes to stderr: stdout holds the result and nothing else."""
+    with contextlib.redirect_stdout(sys.stderr):
+        yield
+
+
+def load_plugin(name: str, folder: Path, file: str) -> Plugin:
+    """Model that a study names; raises BadInput in the study's words."""
+    module_name, _, function_name = name.partition(":")
+    where = f"{file}: study.model = '{name}'"
+    module = load_module(module_name, folder, where)
+    function = getattr(module, function_name, None)
+    if not callable(function):
+        raise BadInput(f"{where}: {module_name} has no function {function_name}")
+    return Plugin(name, function, source_digest(module))  # pyright: ignore[reportArgumentType]
+
+
+def load_module(name: str, folder: Path, where: str) -> ModuleType:
+    """Module beside the study file, else an installed one; its neighbours can be imported by it."""
+    beside = folder.joinpath(*name.split(".")).with_suffix(".py")
+    try:
+        with stdout_kept_clean(), importable(folder):
+            if beside.is_file():
+                return module_of_file(name, beside)
+            return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name and name.startswith(error.name):
+            raise BadInput(f"{where}: no file {beside} and no installed package of that name") from None
+        raise BadInput(f"{where}: cannot be imported: {error}") from None
+    except Exception as error:
+        raise BadInput(f"{where}: cannot be imported: {type(error).__name__}: {error}") from None
+
+
+def module_of_file(name: str, file: Path) -> ModuleType:
+    """Module of one file, executed afresh: two studies may each have a file of that name."""
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses and pickles look their module up by name
+    spec.loader.exec_module(module)
+    return module
+
+
+@contextlib.contextmanager
+def importable(folder: Path) -> Iterator[None]:
+    """While a model is loaded, what lies beside its study can be imported."""
+    sys.path.insert(0, str(folder.resolve()))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder.resolve()))
+
+
+def source_digest(module: ModuleType) -> str:
+    """Digest of all Python files in the folder of a module."""
+    file = getattr(module, "__file__", None)
+    digest = sha256()
+    for source in sorted(Path(file).parent.glob("*.py")) if file else ():
+        digest.update(source.name.encode() + source.read_bytes())
+    return digest.hexdigest()[:16]

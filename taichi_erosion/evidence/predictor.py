@@ -1,0 +1,85 @@
+"""The model behind one counter: predictions on the comparison scale, remembered, failures counted."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taichi_erosion.evidence.problem import Candidate, Conditions, Floats, Integers, Model, Observable
+from taichi_erosion.evidence.scales import Axis, split_setting, strengths, to_scale
+
+Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
+
+
+@dataclass
+class Ledger:
+    """What the model has cost so far."""
+
+    runs: int = 0  # seeds times settings, each over all conditions
+    failures: int = 0  # values that could not be computed
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """Model, rows and axes bound together; `predict` is the only place where the model is called."""
+
+    model: Model
+    observables: tuple[Observable, ...]
+    which: Integers
+    conditions: Conditions
+    axes: tuple[Axis, ...]
+    candidates: tuple[Candidate, ...]
+    ledger: Ledger = field(default_factory=Ledger)
+    seen: dict[Key, Floats] = field(default_factory=dict)
+
+    def predict(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+        """Values (r, n) on the comparison scale at calibrated numbers x, with some effects acting."""
+        key = (np.asarray(x, float).tobytes(), tuple(sorted(acting.items())), seeds.tobytes())
+        if key not in self.seen:
+            self.seen[key] = self.compute(x, acting, seeds)
+        return self.seen[key]
+
+    def mean(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+        """Mean over seeds; NaN only where every seed failed."""
+        return seed_mean(self.predict(x, acting, seeds))
+
+    def compute(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+        parameters, adopted = split_setting(self.axes, x)
+        effects = {**strengths(self.candidates, acting), **adopted}
+        result = np.empty((seeds.size, self.which.size))
+        for index, observable in enumerate(self.observables):
+            rows = np.flatnonzero(self.which == index)
+            if rows.size:
+                chosen = {name: column[rows] for name, column in self.conditions.items()}
+                answer = self.model(observable.name, chosen, dict(parameters), dict(effects), seeds)
+                values = np.broadcast_to(np.asarray(answer, dtype=float), (seeds.size, rows.size))
+                result[:, rows] = to_scale(observable, np.where(np.isfinite(values), values, np.nan))
+        self.ledger.runs += int(seeds.size)
+        self.ledger.failures += int(np.sum(~np.isfinite(result)))
+        return result
+
+
+def seed_mean(values: Floats) -> Floats:
+    """Mean over the seeds that succeeded."""
+    if values.shape[0] == 1:
+        return values[0]
+    good = np.isfinite(values)
+    count = good.sum(axis=0)
+    total = np.where(good, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def seed_variance(values: Floats, which: Integers) -> Floats:
+    """Variance of one seed, row by row, drawn towards the pooled one of its observable.
+
+    s~_i^2 = (nu_0 s_t^2 + nu_i s_i^2) / (nu_0 + nu_i),    nu_0 = 6
+    """
+    prior_freedom = 6.0
+    good = np.isfinite(values)
+    freedom = np.maximum(good.sum(axis=0) - 1, 0)
+    centred = np.where(good, values - seed_mean(values), 0.0)
+    squares = np.sum(centred**2, axis=0)
+    pooled = np.zeros(values.shape[1])
+    for index in np.unique(which):
+        rows = which == index
+        pooled[rows] = squares[rows].sum() / max(int(freedom[rows].sum()), 1)
+    return (prior_freedom * pooled + squares) / (prior_freedom + freedom)

@@ -1,0 +1,149 @@
+"""Fourteen effects in closed form: how each moves threshold, flux and angle of repose.
+
+Every effect takes its strength psi (0: absent, 1: textbook) and the conditions and gives a `Shift`. The forms
+keep the scaling of their sources; where a source gives none, the size is a plausible one and says so.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_erosion.evidence.problem import Conditions, Floats
+
+GRAVITY = 9.81  # m s-2
+GRAIN_DENSITY = 2650.0  # kg m-3, quartz
+AIR_DENSITY = 1.2  # kg m-3, what the bare model assumes everywhere
+MEDIAN_DIAMETER = 2.5e-4  # m
+REPOSE_TANGENT = 0.6  # tangent of the angle of repose on a slope [1]
+DEFAULTS = {
+    "diameter": MEDIAN_DIAMETER,  # m
+    "moisture": 0.0,  # kg water per kg of dry soil
+    "slope": 0.0,  # rad, uphill positive
+    "roughness": 0.0,  # frontal area of obstacles per ground area [1]
+    "air_density": AIR_DENSITY,  # kg m-3
+    "spread": 1.5,  # d90 / d50 [1]
+    "angularity": 0.3,  # 0 round, 1 crushed
+    "turbulence": 0.1,  # sd of the wind over its mean [1]
+    "fetch": 10.0,  # m of erodible bed upwind
+    "width": 0.2,  # m between the walls of the heap's box
+    "u_star": 0.4,  # m s-1
+}
+
+
+@dataclass(frozen=True)
+class Shift:
+    """What one effect does: threshold and flux are multiplied by exp(.), the angle is raised [deg]."""
+
+    threshold: Floats | float = 0.0
+    flux: Floats | float = 0.0
+    repose: Floats | float = 0.0
+
+
+Law = Callable[[float, Conditions], Shift]
+
+
+def dry_cohesion(psi: float, at: Conditions) -> Shift:
+    """u*t^2 gains gamma / (rho d); Reference: Shao & Lu (2000), J. Geophys. Res. 105, 22437, eq. (24)."""
+    gamma = 2.0e-4  # N m-1
+    weight = GRAVITY * GRAIN_DENSITY / AIR_DENSITY * at["diameter"]
+    ratio = psi * gamma / (AIR_DENSITY * at["diameter"]) / weight
+    return Shift(threshold=0.5 * np.log1p(ratio), repose=9.0 * ratio / (1.0 + ratio))
+
+
+def liquid_bridge(psi: float, at: Conditions) -> Shift:
+    """u*tw / u*td = sqrt(1 + 1.21 w^0.68), w in percent; Reference: Fecan et al. (1999), Ann. Geophys. 17, 149."""
+    percent = 100.0 * np.maximum(at["moisture"], 0.0)
+    bridges = 1.0 - np.exp(-percent / 0.8)
+    return Shift(
+        threshold=0.5 * np.log1p(psi * 1.21 * percent**0.68), repose=psi * 7.0 * bridges / (1.0 + 0.3 * psi)
+    )
+
+
+def saffman_lift(psi: float, at: Conditions) -> Shift:
+    """Lift of 0.3 of the drag at 0.25 mm, growing with d: u*t falls as (1 + lift)^-1/2 (plausible size)."""
+    lift = 0.3 * psi * (at["diameter"] / MEDIAN_DIAMETER) ** 0.5
+    return Shift(threshold=-0.5 * np.log1p(lift))
+
+
+def gusts(psi: float, at: Conditions) -> Shift:
+    """A gust of two sd starts grains: u*t falls as 1 / (1 + 2 psi I); flux gains 3 psi I^2 (plausible size)."""
+    intensity = at["turbulence"]
+    return Shift(threshold=-np.log1p(2.0 * psi * intensity), flux=np.log1p(3.0 * psi * intensity**2))
+
+
+def rolling_resistance(psi: float, at: Conditions) -> Shift:
+    """Angular grains pivot harder: angle up by 12 deg, u*t by 15 % at angularity 1 (plausible size)."""
+    return Shift(threshold=np.log1p(0.15 * psi * at["angularity"]), repose=12.0 * psi * at["angularity"])
+
+
+def sheltering(psi: float, at: Conditions) -> Shift:
+    """Coarse grains hide fine ones: u*t up as (d90/d50)^0.4; Reference: Egiazaroff (1965), exponent rounded."""
+    return Shift(threshold=0.4 * psi * np.log(at["spread"]), repose=psi * 1.5 * np.log(at["spread"]))
+
+
+def bed_slope(psi: float, at: Conditions) -> Shift:
+    """sqrt(cos a + sin a / tan phi); Reference: Iversen & Rasmussen (1994), Sedimentology 41, 721."""
+    factor = np.sqrt(np.maximum(np.cos(at["slope"]) + np.sin(at["slope"]) / REPOSE_TANGENT, 0.05))
+    return Shift(threshold=np.log(np.maximum(1.0 + psi * (factor - 1.0), 0.05)))
+
+
+def drag_partition(psi: float, at: Conditions) -> Shift:
+    """sqrt((1 - m s L)(1 + m b L)), m = 0.5, b = 100; Reference: Raupach et al. (1993), J. Geophys. Res. 98, 3023."""
+    density = np.minimum(at["roughness"], 0.5)
+    return Shift(threshold=0.5 * np.log((1.0 - 0.5 * density) * (1.0 + 50.0 * psi * density)))
+
+
+def electrostatics(psi: float, at: Conditions) -> Shift:
+    """Charge lifts dry fine grains: weight relieved by 20 % at 0.1 mm, lost above 1 % water (plausible size)."""
+    relief = 0.2 * psi * (1e-4 / at["diameter"]) * np.exp(-at["moisture"] / 0.005)
+    return Shift(threshold=-0.5 * np.log1p(relief), flux=0.6 * relief)
+
+
+def air_density(psi: float, at: Conditions) -> Shift:
+    """u*t ~ rho^-1/2 and Q ~ rho: the bare model takes the density at sea level."""
+    ratio = np.log(at["air_density"] / AIR_DENSITY)
+    return Shift(threshold=-0.5 * psi * ratio, flux=psi * ratio)
+
+
+def mid_air_collisions(psi: float, at: Conditions) -> Shift:
+    """Collisions in a dense cloud raise the flux with u*; after Carneiro et al. (2013), Phys. Rev. Lett. 111."""
+    return Shift(flux=np.log1p(0.8 * psi * np.maximum(at["u_star"] - 0.25, 0.0) / 0.25))
+
+
+def short_fetch(psi: float, at: Conditions) -> Shift:
+    """Flux saturates over a length psi (5 m): 1 - exp(-x / L); Reference: Dong et al. (2004), Geomorphology 57."""
+    length = 5.0 * max(psi, 1e-12)
+    return Shift(flux=np.log(np.maximum(-np.expm1(-at["fetch"] / length), 1e-6)))
+
+
+def side_walls(psi: float, at: Conditions) -> Shift:
+    """Walls carry part of the heap: angle up by 8 deg at a width of 10 grains (plausible size)."""
+    return Shift(repose=8.0 * psi * np.minimum(10.0 * at["diameter"] / at["width"], 3.0))
+
+
+def trap_efficiency(psi: float, at: Conditions) -> Shift:
+    """An instrument, not physics: a trap loses fine grains, more in stronger wind (plausible size)."""
+    loss = 0.35 * psi * np.exp(-at["diameter"] / 1.5e-4) * at["u_star"] / 0.4
+    return Shift(flux=-loss)
+
+
+EFFECTS: dict[str, Law] = {
+    law.__name__: law
+    for law in (
+        dry_cohesion,
+        liquid_bridge,
+        saffman_lift,
+        gusts,
+        rolling_resistance,
+        sheltering,
+        bed_slope,
+        drag_partition,
+        electrostatics,
+        air_density,
+        mid_air_collisions,
+        short_fetch,
+        side_walls,
+        trap_efficiency,
+    )
+}

@@ -1,0 +1,157 @@
+"""The candidates that the screen cannot dismiss, refitted in the model itself and judged with fresh seeds."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy import special
+
+from taichi_erosion.evidence.calibrate import Fit, fit
+from taichi_erosion.evidence.evidence import Scored, expand, score
+from taichi_erosion.evidence.examination import Examination
+from taichi_erosion.evidence.posterior import Hypothesis, log_prior_of
+from taichi_erosion.evidence.problem import Floats, Progress
+from taichi_erosion.evidence.screen import Screen, Signature
+from taichi_erosion.evidence.significance import Significance
+from taichi_erosion.evidence.unknown import Kernel, discrepancy_gain
+
+WITHIN = 8.0  # ln Bayes factor behind the best at which a candidate is still refitted
+LEAST = 3
+MOST = 8
+LEAST_QUICK, MOST_QUICK = 2, 4
+PAIR_GAIN = 0.5  # ln Bayes factor by which a pair must beat its better member in the screen
+PAIRS, PAIRS_QUICK = 6, 3
+STEPS, STEPS_QUICK = 6, 3
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A hypothesis refitted in the model."""
+
+    names: tuple[str, ...]
+    scored: Scored
+    gain: Floats  # ln evidence that a smooth remainder adds, per noise factor
+
+
+def quick(exam: Examination) -> bool:
+    return exam.problem.budget.name == "quick"
+
+
+def chosen_singles(exam: Examination, found: Screen, seen: Significance) -> list[str]:
+    """Names of the candidates worth a refit, best first."""
+    least, most = (LEAST_QUICK, MOST_QUICK) if quick(exam) else (LEAST, MOST)
+    order = [int(i) for i in np.argsort(-seen.observed) if found.signatures[int(i)].norm > 0.0]
+    best = seen.observed[order[0]] if order else 0.0
+    near = [i for i in order if seen.observed[i] > best - WITHIN]
+    return [found.signatures[i].name for i in (near if len(near) >= least else order[:least])[:most]]
+
+
+def likely_strength(signature: Signature, residual: Floats) -> float:
+    """Strength on a signature's path that leaves least, its prior included."""
+    free = signature.free
+    fall = 2.0 * free @ residual - np.einsum("ij,ij->i", free, free)
+    return float(signature.grid[int(np.argmax(0.5 * fall + signature.log_prior))])
+
+
+def judge(exam: Examination, names: tuple[str, ...], starts: list[Floats], family: list[Kernel]) -> Judged:
+    """Refit, expansion, evidence."""
+    best: Fit = fit(exam, names, starts, STEPS_QUICK if quick(exam) else STEPS)
+    expansion = expand(exam, best)
+    return Judged(names, score(exam, expansion), discrepancy_gain(exam, expansion, family))
+
+
+def judge_singles(
+    exam: Examination, found: Screen, names: list[str], family: list[Kernel], progress: Progress
+) -> list[Judged]:
+    """All shortlisted singles."""
+    by_name = {signature.name: signature for signature in found.signatures}
+    judged = []
+    for index, name in enumerate(names):
+        progress(f"refitting with {name}", index / max(len(names), 1))
+        start = likely_strength(by_name[name], found.residual)
+        judged.append(judge(exam, (name,), [np.append(found.base.fit.x, start)], family))
+    return judged
+
+
+def pair_screen(found: Screen) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """ln Bayes factor and likely strengths of every pair, by algebra on the paths alone.
+
+    D(a, b) = D_a + D_b - 2 g_a g_b for effects that act independently on the comparison scale.
+    """
+    acting = [s for s in found.signatures if s.norm > 0.0]
+    falls = [
+        2.0 * s.free @ found.residual - np.einsum("ij,ij->i", s.free, s.free) for s in acting
+    ]
+    results = {}
+    for i, j in combinations(range(len(acting)), 2):
+        first, second = acting[i], acting[j]
+        fall = falls[i][:, np.newaxis] + falls[j][np.newaxis, :] - 2.0 * first.free @ second.free.T
+        value = 0.5 * fall + first.log_prior[:, np.newaxis] + second.log_prior[np.newaxis, :]
+        at = np.unravel_index(int(np.argmax(value)), value.shape)
+        results[(first.name, second.name)] = (
+            float(special.logsumexp(value)),
+            float(first.grid[at[0]]),
+            float(second.grid[at[1]]),
+        )
+    return results
+
+
+def judge_pairs(
+    exam: Examination, found: Screen, singles: list[Judged], family: list[Kernel], progress: Progress
+) -> list[Judged]:
+    """The pairs that the screen ranks best, refitted; none where one effect says as much as two."""
+    screened = pair_screen(found)
+    if not screened:
+        return []
+    observed = {s.name: log_fall(s, found.residual) for s in found.signatures}
+    promising = {
+        pair: value
+        for pair, value in screened.items()
+        if value[0] > max(observed[pair[0]], observed[pair[1]]) + PAIR_GAIN
+    }
+    best = max((value[0] for value in screened.values()), default=0.0)
+    order = sorted(promising, key=lambda pair: -promising[pair][0])
+    order = [pair for pair in order if promising[pair][0] > best - WITHIN]
+    by_name = {judged.names[0]: judged for judged in singles}
+    judged = []
+    for index, pair in enumerate(order[: PAIRS_QUICK if quick(exam) else PAIRS]):
+        progress(f"refitting with {pair[0]} and {pair[1]}", index / max(len(order), 1))
+        _, first, second = promising[pair]
+        starts = [np.concatenate([found.base.fit.x, [first, second]])]
+        for place, name in enumerate(pair):
+            if name in by_name:
+                single = by_name[name].scored.expansion.fit
+                other = second if place == 0 else first
+                strengths = [float(single.psi[0]), other] if place == 0 else [other, float(single.psi[0])]
+                starts.append(np.concatenate([single.x, strengths]))
+        judged.append(judge(exam, pair, starts[:2], family))
+    return judged
+
+
+def log_fall(signature: Signature, residual: Floats) -> float:
+    """ln Bayes factor of one signature in the screen."""
+    fall = 2.0 * signature.free @ residual - np.einsum("ij,ij->i", signature.free, signature.free)
+    return float(special.logsumexp(0.5 * fall + signature.log_prior))
+
+
+def hypotheses(
+    exam: Examination, base: Judged, found: Screen, seen: Significance, judged: list[Judged]
+) -> list[Hypothesis]:
+    """Every explanation with its evidence; candidates that were not refitted keep their screened one."""
+    count = len(exam.problem.candidates)
+    listed = [
+        Hypothesis((), False, log_prior_of((), False, max(count, 1)), base.scored.log_evidence),
+        Hypothesis((), True, log_prior_of((), True, max(count, 1)), base.scored.log_evidence + base.gain),
+    ]
+    done = {item.names for item in judged}
+    for index, signature in enumerate(found.signatures):
+        if (signature.name,) not in done:
+            value = base.scored.log_evidence + float(seen.observed[index])
+            listed.append(Hypothesis((signature.name,), False, log_prior_of(("a",), False, count), value))
+    for item in judged:
+        evidence = item.scored.log_evidence
+        listed.append(Hypothesis(item.names, False, log_prior_of(item.names, False, count), evidence))
+        if len(item.names) == 1:
+            prior = log_prior_of(item.names, True, count)
+            listed.append(Hypothesis(item.names, True, prior, evidence + item.gain))
+    return listed

@@ -1,0 +1,146 @@
+"""From a study file to a problem that the statistics can examine, and what is to be said about the way."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.cache import FILE, Remembered, Store
+from taichi_erosion.evidence.measured import read_table
+from taichi_erosion.evidence.plugin import Plugin, load_plugin
+from taichi_erosion.evidence.problem import (
+    Budget,
+    Candidate,
+    Floats,
+    Integers,
+    Model,
+    Observable,
+    Parameter,
+    Problem,
+    Vault,
+)
+from taichi_erosion.evidence.study_file import (
+    ALL,
+    AdoptedEntry,
+    CandidateEntry,
+    ObservableEntry,
+    StudyFile,
+    read_study_file,
+)
+from taichi_erosion.evidence.study_rows import gather
+from taichi_erosion.evidence.vault import content_digest, openings, split
+
+LONGEST_CHAIN = 20  # studies that follow one another
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study ready to be examined."""
+
+    path: Path
+    file: StudyFile
+    problem: Problem
+    results: Path  # folder of everything that is found
+    digest: str  # of the measurements
+    model: str  # what answers, and its version
+    store: Store
+    notes: tuple[str, ...]  # what the report has to say about the table and the vault
+
+
+@dataclass(frozen=True)
+class Spoken:
+    """A model that calls conditions by other names than the table; what was not written down is left out."""
+
+    model: Model
+    names: dict[str, str]  # column -> what the model calls it
+
+    def __call__(
+        self,
+        observable: str,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+        seeds: Integers,
+    ) -> Floats:
+        """Predictions [seed, row]."""
+        known = {self.names[c]: v for c, v in conditions.items() if not bool(np.isnan(v).all())}
+        return self.model(observable, known, parameters, effects, seeds)
+
+
+def load_study(path: Path, budget: Literal["quick", "full"] | None = None) -> Study:
+    """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
+    file = read_study_file(path)
+    table = read_table(path.parent / file.study.measurements, file.study.measurements)
+    measurements, notes = gather(table, file, str(path))
+    hidden, said = split(measurements, file.vault.fraction, file.vault.ranges)
+    results = results_folder(path, file)
+    digest = content_digest(measurements)
+    plugin = answering(path, file)
+    candidates = tuple(candidates_of(file, str(path)))
+    store = Store(results / FILE)
+    identity = f"{plugin.name} {plugin.version}"
+    problem = Problem(
+        measurements=measurements,
+        observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
+        parameters=tuple(
+            Parameter(name, entry.start, entry.low, entry.high, entry.prior_sd_log)
+            for name, entry in file.parameters.items()
+        ),
+        candidates=candidates,
+        model=Spoken(Remembered(plugin, identity, store), dict(file.conditions)),
+        budget=budget_of(file, budget),
+        vault=Vault(hidden, openings(results, digest)),
+        adopted=tuple(candidate_of(name, entry) for name, entry in file.adopted.items()),
+    )
+    return Study(path, file, problem, results, digest, identity, store, (*notes, said))
+
+
+def answering(path: Path, file: StudyFile) -> Plugin:
+    """The model of a study."""
+    if file.study.model is None:
+        raise BadInput(f"{path}: study.model is missing; scenes cannot answer a study yet")
+    return load_plugin(file.study.model, path.parent, str(path))
+
+
+def budget_of(file: StudyFile, name: Literal["quick", "full"] | None) -> Budget:
+    """What may be spent; what neither the file nor the user says is the default of Budget."""
+    words = {"name": name, "runs": file.budget.runs}
+    return Budget(**{word: said for word, said in words.items() if said is not None})  # pyright: ignore[reportArgumentType]
+
+
+def observable_of(name: str, entry: ObservableEntry) -> Observable:
+    """How an observable is compared."""
+    return Observable(name, entry.transform, entry.floor or 0.0, entry.sd_shared, entry.sd_numerical)
+
+
+def candidates_of(file: StudyFile, name: str) -> Sequence[Candidate]:
+    """Effects to try: those of the list, or all that have a table; an adopted effect is none any more."""
+    said = file.candidates
+    listed = () if said.effects == (ALL,) else said.effects
+    for effect in said.tables:
+        if listed and effect not in listed:
+            raise BadInput(f"{name}: candidates.{effect} is not in candidates.effects = {list(listed)}")
+    return [
+        candidate_of(effect, said.tables.get(effect, CandidateEntry()))
+        for effect in dict.fromkeys(listed or said.tables)
+        if effect not in file.adopted
+    ]
+
+
+def candidate_of(name: str, entry: CandidateEntry | AdoptedEntry) -> Candidate:
+    """An effect with what the study says about it; the rest is the default of Candidate."""
+    words = {"prior_scale": entry.prior_scale, "maximum": entry.max}
+    return Candidate(name, **{word: said for word, said in words.items() if said is not None})
+
+
+def results_folder(path: Path, file: StudyFile) -> Path:
+    """`<stem>-results` beside the study, or beside the first of the studies that it follows."""
+    for _ in range(LONGEST_CHAIN):
+        if file.study.follows is None:
+            return path.with_name(f"{path.stem}-results")
+        path = path.parent / file.study.follows
+        file = read_study_file(path)
+    raise BadInput(f"{path}: study.follows = '{file.study.follows}' leads in a circle")

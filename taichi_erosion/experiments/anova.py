@@ -1,0 +1,168 @@
+"""Analysis of variance: which terms matter, whether the model is good enough, whether the centre bends away.
+
+Type III sums of squares, F = (SS / df) / (SS_error / df_error). The error splits into
+
+    pure error     SS = sum over points of sum (y - mean at the point)^2
+    lack of fit    SS = SS_error - SS of pure error
+
+A simulator's noise may be known beside the design: where every run is the mean of n seeds of spread s,
+s^2 / n with sum (n - 1) degrees of freedom is pooled into the pure error.
+
+Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., 6.8 and 11.2.
+"""
+
+from dataclasses import dataclass
+from math import inf, nan
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from taichi_erosion.experiments.fit import EXACT, Fit
+from taichi_erosion.experiments.table import SAME_POINT, Floats, replicate_groups
+from taichi_erosion.experiments.terms import model_matrix
+
+ErrorSource = Literal["residual", "pure error"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table; F and p are NaN where the line is not tested."""
+
+    source: str
+    sum_of_squares: float
+    df: int
+    mean_square: float
+    f: float = nan
+    p: float = nan
+
+
+@dataclass(frozen=True)
+class PureError:
+    """Scatter of runs that differ in nothing but the noise."""
+
+    sum_of_squares: float
+    df: int
+
+    @property
+    def mean_square(self) -> float:
+        """Variance of a run."""
+        return self.sum_of_squares / self.df if self.df else nan
+
+    def pooled(self, other: "PureError") -> "PureError":
+        """Both together."""
+        return PureError(self.sum_of_squares + other.sum_of_squares, self.df + other.df)
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """Mean at the corners less mean in the centre, tested against an error that is free of it."""
+
+    difference: float  # in the response's unit
+    sum_of_squares: float
+    f: float
+    p: float
+    df_error: int
+    ms_error: float
+
+
+NO_ERROR = PureError(0.0, 0)
+
+
+def replicate_error(fit: Fit) -> PureError:
+    """Pure error of the runs that stand at one point of one block."""
+    groups = replicate_groups(fit.coded, fit.blocks)
+    counts = np.bincount(groups)
+    means = np.bincount(groups, weights=fit.values) / counts
+    return PureError(float(np.sum((fit.values - means[groups]) ** 2)), int(len(groups) - len(counts)))
+
+
+def seed_error(sd: ArrayLike, repeats: ArrayLike) -> PureError:
+    """Pure error of runs that are means of several seeds; spread of single seeds and their number, by run.
+
+        MS = s^2 mean(1 / n),   s^2 = sum (n - 1) sd^2 / sum (n - 1),   df = sum (n - 1)
+
+    Runs of one seed say nothing and are left out of s^2.
+    """
+    spreads, counts = np.asarray(sd, dtype=float), np.asarray(repeats, dtype=float)
+    known = np.isfinite(spreads) & (counts > 1)
+    df = int(np.sum(counts[known] - 1.0))
+    if not df:
+        return NO_ERROR
+    variance = float(np.sum((counts[known] - 1.0) * spreads[known] ** 2)) / df
+    return PureError(variance * float(np.mean(1.0 / counts)) * df, df)
+
+
+def anova(fit: Fit, seeds: PureError = NO_ERROR, error: ErrorSource = "residual") -> list[Row]:
+    """The table: block, model, terms, residual, lack of fit, pure error, total.
+
+    Terms are tested against the residual, or against the pure error where lack of fit is part of the former.
+    """
+    inside = replicate_error(fit)
+    pure = inside.pooled(seeds)
+    against = (pure.mean_square, pure.df) if error == "pure error" else (fit.ms_error, fit.df_error)
+    total = float(np.sum((fit.values - fit.values.mean()) ** 2))
+    blocks = block_sum(fit)
+    block_df = len(np.unique(fit.blocks)) - 1
+    rows = [tested("Block", blocks, block_df, nan, 0)] if block_df else []
+    model = total - blocks - fit.ss_error
+    rows.append(tested("Model", model, len(fit.terms), *against))
+    sums = term_sums(fit)
+    rows += [tested(name, float(ss), 1, *against) for name, ss in zip(fit.names, sums, strict=True)]
+    rows.append(tested("Residual", fit.ss_error, fit.df_error, nan, 0))
+    if pure.df:
+        lack, lack_df = max(fit.ss_error - inside.sum_of_squares, 0.0), fit.df_error - inside.df
+        lack = 0.0 if lack < EXACT * total else lack
+        rows.append(tested("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
+        rows.append(tested("Pure error", pure.sum_of_squares, pure.df, nan, 0))
+    return [*rows, tested("Total", total, len(fit.values) - 1, nan, 0)]
+
+
+def tested(source: str, sum_of_squares: float, df: int, error: float, df_error: int) -> Row:
+    """A line with its F test against a mean square; with df_error = 0 there is none."""
+    if not df:
+        return Row(source, sum_of_squares, df, nan)
+    mean_square = sum_of_squares / df
+    if not df_error:
+        return Row(source, sum_of_squares, df, mean_square)
+    f = mean_square / error if error > 0.0 else (inf if mean_square > 0.0 else nan)
+    return Row(source, sum_of_squares, df, mean_square, f, float(stats.f.sf(f, df, df_error)))
+
+
+def term_sums(fit: Fit) -> Floats:
+    """Type III sum of squares of every term: how much the residual grows without it, b^2 / (X'X)^-1_jj."""
+    return fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
+
+
+def block_sum(fit: Fit) -> float:
+    """Sum of squares between the means of the blocks."""
+    groups = [fit.values[fit.blocks == block] for block in np.unique(fit.blocks)]
+    return float(sum(len(group) * (group.mean() - fit.values.mean()) ** 2 for group in groups))
+
+
+def curvature(fit: Fit) -> Curvature | None:
+    """Curvature of a two-level design by its centre points; None without centre points or error.
+
+        SS = n_f n_c (mean_f - mean_c)^2 / (n_f + n_c)
+
+    for an orthogonal design. The error is the residual of the model with the curvature as one more term, so
+    that curvature does not pass for noise.
+    """
+    centre = np.all(np.abs(fit.coded) < SAME_POINT, axis=1)
+    if not centre.any() or centre.all():
+        return None
+    full = np.column_stack([model_matrix(fit.coded, fit.terms), ~centre, *block_dummies(fit)])
+    coefficients, _, rank, _ = np.linalg.lstsq(full, fit.values, rcond=None)
+    df_error = len(fit.values) - int(rank)
+    if rank < full.shape[1] or not df_error:
+        return None
+    ss_error = float(np.sum((fit.values - full @ coefficients) ** 2))
+    row = tested("Curvature", fit.ss_error - ss_error, 1, ss_error / df_error, df_error)
+    difference = float(coefficients[1 + len(fit.terms)])
+    return Curvature(difference, row.sum_of_squares, row.f, row.p, df_error, ss_error / df_error)
+
+
+def block_dummies(fit: Fit) -> list[Floats]:
+    """One indicator for every block but the first."""
+    return [(fit.blocks == block).astype(float) for block in np.unique(fit.blocks)[1:]]

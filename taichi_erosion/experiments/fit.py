@@ -1,0 +1,186 @@
+"""A polynomial fitted to one response of a design by ordinary least squares, in coded units.
+
+    y = b_0 + sum_j b_j t_j(x) + block + error
+
+with x the coded levels [1], t_j the terms of the model, y the response in its own unit. Blocks are constants
+that add up to 0, so that b_0 belongs to the average block. Runs without a result are left out.
+
+Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., ch. 10 and 11.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+from statsmodels.regression.linear_model import OLS, RegressionResultsWrapper
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments.table import Design, Factor, Floats, Integers
+from taichi_erosion.experiments.terms import Order, Term, model_matrix, model_terms, term_name
+
+EXACT = 1e-20  # share of the total sum of squares below which a residual is rounding, not error [1]
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One coefficient in coded units; NaN where no degree of freedom is left for an error."""
+
+    name: str
+    value: float
+    standard_error: float
+    low: float  # 95 % confidence interval
+    high: float
+    t: float
+    p: float
+    vif: float  # variance inflation factor [1]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model."""
+
+    response: str
+    factors: tuple[Factor, ...]
+    terms: tuple[Term, ...]
+    coded: Floats  # [runs, factors], runs with a result only
+    values: Floats  # [runs]
+    blocks: Integers  # [runs]
+    rows: Integers  # [runs], place of each run in the design
+
+    @cached_property
+    def results(self) -> RegressionResultsWrapper:
+        """What statsmodels found; columns: constant, terms, blocks."""
+        matrix = np.column_stack([model_matrix(self.coded, self.terms), block_columns(self.blocks)])
+        return OLS(self.values, matrix).fit()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the terms."""
+        return tuple(term_name(term, [f.path for f in self.factors]) for term in self.terms)
+
+    @property
+    def coefficients(self) -> Floats:
+        """Constant and terms, coded."""
+        return np.asarray(self.results.params)[: 1 + len(self.terms)]
+
+    @property
+    def df_error(self) -> int:
+        """Degrees of freedom of the residuals."""
+        return int(self.results.df_resid)
+
+    @property
+    def ss_error(self) -> float:
+        """Sum of squares of the residuals."""
+        return float(np.sum(self.residuals**2))
+
+    @property
+    def ms_error(self) -> float:
+        """Mean square of the residuals, NaN where none is left."""
+        return self.ss_error / self.df_error if self.df_error else float("nan")
+
+    @property
+    def fitted(self) -> Floats:
+        """Fitted values, blocks included."""
+        return np.asarray(self.results.fittedvalues)
+
+    @property
+    def residuals(self) -> Floats:
+        """Response less fitted value."""
+        return self.values - self.fitted
+
+    def predict(self, coded: ArrayLike) -> Floats:
+        """Response at coded points in the average block, [points]."""
+        return model_matrix(np.asarray(coded, dtype=float), self.terms) @ self.coefficients
+
+    def leverage(self, coded: ArrayLike) -> Floats:
+        """Variance of the predicted mean over the variance of a single run [1]."""
+        matrix = model_matrix(np.asarray(coded, dtype=float), self.terms)
+        spread = self.unscaled_covariance
+        return np.einsum("ij,jk,ik->i", matrix, spread, matrix)
+
+    @property
+    def unscaled_covariance(self) -> Floats:
+        """(X'X)^-1 of constant and terms."""
+        count = 1 + len(self.terms)
+        return np.asarray(self.results.normalized_cov_params)[:count, :count]
+
+    def interval(self, coded: ArrayLike, runs: float = np.inf, confidence: float = 0.95) -> Floats:
+        """Interval for the mean of `runs` new runs at coded points (infinite: the true mean), [points, 2]."""
+        variance = self.ms_error * (self.leverage(coded) + 1.0 / runs)
+        reach = stats.t.ppf(0.5 + 0.5 * confidence, self.df_error) * np.sqrt(variance)
+        centre = self.predict(coded)
+        return np.column_stack([centre - reach, centre + reach])
+
+
+def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> Fit:
+    """Fit a model to one response; raises BadInput where the runs cannot carry it."""
+    if response not in design.responses:
+        known = ", ".join(design.responses) or "none"
+        raise BadInput(f"{design.name}: no response '{response}'; there are: {known}")
+    wanted = model_terms(len(design.factors), terms) if isinstance(terms, str) else tuple(terms)
+    rows = np.flatnonzero(np.isfinite(design.responses[response]))
+    fit = Fit(
+        response=response,
+        factors=design.factors,
+        terms=wanted,
+        coded=design.coded[rows],
+        values=design.responses[response][rows],
+        blocks=design.blocks[rows],
+        rows=rows,
+    )
+    refuse_unfittable(fit, design)
+    return fit
+
+
+def refuse_unfittable(fit: Fit, design: Design) -> None:
+    """Raise BadInput where coefficients cannot be told apart."""
+    matrix = np.column_stack([model_matrix(fit.coded, fit.terms), block_columns(fit.blocks)])
+    rank = np.linalg.matrix_rank(matrix) if len(matrix) else 0
+    if rank < matrix.shape[1]:
+        raise BadInput(
+            f"{design.name}, {fit.response}: {len(fit.values)} runs with a result tell {rank} coefficients "
+            f"apart, the model has {matrix.shape[1]}"
+        )
+
+
+def block_columns(blocks: Integers) -> Floats:
+    """Contrasts of the blocks that add up to 0, [runs, blocks - 1]."""
+    known = np.unique(blocks)
+    contrasts = [(blocks == block).astype(float) - (blocks == known[-1]) for block in known[:-1]]
+    return np.array(contrasts).T.reshape(len(blocks), len(contrasts))
+
+
+def coefficient_table(fit: Fit) -> list[Coefficient]:
+    """Constant and terms, each with its uncertainty."""
+    spread = np.sqrt(fit.ms_error * np.diag(fit.unscaled_covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = fit.coefficients / spread
+    p = 2.0 * stats.t.sf(np.abs(t), fit.df_error)
+    reach = stats.t.ppf(0.975, fit.df_error) * spread
+    return [
+        Coefficient(name, *(float(number) for number in numbers))
+        for name, *numbers in zip(
+            ("Intercept", *fit.names),
+            fit.coefficients,
+            spread,
+            fit.coefficients - reach,
+            fit.coefficients + reach,
+            t,
+            p,
+            inflation_factors(fit),
+            strict=True,
+        )
+    ]
+
+
+def inflation_factors(fit: Fit) -> Floats:
+    """Variance of each coefficient over that in an orthogonal design of the same spread [1].
+
+    VIF_j = (X'X)^-1_jj sum_i (t_ij - mean t_j)^2,   1 for the constant
+    """
+    values = model_matrix(fit.coded, fit.terms)[:, 1:]
+    scatter = np.sum((values - values.mean(axis=0)) ** 2, axis=0)
+    return np.concatenate([[1.0], np.diag(fit.unscaled_covariance)[1:] * scatter])

@@ -1,0 +1,151 @@
+"""Several scenes at once: replicas of one ensemble, each with its own scene and seed.
+
+A replica gives the same bits here as alone. What is compiled into the kernels is shared by all, and so is the
+interval of the checks: `choices.shared_choices` names it.
+"""
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Numerics, Setup
+from taichi_erosion.effects import load_library
+from taichi_erosion.run.options import Report
+from taichi_erosion.run.play import Play, play
+from taichi_erosion.run.result import replica_record, versions
+from taichi_erosion.run.stages import Actor
+from taichi_erosion.run.watch import Camera, Properties, Teller, finish, open_camera, watch_replica
+from taichi_erosion.scene import Scene, laws, resolved, scene_hash
+from taichi_erosion.simulation import assemble, effective_scene, prepare
+
+Told = Callable[[int, dict[str, Any]], None]  # (place in the list, what came out)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One replica that is asked for."""
+
+    scene: Scene
+    seed: int
+    record: Path | None = None  # where its recording goes
+    properties: Properties | None = None  # further columns of rerun's table of runs
+
+
+@dataclass(frozen=True)
+class Cast:
+    """The parts that can be played, with their places in the list that was asked for."""
+
+    places: list[int]
+    parts: list[Part]
+    setups: list[Setup]
+
+
+def play_ensemble(
+    parts: Sequence[Part], numerics: Numerics, tell: Told, progress: Report | None = None
+) -> None:
+    """Play all parts together and tell what came out of each as soon as it has ended.
+
+    What is told holds seed, measures, warnings, `stopped`, hash, versions, `wall_s` (an equal share of the
+    ensemble's time) and `failure`: None, or why there is no result. A part that cannot start fails alone.
+    """
+    cast = able_to_start(parts, tell)
+    if not cast.parts:
+        return
+    try:
+        scene = cast.parts[0].scene
+        sim = assemble(cast.setups, laws(effective_scene(scene, library_of(scene))), numerics)
+    except BadInput as error:
+        if len(cast.parts) == 1:
+            tell(cast.places[0], refused(cast.parts[0], str(error)))
+            return
+        for place, part in zip(cast.places, cast.parts, strict=True):
+            play_ensemble([part], numerics, lambda _, record, place=place: tell(place, record), progress)
+        return
+    stage_play = Play([part.scene for part in cast.parts], sim, [Actor(part.seed) for part in cast.parts])
+    crier = Crier(cast, tell, time.perf_counter(), cameras_of(cast, stage_play))
+    watchers = [partial(watch_replica, camera) for camera in crier.cameras.values()]
+    teller = [Teller(progress).watch] if progress else []
+    play(stage_play, [*watchers, *teller, crier.watch])
+    stop_device()
+
+
+def library_of(scene: Scene) -> Any:
+    """The library of effects where the scene names any."""
+    return load_library() if scene.effects else {}
+
+
+def able_to_start(parts: Sequence[Part], tell: Told) -> Cast:
+    """Build every replica; a part that cannot be built is told as failed."""
+    cast = Cast([], [], [])
+    for place, part in enumerate(parts):
+        try:
+            setup = prepare(part.scene, part.seed, library_of(part.scene))
+        except BadInput as error:
+            tell(place, refused(part, str(error)))
+            continue
+        cast.places.append(place)
+        cast.parts.append(part)
+        cast.setups.append(setup)
+    return cast
+
+
+def refused(part: Part, reason: str) -> dict[str, Any]:
+    """Record of a part that could not start."""
+    found = {"seed": part.seed, "measures": {}, "warnings": [], "stopped": "refused", "time": 0.0}
+    return found | {"hash": scene_hash(part.scene), "failure": reason, "wall_s": 0.0, "versions": versions()}
+
+
+def cameras_of(cast: Cast, stage_play: Play) -> dict[int, Camera]:
+    """A camera for every replica that is to be recorded."""
+    return {
+        replica: open_camera(part.record, title_of(part), stage_play, scene_text(part.scene), replica)
+        for replica, part in enumerate(cast.parts)
+        if part.record is not None
+    }
+
+
+def title_of(part: Part) -> str:
+    """Name of a recording."""
+    return f"{part.scene.scene.title or part.scene.scene.kind}, seed {part.seed}"
+
+
+def scene_text(scene: Scene) -> str:
+    """The resolved scene for the recording; a campaign has no scene file of its own for every run."""
+    return json.dumps(resolved(scene), indent=1)
+
+
+@dataclass
+class Crier:
+    """Tells what came out of every replica, once, at the check at which it ends."""
+
+    cast: Cast
+    tell: Told
+    started: float  # s, of the wall clock
+    cameras: dict[int, Camera]
+    told: set[int] = field(default_factory=set)
+
+    def watch(self, stage_play: Play) -> None:
+        """Tell of replicas that have ended since the last check."""
+        for replica, actor in enumerate(stage_play.actors):
+            if not actor.active and replica not in self.told:
+                self.told.add(replica)
+                self.tell(self.cast.places[replica], self.record(stage_play, replica))
+
+    def record(self, stage_play: Play, replica: int) -> dict[str, Any]:
+        """What came out of one replica."""
+        found = replica_record(stage_play, replica)
+        part, camera = self.cast.parts[replica], self.cameras.get(replica)
+        hashed = scene_hash(part.scene)
+        if camera is not None:
+            properties = {"scene": {"hash": hashed}} | dict(part.properties or {})
+            found |= finish(camera, stage_play, found, properties)
+        failed = found["stopped"] is not None
+        seconds = (time.perf_counter() - self.started) / len(self.cast.parts)
+        cost = {"wall_s": seconds, "versions": versions()}
+        return found | cost | {"hash": hashed, "failure": found["warnings"][-1] if failed else None}

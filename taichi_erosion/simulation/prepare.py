@@ -1,0 +1,58 @@
+"""From a scene with its optional physics to the setup of one replica."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from taichi_erosion.core.effect import Acting, Effect, acting, read_params
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Setup
+from taichi_erosion.scene import Scene, build_setup
+
+ON_DEVICE = ("pair", "grain")
+
+Library = Mapping[str, Effect]
+
+
+def conditions_of(scene: Scene) -> dict[str, float]:
+    """What the scene states of its conditions, in SI units."""
+    return {name: float(value) for name, value in scene.conditions.model_dump(exclude_none=True).items()}
+
+
+def effective_scene(scene: Scene, library: Library) -> Scene:
+    """The scene after all effects that change it before it is built; those of strength 0 leave no trace."""
+    conditions = conditions_of(scene)
+    for name in sorted(scene.effects):
+        effect = library[name]
+        params, strength = checked_params(scene, effect)
+        if effect.place == "scene" and strength > 0.0:
+            scene = effect.act(params, strength, conditions, scene)
+    return scene
+
+
+def prepare(scene: Scene, seed: int, library: Library) -> Setup:
+    """Setup of one replica with all effects in it. Raises BadInput for parameters out of range."""
+    setup = build_setup(effective_scene(scene, library), seed)
+    largest = float(setup.grains.radius.max())
+    effects = tuple(device_effects(scene, library, largest))
+    if setup.clumps is not None and any(one.effect.place == "grain" for one in effects):
+        raise BadInput(f"{scene.file}: grain effects act on single spheres; grains.clump must be left out")
+    return replace(setup, effects=effects)
+
+
+def device_effects(scene: Scene, library: Library, radius: float) -> list[Acting]:
+    """Pair and grain effects of non-zero strength, in the order of their names."""
+    found = []
+    for name in sorted(scene.effects):
+        effect = library[name]
+        params, strength = checked_params(scene, effect)
+        if effect.place in ON_DEVICE and strength > 0.0:
+            found.append(acting(effect, params, strength, conditions_of(scene), radius))
+    return found
+
+
+def checked_params(scene: Scene, effect: Effect) -> tuple[object, float]:
+    """Parameters and strength as the scene states them."""
+    try:
+        return read_params(effect, scene.effects[effect.name])
+    except ValueError as error:
+        raise BadInput(f"{scene.file}: {error}") from None

@@ -1,0 +1,189 @@
+"""A campaign of 120 runs ends with the table of the undisturbed one, whatever is killed, full or doubled."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from stand_in import FUNCTION, processes, requests, starts, table
+
+from taichi_erosion.campaign import store as ledger
+from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.store import close_store, is_alive, open_store
+from taichi_erosion.core.errors import BadInput
+
+RUNS = 120
+PATIENCE = 60.0  # s; the cores may be busy
+SLOW = 0.05  # s of a run that is to be interrupted
+
+Table = list[tuple[str, float, str | None]]
+
+
+def carry_out(folder: Path, **words: object) -> Table:
+    store = open_store(folder)
+    try:
+        return table(execute(requests(folder, RUNS, **words), store, workers=2, function=FUNCTION))  # type: ignore[arg-type]
+    finally:
+        close_store(store)
+
+
+def start_parent(folder: Path, pause: float) -> subprocess.Popen[str]:
+    program = [sys.executable, str(Path(__file__).with_name("stand_in.py")), str(folder), str(pause)]
+    return subprocess.Popen(program, stdout=subprocess.PIPE, text=True)
+
+
+def done(folder: Path) -> list[str]:
+    store = open_store(folder)
+    try:
+        found = store.connection.execute("SELECT key FROM run WHERE state = 'done'").fetchall()
+    finally:
+        close_store(store)
+    return [key for (key,) in found]
+
+
+def wait_for(condition: object) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():  # type: ignore[operator]
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.02)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory) -> Table:
+    folder = tmp_path_factory.mktemp("undisturbed")
+    found = carry_out(folder)
+    assert sorted(starts(folder)) == list(range(RUNS))
+    return found
+
+
+def test_every_run_is_done_once_and_stands_in_the_order_asked_for(undisturbed):
+    assert [key for key, _, _ in undisturbed] == [f"scene-{seed}" for seed in range(RUNS)]
+    assert all(failure is None for _, _, failure in undisturbed)
+
+
+def test_a_second_call_runs_nothing(tmp_path):
+    first = carry_out(tmp_path)
+    count = len(starts(tmp_path))
+    assert carry_out(tmp_path) == first
+    assert len(starts(tmp_path)) == count
+
+
+def test_a_killed_worker_costs_only_the_run_it_was_at(tmp_path, undisturbed):
+    assert carry_out(tmp_path, mishaps={37: "kills once", 90: "kills once"}) == undisturbed
+    repeated = {seed for seed, times in Counter(starts(tmp_path)).items() if times > 1}
+    assert repeated == {37, 90}
+
+
+def test_after_a_killed_parent_its_workers_end_and_nothing_finished_is_repeated(tmp_path, undisturbed):
+    (tmp_path / "journal").touch()
+    parent = start_parent(tmp_path, SLOW)
+    wait_for(lambda: len(starts(tmp_path)) > 20)
+    parent.send_signal(signal.SIGKILL)
+    parent.communicate()
+    wait_for(lambda: not any(is_alive(process) for process in processes(tmp_path)))
+    kept, before = done(tmp_path), Counter(starts(tmp_path))
+    assert 0 < len(kept) < RUNS
+    assert carry_out(tmp_path) == undisturbed
+    again = Counter(starts(tmp_path)) - before
+    assert not {f"scene-{seed}" for seed in again} & set(kept)
+
+
+def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
+    store = open_store(tmp_path)
+    ledger.enlist(store, requests(tmp_path, RUNS))
+    pages = store.connection.execute("PRAGMA page_count").fetchone()[0]
+    # SQLite answers a file that may not grow with the error it gives for a disk that is full
+    store.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
+    with pytest.raises(BadInput, match=r"ledger\.sqlite: the disk is full; finished runs are kept"):
+        execute(requests(tmp_path, RUNS), store, workers=2, function=FUNCTION)
+    close_store(store)
+    kept, before = done(tmp_path), Counter(starts(tmp_path))
+    assert 0 < len(kept) < RUNS
+    assert carry_out(tmp_path) == undisturbed
+    assert not {f"scene-{seed}" for seed in Counter(starts(tmp_path)) - before} & set(kept)
+
+
+def test_two_parents_at_once_share_the_work_and_repeat_none_of_it(tmp_path, undisturbed):
+    (tmp_path / "journal").touch()
+    parents = [start_parent(tmp_path, SLOW) for _ in range(2)]
+    said = [parent.communicate(timeout=PATIENCE)[0].strip() for parent in parents]
+    assert said == [str(RUNS)] * 2
+    assert Counter(starts(tmp_path)) == Counter(range(RUNS))
+    assert len(processes(tmp_path)) > 2  # workers of both parents
+    assert carry_out(tmp_path) == undisturbed
+
+
+def test_a_lease_lapses_when_its_owner_is_silent(tmp_path):
+    (request,) = requests(tmp_path, 1)
+    near, far = open_store(tmp_path), open_store(tmp_path)
+    elsewhere = ledger.Store(far.path, far.connection, "other-machine:1")
+    ledger.enlist(near, [request])
+    assert ledger.claim(elsewhere, [request.key]) == [request.key]
+    ledger.free_orphans(near)
+    assert ledger.claim(near, [request.key]) == []
+    far.connection.execute("UPDATE run SET beat = ?", (time.time() - 2.0 * ledger.LEASE,))
+    ledger.free_orphans(near)
+    assert ledger.claim(near, [request.key]) == [request.key]
+    close_store(near)
+    close_store(far)
+
+
+def test_the_first_result_of_a_run_stays(tmp_path):
+    (request,) = requests(tmp_path, 1)
+    store = open_store(tmp_path)
+    ledger.enlist(store, [request])
+    for value in (1.0, 2.0):
+        ledger.note_result(store, request.key, {"measures": {"angle": {"value": value}}})
+    assert ledger.read_results(store, [request.key])[0].value("angle") == 1.0
+    close_store(store)
+
+
+def test_failed_runs_are_results_with_their_reason(tmp_path):
+    found = carry_out(tmp_path, mishaps={3: "fails", 5: "raises", 8: "kills"})
+    reasons = {key: failure for key, _, failure in found if failure}
+    assert reasons["scene-3"] == "grains overlap"
+    assert reasons["scene-5"] == "ValueError: no such soil"
+    assert "3 workers died of it; the last: killed by signal 9" in reasons["scene-8"]
+    assert len(reasons) == 3
+    assert len(found) == RUNS
+
+
+def test_progress_grows_to_the_whole_and_says_how_much_is_left(tmp_path):
+    said: list[tuple[float, str]] = []
+    store = open_store(tmp_path)
+    slow = requests(tmp_path, 60, pause=SLOW)
+    execute(slow, store, workers=2, function=FUNCTION, progress=lambda *words: said.append(words))
+    close_store(store)
+    shares = [share for share, _ in said]
+    assert shares == sorted(shares)
+    assert any("of 60 runs" in words and words.endswith("s left") for _, words in said)
+
+
+def test_a_folder_that_cannot_be_made_gives_one_clear_line(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(BadInput, match=r"ledger\.sqlite: the ledger cannot be used"):
+        open_store(tmp_path / "file" / "campaign")
+
+
+def test_a_file_that_is_no_ledger_gives_one_clear_line(tmp_path):
+    (tmp_path / ledger.LEDGER).write_bytes(b"surface energies " * 100)
+    with pytest.raises(BadInput, match=r"file is not a database"):
+        open_store(tmp_path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unwritable for root")
+def test_a_folder_that_cannot_be_written_gives_one_clear_line(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(BadInput, match="the ledger cannot be used"):
+        open_store(tmp_path)
+
+
+def test_a_run_function_that_does_not_exist_is_refused_at_the_door(tmp_path):
+    store = open_store(tmp_path)
+    with pytest.raises(BadInput, match="run function 'stand_in:nothing'"):
+        execute(requests(tmp_path, 1), store, function="stand_in:nothing")
+    close_store(store)
