@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taichi_erosion.air.levels import allocate_levels
+from taichi_erosion.air.gusts import allocate_waves
+from taichi_erosion.air.levels import allocate_grids, allocate_krylov
 from taichi_erosion.air.state import GRIDS, Air, allocate_numbers, inlet_plane, layered, padded
 from taichi_erosion.core.air_setup import SIDES, AirSetup
 from taichi_erosion.core.errors import BadInput
@@ -24,7 +25,7 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
     kinds = {name: first.sides[name].kind for name in SIDES}
     for setup in setups:
         refuse_mixture(first, setup)
-    grids = {name: padded(first.cells, count) for name in GRIDS}
+    blocks = {name: padded(first.cells, count) for name in GRIDS}
     columns = {name: layered(count, first.cells[2]) for name in ("face", "centre", "height", "inlet_shape")}
     air = Air(
         count=count,
@@ -34,9 +35,11 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         numbers=allocate_numbers(count),
         exchange_force=padded(first.cells, count, vector=True),
         gust=inlet_plane(count, first.cells),
-        levels=allocate_levels(first, count),
+        grids=allocate_grids(first, count),
+        krylov=allocate_krylov(first, count),
+        waves=allocate_waves(setups),
         **columns,
-        **grids,
+        **blocks,
     )
     write_numbers(air, setups)
     write_grid(air, setups)

@@ -49,7 +49,7 @@ def crossing(air: ti.template(), side: ti.template(), r, j, k):
 def close_x(air_out: ti.template(), r, j, k):
     """Ghosts and normal velocity of the sides along x."""
     n = air_out.cells[0]
-    low, high = ti.static(air_out.kinds["x_low"], air_out.kinds["x_high"])
+    low, high = ti.static((air_out.kinds["x_low"], air_out.kinds["x_high"]))
     for axis in ti.static(range(3)):
         values_out = ti.static(air_out.velocities[axis])
         first, last = values_out[r, 0, j, k], values_out[r, n - 1, j, k]
@@ -70,7 +70,7 @@ def close_x(air_out: ti.template(), r, j, k):
 def close_y(air_out: ti.template(), r, i, k):
     """Ghosts and normal velocity of the sides along y."""
     n = air_out.cells[1]
-    low, high = ti.static(air_out.kinds["y_low"], air_out.kinds["y_high"])
+    low, high = ti.static((air_out.kinds["y_low"], air_out.kinds["y_high"]))
     for axis in ti.static(range(3)):
         values_out = ti.static(air_out.velocities[axis])
         first, last = values_out[r, i, 0, k], values_out[r, i, n - 1, k]
@@ -90,7 +90,7 @@ def close_y(air_out: ti.template(), r, i, k):
 def close_z(air_out: ti.template(), r, i, j):
     """Values on floor and lid."""
     n = air_out.cells[2]
-    low, high = ti.static(air_out.kinds["z_low"], air_out.kinds["z_high"])
+    low, high = ti.static((air_out.kinds["z_low"], air_out.kinds["z_high"]))
     for axis in ti.static(range(2)):
         values_out = ti.static(air_out.velocities[axis])
         first, last = values_out[r, i, j, 0], values_out[r, i, j, n - 1]
@@ -139,7 +139,7 @@ def close_cells(
 ):
     """Fill the ghosts of a cell quantity; `outlet_sign` -1 makes it vanish on an outlet, as pressure does."""
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
-    kinds = ti.static(air.kinds)
+    (kinds,) = ti.static((air.kinds,))
     for r, j, k in ti.ndrange(air.count, ny, nz):
         first, last = values_out[r, 0, j, k], values_out[r, nx - 1, j, k]
         values_out[r, -1, j, k] = beyond(kinds["x_low"], first, last, outlet_sign)
@@ -188,7 +188,7 @@ def close_eddies(
 ):
     """Let walls along x and y set the eddy viscosity of their ghosts; after `close_cells`."""
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
-    kinds = ti.static(air_out.kinds)
+    (kinds,) = ti.static((air_out.kinds,))
     for r, j, k in ti.ndrange(air_out.count, ny, nz):
         for side, i, ghost in ti.static(((0, 0, -1), (1, nx - 1, nx))):
             if ti.static(kinds[SIDES[side]] in ("wall", "rough")):

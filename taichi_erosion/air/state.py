@@ -17,7 +17,8 @@ so that grains of velocity v with drag  beta (u - v)  give  f = beta v.  All are
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.air.levels import Level
+from taichi_erosion.air.gusts import Waves
+from taichi_erosion.air.levels import Grids, Krylov
 from taichi_erosion.core.air_setup import SIDES, AirModel
 from taichi_erosion.core.ti import ti
 
@@ -78,14 +79,16 @@ class Air:
     eddy_cell: Any  # eddy viscosity in cells [m2 s-1]
     eddy_face: Any  # eddy viscosity on the lower faces of cells [m2 s-1]
     length: Any  # mixing length on the lower faces of cells [m]
-    rate_x: Any  # explicit rate of change of velocity_x, and below what the stage before left [m s-2]
+    rate_x: Any  # explicit rate of change [m s-2]
     rate_y: Any
     rate_z: Any
-    past_x: Any
+    past_x: Any  # explicit rate of the stage before [m s-2]
     past_y: Any
     past_z: Any
     elimination: Any  # upper factors of a sweep along z [1]
-    levels: tuple[Level, ...]  # of the pressure solve, finest first
+    grids: Grids  # of the pressure solve
+    krylov: Krylov
+    waves: Waves
 
     @property
     def is_column(self) -> bool:
@@ -96,6 +99,16 @@ class Air:
     def velocities(self) -> tuple[Any, Any, Any]:
         """The three components of the velocity."""
         return self.velocity_x, self.velocity_y, self.velocity_z
+
+    @property
+    def rates(self) -> tuple[Any, Any, Any]:
+        """Explicit rates of the three components."""
+        return self.rate_x, self.rate_y, self.rate_z
+
+    @property
+    def pasts(self) -> tuple[Any, Any, Any]:
+        """Explicit rates of the stage before."""
+        return self.past_x, self.past_y, self.past_z
 
 
 def padded(cells: tuple[int, int, int], replicas: int, vector: bool = False) -> Any:

@@ -34,7 +34,7 @@ BEAT = LEASE / 6.0  # s between signs of life
 WAIT = 0.2  # s that a look at the workers takes at most
 CONNECT = 20.0  # s until a scheduler that does not answer is an error
 QUEUE = 2  # batches in flight per Dask worker: one runs, one waits beside it
-PERIOD_LEAST = 1.0  # s of work before the time left is worth saying
+GAIN_LEAST = 0.02  # share of the work done before the time left is worth saying [1]
 
 Report = Callable[[float, str], None]  # (share done [1], words)
 
@@ -152,7 +152,7 @@ def tell_progress(campaign: Campaign, left: int) -> None:
     share = (done + sum(campaign.shares.values())) / total
     gained, elapsed = share - campaign.began_with / total, time.monotonic() - campaign.started
     words = f"{done} of {total} runs"
-    if gained > 0.0 and elapsed > PERIOD_LEAST:
+    if gained > GAIN_LEAST:
         words += f", {duration((1.0 - share) / gained * elapsed)} left"
     campaign.progress(share, words)
 

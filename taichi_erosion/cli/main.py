@@ -10,12 +10,15 @@ from types import FrameType
 
 import typer
 
+from taichi_erosion.cli import evidence
 from taichi_erosion.cli.commands import app
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 
 TRACEBACK_SWITCH = (
     "TAICHI_EROSION_TRACEBACK"  # environment variable: "1" shows where an unexpected error arose
 )
+
+app.add_typer(evidence.app)
 
 
 class ExitCode(IntEnum):

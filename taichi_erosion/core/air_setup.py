@@ -9,11 +9,12 @@ from math import inf
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import brentq
 
 from taichi_erosion.core.setup import Floats, Triple
 
 SIDES = ("x_low", "x_high", "y_low", "y_high", "z_low", "z_high")
-BACKFLOW = 1e-9  # widening of a cell over its neighbour that still counts as even [1]
+EVEN = 1e-9  # widening of a cell over its neighbour that still counts as even [1]
 
 SideKind = Literal["periodic", "wall", "rough", "symmetry", "inlet", "outlet", "stress"]
 
@@ -101,16 +102,12 @@ def stretched_faces(low: float, high: float, count: int, finest: float) -> Float
     finest (q^n - 1) / (q - 1) = high - low   gives the factor q [1].
     """
     span = high - low
-    if finest * count >= span * (1.0 - BACKFLOW):
+    if finest * count >= span * (1.0 - EVEN):
         return even_faces(low, high, count)
-    below, above = 1.0 + BACKFLOW, 1.0 + span / finest
-    while above - below > 1e-15 * above:
-        middle = 0.5 * (below + above)
-        too_wide = count * np.log(middle) > np.log1p(span * (middle - 1.0) / finest)
-        below, above = (below, middle) if too_wide else (middle, above)
-        if middle in (below, above) and not below < 0.5 * (below + above) < above:
-            break
-    widths = finest * below ** np.arange(count)
+    growth = brentq(
+        lambda q: count * np.log(q) - np.log1p(span * (q - 1.0) / finest), 1.0 + EVEN, 1.0 + span / finest
+    )
+    widths = finest * growth ** np.arange(count)
     return low + span * np.concatenate([[0.0], np.cumsum(widths)]) / widths.sum()
 
 
@@ -119,7 +116,7 @@ def bed_faces(low: float, surface: float, high: float, finest: float, growth: fl
 
     Above the surface the fewest cells are taken whose last one does not exceed the growth.
     """
-    below = even_faces(low, surface, max(1, int(np.ceil((surface - low) / finest * (1.0 - BACKFLOW)))))
+    below = even_faces(low, surface, max(1, int(np.ceil((surface - low) / finest * (1.0 - EVEN)))))
     count = int(np.ceil(np.log1p((high - surface) / finest * (growth - 1.0)) / np.log(growth)))
     return np.concatenate([below, stretched_faces(surface, high, max(count, 1), finest)[1:]])
 

@@ -13,7 +13,7 @@ parameters, strength and conditions; so each replica of an ensemble has its own.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -75,6 +75,7 @@ class Effect:
     can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
     prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
     most: float = 3.0  # largest strength that is physical [1]
+    expected: Mapping[str, int] = field(default_factory=dict)  # observable -> +1 up, -1 down: literature
 
 
 @dataclass(frozen=True)
@@ -148,6 +149,7 @@ def pair_type() -> Any:
         mass_i=float,  # [kg]
         mass_j=float,  # [kg]; 0 marks a wall
         closing_speed=float,  # at which the gap shrinks [m s-1]
+        stiffness=float,  # of the elastic contact, dF/d(overlap); 0 where they do not touch [N m-1]
         met=float,  # 1 where they have touched since they were last out of reach, else 0
     )
 
@@ -170,6 +172,8 @@ def grain_type() -> Any:
         height=float,  # above the undisturbed bed surface [m]
         noise=real3,  # three standard normal numbers of this grain and turn, fixed by the seed [1]
         interval=float,  # time until the next look at this grain [s]
+        time=float,  # since the start [s]
+        chance=float,  # a number between 0 and 1 of this replica, fixed by the seed [1]
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from taichi_erosion.core.air_setup import AirSetup
     from taichi_erosion.core.effect import Acting
 
 Floats = NDArray[np.float64]
@@ -106,6 +107,17 @@ class Laws:
     adhesion_branch: Literal["touch", "edem"] = "touch"  # edem: the neck also pulls on approach
     friction_cap: Literal["thornton", "edem"] = "thornton"
     rolling: Literal["none", "constant_torque", "elastic_plastic"] = "none"
+    drag: Literal["schiller_naumann", "two_limits", "di_felice", "gidaspow"] = "schiller_naumann"
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """How grains and the column of air above and between them look at each other."""
+
+    look_steps: int = 10  # time steps of the grains from one look to the next
+    surface: float = 0.0  # m, height of the undisturbed bed
+    through_flow: float = 0.0  # m s-1, superficial velocity of air that rises through the bed
+    seed: int = 0  # of random forces on grains
 
 
 @dataclass(frozen=True)
@@ -125,6 +137,8 @@ class Setup:
     overlap_limit: float = 0.2  # overlap over the smaller radius that stops the run [1]
     skin: float = 0.05  # least list margin of a grain over its radius [1]
     effects: "tuple[Acting, ...]" = ()  # optional physics between and on grains
+    air: "AirSetup | None" = None  # a column of cells with exchange, or none
+    coupling: Coupling = Coupling()
 
 
 @dataclass(frozen=True)

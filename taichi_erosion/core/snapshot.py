@@ -52,6 +52,18 @@ class Ledger:
 
 
 @dataclass(frozen=True)
+class AirProfile:
+    """A column of air, layer by layer from the floor upwards."""
+
+    face: NDArray[np.float64]  # [n + 1] m, heights of the faces between layers
+    velocity: NDArray[np.float64]  # [n, 2] m s-1, along x and y
+    void_fraction: NDArray[np.float64]  # [n] 1
+    eddy_viscosity: NDArray[np.float64]  # [n] m2 s-1, on the lower face of each layer
+    drag: NDArray[np.float64]  # [n, 2] N m-3, by the grains on the air at the last look
+    lift: NDArray[np.float64]  # [n] Pa m-1, upward pressure gradient where air rises through a bed
+
+
+@dataclass(frozen=True)
 class Failure:
     """Why a replica stopped, in numbers."""
 

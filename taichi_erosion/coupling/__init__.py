@@ -1,1 +1,1 @@
-"""Air felt by grains, and grains felt by air."""
+"""The air felt by grains, and the grains felt by air."""

@@ -1,7 +1,7 @@
 """The library of optional physics: one file an effect, found by looking into this folder.
 
-Others may add effects from outside: as an installed entry point of the group `taichi_erosion.effects`, or as a
-file named on the command line. A file is executed only when it is named.
+Others may add effects from outside: as an installed entry point of the group `taichi_erosion.effects`, or
+as a file named on the command line. A file is executed only when it is named.
 """
 
 from collections.abc import Iterable

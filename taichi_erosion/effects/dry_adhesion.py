@@ -3,14 +3,15 @@
     F = beta d_m,     d_m = 4 R*,     R* = R_i R_j / (R_i + R_j), of a wall R_i
     F falls linearly to zero over a gap of `range` times R*
 
-with beta the pull-off force over grain diameter [N m-1] and d_m the diameter of two equal grains [m]. Smooth
-spheres with a surface energy of 0.05 J m-2 would stick with 400 times the weight of a 0.1 mm grain; asperities
-keep them apart, and the measured rise of thresholds below 0.15 mm gives beta = 1.5e-4 N m-1 instead, about the
-weight of such a grain. The short range keeps the force continuous; it stores an energy of F range R* / 2 in
-every contact, which must be small beside that of an impact. Strength multiplies the force.
+with beta the pull-off force over grain diameter [N m-1] and d_m the diameter of two equal grains [m].
+Smooth spheres with a surface energy of 0.05 J m-2 would stick with 400 times the weight of a 0.1 mm grain;
+asperities keep them apart, and the measured rise of thresholds below 0.15 mm gives beta = 1.5e-4 N m-1
+instead, about the weight of such a grain. The short range keeps the force continuous; it stores an energy
+of F range R* / 2 in every contact, which must be small beside that of an impact. Strength multiplies the
+force.
 
-Reference: Shao & Lu (2000), J. Geophys. Res. 105, 22437 (cohesion proportional to d); Kok & Renno (2009), J.
-Geophys. Res. 114, D17204 (beta).
+Reference: Shao & Lu (2000), J. Geophys. Res. 105, 22437 (cohesion proportional to d); Kok & Renno (2009),
+J. Geophys. Res. 114, D17204 (beta).
 """
 
 from collections.abc import Iterator

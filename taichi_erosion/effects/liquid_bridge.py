@@ -1,25 +1,27 @@
 """Liquid bridge: the pull of a water neck between two moist grains.
 
-    F = f_wet 2 pi R gamma cos(theta) / (1 + 1.05 S + 2.5 S^2),    S = s sqrt(R / V),    s >= 0 (S = 0 touching)
+    F = f_wet 2 pi R gamma cos(theta) / (1 + 1.05 S + 2.5 S^2),    S = s sqrt(R / V),    s >= 0
     F = 0 beyond s_max = (1 + theta / 2) V^(1/3)
 
-    R      = 2 R_i R_j / (R_i + R_j), of a wall 2 R_i                                   [m]
-    V      = 2 (w - w_a) (rho_s / rho_w) (4/3) pi R_h^3 / N                              water of one bridge [m3]
-    R_h    = R_i R_j-mean radius, (R_i + R_j) / 2, of a wall R_i                         [m]
+    R   = 2 R_i R_j / (R_i + R_j), of a wall 2 R_i                   [m]
+    V   = 2 (w - w_a) (rho_s / rho_w) (4/3) pi R_m^3 / N             water of one bridge [m3]
+    R_m = (R_i + R_j) / 2, of a wall R_i                             [m]
+    w_a = w_0 + (14 c^2 + 17 c) / 100                                adsorbed water, c clay by mass [kg kg-1]
 
-with gamma the surface tension [N m-1], theta the contact angle [rad], s the gap [m], w the gravimetric
-moisture [kg kg-1], w_a the part adsorbed in films and clay, which forms no neck, rho_s and rho_w the densities
-of solid and water [kg m-3], N the bridges that share the water of a grain. A neck forms when grains touch and
-holds until it ruptures.
+with gamma the surface tension [N m-1], theta the contact angle [rad], s the gap [m] (an overlap counts as
+touch), w the gravimetric moisture [kg kg-1], w_a the part adsorbed in films (w_0) and on clay, which forms
+no neck, rho_s and rho_w the densities of solid and water [kg m-3], N the bridges that share the water of a
+grain. The short form is written for the whole gap s; in terms of half the gap its factors are 2.1 and 10. A
+neck forms when grains touch and holds until it ruptures.
 
 f_wet is the share of the smooth-sphere force that rough grains keep: asperities hold the water in small
-menisci (Halsey & Levine). Smooth spheres would need winds of tens of metres a second at a moisture where sand
-is known to move; f_wet of about 0.01 is what measured thresholds ask for. Strength multiplies the force.
-Holds for necks of V < 0.05 R^3.
+menisci (Halsey & Levine). Smooth spheres would need winds of tens of metres a second at a moisture where
+sand is known to move; f_wet of about 0.01 is what measured thresholds ask for. Strength multiplies the
+force. Holds for necks of V < 0.05 R^3.
 
 Reference: Willett, Adams, Johnson & Seville (2000), Langmuir 16, 9396, short form for equal spheres; Lian,
-Thornton & Adams (1993), J. Colloid Interface Sci. 161, 138 (rupture); Halsey & Levine (1998), Phys. Rev. Lett.
-80, 3141 (roughness).
+Thornton & Adams (1993), J. Colloid Interface Sci. 161, 138 (rupture); Halsey & Levine (1998), Phys. Rev.
+Lett. 80, 3141 (roughness).
 """
 
 from collections.abc import Iterator, Mapping

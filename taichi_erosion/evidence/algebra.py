@@ -96,11 +96,19 @@ def working(residual: Floats, censored: Bools) -> Working:
 
 
 def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:
-    """ln of the share of a posterior that lies within bounds, for columns of centres (p, c); number by number."""
-    upper = (high[:, np.newaxis] - centre) / sd[:, np.newaxis]
-    lower = (low[:, np.newaxis] - centre) / sd[:, np.newaxis]
+    """ln of the share of a posterior that lies within bounds, for columns of centres (p, c), number by number."""
+    upper, lower = (high - centre) / sd, (low - centre) / sd
     flip = lower > 0.0
     upper, lower = np.where(flip, -lower, upper), np.where(flip, -upper, lower)
     log_upper = special.log_ndtr(upper)
     tail = np.exp(np.minimum(special.log_ndtr(lower) - log_upper, -1e-12))
     return np.sum(log_upper + np.log1p(-tail), axis=0)
+
+
+def log_sum_exp(values: Floats, axis: int | None = None) -> Floats:
+    """ln sum exp without overflow; plain and fast for the small tables used here."""
+    top = np.max(values, axis=axis, keepdims=True)
+    top = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        total = np.log(np.sum(np.exp(values - top), axis=axis, keepdims=True)) + top
+    return np.squeeze(total, axis=axis) if axis is not None else np.asarray(total.reshape(()))

@@ -4,6 +4,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,6 @@ from taichi_erosion.evidence.findings import (
     Comparison,
     Discovery,
     Experiment,
-    HypothesisFit,
-    Rows,
     VaultErrors,
 )
 from taichi_erosion.evidence.study import Study
@@ -82,19 +81,14 @@ def discover_document(study: Study, found: Discovery, vault: Document | None = N
     return document
 
 
-def adopt_document(study: Study, found: Adoption, successor: str) -> Document:
+def adopt_document(study: Study, found: Adoption, opened: int, successor: str) -> Document:
     """The document of `adopt --json`: errors on fitted and held-out rows, and the study written."""
     control = found.random_wrong or found.best_wrong
-    vault = VaultErrors(
-        found.vault_opened,
-        found.base.vault_chi2,
-        found.added.vault_chi2,
-        control.vault_chi2 if control else float("nan"),
-    )
+    wrong = control.vault_chi2 if control else nan
+    vault = VaultErrors(opened, found.base.vault_chi2, found.added.vault_chi2, wrong)
     document = study_document(study) | record(found)
-    document |= {"vault": record(vault), "written": successor, "where_after": []}
-    document |= {"chi2_before": found.base.chi2, "chi2_after": found.added.chi2}
-    return plain(document)
+    document |= {"vault": record(vault), "written": successor}
+    return document | plain({"chi2_before": found.base.chi2, "chi2_after": found.added.chi2})
 
 
 def next_document(study: Study, found: Sequence[Experiment]) -> Document:
@@ -110,16 +104,3 @@ def without_rows(document: Document) -> Document:
         for key, entry in document.items()
         if key not in hidden
     }
-
-
-__all__ = [
-    "Document",
-    "HypothesisFit",
-    "Rows",
-    "adopt_document",
-    "compare_document",
-    "discover_document",
-    "next_document",
-    "plain",
-    "without_rows",
-]

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
-from scipy import interpolate, special
+from scipy import interpolate
 
-from taichi_erosion.evidence.algebra import Projection, log_box, projection, stack, working
+from taichi_erosion.evidence.algebra import Projection, log_box, log_sum_exp, projection, working
 from taichi_erosion.evidence.calibrate import Fit, Objective
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats
@@ -23,15 +23,17 @@ from taichi_erosion.evidence.problem import Floats
 GRID = 33  # strengths at which a single effect is integrated
 PAIR_GRID = 13  # per effect of a pair
 WIDTH = 4.0  # posterior sd that the fine part of the grid spans to either side
+PROMISE = 1.0  # misfit by which an expansion may undercut the fit that it starts from [1]
 NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best strength
 
 
 @dataclass(frozen=True)
 class Path:
-    """Change of the mean along the strength of one effect, from the best fit."""
+    """Change of the mean along the strength of one effect, the calibrated numbers giving way."""
 
     grid: Floats  # strengths
     change: Floats  # (strengths, n)
+    shift: Floats  # (strengths, p), of the calibrated numbers
     log_prior: Floats  # ln of prior density times cell width
 
 
@@ -51,7 +53,7 @@ class Surface:
     """Evidence of one hypothesis at one noise factor, strength by strength."""
 
     log_likelihood: Floats  # (columns,), calibrated numbers integrated out
-    change: Floats  # (p, columns), best calibrated numbers minus the expansion point
+    position: Floats  # (p, columns), best calibrated numbers
     covariance: Floats  # (p, p)
 
 
@@ -64,26 +66,32 @@ def expand(exam: Examination, fit: Fit) -> Expansion:
     slopes = slopes * exam.sd[:, np.newaxis] / objective.scale
     count = len(exam.axes)
     mean = exam.predictor.mean(fit.x, fit.acting(), exam.seeds.judging)
-    spread = strength_sd(exam, slopes, count)
+    spread, ridge = strength_sd(exam, slopes, count)
     paths = tuple(
-        path_of(exam, fit, centre, index, float(spread[index])) for index in range(len(fit.names))
+        path_of(exam, fit, centre, index, float(spread[index]), ridge[:, index])
+        for index in range(len(fit.names))
     )
     return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:])
 
 
-def strength_sd(exam: Examination, slopes: Floats, count: int) -> Floats:
-    """Posterior sd of each strength from the slopes; infinite where the effect does nothing."""
-    if slopes.shape[1] == count:
-        return np.zeros(0)
+def strength_sd(exam: Examination, slopes: Floats, count: int) -> tuple[Floats, Floats]:
+    """Posterior sd of each strength, and how the calibrated numbers give way per unit of it, from the slopes.
+
+    The ridge dx/dpsi = cov(x, psi) / var(psi) is where rivals compete: at fixed numbers a strength far from the
+    best one leaves the range in which slopes mean anything.
+    """
+    loose = slopes.shape[1] - count
+    if loose == 0:
+        return np.zeros(0), np.zeros((count, 0))
     white = slopes / exam.sd[:, np.newaxis]
     order = np.hstack([white[:, count:], white[:, :count]])
-    loose = slopes.shape[1] - count
     covariance = projection(order, exam.rows.shared / exam.sd[:, np.newaxis], loose).covariance()
-    return np.sqrt(np.diag(covariance)[:loose])
+    variance = np.diag(covariance)[:loose]
+    return np.sqrt(variance), covariance[loose : loose + count, :loose] / variance
 
 
-def path_of(exam: Examination, fit: Fit, centre: Floats, index: int, spread: float) -> Path:
-    """Path along one strength, the others at their best."""
+def path_of(exam: Examination, fit: Fit, centre: Floats, index: int, spread: float, ridge: Floats) -> Path:
+    """Path along one strength and its ridge, the other strength at its best."""
     name = fit.names[index]
     candidate, best = exam.candidate(name), float(fit.psi[index])
     spread = min(spread, 0.5 * candidate.maximum)
@@ -92,13 +100,15 @@ def path_of(exam: Examination, fit: Fit, centre: Floats, index: int, spread: flo
     changes = []
     for node in nodes:
         acting = {**fit.acting(), name: float(node)}
-        changes.append(exam.predictor.mean(fit.x, acting, exam.seeds.signature) - centre)
+        x = np.clip(fit.x + ridge * (node - best), exam.low, exam.high)
+        changes.append(exam.predictor.mean(x, acting, exam.seeds.signature) - centre)
     change = np.array(changes)
     good = np.all(np.isfinite(change), axis=1)
     nodes, change = nodes[good], change[good]
-    change[:, ~exam.mask(name)] = 0.0
     grid = strength_grid(nodes[0], nodes[-1], best, spread, GRID if len(fit.names) == 1 else PAIR_GRID)
-    return Path(grid, smooth_path(exam, nodes, change, best, grid), log_prior(grid, candidate.prior_scale))
+    shift = np.clip(fit.x + np.outer(grid - best, ridge), exam.low, exam.high) - fit.x
+    smooth = smooth_path(exam, nodes, change, best, grid)
+    return Path(grid, smooth, shift, log_prior(grid, candidate.prior_scale))
 
 
 def strength_grid(low: float, high: float, best: float, spread: float, count: int) -> Floats:
@@ -126,20 +136,41 @@ def log_prior(grid: Floats, scale: float) -> Floats:
     if grid.size > 1:
         width[[0, -1]] *= 0.5
     weight = -0.5 * (grid / max(scale, 1e-9)) ** 2 + np.log(np.maximum(width, 1e-300))
-    return weight - special.logsumexp(weight)
+    return weight - log_sum_exp(weight)
 
 
-def columns_of(expansion: Expansion) -> tuple[Floats, Floats]:
-    """Changes of the mean (n, columns) and ln prior weights over all strengths of a hypothesis."""
-    paths = expansion.paths
+@dataclass(frozen=True)
+class Columns:
+    """All strengths of a hypothesis side by side."""
+
+    change: Floats  # (n, columns)
+    x: Floats  # (p, columns), calibrated numbers from which each column starts
+    log_prior: Floats  # (columns,)
+    penalty: Floats  # (columns,), (psi / scale)^2 of the half-normal prior
+    centre: int  # column nearest to the best fit
+
+
+def columns_of(exam: Examination, expansion: Expansion) -> Columns:
+    """Changes of the mean, calibrated numbers and ln prior weights over all strengths of a hypothesis."""
+    paths, x = expansion.paths, expansion.fit.x
     if not paths:
-        return np.zeros((expansion.mean.size, 1)), np.zeros(1)
+        return Columns(np.zeros((expansion.mean.size, 1)), x[:, np.newaxis], np.zeros(1), np.zeros(1), 0)
+    penalties = [
+        (path.grid / max(exam.candidate(name).prior_scale, 1e-9)) ** 2
+        for name, path in zip(expansion.fit.names, paths, strict=True)
+    ]
+    centres = [int(np.argmin(np.abs(p.grid - psi))) for p, psi in zip(paths, expansion.fit.psi, strict=True)]
     if len(paths) == 1:
-        return paths[0].change.T, paths[0].log_prior
+        only = paths[0]
+        return Columns(only.change.T, (x + only.shift).T, only.log_prior, penalties[0], centres[0])
     first, second = paths
     change = first.change[:, np.newaxis, :] + second.change[np.newaxis, :, :]
+    shift = first.shift[:, np.newaxis, :] + second.shift[np.newaxis, :, :]
+    start = np.clip(x + shift.reshape(-1, x.size), exam.low, exam.high)
     prior = first.log_prior[:, np.newaxis] + second.log_prior[np.newaxis, :]
-    return change.reshape(-1, expansion.mean.size).T, prior.ravel()
+    centre = centres[0] * second.grid.size + centres[1]
+    penalty = penalties[0][:, np.newaxis] + penalties[1][np.newaxis, :]
+    return Columns(change.reshape(-1, expansion.mean.size).T, start.T, prior.ravel(), penalty.ravel(), centre)
 
 
 def scaled_sd(exam: Examination, factor: float) -> Floats:
@@ -148,43 +179,56 @@ def scaled_sd(exam: Examination, factor: float) -> Floats:
     return np.sqrt(factor**2 * exam.rows.variance + simulated)
 
 
-def surface(exam: Examination, expansion: Expansion, factor: float) -> Surface:
+def surface(exam: Examination, expansion: Expansion, columns: Columns, factor: float) -> Surface:
     """Evidence along all strengths at one noise factor."""
-    sd, x = scaled_sd(exam, factor), expansion.fit.x
-    change, _ = columns_of(expansion)
-    residual = (exam.rows.z - expansion.mean)[:, np.newaxis] - change
-    residual /= sd[:, np.newaxis]
+    sd = scaled_sd(exam, factor)
+    residual = ((exam.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
     jacobian, shared = expansion.jacobian / sd[:, np.newaxis], exam.rows.shared / sd[:, np.newaxis]
     level = -float(np.sum(np.log(sd[~exam.rows.censored])))
     if not exam.rows.censored.any():
-        part = projection(jacobian, shared)
-        return summed(exam, part, stack(residual, x, shared.shape[1]), x, level)
+        return summed(exam, projection(jacobian, shared), residual, columns, level)
     pieces = []
-    for column in residual.T:
+    for index, column in enumerate(residual.T):
         work = working(column, exam.rows.censored)
         part = projection(jacobian * work.weight[:, np.newaxis], shared * work.weight[:, np.newaxis])
-        stacked = stack(work.residual[:, np.newaxis], x, shared.shape[1])
+        only = Columns(
+            columns.change[:, [index]], columns.x[:, [index]], columns.log_prior[[index]], np.zeros(1), 0
+        )
         above = work.deviance - float(work.residual @ work.residual)
-        pieces.append(summed(exam, part, stacked, x, level - 0.5 * above))
-    return Surface(
-        np.concatenate([piece.log_likelihood for piece in pieces]),
-        np.hstack([piece.change for piece in pieces]),
-        pieces[int(np.argmax([piece.log_likelihood[0] for piece in pieces]))].covariance,
-    )
+        pieces.append(summed(exam, part, work.residual[:, np.newaxis], only, level - 0.5 * above))
+    value = np.concatenate([piece.log_likelihood for piece in pieces])
+    position = np.hstack([piece.position for piece in pieces])
+    return Surface(value, position, pieces[int(np.argmax(value))].covariance)
 
 
-def summed(exam: Examination, part: Projection, stacked: Floats, x: Floats, level: float) -> Surface:
+def summed(exam: Examination, part: Projection, residual: Floats, columns: Columns, level: float) -> Surface:
     """Closed form for rows that are all ordinary."""
-    count = len(exam.axes)
+    count, shared = len(exam.axes), part.triangle.shape[0] - len(exam.axes)
+    stacked = np.vstack([residual, -columns.x, np.zeros((shared, residual.shape[1]))])
     free = part.free(stacked)
-    misfit = np.einsum("ij,ij->j", free, free)
+    misfit = believable(np.einsum("ij,ij->j", free, free), columns)
     covariance = part.covariance()[:count, :count]
-    change = np.asarray(part.solve(stacked))[:count] if part.triangle.size else np.zeros((0, stacked.shape[1]))
+    change = np.asarray(part.solve(stacked))[:count] if part.triangle.size else np.zeros((0, residual.shape[1]))
     value = level - 0.5 * misfit - 0.5 * part.log_determinant
     if count:
-        sd = np.sqrt(np.diag(covariance))
-        value = value + log_box(exam.low - x, exam.high - x, change, sd)
-    return Surface(value, change, covariance)
+        value = value + log_box(
+            exam.low[:, np.newaxis] - columns.x,
+            exam.high[:, np.newaxis] - columns.x,
+            change,
+            np.sqrt(np.diag(covariance))[:, np.newaxis],
+        )
+    return Surface(value, columns.x + change, covariance)
+
+
+def believable(misfit: Floats, columns: Columns) -> Floats:
+    """Misfit that does not fall far below the one reached in the model itself, where the expansion starts.
+
+    A refit has found the least misfit + penalty; slopes that promise much less elsewhere are not to be believed.
+    """
+    if misfit.size == 1:
+        return misfit
+    total = misfit + columns.penalty
+    return np.maximum(total, total[columns.centre] - PROMISE) - columns.penalty
 
 
 @dataclass(frozen=True)
@@ -200,7 +244,7 @@ def score(exam: Examination, expansion: Expansion) -> Scored:
     """ln Z of a hypothesis for every noise factor; -inf where the model fails at its best fit."""
     if not np.all(np.isfinite(expansion.mean)):
         return Scored(expansion, (), np.full(exam.doubt.factor.size, -inf))
-    _, prior = columns_of(expansion)
-    surfaces = tuple(surface(exam, expansion, float(factor)) for factor in exam.doubt.factor)
-    values = np.array([special.logsumexp(s.log_likelihood + prior) for s in surfaces])
+    columns = columns_of(exam, expansion)
+    surfaces = tuple(surface(exam, expansion, columns, float(factor)) for factor in exam.doubt.factor)
+    values = np.array([log_sum_exp(s.log_likelihood + columns.log_prior) for s in surfaces])
     return Scored(expansion, surfaces, values)

@@ -163,6 +163,16 @@ class VaultErrors:
 
 
 @dataclass(frozen=True)
+class Survivor:
+    """An explanation that is still standing: what the next experiment has to tell from the others."""
+
+    names: tuple[str, ...]
+    probability: float
+    parameters: Mapping[str, float]
+    strengths: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Discovery:
     """Which effect is missing, as far as these measurements can tell."""
 
@@ -188,6 +198,7 @@ class Discovery:
     noise: Noise
     ambiguity: Mapping[str, tuple[str, ...]]  # effect -> effects with which it forms a group
     absorbed_by: Mapping[str, str]  # effect -> parameter that imitates it best
+    survivors: tuple[Survivor, ...]
     rows_before: Rows
     rows_after: Rows
     failures: int

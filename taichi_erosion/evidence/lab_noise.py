@@ -6,6 +6,7 @@ from math import log, sqrt
 import numpy as np
 from scipy import special, stats
 
+from taichi_erosion.evidence.algebra import log_sum_exp
 from taichi_erosion.evidence.problem import Floats
 
 PRIOR_FREEDOM = 4.0  # weight of a stated sd, in repeats, against the scatter between repeated rows
@@ -144,7 +145,7 @@ def noise_doubt(freedom: float) -> Doubt:
         sd = min(DOUBT, sqrt(0.5 / freedom))
         grid = sd * np.linspace(-3.0, 3.0, 9)
         log_weight = -0.5 * (grid / sd) ** 2
-    return Doubt(np.exp(grid), log_weight - special.logsumexp(log_weight))
+    return Doubt(np.exp(grid), log_weight - log_sum_exp(log_weight))
 
 
 def doubt_sentence(freedom: float) -> str:

@@ -67,7 +67,7 @@ def misfit_p(exam: Examination, left: Residuals) -> float:
 def structure_p(left: Residuals, factor: Floats) -> tuple[float, float]:
     """Statistic and chance of structure along one kernel factor."""
     free = factor - left.basis @ (left.basis.T @ factor)
-    eigenvalues = np.linalg.eigvalsh(free.T @ free)
+    eigenvalues = np.linalg.eigvalsh(factor.T @ free)
     projected = factor.T @ left.free
     value = float(projected @ projected)
     return value, chance_of_quadratic(value, eigenvalues[eigenvalues > 1e-12])

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
+from taichi_erosion.evidence.algebra import log_sum_exp
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats
 
@@ -57,7 +57,7 @@ def posterior(exam: Examination, hypotheses: list[Hypothesis]) -> Posterior:
     """Probabilities over all hypotheses, noise factors averaged."""
     doubt = exam.doubt.log_weight
     joint = np.array([h.log_prior + doubt + h.log_evidence for h in hypotheses])
-    joint -= special.logsumexp(joint)
+    joint -= log_sum_exp(joint)
     weight = np.exp(joint)
     each = weight.sum(axis=1)
     probability: dict[str, float] = {NONE: 0.0, OUTSIDE: 0.0}
@@ -74,5 +74,5 @@ def posterior(exam: Examination, hypotheses: list[Hypothesis]) -> Posterior:
 def bayes_factors(exam: Examination, hypotheses: list[Hypothesis]) -> dict[str, float]:
     """ln of every single effect's evidence over the base, without and with a remainder at prior weights."""
     doubt = exam.doubt.log_weight
-    alone = {h.names: special.logsumexp(doubt + h.log_evidence) for h in hypotheses if not h.outside}
+    alone = {h.names: log_sum_exp(doubt + h.log_evidence) for h in hypotheses if not h.outside}
     return {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}

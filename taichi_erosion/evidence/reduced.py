@@ -53,27 +53,31 @@ def expected(
     if observable == "repose_angle":
         angle = np.degrees(np.arctan(given["friction_sliding"]))
         bare = angle + DEGREES_PER_ROLLING * given["friction_rolling"]
-        return bare + sum((shift.repose for shift in shifts), start=np.zeros(at["diameter"].size))
+        return bare + sum((shift.repose for shift in shifts), start=np.zeros(row_count(conditions)))
     weight = (GRAIN_DENSITY / AIR_DENSITY - 1.0) * GRAVITY * at["diameter"]
     threshold = given["threshold_coefficient"] * np.sqrt(weight)
     threshold = threshold * np.exp(sum((shift.threshold for shift in shifts), start=0.0))
     if observable == "threshold_u_star":
-        return threshold
+        return threshold * np.ones(row_count(conditions))
     if observable != "flux":
         raise BadInput(f"reduced model: observable = {observable!r} is not one of {', '.join(OBSERVABLES)}")
     excess = np.maximum(at["u_star"] ** 2 - threshold**2, 0.0)
     flux = given["flux_coefficient"] * AIR_DENSITY / GRAVITY * threshold * excess
-    return flux * np.exp(sum((shift.flux for shift in shifts), start=0.0))
+    return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(row_count(conditions))))
 
 
 def complete_conditions(conditions: Conditions) -> Conditions:
-    """Conditions with the default where one is not given or not known."""
-    size = next((column.size for column in conditions.values()), 1)
-    complete = {name: np.full(size, value) for name, value in DEFAULTS.items()}
+    """Conditions with the default where one is not given or not known; a default alone stays one number."""
+    complete: Conditions = {name: np.asarray(value) for name, value in DEFAULTS.items()}
     for name, column in conditions.items():
-        filling = DEFAULTS.get(name, 0.0)
-        complete[name] = np.where(np.isfinite(column), column, filling)
+        known = np.isfinite(column)
+        complete[name] = column if known.all() else np.where(known, column, DEFAULTS.get(name, 0.0))
     return complete
+
+
+def row_count(conditions: Conditions) -> int:
+    """Number of rows; one where no condition is given."""
+    return next((column.size for column in conditions.values()), 1)
 
 
 def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Floats:
@@ -82,7 +86,7 @@ def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Flo
     A hash of the bits, so that the order of rows does not matter. Reference: the finaliser of Steele, Lea &
     Flood (2014), OOPSLA, fig. 15 (splitmix64).
     """
-    size = next((column.size for column in conditions.values()), 1)
+    size = row_count(conditions)
     state = np.full(size, OBSERVABLES.index(observable) + 1, dtype=np.uint64)
     for name in sorted(conditions):
         state = scrambled(state ^ np.asarray(conditions[name], dtype=np.float64).view(np.uint64))

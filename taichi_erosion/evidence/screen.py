@@ -7,9 +7,8 @@ projected out, and the rest is compared with the residual along the whole path o
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
-from taichi_erosion.evidence.algebra import projection, stack, stack_signature, working
+from taichi_erosion.evidence.algebra import log_sum_exp, projection, stack, stack_signature, working
 from taichi_erosion.evidence.evidence import Expansion, log_prior, scaled_sd, smooth_path
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.predictor import seed_mean
@@ -63,7 +62,12 @@ def screen(exam: Examination, base: Expansion) -> Screen:
         found, correlation = signature(exam, base, candidate, scale, part.basis)
         signatures.append(found)
         correlations.append(correlation)
-    pooled = np.nanmean(correlations, axis=0) if exam.noisy and correlations else np.full(exam.rows.size, np.nan)
+    pooled = np.full(exam.rows.size, np.nan)
+    if correlations:
+        table = np.array(correlations)
+        seen = np.isfinite(table)
+        total, count = np.where(seen, table, 0.0).sum(axis=0), seen.sum(axis=0)
+        pooled = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return Screen(base, residual, tuple(signatures), pooled, part.basis)
 
 
@@ -143,7 +147,7 @@ def log_bayes(signature_: Signature, residuals: Floats) -> Floats:
     D(psi) = 2 r g(psi) - |g(psi)|^2 is the fall of the misfit; it is averaged over the prior of psi.
     """
     fall = 2.0 * signature_.free @ residuals - np.einsum("ij,ij->i", signature_.free, signature_.free)[:, np.newaxis]
-    return special.logsumexp(0.5 * fall + signature_.log_prior[:, np.newaxis], axis=0)
+    return log_sum_exp(0.5 * fall + signature_.log_prior[:, np.newaxis], axis=0)
 
 
 def noise_scale(exam: Examination, factor: Floats) -> Floats:

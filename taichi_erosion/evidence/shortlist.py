@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy import special
 
+from taichi_erosion.evidence.algebra import log_sum_exp
 from taichi_erosion.evidence.calibrate import Fit, fit
 from taichi_erosion.evidence.evidence import Scored, expand, score
 from taichi_erosion.evidence.examination import Examination
@@ -89,7 +89,7 @@ def pair_screen(found: Screen) -> dict[tuple[str, str], tuple[float, float, floa
         value = 0.5 * fall + first.log_prior[:, np.newaxis] + second.log_prior[np.newaxis, :]
         at = np.unravel_index(int(np.argmax(value)), value.shape)
         results[(first.name, second.name)] = (
-            float(special.logsumexp(value)),
+            float(log_sum_exp(value)),
             float(first.grid[at[0]]),
             float(second.grid[at[1]]),
         )
@@ -131,7 +131,7 @@ def judge_pairs(
 def log_fall(signature: Signature, residual: Floats) -> float:
     """ln Bayes factor of one signature in the screen."""
     fall = 2.0 * signature.free @ residual - np.einsum("ij,ij->i", signature.free, signature.free)
-    return float(special.logsumexp(0.5 * fall + signature.log_prior))
+    return float(log_sum_exp(0.5 * fall + signature.log_prior))
 
 
 def hypotheses(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from taichi_erosion.evidence.algebra import log_sum_exp
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats
 from taichi_erosion.evidence.screen import Screen, log_bayes
@@ -115,5 +116,5 @@ def decoy_rank(exam: Examination, found: Screen, observed: Floats, generator: np
         strength = np.linspace(0.0, 2.0, 13)
         fall = 2.0 * strength * float(free @ found.residual) - strength**2 * float(free @ free)
         prior = -0.5 * strength**2
-        best = max(best, float(special.logsumexp(0.5 * fall + prior - special.logsumexp(prior))))
+        best = max(best, float(log_sum_exp(0.5 * fall + prior - log_sum_exp(prior))))
     return 1 + int(np.sum(observed > best))

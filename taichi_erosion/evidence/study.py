@@ -1,7 +1,7 @@
 """From a study file to a problem that the statistics can examine, and what is to be said about the way."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -10,12 +10,13 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.cache import FILE, Remembered, Store
 from taichi_erosion.evidence.measured import read_table
-from taichi_erosion.evidence.plugin import Plugin, load_plugin
+from taichi_erosion.evidence.plugin import load_plugin
 from taichi_erosion.evidence.problem import (
     Budget,
     Candidate,
     Floats,
     Integers,
+    Measurements,
     Model,
     Observable,
     Parameter,
@@ -51,11 +52,23 @@ class Study:
 
 
 @dataclass(frozen=True)
+class Answering:
+    """What answers a study, and what may be missing in it."""
+
+    model: Model
+    identity: str  # what answers, and its version
+    candidates: Sequence[Candidate]
+    adopted: tuple[Candidate, ...]
+    store: Store
+
+
+@dataclass(frozen=True)
 class Spoken:
     """A model that calls conditions by other names than the table; what was not written down is left out."""
 
     model: Model
     names: dict[str, str]  # column -> what the model calls it
+    observables: dict[str, str]  # likewise
 
     def __call__(
         self,
@@ -67,7 +80,7 @@ class Spoken:
     ) -> Floats:
         """Predictions [seed, row]."""
         known = {self.names[c]: v for c, v in conditions.items() if not bool(np.isnan(v).all())}
-        return self.model(observable, known, parameters, effects, seeds)
+        return self.model(self.observables[observable], known, parameters, effects, seeds)
 
 
 def load_study(path: Path, budget: Literal["quick", "full"] | None = None) -> Study:
@@ -78,10 +91,10 @@ def load_study(path: Path, budget: Literal["quick", "full"] | None = None) -> St
     hidden, said = split(measurements, file.vault.fraction, file.vault.ranges)
     results = results_folder(path, file)
     digest = content_digest(measurements)
-    plugin = answering(path, file)
-    candidates = tuple(candidates_of(file, str(path)))
-    store = Store(results / FILE)
-    identity = f"{plugin.name} {plugin.version}"
+    if file.study.model is not None:
+        answering = function_study(path, file, results)
+    else:
+        answering = scene_answers(path, file, results, measurements)
     problem = Problem(
         measurements=measurements,
         observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
@@ -89,26 +102,52 @@ def load_study(path: Path, budget: Literal["quick", "full"] | None = None) -> St
             Parameter(name, entry.start, entry.low, entry.high, entry.prior_sd_log)
             for name, entry in file.parameters.items()
         ),
-        candidates=candidates,
-        model=Spoken(Remembered(plugin, identity, store), dict(file.conditions)),
+        candidates=tuple(answering.candidates),
+        model=Spoken(answering.model, dict(file.conditions), measures_of(file)),
         budget=budget_of(file, budget),
         vault=Vault(hidden, openings(results, digest)),
-        adopted=tuple(candidate_of(name, entry) for name, entry in file.adopted.items()),
+        adopted=answering.adopted,
     )
-    return Study(path, file, problem, results, digest, identity, store, (*notes, said))
+    return Study(path, file, problem, results, digest, answering.identity, answering.store, (*notes, said))
 
 
-def answering(path: Path, file: StudyFile) -> Plugin:
-    """The model of a study."""
+def function_study(path: Path, file: StudyFile, results: Path) -> Answering:
+    """A study that a function answers; its runs are kept in a store."""
+    assert file.study.model is not None
+    plugin = load_plugin(file.study.model, path.parent, str(path))
+    identity = f"{plugin.name} {plugin.version}"
+    store = Store(results / FILE)
+    adopted = tuple(candidate_of(name, entry) for name, entry in file.adopted.items())
+    return Answering(
+        Remembered(plugin, identity, store), identity, candidates_of(file, str(path)), adopted, store
+    )
+
+
+def scene_answers(path: Path, file: StudyFile, results: Path, measurements: Measurements) -> Answering:
+    """A study that scenes answer; their runs are kept in the ledger of a campaign."""
+    from taichi_erosion.evidence import scene_study
+
+    simulator = scene_study.simulator_of(path, file, measurements, results)
+    candidates = scene_study.library_candidates(file, simulator.library, str(path))
+    adopted = tuple(
+        scene_study.library_candidate(simulator.library[name], entry, file.conditions)
+        for name, entry in file.adopted.items()
+    )
+    identity = scene_study.identity_of(simulator)
+    return Answering(simulator, identity, candidates, adopted, Store(results / FILE))
+
+
+def measures_of(file: StudyFile) -> dict[str, str]:
+    """What a model function calls every observable; a scene is asked for the observable itself."""
     if file.study.model is None:
-        raise BadInput(f"{path}: study.model is missing; scenes cannot answer a study yet")
-    return load_plugin(file.study.model, path.parent, str(path))
+        return {name: name for name in file.observables}
+    return {name: entry.measure or name for name, entry in file.observables.items()}
 
 
 def budget_of(file: StudyFile, name: Literal["quick", "full"] | None) -> Budget:
     """What may be spent; what neither the file nor the user says is the default of Budget."""
     words = {"name": name, "runs": file.budget.runs}
-    return Budget(**{word: said for word, said in words.items() if said is not None})  # pyright: ignore[reportArgumentType]
+    return replace(Budget(), **{word: said for word, said in words.items() if said is not None})
 
 
 def observable_of(name: str, entry: ObservableEntry) -> Observable:
@@ -133,7 +172,7 @@ def candidates_of(file: StudyFile, name: str) -> Sequence[Candidate]:
 def candidate_of(name: str, entry: CandidateEntry | AdoptedEntry) -> Candidate:
     """An effect with what the study says about it; the rest is the default of Candidate."""
     words = {"prior_scale": entry.prior_scale, "maximum": entry.max}
-    return Candidate(name, **{word: said for word, said in words.items() if said is not None})
+    return replace(Candidate(name), **{word: said for word, said in words.items() if said is not None})
 
 
 def results_folder(path: Path, file: StudyFile) -> Path:

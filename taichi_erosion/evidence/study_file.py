@@ -81,8 +81,8 @@ class CandidateEntry(Part):
 class Candidates(Part):
     """Effects to try."""
 
-    effects: tuple[Name, ...] = Field((), description="'all', or a list of names")
-    tables: dict[Name, CandidateEntry] = Field({}, description="what is said about single effects")
+    effects: tuple[Name, ...] = Field(default=(), description="'all', or a list of names")
+    tables: dict[Name, CandidateEntry] = Field(default={}, description="what is said about single effects")
 
 
 class AdoptedEntry(Part):
@@ -97,7 +97,9 @@ class VaultEntry(Part):
     """Measurements that are kept out of sight until an effect is adopted."""
 
     fraction: float = number(0.3, "1", "share of the groups", 0.0, 0.9)
-    ranges: dict[Name, tuple[float, float]] = Field({}, description="whole ranges of a condition, inclusive")
+    ranges: dict[Name, tuple[float, float]] = Field(
+        default={}, description="whole ranges of a condition, inclusive"
+    )
 
 
 class BudgetEntry(Part):
@@ -111,8 +113,8 @@ class BudgetEntry(Part):
 class LaboratoryEntry(Part):
     """What could be measured next."""
 
-    ranges: dict[Name, tuple[float, float]] = Field({}, description="reach of each condition")
-    costs: dict[Name, float] = Field({}, description="cost of one measurement by observable")
+    ranges: dict[Name, tuple[float, float]] = Field(default={}, description="reach of each condition")
+    costs: dict[Name, float] = Field(default={}, description="cost of one measurement by observable")
     repeats: int = number(3, "1", "repeats of one measurement", 1, 1000)
 
 
@@ -122,8 +124,8 @@ class StudyFile(Part):
     study: Head
     observables: dict[Name, ObservableEntry] = Field(min_length=1)
     conditions: dict[Name, str] = Field({})
-    parameters: dict[str, ParameterEntry] = Field({}, max_length=20)
-    adopted: dict[Name, AdoptedEntry] = Field({}, description="effects that are in the model already")
+    parameters: dict[str, ParameterEntry] = Field(default={}, max_length=20)
+    adopted: dict[Name, AdoptedEntry] = Field(default={}, description="effects that are in the model already")
     candidates: Candidates = Candidates()
     vault: VaultEntry = VaultEntry()
     budget: BudgetEntry = BudgetEntry()

@@ -48,7 +48,7 @@ def head(study: Study, found: Adoption) -> str:
     """What stands at the head of the new study."""
     numbers = {**found.added.parameters, **found.added.strengths}
     lines = [
-        f"{MARK} from {study.path.name}: {found.effect} belongs to the model, its strength is calibrated with the rest.",
+        f"{MARK} from {study.path.name}: {found.effect} belongs to the model now. Calibrated there:",
         *(
             f"#   {name} = {fitted.value:.4g} ({fitted.low:.4g} to {fitted.high:.4g}, 90 %)"
             for name, fitted in numbers.items()

@@ -16,9 +16,8 @@ Reference: Plumlee & Joseph (2018), Stat. Sinica 28, 601 (orthogonal discrepancy
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
-from taichi_erosion.evidence.algebra import projection, stack, working
+from taichi_erosion.evidence.algebra import log_sum_exp, projection, stack, working
 from taichi_erosion.evidence.evidence import Expansion
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats
@@ -109,7 +108,7 @@ def discrepancy_gain(exam: Examination, expansion: Expansion, family: list[Kerne
         gained = 0.5 * (share @ squares)
         terms.append(loss[:, np.newaxis] + gained[:, np.newaxis] / exam.doubt.factor**2)
     stacked = np.concatenate(terms, axis=0)
-    return special.logsumexp(stacked, axis=0) - np.log(stacked.shape[0])
+    return log_sum_exp(stacked, axis=0) - np.log(stacked.shape[0])
 
 
 def free_residual(exam: Examination, expansion: Expansion) -> tuple[Floats, Floats]:

@@ -49,7 +49,7 @@ def in_ranges(measurements: Measurements, ranges: Mapping[str, Sequence[float]])
 
 def enough_groups(measurements: Measurements, rows: Bools) -> bool:
     """Whether every observable is spread over enough groups to hold some of them out whole."""
-    pairs = {(measurements.observable[i], measurements.group[i]) for i in np.flatnonzero(rows)}
+    pairs = {(measurements.observable[i], measurements.group[i]) for i in np.flatnonzero(rows).tolist()}
     counts = Counter(observable for observable, _ in pairs)
     return bool(counts) and min(counts.values()) >= FEWEST_GROUPS
 
@@ -64,7 +64,7 @@ def unit_of(measurements: Measurements, row: int, by_group: bool) -> Unit:
 def draw(measurements: Measurements, units: Sequence[Unit], rows: Bools, fraction: float) -> set[Unit]:
     """Units for the vault: of every observable its fraction, as nearly as whole units allow."""
     seen: dict[Unit, set[str]] = {}
-    for i in np.flatnonzero(rows):
+    for i in np.flatnonzero(rows).tolist():
         seen.setdefault(units[i], set()).add(measurements.observable[i])
     counts = Counter(observable for kinds in seen.values() for observable in kinds)
     wanted = {name: round(fraction * n) if n >= FEWEST_UNITS else 0 for name, n in counts.items()}

@@ -24,7 +24,7 @@ def alias_matrix(coded: Floats, kept: Sequence[Term], left_out: Sequence[Term]) 
     """A, [1 + kept, left out]; the first row is the constant's."""
     inside = model_matrix(coded, kept)
     outside = model_matrix(coded, left_out)[:, 1:]
-    return np.linalg.lstsq(inside, outside, rcond=None)[0]
+    return np.asarray(np.linalg.lstsq(inside, outside, rcond=None)[0], dtype=float)
 
 
 def aliases(design: Design, order: int = 2) -> dict[str, list[Alias]]:
@@ -45,7 +45,7 @@ def aliases(design: Design, order: int = 2) -> dict[str, list[Alias]]:
 
 
 def alias_table(design: Design, order: int = 4) -> list[str]:
-    """Chains of effects that share one column of a two-level fraction, `A = B*C*D`; nothing for unmixed ones."""
+    """Chains of effects that share a column of a two-level fraction, `A = B*C*D`, the defining one first."""
     count = len(design.factors)
     names = [factor.path for factor in design.factors]
     corners = design.coded[np.all(np.abs(design.coded) == 1.0, axis=1)]

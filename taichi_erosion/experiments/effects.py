@@ -12,7 +12,7 @@ References: Montgomery (2017), ch. 6; Lenth (1989), Technometrics 31, 469, eq. (
 """
 
 from dataclasses import dataclass
-from math import nan, sqrt
+from math import nan
 
 import numpy as np
 from scipy import stats
@@ -94,8 +94,3 @@ def lenth_limits(values: Floats) -> tuple[float, float]:
 def half_normal_scores(count: int) -> Floats:
     """Expected sizes of `count` sorted pure-noise effects, in standard errors: (i - 1/2) / n quantiles."""
     return np.asarray(stats.norm.ppf(0.5 + 0.5 * (np.arange(1, count + 1) - 0.5) / count))
-
-
-def standard_error_of_effect(sd: float, runs: int) -> float:
-    """Standard error of an effect in an orthogonal two-level design of `runs` runs: 2 s / sqrt(n)."""
-    return 2.0 * sd / sqrt(runs)

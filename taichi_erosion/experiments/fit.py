@@ -61,7 +61,7 @@ class Fit:
         """Names of the terms."""
         return tuple(term_name(term, [f.path for f in self.factors]) for term in self.terms)
 
-    @property
+    @cached_property
     def coefficients(self) -> Floats:
         """Constant and terms, coded."""
         return np.asarray(self.results.params)[: 1 + len(self.terms)]
@@ -101,7 +101,7 @@ class Fit:
         spread = self.unscaled_covariance
         return np.einsum("ij,jk,ik->i", matrix, spread, matrix)
 
-    @property
+    @cached_property
     def unscaled_covariance(self) -> Floats:
         """(X'X)^-1 of constant and terms."""
         count = 1 + len(self.terms)

@@ -45,7 +45,7 @@ def least_significant(fit: Fit, error: ErrorSource) -> tuple[Term, float] | None
 
 
 def p_values(fit: Fit, pure: PureError, error: ErrorSource) -> np.ndarray:
-    """The p value of every term; without degrees of freedom the smallest sum of squares is the least believed.
+    """The p value of every term.
 
     A saturated model has no error: there its terms compete by size, and the smallest counts as p = 1.
     """

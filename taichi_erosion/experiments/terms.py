@@ -87,8 +87,12 @@ def parents(term: Term) -> set[Term]:
 def columns(coded: Floats, terms: Sequence[Term]) -> Floats:
     """Values of the terms at coded points, [runs, terms]."""
     points = np.atleast_2d(np.asarray(coded, dtype=float))
-    powers = np.array(terms, dtype=float).reshape(len(terms), points.shape[1])
-    return np.prod(points[:, None, :] ** powers[None, :, :], axis=2)
+    found = np.ones((len(points), len(terms)))
+    for place, term in enumerate(terms):
+        for factor, power in enumerate(term):
+            for _ in range(power):
+                found[:, place] *= points[:, factor]
+    return found
 
 
 def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:

@@ -68,6 +68,12 @@ def act_on_pair(world_out: ti.template(), r, e, places, normal, elastic):
 
 
 @ti.func
+def touch_stiffness(materials: ti.template(), row, root_radius, overlap):
+    """Stiffness of a Hertz contact, 2 E* a [N m-1]."""
+    return 2.0 * materials.young[row] * root_radius * ti.sqrt(ti.max(overlap, 0.0))
+
+
+@ti.func
 def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair: ti.template()):
     """Attraction by the effects [N]; remembers that the two have met until all have let go."""
     if pair.gap <= 0.0:
@@ -93,6 +99,7 @@ def pull_pair(world_out: ti.template(), r, e, places, normal, gap):
         mass_i=1.0 / grains_out.mass_inverse[i],
         mass_j=1.0 / grains_out.mass_inverse[j],
         closing_speed=(grains_out.velocity[j] - grains_out.velocity[i]).dot(normal),
+        stiffness=touch_stiffness(world_out.materials, pairs_out.label[e] >> ROW_SHIFT, root, -gap),
         met=0.0,
     )
     force = -hold(world_out.pair_effects, pairs_out, r, e, pair) * normal

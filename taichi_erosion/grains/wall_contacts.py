@@ -11,7 +11,7 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import ROLLING_INERTIA, contact_force, describe_contact
-from taichi_erosion.grains.pair_contacts import forget, hold, remember, report_overlap
+from taichi_erosion.grains.pair_contacts import forget, hold, remember, report_overlap, touch_stiffness
 from taichi_erosion.grains.pairs import ENGAGED, ROW_SHIFT
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 from taichi_erosion.grains.walls import (
@@ -135,6 +135,7 @@ def pull_to_wall(world_out: ti.template(), r, i, e, normal, gap):
     """Force on the grain by the effects [N]; the wall counts as at rest."""
     (grains,) = ti.static((world_out.grains,))
     radius = grains.radius[i]
+    row = world_out.wall_pairs.label[e] >> ROW_SHIFT
     pair = world_out.pair_type(
         gap=gap,
         radius_i=radius,
@@ -143,6 +144,7 @@ def pull_to_wall(world_out: ti.template(), r, i, e, normal, gap):
         mass_i=1.0 / grains.mass_inverse[i],
         mass_j=0.0,
         closing_speed=-grains.velocity[i].dot(normal),
+        stiffness=touch_stiffness(world_out.materials, row, ti.sqrt(radius), -gap),
         met=0.0,
     )
     return -hold(world_out.pair_effects, world_out.wall_pairs, r, e, pair) * normal

@@ -84,7 +84,7 @@ def check_replica(stage_play: Play, replica: int, actor: Actor) -> None:
 def energy_failure(stage_play: Play, replica: int, actor: Actor) -> Failure | None:
     """A failure where mechanical energy grew although nothing did work on the grains.
 
-    Moving walls, released grains, a tilting plate and adhesion exchange energy that this sum does not hold;
+    Moving walls, released grains, a tilting plate, air, effects and adhesion exchange energy that this sum does not hold;
     there the guard rests.
     """
     translation, rotation, potential, elastic, _, released = stage_play.sums[replica]
@@ -93,7 +93,8 @@ def energy_failure(stage_play: Play, replica: int, actor: Actor) -> Failure | No
     before = actor.energy if released == actor.released else None
     actor.released = int(released)
     moving = bool(scene.stages[actor.stage].move) or moved_before(scene, actor.stage)
-    actor.energy = None if moving or sim.laws.normal == "jkr" else now
+    fed = sim.laws.normal == "jkr" or sim.world.driven or sim.world.pair_effects.any
+    actor.energy = None if moving or fed else now
     if before is None or actor.energy is None:
         return None
     scale = float(translation + rotation + elastic) + weight_over_diameters(sim, replica)

@@ -14,9 +14,11 @@ from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema import Stage
 from taichi_erosion.simulation import (
     Simulation,
+    develop_wind,
     move_surface,
     remove_surface,
     set_gravity,
+    set_through_flow,
     share_touching,
     snapshot,
 )
@@ -60,6 +62,10 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor, time:
         remove_surface(sim, replica, name)
     for name, order in stage.move.items():
         move_surface(sim, replica, name, Motion(order.velocity, order.spin, order.centre))
+    if stage.friction_velocity is not None:
+        develop_wind(sim, replica, stage.friction_velocity)
+    if stage.through_flow is not None:
+        set_through_flow(sim, replica, stage.through_flow)
 
 
 def tilt_of(stage: Stage, elapsed: float) -> float:

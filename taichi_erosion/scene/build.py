@@ -1,5 +1,7 @@
 """From a scene to the setup of one replica."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -12,8 +14,10 @@ from taichi_erosion.scene.limits import time_step
 from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_field import unit_vector
 from taichi_erosion.scene.schema_grains import Positions
+from taichi_erosion.scene.schema_wind import Wind
 from taichi_erosion.scene.streams import stream
 from taichi_erosion.scene.walls import primitive_table
+from taichi_erosion.scene.wind import air_setup, coupling, patch_box
 
 SPHERE_IN_CUBE = np.pi / 6.0  # volume of a sphere over d^3 [1]
 SPHERE_REACH = 0.5  # radius of a sphere over its diameter [1]
@@ -21,7 +25,8 @@ SPHERE_REACH = 0.5  # radius of a sphere over its diameter [1]
 
 def laws(scene: Scene) -> Laws:
     """Choice for every contact slot."""
-    return Laws(**scene.laws.model_dump())
+    drag = {} if scene.wind is None else {"drag": scene.wind.drag}
+    return Laws(**scene.laws.model_dump(), **drag)
 
 
 def build_setup(scene: Scene, seed: int) -> Setup:
@@ -38,7 +43,7 @@ def build_setup(scene: Scene, seed: int) -> Setup:
     walls = sorted(scene.geometry)
     x, y, z = unit_vector(scene.gravity.direction)
     g = scene.gravity.magnitude
-    return Setup(
+    setup = Setup(
         grains=grains,
         materials=tuple(names),
         contacts=contact_table(scene),
@@ -50,6 +55,18 @@ def build_setup(scene: Scene, seed: int) -> Setup:
         domain=domain_box(scene, grains.position, float(grains.radius.max())),
         overlap_limit=scene.run.overlap_limit,
         skin=scene.run.skin,
+    )
+    return setup if scene.wind is None else under_wind(setup, scene, scene.wind, seed)
+
+
+def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
+    """The same grains in a periodic patch with air over them."""
+    return replace(
+        setup,
+        domain=patch_box(wind, setup.grains),
+        period=(wind.length, wind.width, 0.0),
+        air=air_setup(scene, wind, setup.time_step),
+        coupling=coupling(scene, wind, seed),
     )
 
 

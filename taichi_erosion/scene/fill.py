@@ -9,7 +9,8 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.pour import pour_layers
 from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_field import Vector, unit_vector
-from taichi_erosion.scene.schema_grains import Lattice, Positions, Pour, Rain
+from taichi_erosion.scene.schema_grains import Lattice, Layers, Positions, Pour, Rain
+from taichi_erosion.scene.schema_wind import Wind
 from taichi_erosion.scene.sizes import nominal_diameter, sample_diameters
 from taichi_erosion.scene.streams import stream
 
@@ -34,12 +35,40 @@ def start_grains(scene: Scene, seed: int, reach: float) -> Start:
         return poured(scene, scene.fill, seed, diameter, reach)
     places = stream(seed, "places")
     fill = scene.fill
-    position = (
-        rain(fill, len(diameter), places) if isinstance(fill, Rain) else lattice(fill, len(diameter), places)
-    )
+    position = net(scene, fill, len(diameter), places)
     speed = fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
     velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
     return Start(position, velocity, np.zeros_like(position), diameter, np.zeros(len(diameter)))
+
+
+def net(scene: Scene, fill: Rain | Lattice | Layers, count: int, places: np.random.Generator) -> Floats:
+    """Centres on a jittered net, [count, 3] m."""
+    if isinstance(fill, Rain):
+        return rain(fill, count, places)
+    if isinstance(fill, Lattice):
+        return lattice(fill, count, places)
+    assert scene.wind is not None
+    return patch_layers(scene.wind, fill, count, places)
+
+
+def patch_layers(wind: Wind, fill: Layers, count: int, places: np.random.Generator) -> Floats:
+    """Rectangular nets over a periodic patch, each shifted at random, lowest layer first, [count, 3] m."""
+    along, across = layer_places(wind, fill)
+    x, y = np.meshgrid(np.arange(along), np.arange(across), indexing="ij")
+    flat = np.column_stack([x.ravel() * wind.length / along, y.ravel() * wind.width / across])
+    layers = []
+    for layer in range(-(-count // len(flat))):
+        points = flat + places.uniform(0.0, fill.pitch, 2)
+        points = places.permutation(points % (wind.length, wind.width))
+        height = np.full((len(points), 1), fill.first_height + layer * fill.pitch)
+        layers.append(np.hstack([points, height]))
+    position = np.concatenate(layers)[:count]
+    return position + fill.jitter * places.uniform(-1.0, 1.0, position.shape)
+
+
+def layer_places(wind: Wind, fill: Layers) -> tuple[int, int]:
+    """Places of a layer downwind and across."""
+    return int(wind.length / fill.pitch), int(wind.width / fill.pitch)
 
 
 def listed(scene: Scene, fill: Positions) -> Start:
@@ -127,6 +156,10 @@ def start_top(scene: Scene, reach_largest: float) -> float:
         return fill.centre[2] + reach_largest
     if isinstance(fill, Lattice):
         return fill.centre[2] + box_of(fill)[2] + reach_largest
+    if isinstance(fill, Layers):
+        assert scene.wind is not None
+        along, across = layer_places(scene.wind, fill)
+        return fill.first_height + (scene.grains.count / (along * across) + 1.0) * fill.pitch + reach_largest
     # a layer holds at least half of its mean number, so twice the mean number of layers is an upper bound
     layers = 2.0 * scene.grains.count * fill.pitch**2 / (pi * fill.radius**2) + 2.0
     return fill.axis_point[2] + fill.first_height + layers * fill.pitch + reach_largest

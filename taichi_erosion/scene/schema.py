@@ -20,6 +20,7 @@ from taichi_erosion.scene.schema_field import (
 )
 from taichi_erosion.scene.schema_geometry import ORIGIN, Wall
 from taichi_erosion.scene.schema_grains import Contact, Fill, Grains, Material
+from taichi_erosion.scene.schema_wind import FASTEST_FRICTION, Wind
 
 SHORTEST = 1e-12  # shortest time that a scene may name [s]
 LONGEST = 1e5  # longest [s]
@@ -29,7 +30,17 @@ MOST_REPLICAS = 100_000
 class Head(Part):
     """What the scene is."""
 
-    kind: Literal["repose", "collapse", "lifting", "drum", "incline"] = Field(description="kind of apparatus")
+    kind: Literal[
+        "repose",
+        "collapse",
+        "lifting",
+        "drum",
+        "incline",
+        "settling",
+        "packed_bed",
+        "threshold",
+        "saltation",
+    ] = Field(description="kind of apparatus")
     title: str = Field(default="", max_length=200, description="one line for people")
     notes: str = Field(default="", max_length=20_000, description="assumptions and sources")
 
@@ -126,6 +137,16 @@ class Stage(Part):
     move: dict[Name, Movement] = Field({}, description="motion of surfaces by name, until the next order")
     tilt_rate: float = number(0.0, "deg s-1", "rate at which gravity turns about tilt_axis", -1e4, 1e4)
     tilt_axis: Vector = direction((0.0, 1.0, 0.0), "axis about which the apparatus is tilted")
+    friction_velocity: float | None = number(
+        None,
+        "m s-1",
+        "u* from the beginning of the stage on, its profile at once steady",
+        0.0,
+        FASTEST_FRICTION,
+    )
+    through_flow: float | None = number(
+        None, "m s-1", "superficial velocity of air rising through the bed from now on", 0.0, 100.0
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> "Stage":
@@ -173,6 +194,7 @@ class Scene(Part):
     contact: dict[PairName, Contact] = Field(min_length=1)
     geometry: dict[Name, Wall] = Field({})
     fill: Fill
+    wind: Wind | None = Field(None, description="air over a periodic patch; left out: no air")
     stages: tuple[Stage, ...] = Field(min_length=1, max_length=1000)
     measure: dict[Name, Measure] = Field({})
     measured: dict[Name, Measured] = Field({})

@@ -204,4 +204,16 @@ class Pour(Part):
     coverage: float = number(0.25, "1", "share of the disc's area that a layer covers", 1e-3, 0.45)
 
 
-Fill = Annotated[Positions | Rain | Lattice | Pour, Field(discriminator="law")]
+class Layers(Part):
+    """Loose jittered layers over a whole periodic patch."""
+
+    law: Literal["layers"]
+    pitch: float = extent(..., "least distance of neighbours in a layer, and of layers")
+    jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
+    first_height: float = extent(..., "height of the first layer")
+    speed_sd: float = number(
+        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
+    )
+
+
+Fill = Annotated[Positions | Rain | Lattice | Pour | Layers, Field(discriminator="law")]

@@ -6,11 +6,14 @@ from taichi_erosion.simulation.control import move_surface, remove_surface, set_
 from taichi_erosion.simulation.observe import energies, ledger, share_touching, snapshot
 from taichi_erosion.simulation.prepare import effective_scene, prepare
 from taichi_erosion.simulation.state import export_state, import_state
+from taichi_erosion.simulation.wind import air_profile, develop_wind, set_friction_velocity, set_through_flow
 
 __all__ = [
     "Simulation",
     "advance",
+    "air_profile",
     "assemble",
+    "develop_wind",
     "effective_scene",
     "energies",
     "export_state",
@@ -21,7 +24,9 @@ __all__ = [
     "prepare",
     "remove_surface",
     "set_contacts",
+    "set_friction_velocity",
     "set_gravity",
+    "set_through_flow",
     "share_touching",
     "snapshot",
 ]

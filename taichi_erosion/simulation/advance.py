@@ -58,11 +58,11 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
     start = time.perf_counter()
     size = min(sim.workers // count, sim.sizes.partitions)
     if size > 1:
-        run_together(count, size, sim.chunk, sim.world)
+        run_together(count, size, sim.chunk, sim.world, sim.around)
     else:
         workers = min(sim.workers, count)
         write_turns(sim.turns, deal_turns(steps, workers))
-        run_alone(workers, sim.chunk, sim.turns, sim.world)
+        run_alone(workers, sim.chunk, sim.turns, sim.world, sim.around)
     left = download([replicas.steps_left], 0, count)[0].astype(np.int32)
     elapsed = time.perf_counter() - start
     if sim.launched:

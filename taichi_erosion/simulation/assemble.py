@@ -9,6 +9,7 @@ from taichi_erosion.core.device import start_device
 from taichi_erosion.core.effect import bind, pair_type
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.coupling.surroundings import Surroundings, surround
 from taichi_erosion.grains.cells import allocate_cells
 from taichi_erosion.grains.clumps import allocate_clumps
 from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
@@ -39,6 +40,7 @@ class Simulation:
     chunk: int
     sizes: Sizes
     world: World
+    around: Surroundings
     turns: Turns
     pace: float = 0.0  # steps a second and replica seen so far
     launched: bool = False  # the first launch compiles and says nothing about the pace
@@ -79,7 +81,8 @@ def gap_reach(setup: Setup, laws: ContactLaws) -> float:
 
 def is_driven(setups: list[Setup]) -> bool:
     """Whether anything acts on grains between contacts."""
-    return any(acting.effect.place == "grain" for setup in setups for acting in setup.effects)
+    pushed = any(acting.effect.place == "grain" for setup in setups for acting in setup.effects)
+    return pushed or any(setup.air is not None for setup in setups)
 
 
 def check_periods(world: World, setups: list[Setup]) -> None:
@@ -102,14 +105,23 @@ def refuse_nonsense(setup: Setup) -> None:
             raise BadInput(f"{column.name} holds a value that is not a finite number")
 
 
+def refuse_mixture(setups: list[Setup]) -> None:
+    """Raise BadInput where replicas differ in what is compiled in, or join what does not go together."""
+    if len({s.clumps is None for s in setups}) > 1:
+        raise BadInput("an ensemble mixes clumps and single spheres; run them apart")
+    if len({s.air is None for s in setups}) > 1:
+        raise BadInput("an ensemble mixes runs with and without air; run them apart")
+    if setups[0].clumps is not None and is_driven(setups):
+        raise BadInput("air and grain effects act on single spheres; leave grains.clump out")
+
+
 def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulation:
     """Start the device and put an ensemble on it.
 
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
     listed = list(setups)
-    if len({s.clumps is None for s in listed}) > 1:
-        raise BadInput("an ensemble mixes clumps and single spheres; run them apart")
+    refuse_mixture(listed)
     for setup in listed:
         refuse_nonsense(setup)
     threads = start_device(numerics)
@@ -117,12 +129,16 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     sizes = first_sizes(listed)
     workers = threads if on_cpu else len(listed)
     world = build_world(listed, laws, sizes)
+    around = surround(listed, laws, sizes.partitions)
     release_first(world)
     turns = allocate_turns(workers, len(listed))
-    return Simulation(listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world, turns)
+    return Simulation(
+        listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world, around, turns
+    )
 
 
 def reallocate(sim: Simulation, sizes: Sizes) -> None:
     """Give the run other capacities; the caller carries its state over."""
     sim.sizes = replace(sizes)
     sim.world = build_world(sim.setups, sim.laws, sim.sizes)
+    sim.around = surround(sim.setups, sim.laws, sim.sizes.partitions)

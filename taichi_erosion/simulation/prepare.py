@@ -34,8 +34,6 @@ def prepare(scene: Scene, seed: int, library: Library) -> Setup:
     setup = build_setup(effective_scene(scene, library), seed)
     largest = float(setup.grains.radius.max())
     effects = tuple(device_effects(scene, library, largest))
-    if setup.clumps is not None and any(one.effect.place == "grain" for one in effects):
-        raise BadInput(f"{scene.file}: grain effects act on single spheres; grains.clump must be left out")
     return replace(setup, effects=effects)
 
 

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.transfer import download, upload
+from taichi_erosion.grains.held import HELD
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.sizes import grown
+from taichi_erosion.simulation.wind import export_surroundings, import_surroundings
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -40,7 +42,7 @@ def export_state(sim: Simulation) -> Arrays:
         block = 2 * r + int(side[r])
         part = export_replica(sim, r, block, int(state["released"][r]))
         state |= {f"replica{r}_{name}": values for name, values in part.items()}
-    return state
+    return state | export_surroundings(sim)
 
 
 def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
@@ -48,6 +50,9 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     world, rows = sim.world, sim.sizes.grains
     out: Arrays = dict(zip(GRAIN, download(fields_of(world.grains, GRAIN), block * rows, count), strict=True))
     out |= dict(zip(RATE, download(fields_of(world.grains, RATE), r * rows, count), strict=True))
+    if world.driven:
+        held = download(fields_of(world.held, HELD), block * rows, count)
+        out |= {f"held_{name}": values for name, values in zip(HELD, held, strict=True)}
     for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
         start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], block * rows, count))
         entries = download(fields_of(table, names), block * table.capacity, table.capacity)
@@ -84,6 +89,7 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     for r in range(count):
         prefix = f"replica{r}_"
         import_replica(sim, r, {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
+    import_surroundings(sim, state)
 
 
 def make_room(sim: Simulation, state: Arrays) -> None:
@@ -111,6 +117,8 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     world, rows = sim.world, sim.sizes.grains
     upload([(getattr(world.grains, name), part[name]) for name in GRAIN], 2 * r * rows)
     upload([(getattr(world.grains, name), part[name]) for name in RATE], r * rows)
+    if world.driven:
+        upload([(getattr(world.held, name), part[f"held_{name}"]) for name in HELD], 2 * r * rows)
     part = part | {"wall_wall": part["wall_wall"] + r * sim.sizes.primitives}
     for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
         number = part[f"{prefix}_number"].astype(np.int64)

@@ -2,6 +2,7 @@
 
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
+from taichi_erosion.coupling.look import look
 from taichi_erosion.grains.cells import position_of, sort_grains
 from taichi_erosion.grains.clumps import advance_clumps, locate_spheres
 from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
@@ -132,7 +133,7 @@ def tick(world_out: ti.template(), r):
 
 
 @ti.func
-def run_replica(world_out: ti.template(), r, member, size, steps):
+def run_replica(world_out: ti.template(), around_out: ti.template(), r, member, size, steps):
     """Time loop of one replica until its steps are done, it needs the host, or it fails."""
     (replicas_out,) = ti.static((world_out.replicas,))
     turn = 1
@@ -145,6 +146,9 @@ def run_replica(world_out: ti.template(), r, member, size, steps):
             turn = rebuild(world_out, r, member, size, turn)
         going = wanted != STOP and replicas_out.status[r] == 0
         if going:
+            if ti.static(world_out.driven):
+                if step % around_out.exchange.look_steps[r] == 0:
+                    turn = look(world_out, around_out, r, member, size, turn)
             add_forces(world_out, r, member, size)
             turn = wait_for_team(replicas_out, r, size, turn)
             integrate(world_out, r, member, size, step, done == steps - 1)
@@ -166,13 +170,13 @@ def close_launch(replicas_out: ti.template(), r, done):
 
 
 @ti.func
-def run_turns(world_out: ti.template(), turns: ti.template(), worker):
+def run_turns(world_out: ti.template(), around_out: ti.template(), turns: ti.template(), worker):
     """Run the turns of one worker in order; a replica that another worker began is waited for."""
     for turn in range(turns.first[worker], turns.first[worker + 1]):
         r = turns.replica[turn]
         while ti.atomic_add(world_out.replicas.arrivals[r], 0) < turns.order[turn]:
             pass
-        run_replica(world_out, r, 0, 1, turns.steps[turn])
+        run_replica(world_out, around_out, r, 0, 1, turns.steps[turn])
         ti.atomic_add(world_out.replicas.arrivals[r], 1)
 
 
@@ -195,11 +199,12 @@ def run_alone(
     turns: ti.template(),
     # out
     world_out: ti.template(),
+    around_out: ti.template(),
 ):
     """Every worker runs whole replicas by itself, in the turns that the host has dealt out."""
     for lane in range(workers * chunk):
         if lane % chunk == 0:
-            run_turns(world_out, turns, lane // chunk)
+            run_turns(world_out, around_out, turns, lane // chunk)
 
 
 @ti.kernel
@@ -210,10 +215,12 @@ def run_together(
     chunk: ti.i32,
     # out
     world_out: ti.template(),
+    around_out: ti.template(),
 ):
     """Teams of `size` workers share the partitions of one replica each."""
     for lane in range(teams * size * chunk):
         if lane % chunk == 0:
             worker = lane // chunk
             r = worker // size
-            run_replica(world_out, r, worker % size, size, world_out.replicas.steps_left[r])
+            steps = world_out.replicas.steps_left[r]
+            run_replica(world_out, around_out, r, worker % size, size, steps)

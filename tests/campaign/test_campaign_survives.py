@@ -33,7 +33,8 @@ def carry_out(folder: Path, **words: object) -> Table:
 
 def start_parent(folder: Path, pause: float) -> subprocess.Popen[str]:
     program = [sys.executable, str(Path(__file__).with_name("stand_in.py")), str(folder), str(pause)]
-    return subprocess.Popen(program, stdout=subprocess.PIPE, text=True)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen(program, stdout=subprocess.PIPE, text=True, env=environment)
 
 
 def done(folder: Path) -> list[str]:
@@ -109,7 +110,7 @@ def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
 
 def test_two_parents_at_once_share_the_work_and_repeat_none_of_it(tmp_path, undisturbed):
     (tmp_path / "journal").touch()
-    parents = [start_parent(tmp_path, SLOW) for _ in range(2)]
+    parents = [start_parent(tmp_path, 2.0 * SLOW) for _ in range(2)]
     said = [parent.communicate(timeout=PATIENCE)[0].strip() for parent in parents]
     assert said == [str(RUNS)] * 2
     assert Counter(starts(tmp_path)) == Counter(range(RUNS))

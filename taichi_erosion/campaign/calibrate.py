@@ -1,0 +1,145 @@
+"""Calibration by designed experiments: screen, climb, fit a surface, find the optimum, confirm it.
+
+    screen     Plackett-Burman in all parameters; the largest effects go on, the others stay at their centre
+    climb      along the steepest path of those, towards the first target
+    surface    Box-Behnken around the best point of the path, a quadratic in each response
+    optimise   the settings at which the surface meets all targets, or the nearest it comes
+    confirm    fresh seeds there, tested against the measurement
+
+Every step rests on the runs of those before it, and a run that stands in the ledger is not repeated: a step
+may be called again, after a crash or alone, and ends the same.
+
+Reference: Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; Myers, Montgomery & Anderson-Cook (2016), Response
+Surface Methodology, 4th ed., ch. 5 and 6.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_erosion.campaign.laboratory import Laboratory, carry_out
+from taichi_erosion.campaign.study import StudyFile
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
+from taichi_erosion.experiments.design import box_behnken, plackett_burman, steepest_path
+from taichi_erosion.experiments.desirability import Goal
+from taichi_erosion.experiments.fit import Fit, fit_model
+from taichi_erosion.experiments.optimise import Optimisation, Optimum, optimise
+from taichi_erosion.experiments.reduce import reduced
+from taichi_erosion.experiments.table import Design, Factor, arranged
+from taichi_erosion.experiments.terms import linear_terms
+
+
+@dataclass(frozen=True, eq=False)
+class Screening:
+    """The screening, its linear models by target, and the factors that go on, largest effect first."""
+
+    design: Design
+    fits: dict[str, Fit]
+    kept: tuple[Factor, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Climb:
+    """The path, and its best row."""
+
+    design: Design
+    best: int
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The surface design, its full quadratic models by target, and those models without their idle terms."""
+
+    design: Design
+    full: dict[str, Fit]
+    fits: dict[str, Fit]
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmed:
+    """Fresh runs at one optimum, and their tests by target."""
+
+    design: Design
+    optimum: Optimum
+    tests: dict[str, Confirmation]
+
+
+def screening_design(file: StudyFile) -> Design:
+    """Plackett-Burman design in all parameters of the study, in random order."""
+    study = file.study
+    factors = [Factor(path, p.low, p.high, p.unit) for path, p in study.parameters.items()]
+    return plackett_burman(factors, centre_points=study.design.screen_centre, seed=study.study.seed)
+
+
+def screen(laboratory: Laboratory) -> Screening:
+    """Run and analyse the screening."""
+    study = laboratory.file.study
+    design = carry_out(laboratory, "screen", screening_design(laboratory.file))
+    terms = linear_terms(len(design.factors))
+    fits = {name: fit_model(design, name, terms) for name in study.targets}
+    # effects of different responses are compared in standard deviations of their own runs
+    sizes = [np.abs(fit.coefficients[1:]) / (fit.values.std() or 1.0) for fit in fits.values()]
+    order = np.argsort(-np.max(sizes, axis=0), kind="stable")[: study.design.surface_factors]
+    return Screening(design, fits, tuple(design.factors[place] for place in order))
+
+
+def climb(laboratory: Laboratory, screening: Screening) -> Climb:
+    """Walk from the centre of the screening towards the first target."""
+    study = laboratory.file.study
+    name, target = next(iter(study.targets.items()))
+    fit = screening.fits[name]
+    slopes = dict(zip((f.path for f in fit.factors), fit.coefficients[1:], strict=True))
+    upwards = target.value >= fit.coefficients[0]
+    design = steepest_path(
+        screening.kept,
+        {factor.path: float(slopes[factor.path]) for factor in screening.kept},
+        steps=study.design.climb_steps + 1,
+        step=study.design.climb_step if upwards else -study.design.climb_step,
+        limits={path: entry.limits for path, entry in study.parameters.items()},
+    )
+    design = carry_out(laboratory, "climb", design)
+    distance = np.abs(design.responses[name] - target.value)
+    if not np.isfinite(distance).any():
+        raise BadInput(f"{laboratory.file.path}: no run of the climb gave a {name}")
+    return Climb(design, int(np.nanargmin(distance)))
+
+
+def surface_factors(laboratory: Laboratory, screening: Screening, path: Climb) -> list[Factor]:
+    """Ranges around the best point of the climb, moved where they would leave the limits."""
+    study, found = laboratory.file.study, []
+    for factor, level in zip(screening.kept, path.design.natural[path.best], strict=True):
+        low, high = study.parameters[factor.path].limits
+        half = min(study.design.surface_half * factor.half, 0.5 * (high - low))
+        middle = float(np.clip(level, low + half, high - half))
+        found.append(Factor(factor.path, middle - half, middle + half, factor.unit))
+    return found
+
+
+def fit_surface(laboratory: Laboratory, factors: list[Factor]) -> Surface:
+    """Run the Box-Behnken design and fit its quadratics."""
+    study = laboratory.file.study
+    design = box_behnken(factors, centre_points=study.design.surface_centre, seed=study.study.seed)
+    design = carry_out(laboratory, "surface", design)
+    full = {name: fit_model(design, name, "quadratic") for name in study.targets}
+    smaller = {name: reduced(fit).fit for name, fit in full.items()}
+    return Surface(design, full, {name: fit if fit.terms else full[name] for name, fit in smaller.items()})
+
+
+def find_optimum(laboratory: Laboratory, surface: Surface) -> Optimisation:
+    """Settings that meet all targets."""
+    goals = [Goal(name, "target", target.value) for name, target in laboratory.file.study.targets.items()]
+    return optimise(list(surface.fits.values()), goals)
+
+
+def confirm_optimum(laboratory: Laboratory, surface: Surface, found: Optimisation) -> Confirmed:
+    """Run fresh seeds at the most certain optimum and test them against the measurements."""
+    study, optimum = laboratory.file.study, found.optima[0]
+    points = np.tile(optimum.coded, (study.design.confirm, 1))
+    design = arranged("confirmation", surface.design.factors, [("added", points)])
+    design = carry_out(laboratory, "confirm", design)
+    tests = {
+        name: confirm(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))
+        for name, target in study.targets.items()
+    }
+    return Confirmed(design, optimum, tests)

@@ -1,0 +1,129 @@
+"""Asking an effect alone what it does at one place: with this its verification table is made.
+
+A probe of a pair effect gives its attraction [N]; of a grain effect its force [N] and torque [N m]; of a
+scene effect the scene that it makes of `scene`; of an instrument the value that it reads instead of `value`.
+The device must have been started for pair and grain effects.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.core.effect import (
+    Acting,
+    Conditions,
+    Effect,
+    Probe,
+    bind,
+    grain_type,
+    pair_type,
+    pull_of,
+    push_of,
+)
+from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import upload
+
+PAIR = {  # two grains of 0.2 mm in contact
+    "gap": 0.0,
+    "radius_i": 1e-4,
+    "radius_j": 1e-4,
+    "radius_effective": 5e-5,
+    "mass_i": 1e-8,
+    "mass_j": 1e-8,
+    "closing_speed": 0.1,
+    "stiffness": 100.0,
+    "met": 1.0,
+}
+GRAIN = {  # a grain of 0.2 mm in the wind above a bed
+    "position": (0.01, 0.002, 0.005),
+    "velocity": (1.0, 0.1, -0.2),
+    "spin": (10.0, 300.0, -20.0),
+    "radius": 1e-4,
+    "mass": 1e-8,
+    "air_velocity": (3.0, 0.0, 0.0),
+    "air_shear": 300.0,
+    "air_density": 1.2,
+    "air_viscosity": 1.8e-5,
+    "friction_velocity": 0.3,
+    "void_fraction": 1.0,
+    "height": 0.005,
+    "noise": (0.3, -0.5, 1.1),
+    "interval": 1e-4,
+    "time": 0.5,
+    "chance": 0.37,
+}
+TYPICAL = {"pair": PAIR, "grain": GRAIN}
+
+
+@ti.kernel
+def feel_pair(
+    # in
+    bound: ti.template(),
+    pairs: ti.template(),
+    # out
+    pull_out: ti.template(),
+):
+    for i in pull_out:
+        pair = pairs[i]
+        pull_out[i] = pull_of(bound, 0, pair)
+
+
+@ti.kernel
+def feel_grain(
+    # in
+    bound: ti.template(),
+    grains: ti.template(),
+    # out
+    force_out: ti.template(),
+    torque_out: ti.template(),
+):
+    for i in force_out:
+        grain = grains[i]
+        force_out[i], torque_out[i] = push_of(bound, 0, grain)
+
+
+def probe_of(effect: Effect) -> Probe:
+    """Function (params, conditions, strength=1, **members of the place) -> what the effect does there."""
+    if effect.place == "scene":
+        return lambda params, conditions, scene, strength=1.0: effect.act(params, strength, conditions, scene)
+    if effect.place == "instrument":
+        return lambda params, conditions, observable, value, strength=1.0: effect.act(
+            params, strength, conditions, observable, value
+        )
+    return device_probe(effect)
+
+
+def device_probe(effect: Effect) -> Probe:
+    """Probe of a pair or grain effect; members that are not named are 0."""
+    assert effect.constants is not None
+    constants = effect.constants
+    bound = bind(effect.place, [[Acting(effect, constants(effect.params(), 1.0, {}), 0.0)]])
+    place = (pair_type() if effect.place == "pair" else grain_type()).field(shape=1)
+    answers = [ti.field(float, shape=1)]
+    if effect.place == "grain":
+        answers = [ti.Vector.field(3, float, shape=1) for _ in range(2)]
+    table: Any = bound.constants[0]
+
+    def probe(params: Any, conditions: Conditions, strength: float = 1.0, **members: Any) -> Any:
+        for name, value in constants(params, strength, conditions).items():
+            upload([(getattr(table, name), [value])])
+        place.fill(0.0)
+        for name, value in members.items():
+            getattr(place, name)[0] = value
+        if effect.place == "pair":
+            feel_pair(bound, place, *answers)
+            return float(answers[0][0])
+        feel_grain(bound, place, *answers)
+        return tuple(np.array(answer.to_numpy()[0], np.float64) for answer in answers)
+
+    return probe
+
+
+def falsified(probe: Probe, name: str, factor: float) -> Probe:
+    """The same probe with one parameter made wrong by a factor."""
+
+    def wrong(params: Any, conditions: Conditions, **members: Any) -> Any:
+        return probe(replace(params, **{name: factor * getattr(params, name)}), conditions, **members)
+
+    return wrong

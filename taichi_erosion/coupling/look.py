@@ -1,0 +1,250 @@
+"""The look: grains hand the air what they took from it, the air moves on, and the grains feel it anew.
+
+Between two looks the drag on a grain is held as a rate b towards a velocity (`grains.held`). At a look
+
+    1  every layer sums up volume, m b and m b v of its grains, and the momentum P that drag has given them;
+    2  the air advances with the drag  -sum m b (u - v)  taken implicitly, so no rate is too fast for it, and
+       with the correction  (taken - P) / dt:  `taken` is the momentum that it lost by the implicit term in
+       the interval before, P what the grains really got. Over any time, what the air lost is what the
+       grains got plus what is still on the way, to rounding;
+    3  every grain receives the mean velocity of its layers and all other forces.
+
+Vertical momentum of a column is carried by the pressure. Where air rises through the bed with the superficial
+velocity W, continuity and the balance of drag and pressure give, layer by layer,
+
+    w = (W - sum V v_z / V_cell) / eps,    -dp/dz = sum m b (w - v_z) / (V_cell eps).
+"""
+
+from math import pi
+
+from taichi_erosion.air.column import advance_column
+from taichi_erosion.air.place import cell_volume
+from taichi_erosion.core.effect import push_of
+from taichi_erosion.core.ti import ti
+from taichi_erosion.coupling.noise import normal
+from taichi_erosion.coupling.slices import layer_range, share_below
+from taichi_erosion.grains.cells import position_of
+from taichi_erosion.grains.integrate import SPHERE
+from taichi_erosion.grains.state import partition_first, side_block
+from taichi_erosion.grains.team import is_mine, wait_for_team
+
+real = ti.f64
+
+SPHERE_VOLUME = 4.0 * pi / 3.0  # of radius 1 [1]
+VOID_LEAST = 0.05  # of a layer that grains of one height fill: keeps velocities between grains finite [1]
+
+
+@ti.func
+def buffer_row(world: ti.template(), r, p):
+    """Row of the buffers of partition p."""
+    return p * world.replicas.count + r
+
+
+@ti.func
+def give(around_out: ti.template(), row, k, share, grain, held):
+    """Add the share of one grain to layer k; `grain` is (volume, mass, velocity), `held` (rate, change)."""
+    (layers_out,) = ti.static((around_out.layers,))
+    volume, mass, velocity = grain
+    rate, dragged = held
+    part = share * mass
+    layers_out.volume[row, k] = layers_out.volume[row, k] + share * volume
+    layers_out.rate[row, k] = layers_out.rate[row, k] + part * rate
+    layers_out.pull[row, k] = layers_out.pull[row, k] + part * rate * velocity
+    layers_out.given[row, k] = layers_out.given[row, k] + part * dragged
+    layers_out.flow[row, k] = layers_out.flow[row, k] + share * volume * velocity[2]
+
+
+@ti.func
+def give_grain(world_out: ti.template(), around_out: ti.template(), r, row, i):
+    """Hand what the grain at place i holds to its layers."""
+    grains, held_out = ti.static((world_out.grains, world_out.held))
+    radius = ti.cast(grains.radius[i], real)
+    mass = 1.0 / ti.cast(grains.mass_inverse[i], real)
+    height = position_of(grains, world_out.replicas, r, i)[2]
+    first, last = layer_range(around_out.air, r, height, radius)
+    grain = (SPHERE_VOLUME * radius**3, mass, ti.cast(grains.velocity[i], real))
+    held = (ti.cast(held_out.drift_rate[i], real), ti.cast(held_out.dragged[i], real))
+    below = real(0.0)
+    for k in range(first, last + 1):
+        above = ti.select(k == last, real(1.0), share_below(around_out.air, r, height, radius, k + 1))
+        give(around_out, row, k, above - below, grain, held)
+        below = above
+    held_out.dragged[i] = 0.0 * held_out.dragged[i]
+
+
+@ti.func
+def give_partition(world_out: ti.template(), around_out: ti.template(), r, p):
+    """Sums of the grains of one partition, layer by layer."""
+    (layers_out,) = ti.static((around_out.layers,))
+    row = buffer_row(world_out, r, p)
+    for k in range(around_out.air.cells[2]):
+        layers_out.volume[row, k] = 0.0
+        layers_out.rate[row, k] = 0.0
+        layers_out.flow[row, k] = 0.0
+        layers_out.pull[row, k] = 0.0 * layers_out.pull[row, k]
+        layers_out.given[row, k] = 0.0 * layers_out.given[row, k]
+    base = side_block(world_out.grains, r, world_out.replicas.side[r])
+    count, parts = world_out.replicas.released[r], world_out.replicas.partitions[r]
+    for rank in range(partition_first(count, parts, p), partition_first(count, parts, p + 1)):
+        give_grain(world_out, around_out, r, row, base + rank)
+
+
+@ti.func
+def collect_layer(world: ti.template(), around: ti.template(), r, k):
+    """Volume, rate, pull, momentum given and vertical flow of all grains in layer k."""
+    (layers,) = ti.static((around.layers,))
+    row = buffer_row(world, r, 0)
+    volume, rate, flow = layers.volume[row, k], layers.rate[row, k], layers.flow[row, k]
+    pull, given = layers.pull[row, k], layers.given[row, k]
+    for p in range(1, world.replicas.partitions[r]):
+        row = buffer_row(world, r, p)
+        volume += layers.volume[row, k]
+        rate += layers.rate[row, k]
+        flow += layers.flow[row, k]
+        pull += layers.pull[row, k]
+        given += layers.given[row, k]
+    return volume, rate, pull, given, flow
+
+
+@ti.func
+def load_air(world: ti.template(), around_out: ti.template(), r, interval):
+    """Write void fraction and exchange of every layer for the coming step of the air."""
+    air_out, exchange_out = ti.static((around_out.air, around_out.exchange))
+    for k in range(air_out.cells[2]):
+        volume, rate, pull, given, flow = collect_layer(world, around_out, r, k)
+        cell = cell_volume(air_out, r, k)
+        void = ti.max(1.0 - volume / cell, VOID_LEAST)
+        correction = (exchange_out.taken[r, k] - given) / interval
+        air_out.void_fraction[r, 0, 0, k] = void
+        air_out.exchange_coefficient[r, 0, 0, k] = rate / cell
+        air_out.exchange_force[r, 0, 0, k] = (pull + correction) / cell
+        exchange_out.taken[r, k] = pull
+        if ti.static(around_out.rising):
+            rise = (exchange_out.through_flow[r] - flow / cell) / void
+            exchange_out.rise[r, k] = rise
+            exchange_out.lift[r, k] = (rate * rise - pull[2]) / (cell * void)
+
+
+@ti.func
+def book_air(around_out: ti.template(), r, interval):
+    """Note the momentum that each layer has just lost to its grains by the implicit drag."""
+    air, exchange_out = ti.static((around_out.air, around_out.exchange))
+    for k in range(air.cells[2]):
+        rate = air.exchange_coefficient[r, 0, 0, k] * cell_volume(air, r, k)
+        velocity = ti.Vector([air.velocity_x[r, 0, 0, k], air.velocity_y[r, 0, 0, k], real(0.0)])
+        lost = (rate * velocity - exchange_out.taken[r, k]) * interval
+        exchange_out.taken[r, k] = ti.Vector([lost[0], lost[1], real(0.0)])
+
+
+@ti.func
+def advance_air(world: ti.template(), around_out: ti.template(), r):
+    """Let the air of replica r move on until the next look."""
+    steps = around_out.exchange.look_steps[r]
+    interval = ti.cast(world.replicas.time_step[r], real) * steps
+    load_air(world, around_out, r, interval)
+    advance_column(around_out.air, r, interval)
+    book_air(around_out, r, interval)
+
+
+@ti.func
+def felt(around: ti.template(), r, height, radius):
+    """Velocity [m s-1], void fraction, upward pressure gradient [Pa m-1] and shear [s-1] around a grain."""
+    air, exchange = ti.static((around.air, around.exchange))
+    first, last = layer_range(air, r, height, radius)
+    velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
+    void, lift, below = real(0.0), real(0.0), real(0.0)
+    for k in range(first, last + 1):
+        above = ti.select(k == last, real(1.0), share_below(air, r, height, radius, k + 1))
+        share = above - below
+        velocity[0] += share * air.velocity_x[r, 0, 0, k]
+        velocity[1] += share * air.velocity_y[r, 0, 0, k]
+        void += share * air.void_fraction[r, 0, 0, k]
+        if ti.static(around.rising):
+            velocity[2] += share * exchange.rise[r, k]
+            lift += share * exchange.lift[r, k]
+        below = above
+    rise = air.centre[r, last + 1] - air.centre[r, first - 1]
+    shear = (air.velocity_x[r, 0, 0, last + 1] - air.velocity_x[r, 0, 0, first - 1]) / rise
+    return velocity, void, lift, shear
+
+
+@ti.func
+def feel_air(world_out: ti.template(), around: ti.template(), r, i, height):
+    """Hold drag and buoyancy of the grain at place i; returns void fraction [1] and shear [s-1]."""
+    grains, held_out, air = ti.static((world_out.grains, world_out.held, around.air))
+    radius, inverse = grains.radius[i], grains.mass_inverse[i]
+    exact, void, lift, shear = felt(around, r, height, ti.cast(radius, real))
+    drift = ti.cast(exact, float)
+    density = ti.cast(air.numbers.density[r], float)
+    viscosity = ti.cast(air.numbers.viscosity[r], float)
+    slip = (drift - grains.velocity[i]).norm()
+    open_share = ti.cast(void, float)
+    held_out.drift[i] = drift
+    held_out.drift_rate[i] = around.drag_rate(slip, radius, 1.0 / inverse, density, viscosity, open_share)
+    volume = SPHERE_VOLUME * radius * radius * radius
+    push = -density * world_out.replicas.gravity[r]
+    push[2] += ti.cast(lift, float)
+    held_out.push[i] = volume * inverse * push
+    return open_share, ti.cast(shear, float)
+
+
+@ti.func
+def feel_effects(world_out: ti.template(), around: ti.template(), r, i, open_share, shear):
+    """Add forces and torques of the grain effects to what the grain at place i holds."""
+    grains, held_out, replicas = ti.static((world_out.grains, world_out.held, world_out.replicas))
+    position = ti.cast(position_of(grains, replicas, r, i), float)
+    grain = around.grain_type(
+        position=position,
+        velocity=grains.velocity[i],
+        spin=grains.spin[i],
+        radius=grains.radius[i],
+        mass=1.0 / grains.mass_inverse[i],
+        air_velocity=held_out.drift[i],
+        air_shear=shear,
+        void_fraction=open_share,
+        height=position[2] - ti.cast(around.exchange.surface[r], float),
+        noise=normal(around.exchange.seed[r], grains.ident[i], replicas.step[r]),
+        interval=replicas.time_step[r] * around.exchange.look_steps[r],
+    )
+    if ti.static(around.windy):
+        grain.air_density = ti.cast(around.air.numbers.density[r], float)
+        grain.air_viscosity = grain.air_density * ti.cast(around.air.numbers.viscosity[r], float)
+        grain.friction_velocity = ti.cast(around.air.numbers.friction_velocity[r], float)
+    force, torque = push_of(around.effects, r, grain)
+    held_out.push[i] = held_out.push[i] + force * grains.mass_inverse[i]
+    held_out.twist[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
+
+
+@ti.func
+def feel_partition(world_out: ti.template(), around: ti.template(), r, p):
+    """Renew what the grains of one partition hold."""
+    grains, held_out = ti.static((world_out.grains, world_out.held))
+    base = side_block(grains, r, world_out.replicas.side[r])
+    count, parts = world_out.replicas.released[r], world_out.replicas.partitions[r]
+    for rank in range(partition_first(count, parts, p), partition_first(count, parts, p + 1)):
+        i = base + rank
+        open_share, shear = 1.0, 0.0
+        held_out.push[i] = 0.0 * held_out.push[i]
+        if ti.static(around.windy):
+            height = position_of(grains, world_out.replicas, r, i)[2]
+            open_share, shear = feel_air(world_out, around, r, i, height)
+        if ti.static(around.effects.any):
+            feel_effects(world_out, around, r, i, open_share, shear)
+
+
+@ti.func
+def look(world_out: ti.template(), around_out: ti.template(), r, member, size, turn):
+    """One look of all grains of replica r; returns the next meeting of the team."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    if ti.static(around_out.windy):
+        for p in range(replicas_out.partitions[r]):
+            if is_mine(replicas_out, r, p, member, size):
+                give_partition(world_out, around_out, r, p)
+        turn = wait_for_team(replicas_out, r, size, turn)
+        if member == 0:
+            advance_air(world_out, around_out, r)
+        turn = wait_for_team(replicas_out, r, size, turn)
+    for p in range(replicas_out.partitions[r]):
+        if is_mine(replicas_out, r, p, member, size):
+            feel_partition(world_out, around_out, r, p)
+    return turn

@@ -1,0 +1,122 @@
+"""All stages of one examination, in order: calibrate, sign, screen, refit, weigh, decide."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taichi_erosion.evidence.calibrate import fit_base
+from taichi_erosion.evidence.evidence import Expansion, expand, score
+from taichi_erosion.evidence.examination import Examination
+from taichi_erosion.evidence.held_out import HeldOut, held_out
+from taichi_erosion.evidence.misfit import misfit_p, residuals_of
+from taichi_erosion.evidence.posterior import Posterior, label, posterior
+from taichi_erosion.evidence.predictor import seed_mean
+from taichi_erosion.evidence.problem import Floats, Progress
+from taichi_erosion.evidence.screen import Screen, screen
+from taichi_erosion.evidence.shortlist import Judged, chosen_singles, hypotheses, judge_pairs, judge_singles
+from taichi_erosion.evidence.significance import DRAWS, Significance, power, significance
+from taichi_erosion.evidence.unknown import Kernel, discrepancy_gain, kernels
+from taichi_erosion.evidence.verdict import Decision, best_hypothesis, decide
+
+ROUGH_DRAWS = 200  # of a null that only ranks
+
+
+@dataclass(frozen=True)
+class Autopsy:
+    """Everything that the stages found, before it is put into words."""
+
+    exam: Examination
+    base: Judged
+    found: Screen
+    seen: Significance
+    judged: list[Judged]
+    believed: Posterior
+    decision: Decision
+    final: Judged  # the hypothesis whose calibration is reported
+    p_misfit: float
+    family: list[Kernel]
+    held_out: dict[str, HeldOut]
+    stability: float
+    warnings: tuple[str, ...]
+
+
+def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
+    """All stages of one examination."""
+    progress("calibrating the bare model", 0.05)
+    fitted, warnings = fit_base(exam)
+    expansion = expand(exam, fitted)
+    family = kernels(exam)
+    base = Judged((), score(exam, expansion), discrepancy_gain(exam, expansion, family))
+    progress("making signatures", 0.15)
+    found = screen(exam, expansion)
+    p_misfit = misfit_p(exam, residuals_of(exam, expansion))
+    rough = significance(exam, found, np.ones(ROUGH_DRAWS), seed)
+    judged = judge_singles(exam, found, chosen_singles(exam, found, rough), family, progress)
+    judged += judge_pairs(exam, found, judged, family, progress)
+    progress("weighing the evidence", 0.9)
+    believed = posterior(exam, hypotheses(exam, base, found, rough, judged))
+    seen = significance(exam, found, noise_draws(exam, believed, seed), seed)
+    powers = [power(signature.norm, seen.threshold) for signature in found.signatures]
+    decision = decide(believed, judged, seen.p, p_misfit, powers)
+    gains = {item.names[0]: held_out(exam, expansion, item.scored.expansion) for item in usable(judged)}
+    stability, decision = settled(exam, base, found, rough, judged, decision)
+    names = best_hypothesis(believed, judged, decision)
+    final = next((item for item in judged if item.names == names), base)
+    return Autopsy(
+        exam, base, found, seen, judged, believed, decision, final, p_misfit, family, gains, stability,
+        tuple(warnings),
+    )
+
+
+def usable(judged: list[Judged]) -> list[Judged]:
+    """Singles at whose best fit the model works."""
+    return [item for item in judged if len(item.names) == 1 and item.scored.surfaces]
+
+
+def noise_draws(exam: Examination, believed: Posterior, seed: int) -> Floats:
+    """Noise factors as the posterior has them."""
+    weight = believed.noise_weight / believed.noise_weight.sum()
+    return np.random.default_rng(seed + 1).choice(exam.doubt.factor, size=DRAWS, p=weight)
+
+
+def settled(
+    exam: Examination,
+    base: Judged,
+    found: Screen,
+    rough: Significance,
+    judged: list[Judged],
+    decision: Decision,
+) -> tuple[float, Decision]:
+    """Share of the two halves of the judging seeds that agree on the name, and the verdict after that.
+
+    A half that is more than even on another name makes the verdict unstable.
+    """
+    if not exam.noisy or decision.verdict not in ("present", "group"):
+        return 1.0, decision
+    accepted = {*decision.named, *decision.group}
+    half, agree, against = exam.seeds.judging.size // 2, 0, 0
+    for seeds in (exam.seeds.judging[:half], exam.seeds.judging[half:]):
+        part = replace(
+            exam,
+            seeds=replace(exam.seeds, judging=seeds),
+            variance=exam.rows.variance + exam.seed_variance / seeds.size,
+        )
+        halves = [replace(item, scored=score(part, rejudged(part, item.scored.expansion))) for item in judged]
+        first = replace(base, scored=score(part, rejudged(part, base.scored.expansion)))
+        believed = posterior(part, hypotheses(part, first, found, rough, halves))
+        top = max(believed.probability, key=lambda key: believed.probability[key])
+        agree += bool(accepted & set(top.split("+")))
+        against += top != label(()) and not accepted & set(top.split("+")) and believed.probability[top] > 0.5
+    return agree / 2.0, replace(decision, verdict="unstable") if against else decision
+
+
+def rejudged(exam: Examination, expansion: Expansion) -> Expansion:
+    """The same expansion judged with other seeds, out of runs that were made already."""
+    whole = exam.predictor.seen
+    fit = expansion.fit
+    for (x, acting, seeds), values in whole.items():
+        same = x == fit.x.tobytes() and dict(acting) == fit.acting()
+        if same and np.isin(exam.seeds.judging, np.frombuffer(seeds, dtype=np.int64)).all():
+            picked = np.isin(np.frombuffer(seeds, dtype=np.int64), exam.seeds.judging)
+            return replace(expansion, mean=seed_mean(values[picked]))
+    return replace(expansion, mean=exam.predictor.mean(fit.x, fit.acting(), exam.seeds.judging))

@@ -1,0 +1,91 @@
+"""A study that scenes answer: which scene takes which number, and what the library knows of the effects."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from taichi_erosion.core.effect import Effect
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.effects import load_library
+from taichi_erosion.evidence.problem import Bools, Candidate, Conditions, Measurements
+from taichi_erosion.evidence.simulator import Answer, Simulator, mask_of, read_scene_once
+from taichi_erosion.evidence.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
+from taichi_erosion.scene import scene_hash
+
+
+def simulator_of(path: Path, file: StudyFile, table: Measurements, folder: Path) -> Simulator:
+    """The simulator behind a study; raises BadInput where a scene cannot answer."""
+    numbers = numbers_of(file, table)
+    units = dict(zip(table.observable, table.unit, strict=True))
+    answers, refusals = {}, {}
+    for name, entry in file.observables.items():
+        assert entry.scene is not None
+        scene = (path.parent / entry.scene).resolve()
+        measure, there = entry.measure or name, read_scene_once(scene, ()).measure
+        if measure not in there:
+            told = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
+            raise BadInput(f"{path}: observables.{name}: {told}")
+        refusals |= {(scene, number): refusal(scene, number, value) for number, value in numbers.items()}
+        understood = frozenset(number for number in numbers if refusals[scene, number] is None)
+        answers[name] = Answer(scene, measure, units[name], understood)
+    for (_, number), reason in refusals.items():
+        if not any(number in answer.understood for answer in answers.values()):
+            raise BadInput(f"{path}: {number} fits no scene of the study: {reason}")
+    return Simulator(answers, load_library(), folder)
+
+
+def numbers_of(file: StudyFile, table: Measurements) -> dict[str, float]:
+    """Numbers that the study sets in scenes, each with a value that it will have."""
+    measured = {
+        path: column[np.isfinite(column)]
+        for name, path in file.conditions.items()
+        for column in (table.conditions[name],)
+    }
+    conditions = {path: float(known[0]) for path, known in measured.items() if known.size}
+    return conditions | {name: entry.start for name, entry in file.parameters.items()}
+
+
+def refusal(scene: Path, number: str, value: float) -> str | None:
+    """Why a scene cannot take a number, None where it can."""
+    try:
+        read_scene_once(scene, (f"{number}={value!r}",))
+    except BadInput as error:
+        return str(error)
+    return None
+
+
+def identity_of(simulator: Simulator) -> str:
+    """Which scenes answer, by content."""
+    scenes = dict.fromkeys(answer.scene for answer in simulator.answers.values())
+    return ", ".join(f"{scene.name} {scene_hash(read_scene_once(scene, ()))}" for scene in scenes)
+
+
+def library_candidates(file: StudyFile, library: Mapping[str, Effect], name: str) -> list[Candidate]:
+    """Effects of the library that a study tries, with what the library and the study say about them."""
+    said = file.candidates
+    names = list(library) if said.effects == (ALL,) else list(said.effects or said.tables)
+    for effect in (*names, *said.tables, *file.adopted):
+        if effect not in library:
+            raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
+    return [
+        library_candidate(library[effect], said.tables.get(effect, CandidateEntry()), file.conditions)
+        for effect in dict.fromkeys(names)
+        if effect not in file.adopted
+    ]
+
+
+def library_candidate(
+    effect: Effect, entry: CandidateEntry | AdoptedEntry, columns: Mapping[str, str]
+) -> Candidate:
+    """One effect; the study's word goes before the library's."""
+    known = Candidate(effect.name, effect.prior_scale, effect.most, partial(acts, effect, dict(columns)))
+    words = {"prior_scale": entry.prior_scale, "maximum": entry.max}
+    return replace(known, **{word: said for word, said in words.items() if said is not None})
+
+
+def acts(effect: Effect, columns: Mapping[str, str], conditions: Conditions) -> Bools:
+    """Rows of a table in which an effect can act."""
+    return mask_of(effect, {columns[name]: column for name, column in conditions.items()})

@@ -1,0 +1,92 @@
+"""From probabilities to words: what may be named, what is a group, what the data cannot tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_erosion.evidence.findings import Verdict
+from taichi_erosion.evidence.posterior import NONE, OUTSIDE, Posterior, label
+from taichi_erosion.evidence.shortlist import Judged
+
+LEVEL = 0.05  # family-wise, of a first name
+MISFIT_LEVEL = 0.01  # of the base model's misfit where no single signature explains it
+SURE = 0.8  # share of the named probability from which one effect stands alone
+CREDIBLE = 0.9  # probability that a group holds
+RIVAL = 3.0  # misfit behind the best below which a rival explains as well [1]
+TESTABLE = 0.8  # power from which silence means absence
+TESTABLE_SHARE = 0.5  # of the candidates, below which silence means nothing
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The verdict and whom it names."""
+
+    verdict: Verdict
+    named: tuple[str, ...]
+    group: tuple[str, ...]
+
+
+def detected(believed: Posterior, p: float, p_misfit: float) -> bool:
+    """Whether anything at all is missing: unlikely by chance, and likelier than not."""
+    return believed.probability[NONE] < 0.5 and (p < LEVEL or p_misfit < MISFIT_LEVEL)
+
+
+def decide(believed: Posterior, judged: list[Judged], p: float, p_misfit: float, powers: list[float]) -> Decision:
+    """Verdict of the whole study."""
+    if not detected(believed, p, p_misfit):
+        testable = np.mean([power >= TESTABLE for power in powers]) if powers else 0.0
+        return Decision("none_detected" if testable >= TESTABLE_SHARE else "not_testable", (), ())
+    named_mass = 1.0 - believed.probability[NONE] - believed.probability[OUTSIDE]
+    if believed.probability[OUTSIDE] > named_mass:
+        return Decision("outside_library", (), ())
+    return name(believed, judged, named_mass)
+
+
+def name(believed: Posterior, judged: list[Judged], mass: float) -> Decision:
+    """Effects that stand alone, and those among which the data do not decide."""
+    share = {effect: value / mass for effect, value in believed.inclusion.items()}
+    sure = [effect for effect, value in sorted(share.items(), key=lambda item: -item[1]) if value >= SURE]
+    rivals = equal_rivals(judged, sure)
+    if sure and not rivals and not half_named_pair(believed, sure, mass):
+        return Decision("present", tuple(sure), ())
+    group = credible_group(believed, mass)
+    group = tuple(dict.fromkeys([*group, *sure, *rivals]))
+    alone = tuple(effect for effect in sure if not rivals)
+    return Decision("group", alone if alone else (group[0],), group)
+
+
+def half_named_pair(believed: Posterior, sure: list[str], mass: float) -> bool:
+    """Whether a second effect acts too, but which one is open."""
+    pairs = sum(value for key, value in believed.probability.items() if "+" in key and key.split("+")[0])
+    return len(sure) == 1 and pairs / mass > 0.5
+
+
+def equal_rivals(judged: list[Judged], sure: list[str]) -> list[str]:
+    """Singles that fit as well as the one that stands alone; its probability may come from priors only."""
+    if len(sure) != 1:
+        return []
+    misfit = {item.names[0]: item.scored.expansion.fit.misfit for item in judged if len(item.names) == 1}
+    best = misfit.get(sure[0])
+    if best is None:
+        return []
+    return [other for other, value in misfit.items() if other != sure[0] and value < best + RIVAL]
+
+
+def credible_group(believed: Posterior, mass: float) -> list[str]:
+    """Effects of the smallest set of named explanations that holds CREDIBLE of their probability."""
+    named = {k: v for k, v in believed.probability.items() if k not in (NONE, OUTSIDE)}
+    effects, total = [], 0.0
+    for key, value in sorted(named.items(), key=lambda item: -item[1]):
+        effects += [effect for effect in key.split("+") if effect not in effects]
+        total += value / mass
+        if total >= CREDIBLE:
+            break
+    return effects
+
+
+def best_hypothesis(believed: Posterior, judged: list[Judged], decision: Decision) -> tuple[str, ...]:
+    """The set of effects whose calibration is reported."""
+    if decision.verdict not in ("present", "group", "unstable"):
+        return ()
+    done = [item.names for item in judged]
+    return max(done, key=lambda names: believed.probability.get(label(names), 0.0), default=())

@@ -1,0 +1,72 @@
+"""The discovery in sentences. "Consistent with" and "not distinguished from" are said; "caused by" never."""
+
+from collections.abc import Mapping
+
+from taichi_erosion.evidence.autopsy import Autopsy
+from taichi_erosion.evidence.findings import Clue, EffectFinding, Where
+from taichi_erosion.evidence.misfit import TOLD
+from taichi_erosion.evidence.posterior import NONE, OUTSIDE
+from taichi_erosion.evidence.tables import noise_table
+
+
+def summary(
+    found: Autopsy, effects: Mapping[str, EffectFinding], where: tuple[Where, ...], clues: tuple[Clue, ...]
+) -> tuple[str, ...]:
+    """Verdict first, then where the model fails, then what would change the conclusion."""
+    sentences = [verdict_words(found, effects)]
+    sentences += [place.sentence for place in where if place.p < TOLD]
+    sentences += [clue.sentence for clue in clues]
+    sentences += noise_table(found.exam, None).sentences
+    if found.seen.decoy_rank == 1 and found.decision.named:
+        sentences.append("Red flag: a made-up effect explains the misfit better than any named one in the screen.")
+    sentences.append(change_words(found, effects))
+    return tuple(sentences)
+
+
+def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
+    """One sentence for the verdict."""
+    decision, probability = found.decision, found.believed.probability
+    if decision.verdict in ("none_detected", "not_testable"):
+        return silence_words(effects)
+    if decision.verdict == "outside_library":
+        share = probability[OUTSIDE]
+        return f"Something is missing and it is not in the list (probability {share:.2g}, p = {found.p_misfit:.2g})."
+    if decision.verdict == "unstable":
+        return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
+    if decision.verdict == "group":
+        named = f"{' and '.join(decision.named)} is missing, and one of " if decision.named else "One of "
+        group = ", ".join(name for name in decision.group if name not in decision.named)
+        return f"{named}{group} is missing; these measurements do not distinguish them."
+    details = "; ".join(effects[name].sentence for name in decision.named)
+    return f"The misfit is consistent with a missing effect (family-wise p = {found.seen.p:.2g}): {details}."
+
+
+def silence_words(effects: Mapping[str, EffectFinding]) -> str:
+    """Never a bare "nothing is missing"."""
+    excluded = [f"{n} above {e.strength_high:.2g}" for n, e in effects.items() if e.status == "excluded"]
+    hiding = [name for name, effect in effects.items() if effect.status == "not_testable"]
+    words = "No detectable effect."
+    if excluded:
+        words += f" Excluded: {', '.join(excluded)}."
+    if hiding:
+        words += f" Could be hiding, because these measurements cannot test them: {', '.join(hiding)}."
+    return words
+
+
+def change_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
+    """What would change the conclusion."""
+    ranked = sorted(found.believed.probability.items(), key=lambda item: -item[1])
+    accepted = {*found.decision.named, *found.decision.group}
+    if found.decision.verdict in ("none_detected", "not_testable"):
+        accepted.add(NONE)
+    if found.decision.verdict == "outside_library":
+        accepted.add(OUTSIDE)
+    rival = next((item for item in ranked if not accepted & set(item[0].split("+"))), None)
+    if rival is None:
+        return "No other explanation is left with a probability worth naming."
+    called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}.get(rival[0], rival[0])
+    weak = sum(effect.status == "not_testable" for effect in effects.values())
+    return (
+        f"The next best explanation is {called} (probability {rival[1]:.2g}); {weak} of {len(effects)} candidates "
+        "are not testable with these measurements, and data that test them could change the conclusion."
+    )

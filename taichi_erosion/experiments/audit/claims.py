@@ -1,0 +1,112 @@
+"""What a study says about its table, beside the table: `TABLE.claims.toml`. Numbers are kept as printed.
+
+model = "quadratic"            # linear | interactions | quadratic; guessed from the levels if left out
+anova = "table_9.csv"          # printed analysis of variance
+levels = "table_7.csv"         # printed coding: column `level`, then one for every factor
+others = ["table_6.csv"]       # other tables of the same response, in natural units
+target = 33.52                 # wished for
+[equation]                     # printed coefficients in coded units, by term; "1" is the constant
+[quality]                      # printed r2, r2_adjusted, r2_predicted, cv, adequate_precision
+[optimum]                      # printed best setting in natural units, by factor
+[t_test]                       # runs = [...], mean, sd, n of the measurement, and the printed p
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments.audit.printed import Printed, parse_printed
+
+ORDERS = ("linear", "interactions", "quadratic")
+ENDING = ".claims.toml"
+
+
+@dataclass(frozen=True)
+class TestClaim:
+    """Confirmation runs against a measurement, and the p value that is printed for them."""
+
+    runs: tuple[float, ...]
+    mean: float
+    sd: float
+    n: int
+    p: Printed
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What is printed about one table; files are beside it."""
+
+    model: str = ""
+    anova: Path | None = None
+    levels: Path | None = None
+    others: tuple[Path, ...] = ()
+    target: Printed | None = None
+    equation: Mapping[str, Printed] = field(default_factory=dict)
+    quality: Mapping[str, Printed] = field(default_factory=dict)
+    optimum: Mapping[str, Printed] = field(default_factory=dict)
+    t_test: TestClaim | None = None
+
+
+def claims_of(table: Path, file: Path | None = None) -> Claims:
+    """Claims of a table, from the named file or from the one beside it; none where there is none."""
+    path = file or table.with_suffix("").with_name(table.stem + ENDING)
+    if file is None and not path.exists():
+        return Claims()
+    try:
+        # a number keeps its printed digits: its text, not its value, says how exact it is
+        document = tomllib.loads(path.read_text(encoding="utf-8"), parse_float=str)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BadInput(f"{path}: {error}") from None
+    unknown = [key for key in document if key not in {f.name for f in fields(Claims)}]
+    if unknown:
+        allowed = ", ".join(f.name for f in fields(Claims))
+        raise BadInput(f"{path}: unknown field {unknown[0]}; allowed: {allowed}")
+    return parsed(document, path)
+
+
+def parsed(document: Mapping[str, Any], path: Path) -> Claims:
+    """Claims of a TOML document."""
+    model = document.get("model", "")
+    if model and model not in ORDERS:
+        raise BadInput(f"{path}: model = '{model}'; allowed: {', '.join(ORDERS)}")
+
+    def beside(name: str | None) -> Path | None:
+        return None if name is None else path.parent / name
+
+    return Claims(
+        model=model,
+        anova=beside(document.get("anova")),
+        levels=beside(document.get("levels")),
+        others=tuple(path.parent / name for name in document.get("others", ())),
+        target=printed(document["target"], path, "target") if "target" in document else None,
+        equation=printed_table(document, "equation", path),
+        quality=printed_table(document, "quality", path),
+        optimum=printed_table(document, "optimum", path),
+        t_test=read_test(document["t_test"], path) if "t_test" in document else None,
+    )
+
+
+def printed(value: object, path: Path, name: str) -> Printed:
+    """A printed number."""
+    found = parse_printed(str(value))
+    if found is None:
+        raise BadInput(f"{path}: {name} = {value!r} must be a number")
+    return found
+
+
+def printed_table(document: Mapping[str, Any], name: str, path: Path) -> dict[str, Printed]:
+    """Printed numbers by name."""
+    return {key: printed(value, path, f"{name}.{key}") for key, value in document.get(name, {}).items()}
+
+
+def read_test(entry: Mapping[str, Any], path: Path) -> TestClaim:
+    """The t-test of confirmation runs."""
+    missing = [key for key in ("runs", "mean", "sd", "n", "p") if key not in entry]
+    if missing:
+        raise BadInput(f"{path}: t_test.{missing[0]} is missing")
+    runs = tuple(printed(value, path, "t_test.runs").value for value in entry["runs"])
+    mean, sd, n = (printed(entry[key], path, f"t_test.{key}").value for key in ("mean", "sd", "n"))
+    return TestClaim(runs, mean, sd, int(n), printed(entry["p"], path, "t_test.p"))

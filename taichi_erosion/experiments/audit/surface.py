@@ -1,0 +1,221 @@
+"""What a study concludes from its fitted surface: the coding, the optimum, the target, runs at the same point.
+
+The coding -1, 0, +1 of a table can be read in two ways, factor by factor. The published optimum decides: in
+one of them the surface has its best point where the study says so, in the other at the mirror image.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments.anova import replicate_error
+from taichi_erosion.experiments.audit.claims import Claims
+from taichi_erosion.experiments.audit.finding import Finding, Kind
+from taichi_erosion.experiments.audit.printed import Printed, parse_printed
+from taichi_erosion.experiments.audit.reading import numbers, read_columns
+from taichi_erosion.experiments.confirm import Sample, confirm
+from taichi_erosion.experiments.desirability import Goal
+from taichi_erosion.experiments.fit import Fit
+from taichi_erosion.experiments.optimise import Optimisation, optimise
+from taichi_erosion.experiments.table import Floats
+
+SAME_PLACE = 1e-6  # coded levels closer than this are one point [1]
+UNLIKELY = 0.01  # two-sided p value from which two results of one point cannot both be right [1]
+LEVEL = "level"  # first column of a table of levels
+ERROR = "relative_error"  # column of 100 |y - target| / target [%]
+
+
+@dataclass(frozen=True)
+class Coding:
+    """Natural value = centre + step * coded, as printed; `reversed_factors` fit the optimum the other way."""
+
+    centre: Floats
+    step: Floats
+    reversed_factors: tuple[str, ...] = ()
+
+    def natural(self, coded: Floats) -> Floats:
+        """Natural values in the printed coding."""
+        return self.centre + self.step * coded
+
+    def coded(self, natural: Floats) -> Floats:
+        """Coded levels in the printed coding."""
+        return (natural - self.centre) / self.step
+
+
+def read_levels(path: Path, fit: Fit) -> Coding:
+    """The printed coding of every factor."""
+    columns = read_columns(path)
+    if LEVEL not in columns:
+        raise BadInput(f"{path}: column '{LEVEL}' is missing; it holds -1, 0 and 1")
+    levels = numbers(columns, LEVEL, str(path))
+    missing = [f.path for f in fit.factors if f.path not in columns]
+    if missing:
+        raise BadInput(f"{path}: column '{missing[0]}' is missing")
+    lines = [np.polyfit(levels, numbers(columns, f.path, str(path)), 1) for f in fit.factors]
+    return Coding(np.array([line[1] for line in lines]), np.array([line[0] for line in lines]))
+
+
+def examine_surface(claims: Claims, fit: Fit) -> tuple[list[Finding], Optimisation | None]:
+    """Findings on target, optimum, coding and other tables."""
+    findings: list[Finding] = []
+    best = None
+    if claims.target is not None:
+        best = optimise([fit], [Goal(fit.response, "target", claims.target.value)])
+        findings += [Finding("target", sentence, found=nearest(best, fit)) for sentence in best.sentences]
+    if claims.levels is None:
+        return findings, best
+    coding = read_levels(claims.levels, fit)
+    if best is not None and claims.optimum:
+        coding = judged(coding, claims.optimum, best, fit)
+        findings += coding_findings(claims.levels, coding, claims.optimum, fit)
+        findings += optimum_findings(coding, claims.optimum, best, fit)
+    for other in claims.others:
+        findings += same_point_findings(other, mended(coding, fit), fit)
+        findings += relative_errors(other, claims.target, fit)
+    return findings, best
+
+
+def nearest(best: Optimisation, fit: Fit) -> float:
+    """What the surface predicts at its best point."""
+    return best.optima[0].predictions[fit.response].value
+
+
+def judged(coding: Coding, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit) -> Coding:
+    """The coding, with the factors for which the published optimum speaks for the opposite one.
+
+    Only a single best point can tell: where the target is met along a line, nothing is decided.
+    """
+    if best.met:
+        return coding
+    point = best.optima[0].coded
+    as_said, mirrored = coding.natural(point), coding.natural(-point)
+    wrong = [
+        factor.path
+        for k, factor in enumerate(fit.factors)
+        if (cell := optimum.get(factor.path)) is not None
+        and abs(mirrored[k] - cell.value) + 0.5 * cell.last_digit < abs(as_said[k] - cell.value)
+    ]
+    return Coding(coding.centre, coding.step, tuple(wrong))
+
+
+def mended(coding: Coding, fit: Fit) -> Coding:
+    """The coding with its reversed factors turned round."""
+    turn = np.array([-1.0 if f.path in coding.reversed_factors else 1.0 for f in fit.factors])
+    return Coding(coding.centre, coding.step * turn)
+
+
+def coding_findings(
+    levels: Path, coding: Coding, optimum: Mapping[str, Printed], fit: Fit
+) -> Iterator[Finding]:
+    """A sentence for every factor whose levels are printed the wrong way round."""
+    place = np.array([optimum[f.path].value if f.path in optimum else np.nan for f in fit.factors])
+    said, meant = (float(fit.predict(way.coded(place)[None, :])[0]) for way in (coding, mended(coding, fit)))
+    for k, factor in enumerate(fit.factors):
+        if factor.path not in coding.reversed_factors:
+            continue
+        low, high = coding.centre[k] - coding.step[k], coding.centre[k] + coding.step[k]
+        yield Finding(
+            "coding",
+            f"{levels.name}: {factor.path} is printed -1 = {low:g}, +1 = {high:g}; the published optimum needs it "
+            f"reversed (there the surface gives {meant:.4g}, in the printed coding {said:.4g})",
+            table=levels.name,
+            column=factor.path,
+            found=meant,
+        )
+
+
+def optimum_findings(
+    coding: Coding, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit
+) -> Iterator[Finding]:
+    """The published optimum beside the recomputed one."""
+    right = mended(coding, fit)
+    found = right.natural(best.optima[0].coded)
+    said = ", ".join(f"{f.path} = {optimum[f.path].text}" for f in fit.factors if f.path in optimum)
+    ours = ", ".join(f"{f.path} = {value:.5g}" for f, value in zip(fit.factors, found, strict=True))
+    yield Finding(
+        "optimum",
+        f"published {said}; recomputed {ours} with {fit.response} = {nearest(best, fit):.4g}",
+        printed=said,
+        found=nearest(best, fit),
+    )
+
+
+def same_point_findings(path: Path, coding: Coding, fit: Fit) -> Iterator[Finding]:
+    """Runs of another table that contradict this one: at a point of the design, or inside it."""
+    columns = read_columns(path)
+    missing = [name for name in (*(f.path for f in fit.factors), fit.response) if name not in columns]
+    if missing:
+        raise BadInput(f"{path}: column '{missing[0]}' is missing")
+    natural = np.column_stack([numbers(columns, f.path, str(path)) for f in fit.factors])
+    points, values = coding.coded(natural), numbers(columns, fit.response, str(path))
+    for row, (point, value) in enumerate(zip(points, values, strict=True)):
+        place = ", ".join(f"{f.path} = {v:g}" for f, v in zip(fit.factors, natural[row], strict=True))
+        finding = contradiction(fit, point, float(value))
+        if finding is not None:
+            kind, here, p = finding
+            yield Finding(
+                kind,
+                f"{place} gives {value:g} in {path.name} (row {row + 1}) and {here} (p = {p:.1g})",
+                table=path.name,
+                row=row + 1,
+                printed=f"{value:g}",
+                found=p,
+            )
+
+
+def contradiction(fit: Fit, point: Floats, value: float) -> tuple[Kind, str, float] | None:
+    """What this table says at a point where another has a run, if both can hardly be right; and the p value."""
+    same = np.all(np.abs(fit.coded - point) < SAME_PLACE, axis=1)
+    pure = replicate_error(fit)
+    if same.any():
+        here, error, df = float(fit.values[same].mean()), pure.mean_square, pure.df
+        variance = error * (1.0 + 1.0 / same.sum())
+        words = f"{', '.join(f'{v:.2f}' for v in fit.values[same])} here, mean {here:.2f}"
+    elif np.all(np.abs(point) <= 1.0 + SAME_PLACE):
+        here, df = float(fit.predict(point[None, :])[0]), fit.df_error
+        variance = fit.ms_error * (1.0 + float(fit.leverage(point[None, :])[0]))
+        words = f"{here:.2f} by the surface fitted here"
+    else:
+        return None
+    if not df or not variance > 0.0:
+        return None
+    p = 2.0 * float(stats.t.sf(abs(value - here) / sqrt(variance), df))
+    return ("same point" if same.any() else "prediction", words, p) if p < UNLIKELY else None
+
+
+def relative_errors(path: Path, target: Printed | None, fit: Fit) -> Iterator[Finding]:
+    """Printed relative errors of another table's runs against the target."""
+    columns = read_columns(path)
+    if target is None or ERROR not in columns or fit.response not in columns:
+        return
+    values = numbers(columns, fit.response, str(path))
+    for row, (text, value) in enumerate(zip(columns[ERROR], values, strict=True)):
+        found = 100.0 * abs(float(value) - target.value) / target.value
+        printed = parse_printed(text)
+        if printed is not None and not printed.agrees(found):
+            sentence = (
+                f"{path.name}: row {row + 1}, relative error is printed {text}; the run gives {found:.4g}"
+            )
+            yield Finding("number", sentence, path.name, ERROR, row + 1, text, found)
+
+
+def test_findings(claims: Claims) -> Iterator[Finding]:
+    """The printed p value of the confirmation runs against both t-tests."""
+    claim = claims.t_test
+    if claim is None:
+        return
+    wanted = Sample(claim.mean, claim.sd, claim.n)
+    welch, student = confirm(claim.runs, wanted), confirm(claim.runs, wanted, pooled=True)
+    if not (claim.p.agrees(welch.p) or claim.p.agrees(student.p)):
+        yield Finding(
+            "number",
+            f"t-test: p is printed {claim.p.text}; Student's test gives {student.p:.4g}, Welch's {welch.p:.4g}; "
+            f"{len(claim.runs)} runs notice a difference of {welch.resolve:.3g} with a power of {welch.power:.2f}",
+            printed=claim.p.text,
+            found=welch.p,
+        )

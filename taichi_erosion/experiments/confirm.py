@@ -1,0 +1,134 @@
+"""Do confirmation runs agree with a measurement, and would we have noticed if they did not?
+
+    t = (mean - wanted) / se
+    se^2 = s_1^2 / n_1 + s_2^2 / n_2          Welch, with
+    df   = se^4 / ((s_1^2 / n_1)^2 / (n_1 - 1) + (s_2^2 / n_2)^2 / (n_2 - 1))
+    power(D) = P(|t'| > t(0.975, df)),        t' non-central with D / se
+
+s_2 and n_2 belong to the measurement; where it is a bare number they count as exact. A test that does not
+reject says little if its power is small: `detectable` is the difference found four times in five.
+
+References: Welch (1947), Biometrika 34, 28; Cohen (1988), Statistical Power Analysis, ch. 2.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite, nan, sqrt
+
+import numpy as np
+from scipy import stats
+from scipy.optimize import brentq
+
+from taichi_erosion.core.errors import BadInput
+
+SIGNIFICANCE = 0.05  # of the two-sided test [1]
+WANTED_POWER = 0.8  # Cohen's convention [1]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Mean of n repeats of spread sd; n infinite: an exact number."""
+
+    mean: float
+    sd: float = 0.0
+    n: float = inf
+
+    @property
+    def variance_of_mean(self) -> float:
+        """Square of the standard error."""
+        return self.sd**2 / self.n
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """The test, in the response's unit; NaN where the runs show no spread to test with."""
+
+    runs: Sample
+    wanted: Sample
+    difference: float
+    low: float  # 95 % interval of the difference
+    high: float
+    t: float
+    df: float
+    p: float
+    power: float  # to notice a difference of `resolve`
+    resolve: float
+    detectable: float  # difference noticed with a power of 0.8
+
+
+def sample(values: Sequence[float]) -> Sample:
+    """Mean and spread of single repeats."""
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known)]
+    if len(known) < 2:
+        raise BadInput(f"confirm: {len(known)} run(s) with a result; needs at least 2")
+    return Sample(float(known.mean()), float(known.std(ddof=1)), len(known))
+
+
+def confirm(
+    values: Sequence[float], wanted: Sample | float, resolve: float | None = None, pooled: bool = False
+) -> Confirmation:
+    """Test fresh runs against a number or a measurement; `resolve` is the difference that would matter.
+
+    Left out, it is the standard deviation of a single measurement, or of a run where that is exact. `pooled`
+    takes both spreads for one (Student) instead of two (Welch).
+    """
+    runs = sample(values)
+    goal = wanted if isinstance(wanted, Sample) else Sample(float(wanted))
+    matter = resolve if resolve is not None else (goal.sd or runs.sd)
+    spread, df = pooled_error(runs, goal) if pooled else welch_error(runs, goal)
+    difference = runs.mean - goal.mean
+    t = difference / spread if spread > 0.0 else nan
+    reach = float(stats.t.isf(0.5 * SIGNIFICANCE, df)) * spread if spread > 0.0 else nan
+    return Confirmation(
+        runs=runs,
+        wanted=goal,
+        difference=difference,
+        low=difference - reach,
+        high=difference + reach,
+        t=t,
+        df=df,
+        p=2.0 * float(stats.t.sf(abs(t), df)),
+        power=power(matter, spread, df),
+        resolve=matter,
+        detectable=detectable(spread, df),
+    )
+
+
+def welch_error(one: Sample, other: Sample) -> tuple[float, float]:
+    """Standard error of the difference and its degrees of freedom, spreads unequal."""
+    first, second = one.variance_of_mean, other.variance_of_mean
+    if first + second <= 0.0:
+        return 0.0, nan
+    share = first**2 / (one.n - 1.0) + (second**2 / (other.n - 1.0) if isfinite(other.n) else 0.0)
+    return sqrt(first + second), (first + second) ** 2 / share
+
+
+def pooled_error(one: Sample, other: Sample) -> tuple[float, float]:
+    """The same, spreads equal; an exact number adds nothing."""
+    if not isfinite(other.n):
+        return welch_error(one, other)
+    df = one.n + other.n - 2.0
+    variance = ((one.n - 1.0) * one.sd**2 + (other.n - 1.0) * other.sd**2) / df
+    return sqrt(variance * (1.0 / one.n + 1.0 / other.n)), df
+
+
+def power(difference: float, spread: float, df: float) -> float:
+    """Chance that a true difference is noticed."""
+    if not spread > 0.0:
+        return nan
+    shift, limit = abs(difference) / spread, float(stats.t.isf(0.5 * SIGNIFICANCE, df))
+    missed = float(stats.nct.cdf(limit, df, shift) - stats.nct.cdf(-limit, df, shift))
+    # the series of the distribution fails far beyond the limit, where nothing is missed any more
+    return 1.0 - missed if isfinite(missed) else 1.0
+
+
+def detectable(spread: float, df: float) -> float:
+    """Smallest true difference that is noticed with the wanted power."""
+    if not spread > 0.0:
+        return nan
+    enough = 1.0
+    while power(enough, 1.0, df) < WANTED_POWER:
+        enough *= 2.0
+    found = brentq(lambda errors: power(errors, 1.0, df) - WANTED_POWER, 0.0, enough, full_output=False)
+    return spread * float(np.asarray(found))

@@ -1,0 +1,221 @@
+"""Where in the design the fitted models promise what is wished for, or that they promise it nowhere.
+
+The search starts from a grid and climbs the overall desirability. A target that the surface does reach is met
+along a whole line or face of the design, not in a point: well separated points of it are listed, the most
+certain prediction first. A target that it does not reach is said to be out of reach, with the nearest value.
+
+Reference: Myers, Montgomery & Anderson-Cook (2016), Response Surface Methodology, 4th ed., ch. 6 and 7.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments.desirability import Goal, combined, completed, desirability, single_share
+from taichi_erosion.experiments.fit import Fit
+from taichi_erosion.experiments.generate import grid_points, sobol_points
+from taichi_erosion.experiments.table import Floats, to_natural
+
+SOFTNESS = (1e-1, 1e-3, 1e-6)  # the tip at a target becomes sharper from climb to climb [1]
+PRECISION = {"ftol": 1e-15, "gtol": 1e-10}  # of L-BFGS-B, on a function of order 1
+NUDGE = 1e-5  # coded step of the central differences; exact for quadratics but for rounding [1]
+SPREAD_STARTS, MANY_STARTS = 16, 128  # of a Sobol sequence, with the grid and in its place [1]
+MOST_GRID_STARTS = 81
+BEST_STARTS = 6  # from which the range of one model is sought [1]
+SOBOL_SEED = 0  # the starts between the grid points are the same in every search
+SEPARATE = 0.25  # optima closer than this in coded levels are one [1]
+MET = 1e-6  # desirability short of 1 that is rounding of the search [1]
+MOST_OPTIMA = 20
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A response at a point, with the 95 % interval of its true mean."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """One point worth trying."""
+
+    coded: Floats  # [factors]
+    settings: dict[str, float]  # natural values by path
+    predictions: dict[str, Prediction]  # by response
+    desirability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Smallest and largest prediction inside the design, and where."""
+
+    low: float
+    high: float
+    at_low: dict[str, float]
+    at_high: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Optimisation:
+    """The optima, best first; what every model can reach; and what must be said about the wish."""
+
+    optima: tuple[Optimum, ...]
+    reach: dict[str, Reach]
+    met: bool  # every target is met at the best optimum
+    sentences: tuple[str, ...]
+
+
+def optimise(fits: Sequence[Fit], goals: Sequence[Goal], bound: float = 1.0) -> Optimisation:
+    """Best settings with coded levels from -bound to +bound; fits share their factors."""
+    paired = [(completed(goal, fit), fit) for goal, fit in matched(fits, goals)]
+    wishes, models = [goal for goal, _ in paired], [fit for _, fit in paired]
+    optima = climb_all(models, wishes, bound)
+    reach = {fit.response: reachable(fit, bound) for fit in models}
+    met = all(
+        goal.aim != "target" or abs(single_share(goal, values_at(fit, optima[0])) - 1.0) < MET
+        for goal, fit in paired
+    )
+    sentences = tuple(explain(paired, optima, reach, met))
+    return Optimisation(tuple(optima), reach, met, sentences)
+
+
+def matched(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[tuple[Goal, Fit]]:
+    """Every goal with the model of its response."""
+    known = {fit.response: fit for fit in fits}
+    if not goals:
+        raise BadInput("optimise: no goal; name a response and its aim")
+    for goal in goals:
+        if goal.response not in known:
+            raise BadInput(f"goal {goal.response}: no such response; there are: {', '.join(known)}")
+    return [(goal, known[goal.response]) for goal in goals]
+
+
+def values_at(fit: Fit, optimum: Optimum) -> Floats:
+    """Prediction at an optimum, [1]."""
+    return fit.predict(optimum.coded[None, :])
+
+
+def climb_all(fits: Sequence[Fit], goals: Sequence[Goal], bound: float) -> list[Optimum]:
+    """Distinct local optima, the most desirable first, the most certain first among equals."""
+    ends = np.array([climb(fits, goals, start, bound) for start in starts(len(fits[0].factors), bound)])
+    worth = desirability(goals, predictions(fits, ends))
+    certainty = sum((fit.leverage(ends) for fit in fits), np.zeros(len(ends)))
+    shown = np.round(worth / MET)
+    missed = miss(fits, goals, ends)
+    kept: list[int] = []
+    for place in np.lexsort((certainty, np.round(missed / MET), -shown)):
+        if all(np.max(np.abs(ends[place] - ends[other])) > SEPARATE for other in kept):
+            kept.append(int(place))
+    return [as_optimum(fits, ends[place], float(worth[place])) for place in kept[:MOST_OPTIMA]]
+
+
+def starts(count: int, bound: float) -> Floats:
+    """Coded points from which the search climbs: corners, midpoints and centre, and points in between."""
+    small = 3**count <= MOST_GRID_STARTS
+    spread = sobol_points(count, SPREAD_STARTS if small else MANY_STARTS, SOBOL_SEED)
+    return bound * np.concatenate([grid_points(count) if small else np.zeros((1, count)), spread])
+
+
+def climb(fits: Sequence[Fit], goals: Sequence[Goal], start: Floats, bound: float) -> Floats:
+    """Local optimum that is reached from a point."""
+    point = start
+    for softness in SOFTNESS:
+
+        def loss(points: Floats, softness: float = softness) -> Floats:
+            return miss(fits, goals, points, softness)
+
+        point = descend(loss, point, bound)
+    return point
+
+
+def descend(loss: Callable[[Floats], Floats], start: Floats, bound: float) -> Floats:
+    """Nearest minimum in the cube of a smooth function of many points, [points, factors] -> [points]."""
+    shifts = NUDGE * np.concatenate([np.eye(len(start)), -np.eye(len(start))])
+
+    def slope(coded: Floats) -> Floats:
+        above, below = np.split(loss(coded + shifts), 2)
+        return (above - below) / (2.0 * NUDGE)
+
+    def value(coded: Floats) -> float:
+        return float(loss(coded[None, :])[0])
+
+    limits = [(-bound, bound)] * len(start)
+    found = minimize(value, start, jac=slope, bounds=limits, method="L-BFGS-B", options=PRECISION)
+    return np.asarray(found.x)
+
+
+def miss(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
+    """What the search makes small, [points]: 1 - D inside all limits, 1 and what is missing outside."""
+    values = predictions(fits, coded)
+    shares = np.column_stack([single_share(goal, values[:, k], softness) for k, goal in enumerate(goals)])
+    return 1.0 - combined(goals, shares) + np.sum(np.maximum(-shares, 0.0), axis=1)
+
+
+def predictions(fits: Sequence[Fit], coded: Floats) -> Floats:
+    """Predicted responses, [points, fits]."""
+    return np.column_stack([fit.predict(coded) for fit in fits])
+
+
+def as_optimum(fits: Sequence[Fit], coded: Floats, worth: float) -> Optimum:
+    """A point with everything that is predicted there."""
+    predicted = {}
+    for fit in fits:
+        low, high = fit.interval(coded[None, :])[0]
+        predicted[fit.response] = Prediction(float(fit.predict(coded[None, :])[0]), float(low), float(high))
+    return Optimum(coded, settings_at(fits[0], coded), predicted, worth)
+
+
+def settings_at(fit: Fit, coded: Floats) -> dict[str, float]:
+    """Natural values of a coded point, by path."""
+    return {
+        f.path: float(value) for f, value in zip(fit.factors, to_natural(fit.factors, coded), strict=True)
+    }
+
+
+def reachable(fit: Fit, bound: float = 1.0) -> Reach:
+    """Range of the predictions in the cube."""
+    count = len(fit.factors)
+    ends = {}
+    for sign in (1.0, -1.0):
+
+        def signed(points: Floats, sign: float = sign) -> Floats:
+            return sign * fit.predict(points)
+
+        begin = starts(count, bound)
+        best = begin[np.argsort(signed(begin))[:BEST_STARTS]]
+        found = np.array([descend(signed, start, bound) for start in best])
+        ends[sign] = found[np.argmin(signed(found))]
+    low, high = (float(fit.predict(ends[sign][None, :])[0]) for sign in (1.0, -1.0))
+    return Reach(low, high, settings_at(fit, ends[1.0]), settings_at(fit, ends[-1.0]))
+
+
+def explain(
+    paired: Sequence[tuple[Goal, Fit]], optima: Sequence[Optimum], reach: dict[str, Reach], met: bool
+) -> list[str]:
+    """What a reader must know before trying an optimum."""
+    targets = [goal for goal, _ in paired if goal.aim == "target"]
+    said = [sentence for goal in targets if (sentence := out_of_reach(goal, reach[goal.response]))]
+    if targets and not said and not met:
+        said.append("every target is reached by its own model, but not all of them at one point")
+    if met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
+        said.append("the wish is met along a line or face of the design, not in one point: pick by certainty")
+    if optima[0].desirability <= 0.0:
+        said.append("no point lies inside all limits: the points listed come nearest to them")
+    return said
+
+
+def out_of_reach(goal: Goal, reach: Reach) -> str:
+    """The sentence for a target that the model reaches nowhere, empty where it does."""
+    if reach.low <= goal.target <= reach.high:
+        return ""
+    nearest, where = (reach.high, reach.at_high) if goal.target > reach.high else (reach.low, reach.at_low)
+    place = ", ".join(f"{path} = {value:.4g}" for path, value in where.items())
+    return (
+        f"{goal.response}: the target {goal.target:g} lies outside what this model reaches inside the design "
+        f"({reach.low:.4g} to {reach.high:.4g}); the nearest is {nearest:.4g} at {place}"
+    )

@@ -1,0 +1,189 @@
+"""The report of an evidence study: one HTML page that needs nothing else, made from kept documents."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence import results
+from taichi_erosion.evidence.study import results_folder
+from taichi_erosion.evidence.study_file import read_study_file
+from taichi_erosion.recording.whole_file import write_whole
+from taichi_erosion.report import evidence_figures as figures
+from taichi_erosion.report.evidence_doubts import doubts
+
+Document = Mapping[str, Any]
+
+TEMPLATE = "evidence.html"
+CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
+TIMES = {0: "has not been opened", 1: "has been opened once"}
+
+
+@dataclass(frozen=True)
+class Found:
+    """Everything that was found about a study; None for a question that was not asked."""
+
+    comparison: Document | None
+    discovery: Document | None
+    adoption: Document | None
+    experiments: Document | None
+    rungs: Sequence[Document] = ()
+
+    @property
+    def asked(self) -> dict[str, Document]:
+        """Answers by the command that gave them."""
+        answers = {
+            "discover": self.discovery,
+            "compare": self.comparison,
+            "adopt": self.adoption,
+            "next": self.experiments,
+        }
+        return {command: document for command, document in answers.items() if document is not None}
+
+    @property
+    def first(self) -> Document:
+        """The answer that knows most about the study."""
+        return next(iter(self.asked.values()))
+
+
+def write_report(study: Path, to: Path | None = None) -> Path:
+    """Write the page of a study; raises BadInput where nothing has been found yet."""
+    folder = results_folder(study, read_study_file(study))
+    found = Found(
+        results.recall(folder, study.stem, "compare"),
+        results.recall(folder, study.stem, "discover"),
+        results.recall(folder, study.stem, "adopt"),
+        results.recall(folder, study.stem, "next"),
+        results.ladder(folder),
+    )
+    if found.comparison is None and found.discovery is None:
+        raise BadInput(f"{study}: nothing has been found yet; run compare or discover on it first")
+    return write_whole(to or folder / f"{study.stem}.report.html", render(found).encode())
+
+
+def render(found: Found) -> str:
+    """The page."""
+    environment = Environment(
+        loader=PackageLoader("taichi_erosion.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    environment.filters |= {"figure": figure, "share": share}
+    return environment.get_template(TEMPLATE).render(**words(found))
+
+
+def words(found: Found) -> dict[str, Any]:
+    """What the template is given."""
+    first, adoption, discovery = found.first, found.adoption, found.discovery
+    places = found.comparison["where"] if found.comparison else ()
+    return {
+        "title": first["title"] or Path(first["study"]).stem,
+        "about": f"{first['measurements']}, answered by {first['model']}",
+        "units": first["units"],
+        "summary": summary(found),
+        "comparison": found.comparison,
+        "discovery": discovery,
+        "adoption": adoption,
+        "where": [place["sentence"] for place in places] or ["Nowhere in particular."],
+        "effects": ranked_effects(discovery),
+        "groups": groups(discovery),
+        "clues": [clue["sentence"] for clue in discovery["clues"]] if discovery else [],
+        "vault": vault_sentences(found),
+        "fits_of_adoption": list(fits(adoption)),
+        "adoption_parameters": calibrated(adoption),
+        "doubts": list(doubts(found.comparison, discovery, adoption)),
+        "experiments": (found.experiments or discovery or {"next_experiments": []})["next_experiments"],
+        "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
+        "facts": list(facts(found)),
+        "figures": pictures(found),
+    }
+
+
+def pictures(found: Found) -> dict[str, figures.Picture | None]:
+    """All figures; None where there is nothing to draw."""
+    comparison, discovery, adoption = found.comparison, found.discovery, found.adoption
+    before = comparison["rows"] if comparison else discovery["rows_before"] if discovery else None
+    after = adoption["added"]["rows"] if adoption else discovery["rows_after"] if discovery else None
+    seen = adoption if adoption and adoption["base"]["vault_chi2"] is not None else None
+    return {
+        "agreement": figures.draw_agreement(before, found.first["units"]) if before else None,
+        "residuals": figures.draw_residuals(before, after) if before else None,
+        "posterior": figures.draw_posterior(discovery["probabilities"]) if discovery else None,
+        "vault": figures.draw_vault(seen) if seen else None,
+        "ladder": figures.draw_ladder(found.rungs) if len(found.rungs) > 1 else None,
+    }
+
+
+def summary(found: Found) -> list[str]:
+    """The sentences that most readers will read."""
+    told = [place["sentence"] for place in found.comparison["where"][:2]] if found.comparison else []
+    told += found.discovery["sentences"][:2] if found.discovery else []
+    told += [found.adoption["sentence"]] if found.adoption else []
+    return told or ["The calibrated model is consistent with the measurements that it was shown."]
+
+
+def ranked_effects(discovery: Document | None) -> list[tuple[str, Document]]:
+    """Candidates, the likeliest first."""
+    effects = discovery["effects"] if discovery else {}
+    return sorted(effects.items(), key=lambda item: -(item[1]["probability"] or 0.0))
+
+
+def groups(discovery: Document | None) -> list[str]:
+    """Effects that cannot be told apart."""
+    twins = discovery["ambiguity"] if discovery else {}
+    return sorted({", ".join(sorted((name, *others))) for name, others in twins.items() if others})
+
+
+def vault_sentences(found: Found) -> list[str]:
+    """What was held out, and how often it has been looked at."""
+    told = [note for note in found.first["notes"] if "held out" in note]
+    opened = (found.adoption or found.first).get("vault", {}).get("opened", 0)
+    return [*told, f"The vault {TIMES.get(opened, f'has been opened {opened} times')}."]
+
+
+def fits(adoption: Document | None) -> Iterator[tuple[str, Document]]:
+    """Fits of an adoption with their names."""
+    if adoption is None:
+        return
+    yield "as it was", adoption["base"]
+    yield f"with {adoption['effect']}", adoption["added"]
+    for key, label in CONTROLS.items():
+        if adoption[key] is not None:
+            yield f"{label} ({', '.join(adoption[key]['effects'])})", adoption[key]
+
+
+def calibrated(adoption: Document | None) -> Document:
+    """Strengths and parameters once the effect is in the model."""
+    return {**adoption["added"]["strengths"], **adoption["added"]["parameters"]} if adoption else {}
+
+
+def facts(found: Found) -> Iterator[tuple[str, str]]:
+    """Everything needed to do it again."""
+    first = found.first
+    yield "study", first["study"]
+    yield "model", first["model"]
+    yield "measurements", f"{first['measurements']}, digest {first['digest']}"
+    yield "rows", f"{first['rows_visible']} fitted, {first['rows_hidden']} held out"
+    yield "candidates", ", ".join(first["candidates"]) or "none"
+    yield "seed", str(first["seed"])
+    for command, document in found.asked.items():
+        if "runs" in document:
+            yield f"cost of {command}", f"{document['runs']} runs, {document['wall_s']:.1f} s"
+    yield "versions", ", ".join(f"{name} {number}" for name, number in first["versions"].items())
+
+
+def figure(value: float | None) -> str:
+    """A number to three significant digits."""
+    return "-" if value is None or not isfinite(value) else f"{value:.3g}"
+
+
+def share(value: float | None) -> str:
+    """A share in percent."""
+    if value is None:
+        return "-"
+    return f"{100.0 * value:.0f} %" if value >= 0.1 else f"{100.0 * value:.1f} %"

@@ -1,0 +1,53 @@
+"""From the wind section of a scene to the air of one replica."""
+
+from math import pi
+
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces
+from taichi_erosion.core.setup import Coupling, GrainTable, Triple
+from taichi_erosion.scene.schema import Scene
+from taichi_erosion.scene.schema_wind import Wind
+from taichi_erosion.scene.sizes import nominal_diameter
+
+SOLID_SHARE = 0.6  # of a settled bed [1]
+CELL_SHARE = 0.25  # finest layer of air over the nominal diameter [1]
+ABOVE_BED = 2.0  # diameters above the bed up to which layers stay fine [1]
+HEADROOM = 10.0  # heights of the patch that grains may fly before they count as lost [1]
+
+
+def surface_height(scene: Scene, wind: Wind) -> float:
+    """Height of the undisturbed bed [m]."""
+    if wind.surface is not None:
+        return wind.surface
+    volume = scene.grains.count * pi / 6.0 * nominal_diameter(scene.grains.size) ** 3
+    return volume / (SOLID_SHARE * wind.length * wind.width)
+
+
+def air_setup(scene: Scene, wind: Wind, time_step: float) -> AirSetup:
+    """The column of air that a scene describes."""
+    diameter = nominal_diameter(scene.grains.size)
+    fine_until = min(surface_height(scene, wind) + ABOVE_BED * diameter, 0.5 * wind.height)
+    faces = bed_faces(0.0, fine_until, wind.height, wind.cell or CELL_SHARE * diameter, wind.growth)
+    ends = {"z_low": AirSide("wall"), "z_high": AirSide("stress")}
+    return AirSetup(
+        cells=(1, 1, len(faces) - 1),
+        low=(0.0, 0.0, 0.0),
+        high=(wind.length, wind.width, wind.height),
+        faces_z=faces,
+        sides={name: ends.get(name, AirSide("periodic")) for name in SIDES},
+        density=wind.density,
+        viscosity=wind.viscosity,
+        time_step=time_step * wind.look_steps,
+        model=AirModel(closure=wind.closure, advection="none", scheme="euler", exchange=True),
+        friction_velocity=wind.friction_velocity,
+    )
+
+
+def coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
+    """How grains and air look at each other."""
+    return Coupling(wind.look_steps, surface_height(scene, wind), wind.through_flow, seed % 2**31)
+
+
+def patch_box(wind: Wind, grains: GrainTable) -> tuple[Triple, Triple]:
+    """Domain of a periodic patch [m]."""
+    below = -10.0 * float(grains.radius.max())
+    return (0.0, 0.0, below), (wind.length, wind.width, HEADROOM * wind.height)

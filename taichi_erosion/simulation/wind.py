@@ -1,0 +1,89 @@
+"""Driving the air of a running simulation, and reading it."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import AirProfile
+from taichi_erosion.core.transfer import upload
+from taichi_erosion.coupling.develop import develop_air
+from taichi_erosion.simulation.assemble import Simulation
+
+Arrays = dict[str, NDArray[Any]]
+
+# what the next step of the air depends on and a Setup does not state
+AIR_GRIDS = ("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before")
+EXCHANGE = ("taken", "rise", "lift", "through_flow")
+AIR_NUMBERS = ("time", "friction_velocity")
+
+
+def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
+    """Change the stress at the lid of one replica to rho u*^2; `value` is u* [m s-1]."""
+    assert sim.around.air is not None
+    upload([(sim.around.air.numbers.friction_velocity, [value])], replica)
+
+
+def develop_wind(sim: Simulation, replica: int, value: float) -> None:
+    """Change u* [m s-1] and let the air of one replica find its steady profile before the grains move on."""
+    set_friction_velocity(sim, replica, value)
+    develop_air(replica, sim.around)
+
+
+def set_through_flow(sim: Simulation, replica: int, value: float) -> None:
+    """Change the superficial velocity of the air that rises through a bed [m s-1]."""
+    upload([(sim.around.exchange.through_flow, [value])], replica)
+
+
+def air_profile(sim: Simulation, replica: int) -> AirProfile:
+    """The column of air of one replica, layer by layer."""
+    air = sim.around.air
+    assert air is not None
+    setup = sim.setups[replica].air
+    assert setup is not None
+
+    def inner(field: Any) -> Floats:
+        return field.to_numpy()[replica, 1, 1, 1:-1]
+
+    face = np.asarray(setup.faces_z)
+    velocity = np.stack([inner(air.velocity_x), inner(air.velocity_y)], axis=1)
+    volume = np.diff(face) * (setup.high[0] - setup.low[0]) * (setup.high[1] - setup.low[1])
+    taken = sim.around.exchange.taken.to_numpy()[replica]
+    return AirProfile(
+        face=face,
+        velocity=velocity,
+        void_fraction=inner(air.void_fraction),
+        eddy_viscosity=inner(air.eddy_face),
+        drag=-taken[:, :2] / (volume[:, None] * look_interval(sim, replica)),
+        lift=sim.around.exchange.lift.to_numpy()[replica],
+    )
+
+
+def look_interval(sim: Simulation, replica: int) -> float:
+    """Time from one look to the next [s]."""
+    setup = sim.setups[replica]
+    return setup.time_step * setup.coupling.look_steps
+
+
+def export_surroundings(sim: Simulation) -> Arrays:
+    """State of air and exchange of all replicas; empty where there is no air."""
+    air = sim.around.air
+    if air is None:
+        return {}
+    state = {f"air_{name}": getattr(air, name).to_numpy() for name in AIR_GRIDS}
+    state |= {f"air_{name}": getattr(air.numbers, name).to_numpy() for name in AIR_NUMBERS}
+    return state | {f"exchange_{name}": getattr(sim.around.exchange, name).to_numpy() for name in EXCHANGE}
+
+
+def import_surroundings(sim: Simulation, state: Arrays) -> None:
+    """Put an exported state of air and exchange back."""
+    air = sim.around.air
+    if air is None:
+        return
+    for name in AIR_GRIDS:
+        getattr(air, name).from_numpy(state[f"air_{name}"])
+    for name in AIR_NUMBERS:
+        getattr(air.numbers, name).from_numpy(state[f"air_{name}"])
+    for name in EXCHANGE:
+        getattr(sim.around.exchange, name).from_numpy(state[f"exchange_{name}"])

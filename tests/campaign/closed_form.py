@@ -1,0 +1,22 @@
+"""A run function with a known answer: an angle that grows with two frictions and falls with restitution."""
+
+import random
+from typing import Any
+
+FUNCTION = "closed_form:answer"
+NOISE = 0.3  # deg
+
+
+def angle(contact: dict[str, Any]) -> float:
+    """20 to 40 deg; bends with the friction on steel, as a heap does that no longer slides on its plate."""
+    soil, steel = contact["soil-soil"], contact["soil-steel"]
+    slip = steel["friction_sliding"] - 0.35
+    base = 29.0 + 30.0 * slip - 40.0 * slip**2
+    return base + 10.0 * (soil["friction_rolling"] - 0.7) - 6.0 * soil["restitution"]
+
+
+def answer(payloads: list[dict[str, Any]], tell: Any, share: Any) -> None:
+    for place, payload in enumerate(payloads):
+        value = angle(payload["scene"]["contact"]) + random.Random(payload["seed"]).gauss(0.0, NOISE)
+        measures = {"repose_angle": {"value": value, "sd": None, "unit": "deg", "n": 1}}
+        tell(place, {"seed": payload["seed"], "measures": measures, "failure": None})

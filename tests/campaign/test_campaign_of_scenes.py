@@ -1,0 +1,77 @@
+"""Scenes of a campaign go as one ensemble through the real simulator and come out as if each were alone."""
+
+import pytest
+from run.small_scene import write_scene
+
+from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.request import scene_request
+from taichi_erosion.campaign.store import close_store, open_store
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.recording.readback import read_properties
+from taichi_erosion.run import RunOptions, run_scene
+
+ROUGH = "contact.soil-soil.friction_sliding=0.9"
+STIFF = "materials.soil.shear_modulus=2e6"  # Pa: another time step beside the others
+HASTY = ("run.time_step=5e-3", "run.force_time_step=true")  # s, thirty Rayleigh times: a guard will stop it
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("scenes")
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    scene = write_scene(folder)
+    doe = {"doe": {"friction_sliding": 0.9}}
+    requests = [
+        scene_request(scene, (), 3),
+        scene_request(scene, (ROUGH,), 4, record=folder / "rough.rrd", properties=doe),
+        scene_request(scene, (STIFF,), 3),
+        scene_request(scene, HASTY, 3),
+    ]
+    store = open_store(folder / "campaign")
+    found = execute(requests, store, workers=1)
+    close_store(store)
+    return found
+
+
+def alone(folder, order, seed):
+    options = RunOptions(overrides=order, seed=seed, replicas=1, threads=1, no_record=True)
+    document = run_scene(write_scene(folder), options)
+    stop_device()
+    return document
+
+
+@pytest.mark.parametrize(("place", "order", "seed"), [(0, (), 3), (1, (ROUGH,), 4), (2, (STIFF,), 3)])
+def test_a_scene_gives_the_same_bits_in_a_campaign_as_alone(results, folder, place, order, seed):
+    single = alone(folder, order, seed)
+    assert results[place].record["measures"] == single["replicas"][0]["measures"]
+    assert results[place].record["hash"] == single["hash"]
+    assert results[place].failure is None
+
+
+def test_a_run_that_a_guard_stops_is_kept_with_its_reason_and_stops_no_other(results):
+    assert "likely cause" in results[3].failure
+    assert results[3].record["stopped"] is not None
+
+
+def test_factors_and_results_are_properties_of_the_recording(results, folder):
+    properties = read_properties(folder / "rough.rrd")
+    assert properties["doe"] == {"friction_sliding": pytest.approx(0.9)}
+    assert properties["result"]["pile_height"] == pytest.approx(results[1].value("pile_height"))
+    assert properties["scene"]["seed"] == 4
+
+
+def test_the_key_follows_scene_and_seed_and_nothing_else(folder):
+    scene = write_scene(folder)
+    key = scene_request(scene, (), 3).key
+    assert scene_request(scene, ('scene.title="other"',), 3, record=folder / "x.rrd").key == key
+    assert scene_request(scene, (), 4).key != key
+    assert scene_request(scene, (ROUGH,), 3).key != key
+
+
+def test_a_scene_that_cannot_run_is_refused_before_the_campaign(folder):
+    with pytest.raises(BadInput, match="friction_sliding"):
+        scene_request(write_scene(folder), ("contact.soil-soil.friction_sliding=-1.0",), 3)

@@ -1,0 +1,126 @@
+"""A tidy table is read cell by cell; whatever is wrong with it is told in one line with its place."""
+
+from math import isnan
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.measured import read_table
+
+ROOT = Path(__file__).parents[2]
+HEAD = "observable,value,sd,n,unit,group,moisture [%],source\n"
+GOOD = HEAD + "repose_angle,33.5,0.7,10,deg,heap,1.65,Hao\nrepose_angle,31.2,,,deg,heap,0,Hao\n"
+
+
+def table(tmp_path: Path, text: str | bytes):
+    file = tmp_path / "heap.csv"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_table(file, "heap.csv")
+
+
+def complaint(tmp_path: Path, text: str | bytes) -> str:
+    with pytest.raises(BadInput) as caught:
+        table(tmp_path, text)
+    line = str(caught.value)
+    assert line.startswith("heap.csv")
+    assert "\n" not in line
+    return line
+
+
+def test_a_heading_with_a_unit_is_converted_to_si_once(tmp_path):
+    found = table(tmp_path, GOOD)
+    assert found.conditions == ("moisture",)
+    assert [row.conditions[0] for row in found.rows] == pytest.approx([0.0165, 0.0])
+
+
+def test_a_missing_sd_and_a_missing_count_are_allowed(tmp_path):
+    row = table(tmp_path, GOOD).rows[1]
+    assert isnan(row.sd)
+    assert row.n is None
+
+
+@pytest.mark.parametrize(
+    ("cell", "value"), [("<0.1", 0.1), ("< 2e-3", 2e-3), ("", None), ("no transport", None)]
+)
+def test_what_the_instrument_did_not_see_is_censored_and_not_dropped(tmp_path, cell, value):
+    (row,) = table(tmp_path, HEAD + f"flux,{cell},,,g/(m s),trap,2,me\n").rows
+    assert row.censored
+    assert isnan(row.value) if value is None else row.value == value
+
+
+def test_repeated_rows_stay_single_repeats(tmp_path):
+    text = HEAD + "repose_angle,33.5,,,deg,heap,1.65,me\n" * 2 + "repose_angle,33.9,,,deg,heap,1.65,me\n"
+    assert [row.value for row in table(tmp_path, text).rows] == [33.5, 33.5, 33.9]
+
+
+def test_spreadsheet_marks_and_blank_lines_do_no_harm(tmp_path):
+    plain, dressed = table(tmp_path, GOOD), table(tmp_path, "\ufeff" + GOOD.replace("\n", "\r\n\r\n"))
+    assert [row.value for row in dressed.rows] == [row.value for row in plain.rows]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "heap.csv: is empty; the first row names the columns"),
+        (HEAD, "heap.csv: has a heading but no measurement"),
+        (GOOD.replace("33.5", "33,5"), "heap.csv: row 2 has 9 cells, the heading 8"),
+        (GOOD.replace("33.5", "nan"), "heap.csv: row 2, value = 'nan' must be a number, '<' and a number"),
+        (GOOD.replace("33.5", "1e999"), "heap.csv: row 2, value = '1e999' must be a finite number"),
+        (GOOD.replace("0.7", "0"), "heap.csv: row 2, sd = '0' must be above 0; leave it empty"),
+        (GOOD.replace(",10,", ",2.5,"), "heap.csv: row 2, n = '2.5' must be a whole number from 1"),
+        (GOOD.replace("deg", "degree"), "heap.csv: row 2, unit = 'degree' is not known; allowed: 1, %, deg"),
+        (GOOD.replace("1.65", "wet"), "heap.csv: row 2, moisture = 'wet' must be a number: any other column"),
+        (GOOD.replace("[%]", "[furlong]"), "heap.csv: heading 'moisture [furlong]': unknown unit"),
+        (GOOD.replace("value", "valeu"), "heap.csv: column 'valeu' is unknown; did you mean 'value'?"),
+        (GOOD.replace("unit,", "kind,"), "heap.csv: column 'unit' is missing"),
+        (GOOD.replace("group", "value"), "heap.csv: column 'value' stands in the heading twice"),
+        (GOOD.replace(",", ";"), "separate columns by commas"),
+        (
+            GOOD + GOOD.splitlines()[1] + "\n",
+            "heap.csv: row 4 repeats row 2 cell by cell; remove one of them",
+        ),
+        (GOOD.replace("Hao", '"Hao'), "heap.csv: not a CSV table"),
+        (GOOD.encode("utf-16"), "heap.csv: byte 0 is not UTF-8 text"),
+        (GOOD.replace("Hao", "Höfer").encode("latin-1"), "is not UTF-8 text"),
+        (GOOD.replace("repose_angle,33", "repose angle,33"), "observable = 'repose angle' must be a name"),
+    ],
+)
+def test_what_is_wrong_is_told_with_row_column_and_value(tmp_path, text, told):
+    assert told in complaint(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "table_file", sorted((ROOT / "doe" / "measured").glob("*.csv")), ids=lambda f: f.stem
+)
+def test_every_shipped_table_can_be_read_and_names_its_sources(table_file):
+    assert all(row.source for row in read_table(table_file).rows)
+
+
+@settings(max_examples=150)
+@given(st.integers(0, len(GOOD) - 1), st.binary(max_size=5))
+def test_a_table_damaged_anywhere_gives_rows_or_one_line(tmp_path_factory, place, damage):
+    content = GOOD.encode()
+    told_or_read(tmp_path_factory.mktemp("table"), content[:place] + damage + content[place + len(damage) :])
+
+
+@settings(max_examples=100)
+@given(st.lists(st.lists(st.text(max_size=8), max_size=9), max_size=4))
+def test_random_cells_give_rows_or_one_line(tmp_path_factory, rows):
+    text = HEAD + "\n".join(",".join(cells) for cells in rows)
+    told_or_read(tmp_path_factory.mktemp("table"), text.encode("utf-8", "surrogatepass"))
+
+
+def told_or_read(folder: Path, content: bytes) -> None:
+    line = outcome(folder, content)
+    assert line is None or (line.startswith("heap.csv") and "\n" not in line)
+
+
+def outcome(folder: Path, content: bytes) -> str | None:
+    try:
+        table(folder, content)
+    except BadInput as error:
+        return str(error)
+    return None

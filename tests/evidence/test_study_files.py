@@ -1,0 +1,224 @@
+"""A study file becomes a problem; whatever is wrong with it or its model is told in one line."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.evidence.problem import Budget, Candidate
+from taichi_erosion.evidence.study import load_study
+from taichi_erosion.evidence.study_file import read_study_file
+from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
+
+ROOT = Path(__file__).parents[2]
+GOOD = study_text()
+SHIPPED = [
+    path for path in sorted((ROOT / "doe").glob("*.toml")) if "[observables" in path.read_text("utf-8")
+]
+OWN_MODEL = """
+import numpy as np
+import constants_beside
+
+def predict(observable, conditions, parameters, effects, seeds):
+    print("a model that talks")
+    return constants_beside.LEVEL + np.zeros((len(seeds), len(conditions["moisture"])))
+
+def wrong_shape(observable, conditions, parameters, effects, seeds):
+    return np.zeros(3)
+
+def failing(observable, conditions, parameters, effects, seeds):
+    raise ArithmeticError("no air")
+
+number = 3
+"""
+
+
+@pytest.fixture
+def own_study(tmp_path):
+    """Function that writes a study with a model of its own beside it."""
+    (tmp_path / "my_lab.py").write_text(OWN_MODEL, encoding="utf-8")
+    (tmp_path / "constants_beside.py").write_text("LEVEL = 30.0\n", encoding="utf-8")
+    return lambda function: write_study(tmp_path, {}, study=study_text(model=f"my_lab:{function}"))
+
+
+def ask(path: Path):
+    rows = np.zeros(4)
+    return load_study(path).problem.model(
+        "repose_angle", {"moisture": rows, "diameter": rows}, {}, {}, np.arange(2)
+    )
+
+
+def test_a_study_becomes_a_problem(tmp_path):
+    study = load_study(write_study(tmp_path, {}))
+    problem = study.problem
+    assert tuple(c.name for c in problem.candidates) == LIBRARY
+    assert problem.observables["threshold_u_star"].transform == "log"
+    assert problem.measurements.size == 96
+    assert set(problem.measurements.conditions) == {"moisture", "diameter"}
+    assert study.results == tmp_path / "heap-results"
+    assert not study.results.exists(), "reading a study writes nothing"
+
+
+def test_what_the_study_leaves_out_is_the_default_of_the_statistics(tmp_path):
+    problem = load_study(write_study(tmp_path, {})).problem
+    assert problem.budget == Budget()
+    assert problem.candidates[0] == Candidate(LIBRARY[0])
+
+
+def test_a_model_beside_the_study_is_found_with_its_neighbours_and_may_talk(own_study, capsys):
+    assert np.all(ask(own_study("predict")) == 30.0)
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "a model that talks" in printed.err
+
+
+def test_an_edited_model_is_another_model(own_study, tmp_path):
+    path = own_study("predict")
+    ask(path)
+    before = load_study(path).model
+    (tmp_path / "constants_beside.py").write_text("LEVEL = 31.0\n", encoding="utf-8")
+    assert load_study(path).model != before
+
+
+@pytest.mark.parametrize(
+    ("function", "error", "told"),
+    [
+        ("wrong_shape", BadInput, r"returned shape \(3,\); \(2, 4\) is needed: \(seeds, conditions\)"),
+        (
+            "failing",
+            SimulationStopped,
+            "model my_lab:failing failed on repose_angle: ArithmeticError: no air",
+        ),
+        ("number", BadInput, "my_lab has no function number"),
+        ("nothing", BadInput, "my_lab has no function nothing"),
+    ],
+)
+def test_a_model_that_breaks_its_contract_is_told(own_study, function, error, told):
+    with pytest.raises(error, match=told):
+        ask(own_study(function))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("[study]", "[studio]", "studio is unknown; did you mean 'study'?"),
+        ('measurements = "heap.csv"', "", "study.measurements is missing"),
+        ('"heap.csv"', '"none.csv"', "none.csv: no such file"),
+        (MODEL, "no_such_module_anywhere:f", "and no installed package of that name"),
+        (MODEL, "just_a_word", "study.model = 'just_a_word'"),
+        ('"log"', '"cube"', "observables.threshold_u_star.transform = 'cube' is not one of"),
+        ('"log"', '"log_floor"', "transform = 'log_floor' needs floor"),
+        ("[observables.repose_angle]", "[observables.angle]", "observables.angle has no row in heap.csv"),
+        (
+            "moisture = ",
+            "wetness = ",
+            "conditions.wetness is no column of heap.csv; conditions there: moisture",
+        ),
+        (
+            "high = 0.2",
+            "high = 0.01",
+            "parameters.threshold_coefficient: low = 0.05 is not below high = 0.01",
+        ),
+        ("start = 0.5", "start = 5.0", "parameters.friction_sliding: start = 5 lies outside [0.2, 1]"),
+        ("start = 0.5", "start = 'x'", "parameters.friction_sliding.start = 'x' must be a number"),
+        ("fraction = 0.3", "fraction = 1.5", "vault.fraction = 1.5 lies outside [0, 0.9]"),
+        ("fraction = 0.3", "ranges = { wind = [0, 1] }", "vault.ranges.wind is not under [conditions]"),
+        ("fraction = 0.3", "ranges = { moisture = [0, 1] }", "hold out every row"),
+        (
+            "[candidates.gusts]",
+            "[candidates.gusts]\nmaxx = 1",
+            "candidates.gusts.maxx is unknown; did you mean",
+        ),
+        ('effects = "all"', 'effects = ["gusts"]', "candidates.liquid_bridge is not in candidates.effects"),
+        ("[vault]", "[observables.repose_angle]", "not a TOML file"),
+        (
+            "[observables.repose_angle]",
+            "[observables.repose_angle]\nunit = 'm'",
+            "repose_angle is counted in m",
+        ),
+        ("[observables.repose_angle]", "[observables.repose_angle]\nunit = 'x'", "unit = 'x' is not known"),
+        ("[observables.repose_angle]", "[observables.repose_angle]\nscene = 'x'", "exactly one must answer"),
+        ("[study]", "[study]\nfollows = 'heap.toml'", "leads in a circle"),
+    ],
+)
+def test_what_is_wrong_with_a_study_is_told_in_one_line(tmp_path, old, new, told):
+    assert old in GOOD
+    path = write_study(tmp_path, {}, study=GOOD.replace(old, new, 1))
+    with pytest.raises(BadInput) as caught:
+        load_study(path)
+    line = str(caught.value)
+    assert told in line
+    assert "\n" not in line
+    assert not (tmp_path / "heap-results").exists()
+
+
+def test_values_are_converted_to_the_unit_in_which_the_model_speaks(tmp_path):
+    said = "[observables.repose_angle]\nunit = 'rad'"
+    in_radians = write_study(tmp_path, {}, study=GOOD.replace("[observables.repose_angle]", said))
+    angles = load_study(in_radians).problem.measurements.value[-1]
+    in_degrees = write_study(tmp_path, {})
+    assert angles == pytest.approx(np.radians(load_study(in_degrees).problem.measurements.value[-1]))
+
+
+def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_path):
+    path = write_study(tmp_path, {})
+    table = tmp_path / "heap.csv"
+    table.write_text(
+        table.read_text("utf-8") + "threshold_u_star,no transport,,m/s,a,0.01,0.2,made\n", "utf-8"
+    )
+    with pytest.raises(BadInput, match=r"row 98, value is empty: write '<' and the least value that is seen"):
+        load_study(path)
+    path.write_text(GOOD.replace('transform = "log"', 'transform = "log_floor"\nfloor = 0.05'), "utf-8")
+    measurements = load_study(path).problem.measurements
+    assert measurements.censored[-1]
+    assert measurements.limit[-1] == 0.05
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_every_shipped_study_can_be_read(path):
+    file = read_study_file(path)
+    assert (path.parent / file.study.measurements).is_file()
+
+
+@settings(max_examples=150)
+@given(st.integers(0, len(GOOD) - 1), st.binary(max_size=6))
+def test_a_study_damaged_anywhere_is_read_or_told_in_one_line(tmp_path_factory, place, damage):
+    content = GOOD.encode()
+    path = tmp_path_factory.mktemp("study") / "heap.toml"
+    path.write_bytes(content[:place] + damage + content[place + len(damage) :])
+    told_or_read(path)
+
+
+VALUES = st.recursive(
+    st.booleans() | st.integers() | st.floats() | st.text(max_size=6),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@settings(max_examples=150)
+@given(st.sampled_from(["study", "observables", "candidates", "vault", "parameters", "budget"]), VALUES)
+def test_random_sections_are_read_or_told_in_one_line(tmp_path_factory, section, value):
+    table = tomllib.loads(GOOD)
+    table[section] = value
+    path = tmp_path_factory.mktemp("study") / "heap.toml"
+    path.write_text(tomli_w.dumps(table), encoding="utf-8", errors="surrogatepass")
+    told_or_read(path)
+
+
+def told_or_read(path: Path) -> None:
+    line = outcome(path)
+    assert line is None or (line.startswith(f"{path}: ") and "\n" not in line)
+
+
+def outcome(path: Path) -> str | None:
+    try:
+        read_study_file(path)
+    except BadInput as error:
+        return str(error)
+    return None

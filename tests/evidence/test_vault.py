@@ -1,0 +1,93 @@
+"""The vault: what is held out follows from the table alone, and every look into it is counted."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.problem import Measurements
+from taichi_erosion.evidence.vault import content_digest, openings, record_opening, split
+
+OBSERVABLES = ("repose_angle", "pile_height")
+
+
+def measurements(groups: int = 20, group: str | None = None, repeats: int = 1) -> Measurements:
+    """Two observables under `groups` moistures, each moisture a group of its own unless one is named."""
+    rows = [(o, k) for o in OBSERVABLES for k in range(groups) for _ in range(repeats)]
+    count = len(rows)
+    return Measurements(
+        observable=tuple(o for o, _ in rows),
+        value=np.linspace(20.0, 30.0, count),
+        sd=np.full(count, 1.0),
+        n=np.ones(count),
+        group=tuple(group or f"heap {k}" for _, k in rows),
+        unit=("deg",) * count,
+        conditions={"moisture": np.array([0.001 * k for _, k in rows])},
+        censored=np.zeros(count, dtype=np.bool_),
+        limit=np.full(count, np.nan),
+        source=("made",) * count,
+    )
+
+
+def held_out(table: Measurements, fraction: float = 0.3, **ranges) -> set[tuple[str, float]]:
+    rows, _ = split(table, fraction, ranges)
+    return {(table.observable[i], float(table.conditions["moisture"][i])) for i in rows}
+
+
+def test_of_every_observable_the_fraction_is_held_out():
+    counts = Counter(observable for observable, _ in held_out(measurements(20)))
+    assert counts == {"repose_angle": 6, "pile_height": 6}
+
+
+def test_a_group_is_held_out_whole():
+    table = measurements(20, repeats=3)
+    hidden = set(split(table, 0.3, {})[0])
+    for group in set(table.group):
+        members = {i for i in range(table.size) if table.group[i] == group}
+        assert members <= hidden or not members & hidden
+
+
+def test_with_too_few_groups_what_was_measured_together_is_held_out_together():
+    hidden = held_out(measurements(10, group="collapse"))
+    assert len(hidden) == 6
+    assert {w for o, w in hidden if o == "repose_angle"} == {w for o, w in hidden if o == "pile_height"}
+    assert "too few groups" in split(measurements(10, group="collapse"), 0.3, {})[1]
+
+
+def test_neither_the_order_of_rows_nor_a_second_try_moves_the_split():
+    table = measurements(20)
+    shuffled = table.rows(np.random.default_rng(1).permutation(table.size))
+    assert held_out(table) == held_out(table) == held_out(shuffled)
+    assert content_digest(table) == content_digest(shuffled)
+
+
+def test_a_named_range_is_held_out_beside_the_fraction_of_the_rest():
+    hidden = held_out(measurements(20), moisture=(0.0145, 1.0))
+    assert {w for _, w in hidden if w > 0.0145} == {0.001 * k for k in range(15, 20)}
+    assert len(hidden) == 2 * 5 + 2 * round(0.3 * 15)
+
+
+def test_two_numbers_leave_nothing_to_hold_out_and_that_is_said():
+    rows, sentence = split(measurements(1), 0.3, {})
+    assert rows.size == 0
+    assert "Nothing is held out" in sentence
+
+
+def test_a_vault_that_takes_everything_is_refused():
+    with pytest.raises(BadInput, match="hold out every row"):
+        split(measurements(5), 0.3, {"moisture": (0.0, 1.0)})
+
+
+def test_every_opening_is_counted_for_its_own_table(tmp_path):
+    assert openings(tmp_path, "a") == 0
+    assert [record_opening(tmp_path, "a", effect) for effect in ("x", "y")] == [1, 2]
+    assert openings(tmp_path, "a") == 2
+    assert openings(tmp_path, "b") == 0
+
+
+def test_a_damaged_count_is_not_taken_for_an_unopened_vault(tmp_path):
+    record_opening(tmp_path, "a", "x")
+    (tmp_path / "vault.json").write_text("[", encoding="utf-8")
+    with pytest.raises(BadInput, match="damaged"):
+        openings(tmp_path, "a")
