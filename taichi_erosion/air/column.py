@@ -11,7 +11,7 @@ moving grains displace is left out; eddy viscosities are those of the old time.
 Reference: Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306, section II.
 """
 
-from taichi_erosion.air.laws import risen_root, wall_friction_velocity
+from taichi_erosion.air.laws import risen_root, rough_floor_length, wall_friction_velocity
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
@@ -31,15 +31,17 @@ def speed_at(air: ti.template(), r, k):
 def spread_column_eddies(air_out: ti.template(), r):
     """Mixing length and eddy viscosity on the inner faces, from the floor upwards."""
     (numbers,) = ti.static((air_out.numbers,))
-    root = ti.sqrt(numbers.karman[r] * numbers.side_roughness[r, FLOOR])
+    root = real(0.0)
     for k in range(1, air_out.cells[2]):
         speed, below = speed_at(air_out, r, k - 1), air_out.height[r, k - 1]
+        length = real(0.0)
         if ti.static(air_out.kinds["z_low"] == "rough"):
-            rise = numbers.side_roughness[r, FLOOR] + air_out.face[r, k] - air_out.face[r, 0]
-            root = ti.sqrt(numbers.karman[r] * rise)
+            length = rough_floor_length(air_out, r, k)
         else:
-            root = risen_root(root, speed, below, numbers.viscosity[r], numbers.sublayer[r], numbers.karman[r])
-        length = ti.min(root * root, numbers.length_most[r])
+            nu = numbers.viscosity[r]
+            root = risen_root(root, speed, below, nu, numbers.sublayer[r], numbers.karman[r])
+            length = root * root
+        length = ti.min(length, numbers.length_most[r])
         du = air_out.velocity_x[r, 0, 0, k] - air_out.velocity_x[r, 0, 0, k - 1]
         dv = air_out.velocity_y[r, 0, 0, k] - air_out.velocity_y[r, 0, 0, k - 1]
         gap = air_out.centre[r, k] - air_out.centre[r, k - 1]
@@ -131,7 +133,8 @@ def sweep_up(air_out: ti.template(), r, dt):
         inertia, drag = air_out.height[r, k] / dt, real(0.0)
         if ti.static(air_out.model.exchange):
             inertia *= air_out.void_fraction[r, 0, 0, k]
-            drag = air_out.height[r, k] * air_out.exchange_coefficient[r, 0, 0, k] / air_out.numbers.density[r]
+            rate = air_out.exchange_coefficient[r, 0, 0, k] / air_out.numbers.density[r]
+            drag = air_out.height[r, k] * rate
         right = inertia * here + (1.0 - theta) * (above * jump - below * jump_below)
         right += air_out.height[r, k] * source(air_out, r, k)
         pivot = 1.0 / (inertia + drag + theta * (above + below * (1.0 - factor)))

@@ -6,6 +6,7 @@ Reference: Saad (2003), Iterative Methods for Sparse Linear Systems, 2nd ed., al
 """
 
 from taichi_erosion.air.multigrid import applied, around, cycle
+from taichi_erosion.air.pressure import share_of_cell, total_of
 from taichi_erosion.air.state import Air
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.core.ti import ti
@@ -14,13 +15,6 @@ real = ti.f64
 
 TOLERANCE = 1e-9  # air that may appear in a cell in one step over its volume [1]
 ITERATIONS_MOST = 100
-
-
-@ti.func
-def worst_cell(air: ti.template(), r, k, right):
-    """Air that appears in a cell in one step over its volume [1]."""
-    width = air.numbers.width[r]
-    return ti.abs(right) * air.numbers.time_step[r] / (width[0] * width[1] * air.height[r, k])
 
 
 @ti.kernel
@@ -34,15 +28,6 @@ def multiply(
         for k in range(air_out.cells[2]):
             total += air_out.grids.right[r, c, k] * air_out.grids.solution[r, c, k]
         air_out.krylov.partial[r, c] = total
-
-
-@ti.func
-def total_of(air: ti.template(), r):
-    """Sum over columns in a fixed order."""
-    total = real(0.0)
-    for column in range(ti.static(air.cells[0] * air.cells[1])):
-        total += air.krylov.partial[r, column]
-    return total
 
 
 @ti.kernel
@@ -114,7 +99,7 @@ def move(
             krylov_out.found[r, c, k] = krylov_out.found[r, c, k] + moved
             rest = air_out.grids.right[r, c, k] - length * krylov_out.image[r, c, k]
             air_out.grids.right[r, c, k] = rest
-            worst = ti.max(worst, worst_cell(air_out, r, k, rest))
+            worst = ti.max(worst, share_of_cell(air_out, r, k, rest))
         krylov_out.worst[r, c] = worst
 
 
@@ -153,6 +138,6 @@ def solve(air: Air, tolerance: float = TOLERANCE) -> int:
         move(air)
         worst = largest(air.krylov.worst)
     raise SimulationStopped(
-        f"the pressure of the air was not found (air appears: {worst:.3g} of a cell in a step); likely cause: "
-        "the time step is too long for the wind and the cells"
+        f"the pressure of the air was not found (air appears: {worst:.3g} of a cell in a step); "
+        "likely cause: the time step is too long for the wind and the cells"
     )

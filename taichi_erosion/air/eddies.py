@@ -1,8 +1,9 @@
 """Eddy viscosity: the turbulence closure, one of three chosen at assembly.
 
-mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor as `laws.risen_root` says
-                (over a rough floor l = kappa (z + z0)), and never exceeds kappa times the distance to another
-                wall, the stated largest length, or the stated share of the layer's thickness (Escudier: 0.09)
+mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor as `laws.risen_root`
+                says (over a rough floor as `laws.rough_length`), and never exceeds kappa times the distance to
+                another wall, the stated largest length, or the stated share of the layer's thickness
+                (Escudier: 0.09)
 smagorinsky:    nu_t = l^2 |S| in cells,  1/l^2 = 1/(C_s D)^2 + 1/(kappa d (1 - exp(-d u*/(A+ nu))))^2, with
                 D the cube root of the cell's volume, d the height over the floor and u* its friction velocity
 
@@ -10,7 +11,7 @@ Reference: Escudier (1966), Imperial College report TWF/TN/1; Mason & Thomson (1
 van Driest (1956), J. Aeronaut. Sci. 23, 1007.
 """
 
-from taichi_erosion.air.laws import SMALLEST, risen_root, wall_friction_velocity
+from taichi_erosion.air.laws import SMALLEST, risen_root, rough_floor_length, wall_friction_velocity
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
@@ -92,18 +93,19 @@ def wall_limit(air: ti.template(), r, j, k):
 def mix_column(air_out: ti.template(), r, i, j):
     """Mixing length and eddy viscosity on the inner faces of a column of cells."""
     (numbers,) = ti.static((air_out.numbers,))
-    roughness = numbers.side_roughness[r, FLOOR]
     root = real(0.0)
     most = layer_limit(air_out, r, i, j)
     across = strain_across(air_out, r, i, j, 0)
     for k in range(1, air_out.cells[2]):
+        length = real(0.0)
         if ti.static(air_out.kinds["z_low"] == "rough"):
-            root = ti.sqrt(numbers.karman[r] * (roughness + air_out.face[r, k] - air_out.face[r, 0]))
+            length = rough_floor_length(air_out, r, k)
         else:
             speed = cell_velocity(air_out, r, i, j, k - 1).norm()
             rise, nu = air_out.height[r, k - 1], numbers.viscosity[r]
             root = risen_root(root, speed, rise, nu, numbers.sublayer[r], numbers.karman[r])
-        length = ti.min(ti.min(root * root, most), wall_limit(air_out, r, j, k))
+            length = root * root
+        length = ti.min(ti.min(length, most), wall_limit(air_out, r, j, k))
         here = strain_across(air_out, r, i, j, k)
         strain = strain_upwards(air_out, r, i, j, k) + 0.5 * (across + here)
         air_out.length[r, i, j, k] = length

@@ -3,10 +3,12 @@
 Reference for the numbers behind smooth walls: Schlichting & Gersten (2017), Boundary-Layer Theory, 17.1.2.
 """
 
+from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
 
+FLOOR = SIDES.index("z_low")
 SMOOTH = 0.109375  # z0 u* / nu of a smooth wall, exp(-kappa C) = 0.11 within its own scatter [1]
 WALL_ROUNDS = 6  # fixed-point rounds of the wall stress; each gains a factor of ten or more
 SMALLEST = 2.0**-60  # keeps divisions by a speed or a length finite; binary, so exact in any precision
@@ -30,6 +32,18 @@ def wall_friction_velocity(speed, distance, roughness, viscosity, karman):
 
 
 @ti.func
+def rough_length(below, above, roughness, karman):
+    """Mixing length between two cells over a rough floor [m]: kappa times the logarithmic mean height.
+
+    l = kappa (z_2 - z_1) / ln((z_2 + z0) / (z_1 + z0))
+
+    with z_1, z_2 the heights of their centres [m]. It tends to kappa (z + z0) as cells shrink, and gives the
+    log law its exact stress on any cells, where the height of the face would give up to a fifth too much.
+    """
+    return karman * (above - below) / ti.log((above + roughness) / (below + roughness))
+
+
+@ti.func
 def root_slope(root, rate, karman):
     """Slope of sqrt(l) along z [m-1/2]; the root is taken because l = 0 would stay zero for ever.
 
@@ -37,7 +51,7 @@ def root_slope(root, rate, karman):
 
     with s = sqrt(l) and a = sqrt(u / (R_c nu)), `rate` [m-1/2].
 
-    Reference: Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306, eq. (11).
+    Reference: Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306.
     """
     exponent = rate * root
     slope = rate * (1.0 - 0.5 * exponent)
@@ -52,3 +66,12 @@ def risen_root(root, speed, rise, viscosity, sublayer, karman):
     rate = ti.sqrt(speed / (sublayer * viscosity))
     middle = root + 0.5 * rise * root_slope(root, rate, karman)
     return root + rise * root_slope(middle, rate, karman)
+
+
+@ti.func
+def rough_floor_length(air: ti.template(), r, k):
+    """Mixing length on the lower face of layer k over a rough floor [m]."""
+    below = air.centre[r, k - 1] - air.face[r, 0]
+    above = air.centre[r, k] - air.face[r, 0]
+    roughness = air.numbers.side_roughness[r, FLOOR]
+    return rough_length(below, above, roughness, air.numbers.karman[r])

@@ -101,8 +101,8 @@ def allocate_grids(setup: AirSetup, replicas: int) -> Grids:
 def allocate_krylov(setup: AirSetup, replicas: int) -> Krylov:
     """Fields of the conjugate gradients."""
     columns = setup.cells[0] * setup.cells[1]
-    blocks = {name: ti.field(real, shape=(replicas, columns, setup.cells[2])) for name in ("found", "search", "image")}
+    cells = (replicas, columns, setup.cells[2])
+    blocks = {name: ti.field(real, shape=cells) for name in ("found", "search", "image")}
     sums = {name: ti.field(real, shape=(replicas, columns)) for name in ("partial", "worst")}
     scalars = {name: ti.field(real, shape=replicas) for name in ("product", "step", "ratio")}
     return Krylov(**blocks, **sums, **scalars)
-

@@ -47,7 +47,7 @@ def flux(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 @ti.func
 def cell_viscosity(air: ti.template(), r, i, j, k):
-    """eps (nu + nu_t) in a cell [m2 s-1]."""
+    """Viscosity eps (nu + nu_t) in a cell [m2 s-1]."""
     value = air.numbers.viscosity[r] + air.eddy_cell[r, i, j, k]
     if ti.static(air.model.exchange):
         value *= air.void_fraction[r, i, j, k]
@@ -83,7 +83,7 @@ def through(air: ti.template(), r, place, axis: ti.template(), direction: ti.tem
 
 @ti.func
 def stress_viscosity(air: ti.template(), r, place, axis: ti.template(), direction: ti.template()):
-    """eps (nu + nu_t) on the low face, along x or y, of the control volume of a velocity [m2 s-1]."""
+    """Viscosity eps (nu + nu_t) on the low face, along x or y, of a control volume [m2 s-1]."""
     a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
     d0, d1 = ti.static(UNIT[direction][0], UNIT[direction][1])
     i, j, k = place[0], place[1], place[2]

@@ -90,7 +90,8 @@ def factor_lines(
         c, beside = column_of(grids_out, level, i, j), around(grids_out, level, i, j)
         below = real(0.0)
         for k in range(grids_out.right.shape[2]):
-            here = diagonal(grids_out, r, c, beside, k) * (1.0 + SHIFT)
+            here = diagonal(grids_out, r, c, beside, k)
+            here += SHIFT * here  # not times 1 + SHIFT, which single precision rounds to 1
             lower = grids_out.across_z[r, c, k]
             below = 1.0 / (here - lower * lower * below)
             grids_out.pivot[r, c, k] = below
@@ -236,8 +237,10 @@ def prolong(
         east = partner(i, fine_x // by_x, by_x, grids_out.round_x)
         north = partner(j, fine_y // by_y, by_y, grids_out.round_y)
         west, south = i // by_x, j // by_y
-        own, beside = column_of(grids_out, level + 1, west, south), column_of(grids_out, level + 1, east, south)
-        ahead, corner = column_of(grids_out, level + 1, west, north), column_of(grids_out, level + 1, east, north)
+        own = column_of(grids_out, level + 1, west, south)
+        beside = column_of(grids_out, level + 1, east, south)
+        ahead = column_of(grids_out, level + 1, west, north)
+        corner = column_of(grids_out, level + 1, east, north)
         for k in range(grids_out.right.shape[2]):
             near = 0.75 * grids_out.solution[r, own, k] + 0.25 * grids_out.solution[r, beside, k]
             far = 0.75 * grids_out.solution[r, ahead, k] + 0.25 * grids_out.solution[r, corner, k]

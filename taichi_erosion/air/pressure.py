@@ -149,6 +149,22 @@ def appearing(air: ti.template(), r, i, j, k):
     return total
 
 
+@ti.func
+def share_of_cell(air: ti.template(), r, k, excess):
+    """Air that appears in a cell [m3 s-1] in one step over the volume of the cell [1]."""
+    width = air.numbers.width[r]
+    return ti.abs(excess) * air.numbers.time_step[r] / (width[0] * width[1] * air.height[r, k])
+
+
+@ti.func
+def total_of(air: ti.template(), r):
+    """Sum over columns in a fixed order."""
+    total = real(0.0)
+    for column in range(ti.static(air.cells[0] * air.cells[1])):
+        total += air.krylov.partial[r, column]
+    return total
+
+
 @ti.kernel
 def find_excess(
     # out
@@ -157,14 +173,31 @@ def find_excess(
     """Right-hand side of the pressure equation; the solution starts at 0."""
     (krylov_out,) = ti.static((air_out.krylov,))
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        worst, area = real(0.0), air_out.numbers.width[r][0] * air_out.numbers.width[r][1]
-        c = i * air_out.cells[1] + j
+        worst, total, c = real(0.0), real(0.0), i * air_out.cells[1] + j
         for k in range(air_out.cells[2]):
             excess = appearing(air_out, r, i, j, k)
             air_out.grids.right[r, c, k] = -excess
             krylov_out.found[r, c, k] = 0.0
-            worst = ti.max(worst, ti.abs(excess) * air_out.numbers.time_step[r] / (area * air_out.height[r, k]))
+            worst = ti.max(worst, share_of_cell(air_out, r, k, excess))
+            total += excess
         krylov_out.worst[r, c] = worst
+        krylov_out.partial[r, c] = total
+
+
+@ti.kernel
+def spread_excess(
+    # out
+    air_out: ti.template(),
+):
+    """Take the mean off the right-hand side: in a closed box grains cannot press air out."""
+    for r in range(air_out.count):
+        total = total_of(air_out, r)
+        width, height = air_out.numbers.width[r], air_out.face[r, air_out.cells[2]] - air_out.face[r, 0]
+        density = total / (air_out.cells[0] * air_out.cells[1] * width[0] * width[1] * height)
+        for c in range(air_out.cells[0] * air_out.cells[1]):
+            for k in range(air_out.cells[2]):
+                back = density * width[0] * width[1] * air_out.height[r, k]
+                air_out.grids.right[r, c, k] = air_out.grids.right[r, c, k] + back
 
 
 @ti.func

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 from taichi_erosion.air.conjugate import TOLERANCE, solve
 from taichi_erosion.air.eddies import spread_eddies
-from taichi_erosion.air.gusts import blow_gusts
 from taichi_erosion.air.ghosts import close_cells, close_eddies, close_velocities
+from taichi_erosion.air.gusts import blow_gusts
 from taichi_erosion.air.momentum import find_rates
-from taichi_erosion.air.pressure import correct, find_excess, set_conductances
+from taichi_erosion.air.pressure import correct, find_excess, set_conductances, spread_excess
 from taichi_erosion.air.state import Air
 from taichi_erosion.air.sweep import predict
 from taichi_erosion.core.ti import ti
@@ -44,12 +44,19 @@ def tick(
     # out
     air_out: ti.template(),
 ):
-    """Advance the clocks; what is air now was air before the next step."""
+    """Advance the clocks."""
     for r in range(air_out.count):
         air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
-    if ti.static(air_out.model.exchange):
-        for r, i, j, k in ti.ndrange(air_out.count, *air_out.cells):
-            air_out.void_before[r, i, j, k] = air_out.void_fraction[r, i, j, k]
+
+
+@ti.kernel
+def remember_void(
+    # out
+    air_out: ti.template(),
+):
+    """Take the void fraction as it stands for that of the step before; once grains have been placed."""
+    for r, i, j, k in ti.ndrange(air_out.count, *air_out.cells):
+        air_out.void_before[r, i, j, k] = air_out.void_fraction[r, i, j, k]
 
 
 @ti.kernel
@@ -82,6 +89,7 @@ def advance_stage(air: Air, stage: Stage, tolerance: float) -> int:
     if air.model.closure != "none":
         spread_eddies(air)
         close_cells(1, air, air.eddy_cell)
+        close_cells(1, air, air.eddy_face)
         close_eddies(air)
     find_rates(air)
     for axis in range(3):
@@ -91,6 +99,8 @@ def advance_stage(air: Air, stage: Stage, tolerance: float) -> int:
     if air.model.exchange:
         set_conductances(air, stage.share)
     find_excess(air)
+    if air.model.exchange and "outlet" not in air.kinds.values():
+        spread_excess(air)
     iterations = solve(air, tolerance)
     correct(stage.share, air)
     close_velocities(air)
@@ -112,5 +122,7 @@ def advance_air(air: Air, steps: int = 1, tolerance: float = TOLERANCE) -> int:
             blow_gusts(air)
         for stage in STAGES[air.model.scheme]:
             iterations += advance_stage(air, stage, tolerance)
+        if air.model.exchange:
+            remember_void(air)
         tick(air)
     return iterations

@@ -138,7 +138,8 @@ def predict_column(air_out: ti.template(), r, i, j, axis: ti.template(), weights
         height = control_height(air_out, r, k, axis)
         inertia = height * face_void(air_out, r, i, j, k, axis) / time
         right = inertia * here + (1.0 - theta) * (above * jump - below * jump_below)
-        right += height * (now * rate[r, i, j, k] + before * past[r, i, j, k] + pull(air_out, r, i, j, k, axis))
+        pushed = now * rate[r, i, j, k] + before * past[r, i, j, k] + pull(air_out, r, i, j, k, axis)
+        right += height * pushed
         drag = height * drag_on_face(air_out, r, i, j, k, axis)
         pivot = 1.0 / (inertia + drag + theta * (above + below * (1.0 - factor)))
         reduced = (right + theta * below * reduced) * pivot

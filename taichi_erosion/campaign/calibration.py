@@ -46,14 +46,17 @@ def calibrated(
     findings.write_design_table(file.folder, "screen", planned)
     if until != "design":
         store = open_store(file.folder)
-        laboratory = Laboratory(file, store, workers, scheduler, progress, function)
+        place = file.study.campaign
+        laboratory = Laboratory(
+            file, store, workers or place.workers, scheduler or place.scheduler, progress, function
+        )
         try:
             take_steps(found, laboratory, STEPS[2 : STEPS.index(until) + 1])
         finally:
             close_store(store)
         findings.write_runs(file, laboratory.asked)
         found.document["runs"] = len(laboratory.asked)
-        found.document["cpu_s"] = sum(one.result.wall_s for one in laboratory.asked)
+        found.document["cpu_s"] = sum(one.result.record.get("cpu_s", 0.0) for one in laboratory.asked)
     found.document["wall_s"] = time.perf_counter() - started
     return found
 

@@ -106,11 +106,11 @@ def write_runs(file: StudyFile, asked: list[Asked]) -> Path:
     measures = dict.fromkeys(name for one in asked for name in one.result.record.get("measures", {}))
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["stage", "row", "seed", "key", *paths, *measures, "failure", "wall_s"])
+    writer.writerow(["stage", "row", "seed", "key", *paths, *measures, "failure", "cpu_s"])
     for one in asked:
         values = (one.result.value(name) for name in measures)
         settings = (f"{one.settings[path]:.6g}" for path in paths)
         cells = ("" if value != value else f"{value:.7g}" for value in values)
-        ends = (one.result.failure or "", f"{one.result.wall_s:.1f}")
+        ends = (one.result.failure or "", f"{one.result.record.get('cpu_s', 0.0):.1f}")
         writer.writerow([one.stage, one.row, one.seed, one.result.key, *settings, *cells, *ends])
     return write_whole(file.folder / "runs.csv", text.getvalue().encode())

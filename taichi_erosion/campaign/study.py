@@ -92,6 +92,13 @@ class Plan(Part):
     record: Literal["none", "confirm", "all"] = Field("none", description="runs whose recordings are kept")
 
 
+class Place(Part):
+    """Where the runs are made; what the command line says goes before."""
+
+    workers: int | None = number(None, "1", "local processes; left out: one a core", 1, 10_000)
+    scheduler: str | None = Field(default=None, min_length=1, description="address of a Dask scheduler")
+
+
 class Study(Part):
     """One calibration study."""
 
@@ -100,6 +107,7 @@ class Study(Part):
     parameters: dict[str, Varied] = Field(min_length=SURFACE_FACTORS, max_length=35)
     targets: dict[Name, Target] = Field(min_length=1)
     design: Plan
+    campaign: Place = Place()
 
     @model_validator(mode="after")
     def _fits_together(self) -> "Study":

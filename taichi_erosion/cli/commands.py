@@ -12,7 +12,9 @@ import typer
 
 from taichi_erosion import __version__
 from taichi_erosion.cli import output
+from taichi_erosion.cli.audit import audit
 from taichi_erosion.cli.doe import doe
+from taichi_erosion.cli.live import live
 from taichi_erosion.cli.progress import reporting
 from taichi_erosion.core.errors import BadInput
 
@@ -31,6 +33,8 @@ app = typer.Typer(
 measure = typer.Typer(help="Measure a photograph as a simulation is measured.", no_args_is_help=True)
 app.add_typer(measure, name="measure")
 app.add_typer(doe, name="doe")
+app.command()(audit)
+app.command()(live)
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 RecordingFile = Annotated[

@@ -90,3 +90,11 @@ def next_(study: StudyFile, as_json: AsJson = False) -> None:
         output.print_json(without_rows(document))
     else:
         evidence_output.print_experiments(document)
+
+
+@app.command()
+def report(study: StudyFile, to: PageFile = None) -> None:
+    """One self-contained HTML page of everything that was found about a study."""
+    from taichi_erosion.report.evidence_page import write_report
+
+    typer.echo(str(write_report(study, to)))

@@ -10,7 +10,7 @@ from types import FrameType
 
 import typer
 
-from taichi_erosion.cli import evidence
+from taichi_erosion.cli import effects, evidence
 from taichi_erosion.cli.commands import app
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 
@@ -19,6 +19,7 @@ TRACEBACK_SWITCH = (
 )
 
 app.add_typer(evidence.app)
+app.add_typer(effects.app)
 
 
 class ExitCode(IntEnum):

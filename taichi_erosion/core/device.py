@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import impl, ti
 
+LOCK = "ticache.lock"  # Taichi's own, held while it reads or writes the index of the cache
+LOCK_SECONDS = 30.0  # a lock older than this belongs to nobody
 WITHOUT_DOUBLES = ("vulkan", "metal")  # devices that Taichi compiles for without f64 arithmetic
 
 
@@ -30,6 +33,14 @@ def is_writable(folder: Path) -> bool:
         return False
 
 
+def remove_stale_lock(folder: Path) -> None:
+    """Remove the lock that a killed process left: with it no later run would ever use the cache."""
+    lock = folder / LOCK
+    with contextlib.suppress(OSError):
+        if time.time() - lock.stat().st_mtime > LOCK_SECONDS:
+            lock.unlink()
+
+
 def usable_cores() -> int:
     """Cores that this process may run on; more workers than those would wait for each other in turn."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -46,6 +57,7 @@ def start_device(numerics: Numerics) -> int:
     threads = numerics.threads or usable_cores()
     cache = cache_folder()
     offline = is_writable(cache)
+    remove_stale_lock(cache)
     options: dict[str, Any] = {"offline_cache_file_path": str(cache)} if offline else {}
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
@@ -54,7 +66,7 @@ def start_device(numerics: Numerics) -> int:
             cpu_max_num_threads=threads,
             fast_math=False,
             advanced_optimization=False,
-            log_level=ti.WARN,
+            log_level=ti.ERROR,  # a cache that another process holds is no news to the user
             offline_cache=offline,
             **options,
         )

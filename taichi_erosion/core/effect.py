@@ -93,8 +93,13 @@ class Bound:
 
     acts: tuple[Any, ...]  # ti.func of each effect
     constants: tuple[Any, ...]  # struct field by replica
+    names: tuple[str, ...]  # in the same order
     present: Any  # i32 [replica, effect]: 0 where the replica is without it
     any: bool  # compiled in: with none, nothing of them is in the kernels
+
+    def holds(self, effect: Effect) -> bool:
+        """Whether an effect is compiled into the run."""
+        return effect.name in self.names
 
 
 def read_params(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, float]:
@@ -136,7 +141,18 @@ def bind(place: str, replicas: Sequence[Sequence[Acting]]) -> Bound:
         for r, row in enumerate(rows):
             present[r, k] = int(row is not None)
         tables.append(table)
-    return Bound(tuple(effect.act for effect in effects), tuple(tables), present, bool(effects))
+    names = tuple(effect.name for effect in effects)
+    return Bound(tuple(e.act for e in effects), tuple(tables), names, present, bool(effects))
+
+
+def rebind(bound: Bound, replica: int, effects: Sequence[Acting]) -> None:
+    """Give one replica other constants; all its effects must be held."""
+    given = {one.effect.name: one for one in effects}
+    for k, name in enumerate(bound.names):
+        bound.present[replica, k] = int(name in given)
+        if name in given:
+            values = given[name].constants
+            upload([(getattr(bound.constants[k], key), [value]) for key, value in values.items()], replica)
 
 
 def pair_type() -> Any:

@@ -117,7 +117,9 @@ class Coupling:
     look_steps: int = 10  # time steps of the grains from one look to the next
     surface: float = 0.0  # m, height of the undisturbed bed
     through_flow: float = 0.0  # m s-1, superficial velocity of air that rises through the bed
+    rising: bool = False  # whether air may rise through the bed later on
     seed: int = 0  # of random forces on grains
+    partition: float = 1.0  # friction velocity that reaches the bed over the one that is set [1]
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,19 @@
-"""Letting the air find its steady profile over grains that stand still."""
+"""Letting the air find its steady profile over grains that keep their places and velocities."""
 
 from taichi_erosion.air.column import advance_column
 from taichi_erosion.core.ti import ti
+from taichi_erosion.coupling.look import feel_partition, give_partition, load_air, settle
 
-ROUNDS = 400  # steps of the air; eddies follow the flow by one step each
+ROUNDS = 40  # times that drag rates follow the air
+STEPS = 10  # of the air in a round: its eddies follow the flow by one step each
 LONGEST = 1.0  # step of the air while it develops [s]; implicit, so its length costs nothing
+
+
+@ti.func
+def count_grains(world_out: ti.template(), around_out: ti.template(), r):
+    """Sum up the grains of replica r, layer by layer."""
+    for p in range(world_out.replicas.partitions[r]):
+        give_partition(world_out, around_out, r, p)
 
 
 @ti.kernel
@@ -12,9 +21,21 @@ def develop_air(
     # parameters
     r: ti.i32,
     # out
+    world_out: ti.template(),
     around_out: ti.template(),
 ):
-    """Advance the column of replica r to its steady state, the grains' drag frozen as at the last look."""
+    """Advance the column of replica r to its steady state, and let its grains feel that.
+
+    What air and grains owe each other is put on the books first and stays there: it belongs to the time before.
+    """
     ti.loop_config(serialize=True)
-    for _ in range(ROUNDS):
-        advance_column(around_out.air, r, LONGEST)
+    for turn in range(ROUNDS + 1):
+        if turn > 0:
+            for _ in range(STEPS):
+                advance_column(around_out.air, r, LONGEST)
+            for p in range(world_out.replicas.partitions[r]):
+                feel_partition(world_out, around_out, r, p)
+        count_grains(world_out, around_out, r)
+        if turn == 0:
+            settle(world_out, around_out, r)
+        load_air(world_out, around_out, r)

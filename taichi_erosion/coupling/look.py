@@ -3,11 +3,15 @@
 Between two looks the drag on a grain is held as a rate b towards a velocity (`grains.held`). At a look
 
     1  every layer sums up volume, m b and m b v of its grains, and the momentum P that drag has given them;
-    2  the air advances with the drag  -sum m b (u - v)  taken implicitly, so no rate is too fast for it, and
-       with the correction  (taken - P) / dt:  `taken` is the momentum that it lost by the implicit term in
-       the interval before, P what the grains really got. Over any time, what the air lost is what the
-       grains got plus what is still on the way, to rounding;
-    3  every grain receives the mean velocity of its layers and all other forces.
+    2  P settles part of what is `owed`: momentum that the air has lost and its grains have not yet got;
+    3  the air advances with the drag  -sum m b (u - v)  taken implicitly, so no rate is too fast for it, and
+       gets back what is owed, spread over the step dt. What it then loses is owed anew. Over any time, what
+       the air lost is what the grains got plus what is owed, to rounding;
+    4  every grain receives the mean velocity of its layers and all other forces.
+
+A grain that reaches through several layers takes more from the faster ones: of its momentum p, the layer k
+with velocity u_k and a share s_k of the grain gives  s_k (p + m b dt (u_k - sum s_l u_l)),  all layers p.
+Giving s_k p would drag the air between the grains backwards.
 
 Vertical momentum of a column is carried by the pressure. Where air rises through the bed with the superficial
 velocity W, continuity and the balance of drag and pressure give, layer by layer,
@@ -21,7 +25,7 @@ from taichi_erosion.air.column import advance_column
 from taichi_erosion.air.place import cell_volume
 from taichi_erosion.core.effect import push_of
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.noise import normal
+from taichi_erosion.coupling.noise import normal, uniform
 from taichi_erosion.coupling.slices import layer_range, share_below
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.integrate import SPHERE
@@ -41,11 +45,33 @@ def buffer_row(world: ti.template(), r, p):
 
 
 @ti.func
-def give(around_out: ti.template(), row, k, share, grain, held):
-    """Add the share of one grain to layer k; `grain` is (volume, mass, velocity), `held` (rate, change)."""
-    (layers_out,) = ti.static((around_out.layers,))
-    volume, mass, velocity = grain
-    rate, dragged = held
+def look_interval(world: ti.template(), around: ti.template(), r):
+    """Time from one look to the next [s]."""
+    return ti.cast(world.replicas.time_step[r], real) * around.exchange.look_steps[r]
+
+
+@ti.func
+def wind_of(air: ti.template(), r, k):
+    """Velocity of layer k [m s-1]."""
+    return ti.Vector([air.velocity_x[r, 0, 0, k], air.velocity_y[r, 0, 0, k], real(0.0)])
+
+
+@ti.func
+def mean_wind(air: ti.template(), r, height, radius):
+    """Mean velocity of the air over the volume of a sphere [m s-1]."""
+    first, last = layer_range(air, r, height, radius)
+    mean, below = ti.Vector([real(0.0), real(0.0), real(0.0)]), real(0.0)
+    for k in range(first, last + 1):
+        above = ti.select(k == last, real(1.0), share_below(air, r, height, radius, k + 1))
+        mean += (above - below) * wind_of(air, r, k)
+        below = above
+    return mean
+
+
+@ti.func
+def give(layers_out: ti.template(), row, k, share, grain, dragged):
+    """Add the share of one grain, (volume, mass, rate, velocity), and what it got from layer k."""
+    volume, mass, rate, velocity = grain
     part = share * mass
     layers_out.volume[row, k] = layers_out.volume[row, k] + share * volume
     layers_out.rate[row, k] = layers_out.rate[row, k] + part * rate
@@ -57,17 +83,20 @@ def give(around_out: ti.template(), row, k, share, grain, held):
 @ti.func
 def give_grain(world_out: ti.template(), around_out: ti.template(), r, row, i):
     """Hand what the grain at place i holds to its layers."""
-    grains, held_out = ti.static((world_out.grains, world_out.held))
+    grains, held_out, air = ti.static((world_out.grains, world_out.held, around_out.air))
     radius = ti.cast(grains.radius[i], real)
-    mass = 1.0 / ti.cast(grains.mass_inverse[i], real)
     height = position_of(grains, world_out.replicas, r, i)[2]
-    first, last = layer_range(around_out.air, r, height, radius)
-    grain = (SPHERE_VOLUME * radius**3, mass, ti.cast(grains.velocity[i], real))
-    held = (ti.cast(held_out.drift_rate[i], real), ti.cast(held_out.dragged[i], real))
+    mass, velocity = 1.0 / ti.cast(grains.mass_inverse[i], real), ti.cast(grains.velocity[i], real)
+    rate, dragged = ti.cast(held_out.drift_rate[i], real), ti.cast(held_out.dragged[i], real)
+    kick = rate * look_interval(world_out, around_out, r)
+    grain = (SPHERE_VOLUME * radius**3, mass, rate, velocity)
+    mean = mean_wind(air, r, height, radius)
+    first, last = layer_range(air, r, height, radius)
     below = real(0.0)
     for k in range(first, last + 1):
-        above = ti.select(k == last, real(1.0), share_below(around_out.air, r, height, radius, k + 1))
-        give(around_out, row, k, above - below, grain, held)
+        above = ti.select(k == last, real(1.0), share_below(air, r, height, radius, k + 1))
+        got = dragged + kick * (wind_of(air, r, k) - mean)
+        give(around_out.layers, row, k, above - below, grain, got)
         below = above
     held_out.dragged[i] = 0.0 * held_out.dragged[i]
 
@@ -91,34 +120,47 @@ def give_partition(world_out: ti.template(), around_out: ti.template(), r, p):
 
 @ti.func
 def collect_layer(world: ti.template(), around: ti.template(), r, k):
-    """Volume, rate, pull, momentum given and vertical flow of all grains in layer k."""
+    """Volume, rate, pull and vertical flow of all grains in layer k."""
     (layers,) = ti.static((around.layers,))
     row = buffer_row(world, r, 0)
     volume, rate, flow = layers.volume[row, k], layers.rate[row, k], layers.flow[row, k]
-    pull, given = layers.pull[row, k], layers.given[row, k]
+    pull = layers.pull[row, k]
     for p in range(1, world.replicas.partitions[r]):
         row = buffer_row(world, r, p)
         volume += layers.volume[row, k]
         rate += layers.rate[row, k]
         flow += layers.flow[row, k]
         pull += layers.pull[row, k]
-        given += layers.given[row, k]
-    return volume, rate, pull, given, flow
+    return volume, rate, pull, flow
 
 
 @ti.func
-def load_air(world: ti.template(), around_out: ti.template(), r, interval):
-    """Write void fraction and exchange of every layer for the coming step of the air."""
+def along_layer(momentum):
+    """The horizontal part: vertical momentum is the pressure's."""
+    return ti.Vector([momentum[0], momentum[1], real(0.0)])
+
+
+@ti.func
+def settle(world: ti.template(), around_out: ti.template(), r):
+    """Take what the grains have got off what is owed to them."""
+    layers, exchange_out = ti.static((around_out.layers, around_out.exchange))
+    for k in range(around_out.air.cells[2]):
+        for p in range(world.replicas.partitions[r]):
+            given = layers.given[buffer_row(world, r, p), k]
+            exchange_out.owed[r, k] = exchange_out.owed[r, k] - along_layer(given)
+
+
+@ti.func
+def load_air(world: ti.template(), around_out: ti.template(), r):
+    """Write void fraction and exchange of every layer for the coming steps of the air."""
     air_out, exchange_out = ti.static((around_out.air, around_out.exchange))
     for k in range(air_out.cells[2]):
-        volume, rate, pull, given, flow = collect_layer(world, around_out, r, k)
+        volume, rate, pull, flow = collect_layer(world, around_out, r, k)
         cell = cell_volume(air_out, r, k)
         void = ti.max(1.0 - volume / cell, VOID_LEAST)
-        correction = (exchange_out.taken[r, k] - given) / interval
         air_out.void_fraction[r, 0, 0, k] = void
         air_out.exchange_coefficient[r, 0, 0, k] = rate / cell
-        air_out.exchange_force[r, 0, 0, k] = (pull + correction) / cell
-        exchange_out.taken[r, k] = pull
+        air_out.exchange_force[r, 0, 0, k] = pull / cell
         if ti.static(around_out.rising):
             rise = (exchange_out.through_flow[r] - flow / cell) / void
             exchange_out.rise[r, k] = rise
@@ -126,24 +168,26 @@ def load_air(world: ti.template(), around_out: ti.template(), r, interval):
 
 
 @ti.func
-def book_air(around_out: ti.template(), r, interval):
-    """Note the momentum that each layer has just lost to its grains by the implicit drag."""
-    air, exchange_out = ti.static((around_out.air, around_out.exchange))
-    for k in range(air.cells[2]):
-        rate = air.exchange_coefficient[r, 0, 0, k] * cell_volume(air, r, k)
-        velocity = ti.Vector([air.velocity_x[r, 0, 0, k], air.velocity_y[r, 0, 0, k], real(0.0)])
-        lost = (rate * velocity - exchange_out.taken[r, k]) * interval
-        exchange_out.taken[r, k] = ti.Vector([lost[0], lost[1], real(0.0)])
+def drag_on_air(air: ti.template(), r, k):
+    """Force of the grains on a layer of air [N m-3]."""
+    force = along_layer(air.exchange_force[r, 0, 0, k])
+    return force - air.exchange_coefficient[r, 0, 0, k] * wind_of(air, r, k)
 
 
 @ti.func
 def advance_air(world: ti.template(), around_out: ti.template(), r):
     """Let the air of replica r move on until the next look."""
-    steps = around_out.exchange.look_steps[r]
-    interval = ti.cast(world.replicas.time_step[r], real) * steps
-    load_air(world, around_out, r, interval)
-    advance_column(around_out.air, r, interval)
-    book_air(around_out, r, interval)
+    air_out, exchange_out = ti.static((around_out.air, around_out.exchange))
+    interval = look_interval(world, around_out, r)
+    settle(world, around_out, r)
+    load_air(world, around_out, r)
+    for k in range(air_out.cells[2]):
+        back = exchange_out.owed[r, k] / (interval * cell_volume(air_out, r, k))
+        air_out.exchange_force[r, 0, 0, k] = air_out.exchange_force[r, 0, 0, k] + back
+    advance_column(air_out, r, interval)
+    for k in range(air_out.cells[2]):
+        gained = drag_on_air(air_out, r, k) * (interval * cell_volume(air_out, r, k))
+        exchange_out.owed[r, k] = exchange_out.owed[r, k] - gained
 
 
 @ti.func
@@ -205,6 +249,8 @@ def feel_effects(world_out: ti.template(), around: ti.template(), r, i, open_sha
         height=position[2] - ti.cast(around.exchange.surface[r], float),
         noise=normal(around.exchange.seed[r], grains.ident[i], replicas.step[r]),
         interval=replicas.time_step[r] * around.exchange.look_steps[r],
+        time=replicas.time_step[r] * replicas.step[r],
+        chance=ti.cast(uniform(around.exchange.seed[r], 0, 0)[0], float),
     )
     if ti.static(around.windy):
         grain.air_density = ti.cast(around.air.numbers.density[r], float)

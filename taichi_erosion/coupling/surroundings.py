@@ -35,7 +35,7 @@ class Exchange:
     seed: Any  # i32, of random numbers
     surface: Any  # height of the undisturbed bed [m]
     through_flow: Any  # superficial velocity of air that rises through the bed [m s-1]
-    taken: Any  # vec3 (replica, layer), momentum that grains took from the air at the last look [N s]
+    owed: Any  # vec3 (replica, layer), momentum that the air has lost and its grains have not yet got [N s]
     rise: Any  # (replica, layer), vertical velocity of the air between the grains [m s-1]
     lift: Any  # (replica, layer), pressure gradient that carries grains, upwards [Pa m-1]
 
@@ -67,7 +67,7 @@ def allocate_exchange(replicas: int, layers: int) -> Exchange:
     table: dict[str, Any] = {name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "seed")}
     table |= {name: ti.field(real, shape=replicas) for name in ("surface", "through_flow")}
     table |= {name: ti.field(real, shape=(replicas, layers)) for name in ("rise", "lift")}
-    table["taken"] = ti.Vector.field(3, real, shape=(replicas, layers))
+    table["owed"] = ti.Vector.field(3, real, shape=(replicas, layers))
     return Exchange(**table)
 
 
@@ -87,7 +87,7 @@ def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundin
     )
     return Surroundings(
         windy=bool(airs),
-        rising=any(look.through_flow != 0.0 for look in looks),
+        rising=any(look.rising or look.through_flow != 0.0 for look in looks),
         air=allocate_air(airs) if airs else None,
         layers=allocate_layers(len(setups), partitions, layers),
         exchange=exchange,

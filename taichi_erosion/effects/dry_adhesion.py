@@ -8,7 +8,7 @@ Smooth spheres with a surface energy of 0.05 J m-2 would stick with 400 times th
 asperities keep them apart, and the measured rise of thresholds below 0.15 mm gives beta = 1.5e-4 N m-1
 instead, about the weight of such a grain. The short range keeps the force continuous; it stores an energy
 of F range R* / 2 in every contact, which must be small beside that of an impact. Strength multiplies the
-force.
+force. Holds for quartz in dry air.
 
 Reference: Shao & Lu (2000), J. Geophys. Res. 105, 22437 (cohesion proportional to d); Kok & Renno (2009),
 J. Geophys. Res. 114, D17204 (beta).
@@ -71,4 +71,5 @@ EFFECT = Effect(
     checks=checks,
     constants=constants,
     reach=reach,
+    expected={"repose_angle": 1, "threshold_u_star": 1},
 )

@@ -6,7 +6,7 @@
     R   = 2 R_i R_j / (R_i + R_j), of a wall 2 R_i                   [m]
     V   = 2 (w - w_a) (rho_s / rho_w) (4/3) pi R_m^3 / N             water of one bridge [m3]
     R_m = (R_i + R_j) / 2, of a wall R_i                             [m]
-    w_a = w_0 + (14 c^2 + 17 c) / 100                                adsorbed water, c clay by mass [kg kg-1]
+    w_a = w_0 + 0.14 c^2 + 0.17 c                                   adsorbed water, c clay by mass [kg kg-1]
 
 with gamma the surface tension [N m-1], theta the contact angle [rad], s the gap [m] (an overlap counts as
 touch), w the gravimetric moisture [kg kg-1], w_a the part adsorbed in films (w_0) and on clay, which forms
@@ -21,7 +21,7 @@ force. Holds for necks of V < 0.05 R^3.
 
 Reference: Willett, Adams, Johnson & Seville (2000), Langmuir 16, 9396, short form for equal spheres; Lian,
 Thornton & Adams (1993), J. Colloid Interface Sci. 161, 138 (rupture); Halsey & Levine (1998), Phys. Rev.
-Lett. 80, 3141 (roughness).
+Lett. 80, 3141 (roughness); Fecan, Marticorena & Bergametti (1999), Ann. Geophys. 17, 149 (adsorbed water).
 """
 
 from collections.abc import Iterator, Mapping
@@ -38,6 +38,8 @@ from taichi_erosion.core.ti import ti
 
 WATER_DENSITY = 998.0  # at 20 C [kg m-3]
 FALL_LINEAR = 1.05  # Willett et al. (2000), eq. (12) [1]
+CLAY_LINEAR = 0.17  # Fecan et al. (1999), whose percentages are fractions here [1]
+CLAY_SQUARE = 0.14  # likewise [1]
 FALL_SQUARE = 2.5  # Willett et al. (2000), eq. (12) [1]
 
 
@@ -51,9 +53,15 @@ class Params:
     grain_density: float = quantity(2650.0, "kg m-3", "of the solid", low=500.0, high=8000.0)
 
 
+def held_by_clay(clay: Any) -> Any:
+    """Moisture that clay adsorbs [kg kg-1], from its mass fraction [1]; Fecan et al. (1999), eq. (14)."""
+    return CLAY_SQUARE * np.square(clay) + CLAY_LINEAR * np.asarray(clay)
+
+
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
     """Numbers of one replica; without water in necks all of them vanish."""
-    free = max(conditions.get("moisture", 0.0) - params.adsorbed, 0.0)
+    held = params.adsorbed + float(held_by_clay(conditions.get("clay_fraction", 0.0)))
+    free = max(conditions.get("moisture", 0.0) - held, 0.0)
     smooth = 2.0 * pi * params.surface_tension * cos(params.contact_angle)
     volume = 2.0 * free * params.grain_density / WATER_DENSITY * (4.0 / 3.0) * pi / params.bridges
     return {
@@ -85,8 +93,9 @@ def reach(constants: Constants, radius: float) -> float:
 
 
 def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
-    """Dry grains have no bridges."""
-    return np.asarray(conditions.get("moisture", 0.0)) > 0.0
+    """Dry grains have no bridges, nor have those whose clay holds all water."""
+    free = np.asarray(conditions.get("moisture", 0.0)) - held_by_clay(conditions.get("clay_fraction", 0.0))
+    return free > 0.0
 
 
 def checks(probe: Probe) -> Iterator[Check]:
@@ -97,10 +106,10 @@ def checks(probe: Probe) -> Iterator[Check]:
     rupture = (1.0 + pi / 6.0) * volume ** (1.0 / 3.0)
     unit = (volume / radius) ** 0.5  # gap where S = 1
 
-    def force(gap: float, moisture: float = 0.015, radius_j: float = radius, met: float = 1.0) -> float:
+    def force(gap: float, radius_j: float = radius, met: float = 1.0, **conditions: float) -> float:
         effective = radius if radius_j == 0.0 else radius * radius_j / (radius + radius_j)
         members = {"gap": gap, "radius_i": radius, "radius_j": radius_j, "met": met}
-        return probe(water, {"moisture": moisture}, radius_effective=effective, **members)
+        return probe(water, {"moisture": 0.015} | conditions, radius_effective=effective, **members)
 
     yield Check("touching equal grains pull with f 2 pi R gamma cos(theta)", force(0.0), touching)
     yield Check("overlap does not change the pull", force(-1e-7), touching)
@@ -110,6 +119,9 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a ruptured neck pulls no more", force(1.001 * rupture), 0.0)
     yield Check("grains that never met have no neck", force(0.1 * unit, met=0.0), 0.0)
     yield Check("adsorbed water forms no neck", force(0.0, moisture=0.005), 0.0)
+    # 10 % clay holds 0.0184 kg/kg more, as if it were drier by that
+    clayey = force(0.1 * unit, moisture=0.0334, clay_fraction=0.1)
+    yield Check("clay holds its share of the water", clayey, touching / 1.13)
     yield Check("a wall pulls twice as hard as an equal grain", force(0.0, radius_j=0.0), 2.0 * touching)
 
 
@@ -123,6 +135,7 @@ EFFECT = Effect(
     checks=checks,
     constants=constants,
     reach=reach,
-    reads=("moisture",),
+    reads=("moisture", "clay_fraction"),
     can_act=can_act,
+    expected={"repose_angle": 1, "threshold_u_star": 1, "flux": -1},
 )

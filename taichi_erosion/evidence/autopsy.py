@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_erosion.evidence.calibrate import fit_base
-from taichi_erosion.evidence.evidence import Expansion, expand, score
+from taichi_erosion.evidence.calibrate import Fit, fit_base
+from taichi_erosion.evidence.evidence import expand, score
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.held_out import HeldOut, held_out
 from taichi_erosion.evidence.misfit import misfit_p, residuals_of
@@ -59,7 +59,7 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
     powers = [power(signature.norm, seen.threshold) for signature in found.signatures]
     decision = decide(believed, judged, seen.p, p_misfit, powers)
     gains = {item.names[0]: held_out(exam, expansion, item.scored.expansion) for item in usable(judged)}
-    stability, decision = settled(exam, base, found, rough, judged, decision)
+    stability, decision = settled(exam, base, found, rough, judged, family, decision)
     names = best_hypothesis(believed, judged, decision)
     final = next((item for item in judged if item.names == names), base)
     return Autopsy(
@@ -85,6 +85,7 @@ def settled(
     found: Screen,
     rough: Significance,
     judged: list[Judged],
+    family: list[Kernel],
     decision: Decision,
 ) -> tuple[float, Decision]:
     """Share of the two halves of the judging seeds that agree on the name, and the verdict after that.
@@ -101,22 +102,25 @@ def settled(
             seeds=replace(exam.seeds, judging=seeds),
             variance=exam.rows.variance + exam.seed_variance / seeds.size,
         )
-        halves = [replace(item, scored=score(part, rejudged(part, item.scored.expansion))) for item in judged]
-        first = replace(base, scored=score(part, rejudged(part, base.scored.expansion)))
-        believed = posterior(part, hypotheses(part, first, found, rough, halves))
+        halves = [rejudged(part, item, family) for item in judged]
+        believed = posterior(part, hypotheses(part, rejudged(part, base, family), found, rough, halves))
         top = max(believed.probability, key=lambda key: believed.probability[key])
         agree += bool(accepted & set(top.split("+")))
         against += top != label(()) and not accepted & set(top.split("+")) and believed.probability[top] > 0.5
     return agree / 2.0, replace(decision, verdict="unstable") if against else decision
 
 
-def rejudged(exam: Examination, expansion: Expansion) -> Expansion:
-    """The same expansion judged with other seeds, out of runs that were made already."""
-    whole = exam.predictor.seen
-    fit = expansion.fit
-    for (x, acting, seeds), values in whole.items():
+def rejudged(exam: Examination, item: Judged, family: list[Kernel]) -> Judged:
+    """The same hypothesis weighed with other judging seeds, out of runs that were made already."""
+    expansion = replace(item.scored.expansion, mean=part_mean(exam, item.scored.expansion.fit))
+    return replace(item, scored=score(exam, expansion), gain=discrepancy_gain(exam, expansion, family))
+
+
+def part_mean(exam: Examination, fit: Fit) -> Floats:
+    """Mean over some of the judging seeds."""
+    for (x, acting, seeds), values in exam.predictor.seen.items():
+        drawn = np.frombuffer(seeds, dtype=np.int64)
         same = x == fit.x.tobytes() and dict(acting) == fit.acting()
-        if same and np.isin(exam.seeds.judging, np.frombuffer(seeds, dtype=np.int64)).all():
-            picked = np.isin(np.frombuffer(seeds, dtype=np.int64), exam.seeds.judging)
-            return replace(expansion, mean=seed_mean(values[picked]))
-    return replace(expansion, mean=exam.predictor.mean(fit.x, fit.acting(), exam.seeds.judging))
+        if same and np.isin(exam.seeds.judging, drawn).all():
+            return seed_mean(values[np.isin(drawn, exam.seeds.judging)])
+    return exam.predictor.mean(fit.x, fit.acting(), exam.seeds.judging)

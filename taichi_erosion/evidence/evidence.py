@@ -23,7 +23,7 @@ from taichi_erosion.evidence.problem import Floats
 GRID = 33  # strengths at which a single effect is integrated
 PAIR_GRID = 13  # per effect of a pair
 WIDTH = 4.0  # posterior sd that the fine part of the grid spans to either side
-PROMISE = 1.0  # misfit by which an expansion may undercut the fit that it starts from [1]
+PROMISE, PROMISE_NOISY = 0.5, 2.0  # misfit by which an expansion may undercut the fit that it starts from [1]
 NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best strength
 
 
@@ -173,62 +173,72 @@ def columns_of(exam: Examination, expansion: Expansion) -> Columns:
     return Columns(change.reshape(-1, expansion.mean.size).T, start.T, prior.ravel(), penalty.ravel(), centre)
 
 
-def scaled_sd(exam: Examination, factor: float) -> Floats:
-    """sd of judged residuals if the laboratory's is wrong by a factor."""
-    simulated = exam.variance - exam.rows.variance
-    return np.sqrt(factor**2 * exam.rows.variance + simulated)
-
-
 def surface(exam: Examination, expansion: Expansion, columns: Columns, factor: float) -> Surface:
-    """Evidence along all strengths at one noise factor."""
-    sd = scaled_sd(exam, factor)
+    """Evidence along all strengths at one noise factor, where slopes may not promise more than refits found."""
+    sd = factor * exam.sd
     residual = ((exam.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
     jacobian, shared = expansion.jacobian / sd[:, np.newaxis], exam.rows.shared / sd[:, np.newaxis]
+    if exam.rows.censored.any():
+        pieces = [
+            censored_sums(exam, jacobian, shared, column, columns.x[:, [index]])
+            for index, column in enumerate(residual.T)
+        ]
+    else:
+        pieces = [sums(exam, projection(jacobian, shared), residual, columns.x)]
+    misfit = np.concatenate([piece.misfit for piece in pieces])
+    occam = np.concatenate([piece.occam for piece in pieces])
+    start = started(exam, residual[:, columns.centre], shared, columns.x[:, columns.centre])
+    promise = PROMISE_NOISY if exam.noisy else PROMISE
+    floor = start + columns.penalty[columns.centre] - promise
+    misfit = np.maximum(misfit + columns.penalty, floor) - columns.penalty
     level = -float(np.sum(np.log(sd[~exam.rows.censored])))
-    if not exam.rows.censored.any():
-        return summed(exam, projection(jacobian, shared), residual, columns, level)
-    pieces = []
-    for index, column in enumerate(residual.T):
-        work = working(column, exam.rows.censored)
-        part = projection(jacobian * work.weight[:, np.newaxis], shared * work.weight[:, np.newaxis])
-        only = Columns(
-            columns.change[:, [index]], columns.x[:, [index]], columns.log_prior[[index]], np.zeros(1), 0
-        )
-        above = work.deviance - float(work.residual @ work.residual)
-        pieces.append(summed(exam, part, work.residual[:, np.newaxis], only, level - 0.5 * above))
-    value = np.concatenate([piece.log_likelihood for piece in pieces])
     position = np.hstack([piece.position for piece in pieces])
-    return Surface(value, position, pieces[int(np.argmax(value))].covariance)
+    best = int(np.argmin(misfit)) if len(pieces) > 1 else 0
+    return Surface(level - 0.5 * misfit + occam, position, pieces[best].covariance)
 
 
-def summed(exam: Examination, part: Projection, residual: Floats, columns: Columns, level: float) -> Surface:
+@dataclass(frozen=True)
+class Sums:
+    """Least squares over columns of residuals."""
+
+    misfit: Floats  # (columns,)
+    occam: Floats  # (columns,), -1/2 ln |A| + ln box
+    position: Floats  # (p, columns)
+    covariance: Floats  # (p, p)
+
+
+def sums(exam: Examination, part: Projection, residual: Floats, x: Floats) -> Sums:
     """Closed form for rows that are all ordinary."""
     count, shared = len(exam.axes), part.triangle.shape[0] - len(exam.axes)
-    stacked = np.vstack([residual, -columns.x, np.zeros((shared, residual.shape[1]))])
+    stacked = np.vstack([residual, -x, np.zeros((shared, residual.shape[1]))])
     free = part.free(stacked)
-    misfit = believable(np.einsum("ij,ij->j", free, free), columns)
     covariance = part.covariance()[:count, :count]
     change = np.asarray(part.solve(stacked))[:count] if part.triangle.size else np.zeros((0, residual.shape[1]))
-    value = level - 0.5 * misfit - 0.5 * part.log_determinant
+    occam = np.full(residual.shape[1], -0.5 * part.log_determinant)
     if count:
-        value = value + log_box(
-            exam.low[:, np.newaxis] - columns.x,
-            exam.high[:, np.newaxis] - columns.x,
-            change,
-            np.sqrt(np.diag(covariance))[:, np.newaxis],
-        )
-    return Surface(value, columns.x + change, covariance)
+        low, high = exam.low[:, np.newaxis] - x, exam.high[:, np.newaxis] - x
+        occam = occam + log_box(low, high, change, np.sqrt(np.diag(covariance))[:, np.newaxis])
+    return Sums(np.einsum("ij,ij->j", free, free), occam, x + change, covariance)
 
 
-def believable(misfit: Floats, columns: Columns) -> Floats:
-    """Misfit that does not fall far below the one reached in the model itself, where the expansion starts.
+def censored_sums(exam: Examination, jacobian: Floats, shared: Floats, residual: Floats, x: Floats) -> Sums:
+    """One column with censored rows, in its own working weights."""
+    work = working(residual, exam.rows.censored)
+    weight = work.weight[:, np.newaxis]
+    found = sums(exam, projection(jacobian * weight, shared * weight), work.residual[:, np.newaxis], x)
+    above = work.deviance - float(work.residual @ work.residual)
+    return Sums(found.misfit + above, found.occam, found.position, found.covariance)
 
-    A refit has found the least misfit + penalty; slopes that promise much less elsewhere are not to be believed.
-    """
-    if misfit.size == 1:
-        return misfit
-    total = misfit + columns.penalty
-    return np.maximum(total, total[columns.centre] - PROMISE) - columns.penalty
+
+def started(exam: Examination, residual: Floats, shared: Floats, x: Floats) -> float:
+    """Misfit where the expansion starts: reached in the model itself, only shared errors at their best."""
+    work = working(residual, exam.rows.censored)
+    gain = 0.0
+    if shared.shape[1]:
+        columns = shared * work.weight[:, np.newaxis]
+        pull = columns.T @ work.residual
+        gain = float(pull @ np.linalg.solve(columns.T @ columns + np.eye(pull.size), pull))
+    return work.deviance - gain + float(x @ x)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ def separations(exam: Examination, found: Screen, strengths: Mapping[str, float]
 
     For straight paths this is |g_a| sin phi_ab; an effect and its opposite are no twins, strengths being >= 0.
     """
-    acting = [s for s in found.signatures if s.norm > 0.0]
+    acting = [s for s in found.signatures if s.resolved]
     names = [s.name for s in acting]
     distance = np.zeros((len(acting), len(acting)))
     for i, first in enumerate(acting):

@@ -9,7 +9,9 @@ from scipy import special, stats
 from taichi_erosion.evidence.algebra import log_sum_exp
 from taichi_erosion.evidence.problem import Floats
 
-PRIOR_FREEDOM = 4.0  # weight of a stated sd, in repeats, against the scatter between repeated rows
+RIGHT_SHARE = 0.8  # of stated sd that are right [1]
+RIGHT_SD = 0.05  # of ln(true / stated sd) where it is right
+WRONG_MEAN, WRONG_SD = 0.2, 0.4  # of ln(true / stated sd) where it is not
 LEAST_FREEDOM = 3  # degrees of freedom from which repeats alone are believed
 TREND_ROWS = 8  # rows from which a trend of the scatter with the value is looked for
 TREND_P = 0.01  # significance that such a trend must have
@@ -111,16 +113,28 @@ def between_repeats(scaled: Floats, variance: Floats, repeats: Floats, cell: Flo
 
 
 def checked(variance: Floats, squares: float, between: int, freedom: float) -> Scatter:
-    """Stated variances, scaled by what repeated rows say of them.
-
-    f^2 = (nu_0 + SS_pe) / (nu_0 + nu_pe),    SS_pe ~ chi^2(nu_pe) if the statement is right
-    """
+    """Stated variances, scaled by what repeated rows say of them; SS_pe ~ chi^2(nu) if the statement is right."""
     if between == 0:
         return Scatter(variance, freedom, np.nan, np.nan)
     factor = sqrt(squares / between)
     tail = float(stats.chi2.sf(squares, between))
-    scale = (PRIOR_FREEDOM + squares) / (PRIOR_FREEDOM + between)
+    scale = likely_factor(squares, between) ** 2
     return Scatter(variance * scale, freedom + between, factor, min(1.0, 2.0 * min(tail, 1.0 - tail)))
+
+
+def likely_factor(squares: float, between: int) -> float:
+    """True over stated sd, given the scatter between repeated rows: exp E[ln f].
+
+    Most statements are right to a few percent, some are wrong by a factor (an instrument's error given for the
+    scatter of samples, a standard error for an sd); the mixture keeps eight repeats from overruling a
+    good statement by their own chance, and lets them overrule a bad one.
+    """
+    grid = np.linspace(-1.2, 1.6, 281)  # ln f
+    right = log(RIGHT_SHARE / RIGHT_SD) - 0.5 * (grid / RIGHT_SD) ** 2
+    wrong = log((1.0 - RIGHT_SHARE) / WRONG_SD) - 0.5 * ((grid - WRONG_MEAN) / WRONG_SD) ** 2
+    weight = np.logaddexp(right, wrong) - between * grid - 0.5 * squares * np.exp(-2.0 * grid)
+    weight = np.exp(weight - weight.max())
+    return float(np.exp(np.sum(weight * grid) / weight.sum()))
 
 
 @dataclass(frozen=True)

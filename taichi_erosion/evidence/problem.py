@@ -1,7 +1,7 @@
 """What an evidence study is made of: measurements, a model, what may be calibrated, what may be missing.
 
 The statistics see nothing else. What they find stands in `findings.py`; the ways to ask are
-`compare.compare`, `discover.discover`, `adopt.adopt` and `experiments_next.next_experiments`.
+`compare.compare`, `discover.discover`, `adopt.adopt` and `propose.propose`.
 """
 
 from collections.abc import Callable, Mapping
@@ -115,6 +115,15 @@ class Budget:
 
     name: Literal["quick", "full"] = "full"
     runs: int = 2000
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """What could be measured next."""
+
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of each condition; else as measured
+    costs: Mapping[str, float] = field(default_factory=dict)  # of one measurement, by observable; else 1
+    repeats: int = 3  # of one measurement
 
 
 @dataclass(frozen=True)

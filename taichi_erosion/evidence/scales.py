@@ -81,6 +81,19 @@ def axis_value(axis: Axis, x: float) -> float:
     return axis.start * exp(axis.scale * x) if axis.logarithmic else axis.start + axis.scale * x
 
 
+def axis_position(axis: Axis, value: float) -> float:
+    """Position on the axis of a number."""
+    if axis.logarithmic:
+        return log(value / axis.start) / axis.scale
+    return (value - axis.start) / axis.scale
+
+
+def position_of(axes: tuple[Axis, ...], parameters: Mapping[str, float], effects: Mapping[str, float]) -> Floats:
+    """Joint position of named parameters and adopted effects."""
+    values = {**parameters, **{f"{EFFECTS}{name}{STRENGTH}": value for name, value in effects.items()}}
+    return np.array([axis_position(axis, values[axis.name]) for axis in axes])
+
+
 def split_setting(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], dict[str, float]]:
     """Parameters by path and adopted effects by name."""
     parameters, effects = {}, {}

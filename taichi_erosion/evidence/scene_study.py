@@ -11,7 +11,7 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.problem import Bools, Candidate, Conditions, Measurements
-from taichi_erosion.evidence.simulator import Answer, Simulator, mask_of, read_scene_once
+from taichi_erosion.evidence.simulator import Answer, Simulator, mask_of, read_scene_once, stated_conditions
 from taichi_erosion.evidence.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.scene import scene_hash
 
@@ -63,29 +63,32 @@ def identity_of(simulator: Simulator) -> str:
     return ", ".join(f"{scene.name} {scene_hash(read_scene_once(scene, ()))}" for scene in scenes)
 
 
-def library_candidates(file: StudyFile, library: Mapping[str, Effect], name: str) -> list[Candidate]:
+def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list[Candidate]:
     """Effects of the library that a study tries, with what the library and the study say about them."""
-    said = file.candidates
+    said, library = file.candidates, simulator.library
     names = list(library) if said.effects == (ALL,) else list(said.effects or said.tables)
     for effect in (*names, *said.tables, *file.adopted):
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
     return [
-        library_candidate(library[effect], said.tables.get(effect, CandidateEntry()), file.conditions)
+        library_candidate(simulator, effect, said.tables.get(effect, CandidateEntry()), file.conditions)
         for effect in dict.fromkeys(names)
         if effect not in file.adopted
     ]
 
 
 def library_candidate(
-    effect: Effect, entry: CandidateEntry | AdoptedEntry, columns: Mapping[str, str]
+    simulator: Simulator, name: str, entry: CandidateEntry | AdoptedEntry, columns: Mapping[str, str]
 ) -> Candidate:
     """One effect; the study's word goes before the library's."""
-    known = Candidate(effect.name, effect.prior_scale, effect.most, partial(acts, effect, dict(columns)))
+    effect = simulator.library[name]
+    known = Candidate(name, effect.prior_scale, effect.most, partial(acts, simulator, effect, dict(columns)))
     words = {"prior_scale": entry.prior_scale, "maximum": entry.max}
     return replace(known, **{word: said for word, said in words.items() if said is not None})
 
 
-def acts(effect: Effect, columns: Mapping[str, str], conditions: Conditions) -> Bools:
-    """Rows of a table in which an effect can act."""
-    return mask_of(effect, {columns[name]: column for name, column in conditions.items()})
+def acts(simulator: Simulator, effect: Effect, columns: Mapping[str, str], conditions: Conditions) -> Bools:
+    """Rows of a table in which an effect can act in some scene of the study."""
+    spoken = {columns[name]: column for name, column in conditions.items()}
+    scenes = {answer.scene for answer in simulator.answers.values()}
+    return np.any([mask_of(effect, spoken, stated_conditions(scene)) for scene in scenes], axis=0)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.evidence.algebra import log_sum_exp, projection, stack, stack_signature, working
-from taichi_erosion.evidence.evidence import Expansion, log_prior, scaled_sd, smooth_path
+from taichi_erosion.evidence.evidence import Expansion, log_prior, smooth_path
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.predictor import seed_mean
 from taichi_erosion.evidence.problem import Candidate, Floats
@@ -17,6 +17,7 @@ from taichi_erosion.evidence.problem import Candidate, Floats
 STEPS = (0.25, 0.5, 1.0, 2.0)  # strengths of a path, in units of the expected one
 QUICK_STEPS = (0.5, 1.0)
 GRID = 13  # strengths at which a candidate is compared with the residual
+UNRESOLVED = 0.7  # share of noise from which a signature is not used at all
 NOISE_LIMIT = 0.1  # share of a signature's energy that replicate noise may make up
 
 
@@ -34,6 +35,11 @@ class Signature:
     noise: float  # share of the free energy that is replicate noise
     failed: int  # strengths at which the model failed
 
+    @property
+    def resolved(self) -> bool:
+        """Whether there is a signature, and more of it than replicate noise."""
+        return self.norm > 0.0 and self.noise < UNRESOLVED
+
 
 @dataclass(frozen=True)
 class Screen:
@@ -44,6 +50,10 @@ class Screen:
     signatures: tuple[Signature, ...]
     seed_correlation: Floats  # (n,), between paired runs; NaN without noise
     basis: Floats
+
+    def signature(self, name: str) -> Signature:
+        """Signature of one candidate."""
+        return next(signature for signature in self.signatures if signature.name == name)
 
 
 def expected_strength(candidate: Candidate) -> float:
@@ -149,7 +159,3 @@ def log_bayes(signature_: Signature, residuals: Floats) -> Floats:
     fall = 2.0 * signature_.free @ residuals - np.einsum("ij,ij->i", signature_.free, signature_.free)[:, np.newaxis]
     return log_sum_exp(0.5 * fall + signature_.log_prior[:, np.newaxis], axis=0)
 
-
-def noise_scale(exam: Examination, factor: Floats) -> Floats:
-    """Typical ratio of a residual's sd to the assumed one, for every noise factor."""
-    return np.array([float(np.median(scaled_sd(exam, float(f)) / exam.sd)) for f in factor])

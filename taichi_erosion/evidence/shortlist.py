@@ -6,13 +6,15 @@ from itertools import combinations
 import numpy as np
 
 from taichi_erosion.evidence.algebra import log_sum_exp
-from taichi_erosion.evidence.calibrate import Fit, fit
+from taichi_erosion.evidence.calibrate import GOOD_ENOUGH, Fit, fit
 from taichi_erosion.evidence.evidence import Scored, expand, score
 from taichi_erosion.evidence.examination import Examination
+from taichi_erosion.evidence.misfit import misfit_p, residuals_of
 from taichi_erosion.evidence.posterior import Hypothesis, log_prior_of
 from taichi_erosion.evidence.problem import Floats, Progress
-from taichi_erosion.evidence.screen import Screen, Signature
+from taichi_erosion.evidence.screen import Screen, Signature, expected_strength
 from taichi_erosion.evidence.significance import Significance
+from taichi_erosion.evidence.tables import chi_square
 from taichi_erosion.evidence.unknown import Kernel, discrepancy_gain
 
 WITHIN = 8.0  # ln Bayes factor behind the best at which a candidate is still refitted
@@ -22,6 +24,8 @@ LEAST_QUICK, MOST_QUICK = 2, 4
 PAIR_GAIN = 0.5  # ln Bayes factor by which a pair must beat its better member in the screen
 PAIRS, PAIRS_QUICK = 6, 3
 STEPS, STEPS_QUICK = 6, 3
+LEAST_SHARE = 0.6  # of the misfit, from which an effect with a smooth remainder is still named
+WELL = 0.01  # chance of a misfit above which a hypothesis is taken to explain the measurements
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ def quick(exam: Examination) -> bool:
 def chosen_singles(exam: Examination, found: Screen, seen: Significance) -> list[str]:
     """Names of the candidates worth a refit, best first."""
     least, most = (LEAST_QUICK, MOST_QUICK) if quick(exam) else (LEAST, MOST)
-    order = [int(i) for i in np.argsort(-seen.observed) if found.signatures[int(i)].norm > 0.0]
+    order = [int(i) for i in np.argsort(-seen.observed) if found.signatures[int(i)].resolved]
     best = seen.observed[order[0]] if order else 0.0
     near = [i for i in order if seen.observed[i] > best - WITHIN]
     return [found.signatures[i].name for i in (near if len(near) >= least else order[:least])[:most]]
@@ -53,24 +57,58 @@ def likely_strength(signature: Signature, residual: Floats) -> float:
     return float(signature.grid[int(np.argmax(0.5 * fall + signature.log_prior))])
 
 
-def judge(exam: Examination, names: tuple[str, ...], starts: list[Floats], family: list[Kernel]) -> Judged:
-    """Refit, expansion, evidence."""
-    best: Fit = fit(exam, names, starts, STEPS_QUICK if quick(exam) else STEPS)
+def judge(exam: Examination, best: Fit, family: list[Kernel]) -> Judged:
+    """Expansion and evidence of a refitted hypothesis."""
     expansion = expand(exam, best)
-    return Judged(names, score(exam, expansion), discrepancy_gain(exam, expansion, family))
+    return Judged(best.names, score(exam, expansion), discrepancy_gain(exam, expansion, family))
+
+
+def refit(exam: Examination, names: tuple[str, ...], starts: list[Floats]) -> Fit:
+    """Recalibration of one hypothesis in the model itself."""
+    return fit(exam, names, starts, STEPS_QUICK if quick(exam) else STEPS)
 
 
 def judge_singles(
     exam: Examination, found: Screen, names: list[str], family: list[Kernel], progress: Progress
 ) -> list[Judged]:
-    """All shortlisted singles."""
-    by_name = {signature.name: signature for signature in found.signatures}
-    judged = []
+    """All shortlisted singles; every candidate from a second start too where none of them fits.
+
+    The screen stands on the slopes at the bare model's best fit. A large missing effect drives that fit to where
+    slopes mean little, and the screen may then dismiss the very effect that is missing.
+    """
+    judged: dict[str, Judged] = {}
     for index, name in enumerate(names):
-        progress(f"refitting with {name}", index / max(len(names), 1))
-        start = likely_strength(by_name[name], found.residual)
-        judged.append(judge(exam, (name,), [np.append(found.base.fit.x, start)], family))
-    return judged
+        progress(f"refitting with {name}", 0.2 + 0.4 * index / max(len(names), 1))
+        start = np.append(found.base.fit.x, likely_strength(found.signature(name), found.residual))
+        judged[name] = judge(exam, refit(exam, (name,), [start]), family)
+    if quick(exam) or explained_well(exam, list(judged.values())):
+        return list(judged.values())
+    for signature in found.signatures:
+        if signature.resolved:
+            progress(f"refitting with {signature.name} from another start", 0.6)
+            rejudge(exam, judged, found, signature, family)
+    return list(judged.values())
+
+
+def rejudge(
+    exam: Examination, judged: dict[str, Judged], found: Screen, signature: Signature, family: list[Kernel]
+) -> None:
+    """The prior's middle as a second start; the better fit stays."""
+    name, unit = signature.name, expected_strength(exam.candidate(signature.name))
+    middle = np.append(np.clip(np.zeros(len(exam.axes)), exam.low, exam.high), unit)
+    starts = [middle] if name in judged else [middle, np.append(found.base.fit.x, unit)]
+    best = refit(exam, (name,), starts)
+    if name not in judged or best.misfit < judged[name].scored.expansion.fit.misfit - GOOD_ENOUGH:
+        judged[name] = judge(exam, best, family)
+
+
+def explained_well(exam: Examination, judged: list[Judged]) -> bool:
+    """Whether some hypothesis leaves no more than noise."""
+    return any(
+        misfit_p(exam, residuals_of(exam, item.scored.expansion)) > WELL
+        for item in judged
+        if item.scored.surfaces
+    )
 
 
 def pair_screen(found: Screen) -> dict[tuple[str, str], tuple[float, float, float]]:
@@ -78,7 +116,7 @@ def pair_screen(found: Screen) -> dict[tuple[str, str], tuple[float, float, floa
 
     D(a, b) = D_a + D_b - 2 g_a g_b for effects that act independently on the comparison scale.
     """
-    acting = [s for s in found.signatures if s.norm > 0.0]
+    acting = [s for s in found.signatures if s.resolved]
     falls = [
         2.0 * s.free @ found.residual - np.einsum("ij,ij->i", s.free, s.free) for s in acting
     ]
@@ -124,7 +162,7 @@ def judge_pairs(
                 other = second if place == 0 else first
                 strengths = [float(single.psi[0]), other] if place == 0 else [other, float(single.psi[0])]
                 starts.append(np.concatenate([single.x, strengths]))
-        judged.append(judge(exam, pair, starts[:2], family))
+        judged.append(judge(exam, refit(exam, pair, starts[:2]), family))
     return judged
 
 
@@ -146,12 +184,36 @@ def hypotheses(
     done = {item.names for item in judged}
     for index, signature in enumerate(found.signatures):
         if (signature.name,) not in done:
-            value = base.scored.log_evidence + float(seen.observed[index])
+            value = unrefitted(base, seen, judged, found, index)
             listed.append(Hypothesis((signature.name,), False, log_prior_of(("a",), False, count), value))
     for item in judged:
         evidence = item.scored.log_evidence
         listed.append(Hypothesis(item.names, False, log_prior_of(item.names, False, count), evidence))
         if len(item.names) == 1:
+            named = item.names if explained_share(exam, base, item) > LEAST_SHARE else ()
             prior = log_prior_of(item.names, True, count)
-            listed.append(Hypothesis(item.names, True, prior, evidence + item.gain))
+            listed.append(Hypothesis(named, True, prior, evidence + item.gain))
     return listed
+
+
+def unrefitted(
+    base: Judged, seen: Significance, judged: list[Judged], found: Screen, index: int
+) -> Floats:
+    """Evidence of a candidate that the screen dismissed: as far behind the best refitted one as it was there.
+
+    A screen over a large misfit promises more than a refit can keep, to all candidates alike.
+    """
+    own = float(seen.observed[index])
+    rank = {signature.name: k for k, signature in enumerate(found.signatures)}
+    singles = [item for item in judged if len(item.names) == 1]
+    if not singles or own <= 0.0:
+        return base.scored.log_evidence + min(own, 0.0)
+    best = max(singles, key=lambda item: float(seen.observed[rank[item.names[0]]]))
+    behind = max(float(seen.observed[rank[best.names[0]]]) - own, 0.0)
+    return np.minimum(best.scored.log_evidence - behind, base.scored.log_evidence + own)
+
+
+def explained_share(exam: Examination, base: Judged, item: Judged) -> float:
+    """Share of the base model's excess misfit that an effect removes: (S_0 - S_k) / (S_0 - n)."""
+    before, after = chi_square(exam, base.scored.expansion), chi_square(exam, item.scored.expansion)
+    return (before - after) / max(before - exam.rows.size, 1.0)

@@ -44,8 +44,11 @@ def significance(exam: Examination, found: Screen, factors: Floats, seed: int) -
         return Significance(np.zeros(0), 1.0, np.zeros(0), 0.0, 1)
     observed = np.array([log_bayes(s, found.residual[:, np.newaxis])[0] for s in signatures])
     drawn = np.array([log_bayes(s, noise) for s in signatures])
-    drawn[[s.norm == 0.0 for s in signatures]] = -np.inf
+    silent = np.array([not s.resolved for s in signatures])
+    observed[silent], drawn[silent] = 0.0, -np.inf
     maximum = drawn.max(axis=0)
+    if silent.all():
+        return Significance(observed, 1.0, np.ones(observed.size), 0.0, observed.size + 1)
     p = (1.0 + np.sum(maximum >= observed.max())) / (1.0 + maximum.size)
     return Significance(
         observed,
@@ -81,7 +84,7 @@ def max_threshold(found: Screen, noise: Floats) -> float:
     units = []
     for signature in found.signatures:
         norms = np.linalg.norm(signature.free, axis=1)
-        if signature.norm > 0.0 and norms.max() > 0.0:
+        if signature.resolved:
             at = int(np.argmax(norms))
             units.append(signature.free[at] / norms[at])
     if not units:
@@ -101,7 +104,7 @@ def decoy_rank(exam: Examination, found: Screen, observed: Floats, generator: np
     that names are being given to noise, or to something that no candidate describes.
     """
     axes = condition_axes(exam)
-    norms = [s.norm for s in found.signatures if s.norm > 0.0]
+    norms = [s.norm for s in found.signatures if s.resolved]
     if not axes or not norms:
         return observed.size + 1
     position = np.column_stack(list(axes.values()))

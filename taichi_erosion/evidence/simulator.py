@@ -81,7 +81,9 @@ class Simulator:
         effects: Mapping[str, float],
     ) -> tuple[str, ...]:
         """PATH=VALUE words of one run."""
-        acting = {name: psi for name, psi in effects.items() if psi != 0.0 and self.can_act(name, at)}
+        acting = {
+            name: psi for name, psi in effects.items() if psi != 0.0 and self.can_act(name, answer.scene, at)
+        }
         present = {*acting, *read_scene_once(answer.scene, ()).effects}
         read = {name for effect in present for name in self.library[effect].reads}
         kept = {path: value for path, value in at.items() if isfinite(value) and enters(path, read)}
@@ -93,10 +95,10 @@ class Simulator:
         words = numbers | {f"effects.{name}.strength": psi for name, psi in acting.items()}
         return tuple(f"{path}={float(value)!r}" for path, value in words.items())
 
-    def can_act(self, effect: str, at: Mapping[str, float]) -> bool:
-        """Whether an effect can act under some conditions."""
+    def can_act(self, effect: str, scene: Path, at: Mapping[str, float]) -> bool:
+        """Whether an effect can act under some conditions; what they leave out the scene may state."""
         columns = {path: np.array([value]) for path, value in at.items()}
-        return bool(mask_of(self.library[effect], columns)[0])
+        return bool(mask_of(self.library[effect], columns, stated_conditions(scene))[0])
 
     def opened(self) -> Store:
         """The ledger, opened at first need."""
@@ -122,16 +124,19 @@ def effect_of(path: str) -> str | None:
     return path.split(".")[1] if path.startswith("effects.") else None
 
 
-def mask_of(effect: Effect, columns: Conditions) -> Bools:
-    """Rows in which an effect can act; a condition that was not written down does not hinder it."""
+def stated_conditions(scene: Path) -> dict[str, float]:
+    """Conditions that a scene states itself."""
+    return read_scene_once(scene, ()).conditions.model_dump(exclude_none=True)
+
+
+def mask_of(effect: Effect, columns: Conditions, stated: Mapping[str, float]) -> Bools:
+    """Rows in which an effect can act; what a row leaves out is as the scene states it."""
     size = len(next(iter(columns.values()))) if columns else 1
-    known = {
-        path.removeprefix(CONDITIONS): column
-        for path, column in columns.items()
-        if path.startswith(CONDITIONS) and bool(np.isfinite(column).all())
-    }
-    if not set(effect.reads) <= set(known):
-        return np.ones(size, dtype=np.bool_)
+    known = {name: np.full(size, value) for name, value in stated.items()}
+    for path, column in columns.items():
+        name = path.removeprefix(CONDITIONS)
+        if path.startswith(CONDITIONS) and bool(np.isfinite(column).any()):
+            known[name] = np.where(np.isfinite(column), column, known.get(name, np.nan))
     return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), size)
 
 

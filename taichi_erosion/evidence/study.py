@@ -128,9 +128,9 @@ def scene_answers(path: Path, file: StudyFile, results: Path, measurements: Meas
     from taichi_erosion.evidence import scene_study
 
     simulator = scene_study.simulator_of(path, file, measurements, results)
-    candidates = scene_study.library_candidates(file, simulator.library, str(path))
+    candidates = scene_study.library_candidates(file, simulator, str(path))
     adopted = tuple(
-        scene_study.library_candidate(simulator.library[name], entry, file.conditions)
+        scene_study.library_candidate(simulator, name, entry, file.conditions)
         for name, entry in file.adopted.items()
     )
     identity = scene_study.identity_of(simulator)

@@ -114,7 +114,8 @@ def anova(fit: Fit, seeds: PureError = NO_ERROR, error: ErrorSource = "residual"
     if pure.df:
         lack, lack_df = max(fit.ss_error - inside.sum_of_squares, 0.0), fit.df_error - inside.df
         lack = 0.0 if lack < EXACT * total else lack
-        rows.append(tested("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
+        if lack_df:
+            rows.append(tested("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
         rows.append(tested("Pure error", pure.sum_of_squares, pure.df, nan, 0))
     return [*rows, tested("Total", total, len(fit.values) - 1, nan, 0)]
 

@@ -18,7 +18,6 @@ from typing import Literal
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.table import Floats
 
 Aim = Literal["target", "maximise", "minimise"]
@@ -26,7 +25,7 @@ Aim = Literal["target", "maximise", "minimise"]
 
 @dataclass(frozen=True)
 class Goal:
-    """What is wished of one response, in its unit; limits that are left out follow from the runs."""
+    """What is wished of one response, in its unit; limits that are left out follow from runs and model."""
 
     response: str
     aim: Aim
@@ -44,13 +43,12 @@ class Goal:
             raise BadInput(f"goal {self.response}: weight and importance must be above 0")
 
 
-def completed(goal: Goal, fit: Fit) -> Goal:
-    """The goal with its missing limits.
+def completed(goal: Goal, smallest: float, largest: float) -> Goal:
+    """The goal with its missing limits, for a response between the smallest and the largest.
 
-    To maximise or minimise, they are the extremes of the runs; around a target, the spread of the runs.
+    To maximise or minimise they are these two; around a target, it and their distance either way.
     """
-    smallest, largest = float(fit.values.min()), float(fit.values.max())
-    spread = max(largest - smallest, abs(fit.values.mean()) * np.finfo(float).eps)
+    spread = max(largest - smallest, abs(goal.target) * np.finfo(float).eps)
     defaults = (goal.target - spread, goal.target + spread) if goal.aim == "target" else (smallest, largest)
     low = goal.low if isfinite(goal.low) else defaults[0]
     high = goal.high if isfinite(goal.high) else defaults[1]

@@ -20,12 +20,13 @@ from taichi_erosion.experiments.generate import grid_points, sobol_points
 from taichi_erosion.experiments.table import Floats, to_natural
 
 SOFTNESS = (1e-1, 1e-3, 1e-6)  # the tip at a target becomes sharper from climb to climb [1]
-PRECISION = {"ftol": 1e-15, "gtol": 1e-10}  # of L-BFGS-B, on a function of order 1
+PRECISION = {"ftol": 1e-15, "gtol": 1e-10, "maxiter": 60}  # of L-BFGS-B, on a function of order 1
 NUDGE = 1e-5  # coded step of the central differences; exact for quadratics but for rounding [1]
 SPREAD_STARTS, MANY_STARTS = 16, 128  # of a Sobol sequence, with the grid and in its place [1]
 MOST_GRID_STARTS = 81
 BEST_STARTS = 6  # from which the range of one model is sought [1]
 SOBOL_SEED = 0  # the starts between the grid points are the same in every search
+ALIKE = 1e-3  # climbs that have come this close in coded levels go on as one [1]
 SEPARATE = 0.25  # optima closer than this in coded levels are one [1]
 MET = 1e-6  # desirability short of 1 that is rounding of the search [1]
 MOST_OPTIMA = 20
@@ -72,16 +73,22 @@ class Optimisation:
 
 def optimise(fits: Sequence[Fit], goals: Sequence[Goal], bound: float = 1.0) -> Optimisation:
     """Best settings with coded levels from -bound to +bound; fits share their factors."""
-    paired = [(completed(goal, fit), fit) for goal, fit in matched(fits, goals)]
-    wishes, models = [goal for goal, _ in paired], [fit for _, fit in paired]
+    pairs = matched(fits, goals)
+    reach = {fit.response: reachable(fit, bound) for _, fit in pairs}
+    models = [fit for _, fit in pairs]
+    wishes = [limited(goal, fit, reach[fit.response]) for goal, fit in pairs]
     optima = climb_all(models, wishes, bound)
-    reach = {fit.response: reachable(fit, bound) for fit in models}
     met = all(
         goal.aim != "target" or abs(single_share(goal, values_at(fit, optima[0])) - 1.0) < MET
-        for goal, fit in paired
+        for goal, fit in zip(wishes, models, strict=True)
     )
-    sentences = tuple(explain(paired, optima, reach, met))
-    return Optimisation(tuple(optima), reach, met, sentences)
+    return Optimisation(tuple(optima), reach, met, tuple(explain(wishes, optima, reach, met)))
+
+
+def limited(goal: Goal, fit: Fit, reach: Reach) -> Goal:
+    """The goal with limits that hold all runs and all that the model predicts."""
+    smallest, largest = float(fit.values.min()), float(fit.values.max())
+    return completed(goal, min(smallest, reach.low), max(largest, reach.high))
 
 
 def matched(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[tuple[Goal, Fit]]:
@@ -102,7 +109,9 @@ def values_at(fit: Fit, optimum: Optimum) -> Floats:
 
 def climb_all(fits: Sequence[Fit], goals: Sequence[Goal], bound: float) -> list[Optimum]:
     """Distinct local optima, the most desirable first, the most certain first among equals."""
-    ends = np.array([climb(fits, goals, start, bound) for start in starts(len(fits[0].factors), bound)])
+    ends = starts(len(fits[0].factors), bound)
+    for softness in SOFTNESS:
+        ends = distinct(np.array([climb(fits, goals, end, bound, softness) for end in ends]))
     worth = desirability(goals, predictions(fits, ends))
     certainty = sum((fit.leverage(ends) for fit in fits), np.zeros(len(ends)))
     shown = np.round(worth / MET)
@@ -121,16 +130,18 @@ def starts(count: int, bound: float) -> Floats:
     return bound * np.concatenate([grid_points(count) if small else np.zeros((1, count)), spread])
 
 
-def climb(fits: Sequence[Fit], goals: Sequence[Goal], start: Floats, bound: float) -> Floats:
+def climb(fits: Sequence[Fit], goals: Sequence[Goal], start: Floats, bound: float, softness: float) -> Floats:
     """Local optimum that is reached from a point."""
-    point = start
-    for softness in SOFTNESS:
 
-        def loss(points: Floats, softness: float = softness) -> Floats:
-            return miss(fits, goals, points, softness)
+    def loss(points: Floats) -> Floats:
+        return miss(fits, goals, points, softness)
 
-        point = descend(loss, point, bound)
-    return point
+    return descend(loss, start, bound)
+
+
+def distinct(points: Floats) -> Floats:
+    """Points without those that have met another."""
+    return points[np.unique(np.round(points / ALIKE), axis=0, return_index=True)[1]]
 
 
 def descend(loss: Callable[[Floats], Floats], start: Floats, bound: float) -> Floats:
@@ -195,14 +206,14 @@ def reachable(fit: Fit, bound: float = 1.0) -> Reach:
 
 
 def explain(
-    paired: Sequence[tuple[Goal, Fit]], optima: Sequence[Optimum], reach: dict[str, Reach], met: bool
+    goals: Sequence[Goal], optima: Sequence[Optimum], reach: dict[str, Reach], met: bool
 ) -> list[str]:
     """What a reader must know before trying an optimum."""
-    targets = [goal for goal, _ in paired if goal.aim == "target"]
+    targets = [goal for goal in goals if goal.aim == "target"]
     said = [sentence for goal in targets if (sentence := out_of_reach(goal, reach[goal.response]))]
     if targets and not said and not met:
         said.append("every target is reached by its own model, but not all of them at one point")
-    if met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
+    if targets and met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
         said.append("the wish is met along a line or face of the design, not in one point: pick by certainty")
     if optima[0].desirability <= 0.0:
         said.append("no point lies inside all limits: the points listed come nearest to them")

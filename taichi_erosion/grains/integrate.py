@@ -41,6 +41,22 @@ def kick_time(replicas: ti.template(), r, step):
 
 
 @ti.func
+def accelerations(world_out: ti.template(), r, i, buffer):
+    """Acceleration [m s-2] and spin rate [rad s-2] of the grain at place i; clears its buffer."""
+    grains_out, held = ti.static((world_out.grains, world_out.held))
+    inverse, radius = grains_out.mass_inverse[i], grains_out.radius[i]
+    gravity = world_out.replicas.gravity[r]
+    acceleration = grains_out.force[buffer] * inverse + gravity
+    spin_rate = grains_out.torque[buffer] * (SPHERE * inverse / (radius * radius))
+    grains_out.force[buffer] = 0.0 * gravity
+    grains_out.torque[buffer] = 0.0 * gravity
+    if ti.static(world_out.driven):
+        acceleration += held.push[i]
+        spin_rate += held.twist[i]
+    return acceleration, spin_rate
+
+
+@ti.func
 def advance_grains(world_out: ti.template(), r, p, step, is_last):
     """Kick and drift the grains of one partition; says whether a rebuild is due."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
@@ -49,20 +65,11 @@ def advance_grains(world_out: ti.template(), r, p, step, is_last):
     count = replicas.released[r]
     dt = replicas.time_step[r]
     kick = kick_time(replicas, r, step)
-    gravity = replicas.gravity[r]
     need = 0
     first = partition_first(count, replicas.partitions[r], p)
     for rank in range(first, partition_first(count, replicas.partitions[r], p + 1)):
         i = base + rank
-        inverse = grains_out.mass_inverse[i]
-        radius = grains_out.radius[i]
-        acceleration = grains_out.force[buffer + rank] * inverse + gravity
-        spin_rate = grains_out.torque[buffer + rank] * (SPHERE * inverse / (radius * radius))
-        grains_out.force[buffer + rank] = 0.0 * gravity
-        grains_out.torque[buffer + rank] = 0.0 * gravity
-        if ti.static(world_out.driven):
-            acceleration += world_out.held.push[i]
-            spin_rate += world_out.held.twist[i]
+        acceleration, spin_rate = accelerations(world_out, r, i, buffer + rank)
         velocity = grains_out.velocity[i] + acceleration * kick
         if ti.static(world_out.driven):
             velocity = drag_along(world_out.held, i, velocity, kick)

@@ -68,15 +68,22 @@ def silhouette_grid(
     return grid
 
 
-def film_frame(
+def side_picture(
     snapshot: Snapshot, view: SideView, walls: Sequence[WallMesh], speeds: tuple[float, float]
 ) -> Image:
-    """One picture of a film: grains by speed in `speeds` (low, high) [m s-1], the time and a scale bar."""
+    """Grains from the side, coloured by speed in `speeds` (low, high) [m s-1]."""
     speed = np.linalg.norm(snapshot.velocity, axis=1)
     moving = speed > speeds[0]
     colours = palette.resting_colours(snapshot.ident)
     colours[moving] = palette.speed_colours(speed[moving], *speeds)
-    image = render_side(snapshot.position, snapshot.radius, view, colours, walls)
+    return render_side(snapshot.position, snapshot.radius, view, colours, walls)
+
+
+def film_frame(
+    snapshot: Snapshot, view: SideView, walls: Sequence[WallMesh], speeds: tuple[float, float]
+) -> Image:
+    """One picture of a film: grains from the side, the time and a scale bar."""
+    image = side_picture(snapshot, view, walls, speeds)
     draw_text(image, f"{snapshot.time:.2f} s", CAPTION_CORNER, palette.CHALK)
     draw_scale_bar(image, view)
     return image

@@ -82,8 +82,8 @@ def recorded(path: Path, header: RunHeader) -> Iterator[Recording]:
         close(recording)
 
 
-def open_recording(path: Path, header: RunHeader) -> Recording:
-    """Begin PATH.part with its blueprint, the scene and the walls."""
+def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> Recording:
+    """Begin PATH.part with its blueprint, scene and walls; `viewer` is the address of one that follows."""
     import rerun as rr
 
     make_folder(path)
@@ -92,7 +92,8 @@ def open_recording(path: Path, header: RunHeader) -> Recording:
     focus = choose_focus(header.kind, header.radii, header.walls, header.foot)
     try:
         part_path(path).touch()
-        stream.save(part_path(path), default_blueprint=blueprint(header.kind, focus))
+        sinks = [rr.FileSink(part_path(path)), *([rr.GrpcSink(viewer)] if viewer else [])]
+        stream.set_sinks(*sinks, default_blueprint=blueprint(header.kind, focus))
     except OSError as error:
         raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
     stream.set_log_time_enabled(False)

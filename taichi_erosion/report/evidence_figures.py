@@ -23,7 +23,7 @@ BEFORE, AFTER, CONTROL, FINE = "#b4553d", "#1f4e79", "#9aa3ab", "#d9dde1"
 COLUMNS = 3  # panels side by side
 PANEL = (3.0, 2.7)  # in
 WIDE_RANGE = 20.0  # largest over smallest value from which an axis is logarithmic
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 8.5,
     "axes.spines.top": False,
     "axes.spines.right": False,

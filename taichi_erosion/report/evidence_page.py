@@ -122,7 +122,7 @@ def pictures(found: Found) -> dict[str, figures.Picture | None]:
 def summary(found: Found) -> list[str]:
     """The sentences that most readers will read."""
     told = [place["sentence"] for place in found.comparison["where"][:2]] if found.comparison else []
-    told += found.discovery["sentences"][:2] if found.discovery else []
+    told += found.discovery["sentences"][:1] if found.discovery else []
     told += [found.adoption["sentence"]] if found.adoption else []
     return told or ["The calibrated model is consistent with the measurements that it was shown."]
 

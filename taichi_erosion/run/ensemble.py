@@ -51,8 +51,9 @@ def play_ensemble(
 ) -> None:
     """Play all parts together and tell what came out of each as soon as it has ended.
 
-    What is told holds seed, measures, warnings, `stopped`, hash, versions, `wall_s` (an equal share of the
-    ensemble's time) and `failure`: None, or why there is no result. A part that cannot start fails alone.
+    What is told holds seed, measures, warnings, `stopped`, hash, versions, `wall_s` and `cpu_s` (equal
+    shares of the ensemble's) and `failure`: None, or why there is no result. A part that cannot start fails
+    alone.
     """
     cast = able_to_start(parts, tell)
     if not cast.parts:
@@ -68,7 +69,7 @@ def play_ensemble(
             play_ensemble([part], numerics, lambda _, record, place=place: tell(place, record), progress)
         return
     stage_play = Play([part.scene for part in cast.parts], sim, [Actor(part.seed) for part in cast.parts])
-    crier = Crier(cast, tell, time.perf_counter(), cameras_of(cast, stage_play))
+    crier = Crier(cast, tell, time.perf_counter(), time.process_time(), cameras_of(cast, stage_play))
     watchers = [partial(watch_replica, camera) for camera in crier.cameras.values()]
     teller = [Teller(progress).watch] if progress else []
     play(stage_play, [*watchers, *teller, crier.watch])
@@ -98,7 +99,13 @@ def able_to_start(parts: Sequence[Part], tell: Told) -> Cast:
 def refused(part: Part, reason: str) -> dict[str, Any]:
     """Record of a part that could not start."""
     found = {"seed": part.seed, "measures": {}, "warnings": [], "stopped": "refused", "time": 0.0}
-    return found | {"hash": scene_hash(part.scene), "failure": reason, "wall_s": 0.0, "versions": versions()}
+    return found | {
+        "hash": scene_hash(part.scene),
+        "failure": reason,
+        "wall_s": 0.0,
+        "cpu_s": 0.0,
+        "versions": versions(),
+    }
 
 
 def cameras_of(cast: Cast, stage_play: Play) -> dict[int, Camera]:
@@ -127,6 +134,7 @@ class Crier:
     cast: Cast
     tell: Told
     started: float  # s, of the wall clock
+    spent: float  # s, of the processor
     cameras: dict[int, Camera]
     told: set[int] = field(default_factory=set)
 
@@ -146,6 +154,7 @@ class Crier:
             properties = {"scene": {"hash": hashed}} | dict(part.properties or {})
             found |= finish(camera, stage_play, found, properties)
         failed = found["stopped"] is not None
-        seconds = (time.perf_counter() - self.started) / len(self.cast.parts)
-        cost = {"wall_s": seconds, "versions": versions()}
+        count = len(self.cast.parts)
+        seconds, spent = time.perf_counter() - self.started, time.process_time() - self.spent
+        cost = {"wall_s": seconds / count, "cpu_s": spent / count, "versions": versions()}
         return found | cost | {"hash": hashed, "failure": found["warnings"][-1] if failed else None}

@@ -84,8 +84,8 @@ def check_replica(stage_play: Play, replica: int, actor: Actor) -> None:
 def energy_failure(stage_play: Play, replica: int, actor: Actor) -> Failure | None:
     """A failure where mechanical energy grew although nothing did work on the grains.
 
-    Moving walls, released grains, a tilting plate, air, effects and adhesion exchange energy that this sum does not hold;
-    there the guard rests.
+    Moving walls, released grains, a tilting plate, air, effects and adhesion exchange energy that this sum
+    does not hold; there the guard rests.
     """
     translation, rotation, potential, elastic, _, released = stage_play.sums[replica]
     sim, scene = stage_play.sim, stage_play.scenes[replica]

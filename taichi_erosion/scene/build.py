@@ -25,8 +25,8 @@ SPHERE_REACH = 0.5  # radius of a sphere over its diameter [1]
 
 def laws(scene: Scene) -> Laws:
     """Choice for every contact slot."""
-    drag = {} if scene.wind is None else {"drag": scene.wind.drag}
-    return Laws(**scene.laws.model_dump(), **drag)
+    chosen = Laws(**scene.laws.model_dump())
+    return chosen if scene.wind is None else replace(chosen, drag=scene.wind.drag)
 
 
 def build_setup(scene: Scene, seed: int) -> Setup:

@@ -5,7 +5,7 @@ from typing import Any
 
 from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_geometry import Cylinder
-from taichi_erosion.scene.schema_grains import Contact, Lattice, Material, Rain
+from taichi_erosion.scene.schema_grains import Contact, Lattice, Layers, Material, Rain
 
 
 def with_section(scene: Scene, name: str, **entries: Any) -> Scene:
@@ -43,12 +43,14 @@ def with_wider_fill(scene: Scene, factor: float) -> Scene:
     the factor cubed; tubes that some stage removes again grow with it.
     """
     fill = scene.fill
-    if factor <= 1.0 or not isinstance(fill, Rain | Lattice):
+    if factor <= 1.0 or not isinstance(fill, Rain | Lattice | Layers):
         return scene
-    spread = fill.model_copy(update={"pitch": fill.pitch * factor})
-    if isinstance(fill, Lattice):
+    wider = {"pitch": fill.pitch * factor}
+    if not isinstance(fill, Lattice):
+        wider["first_height"] = fill.first_height * factor
+    spread = fill.model_copy(update=wider)
+    if not isinstance(fill, Rain):
         return scene.model_copy(update={"fill": spread})
-    spread = spread.model_copy(update={"first_height": fill.first_height * factor})
     removed = {name for stage in scene.stages for name in stage.remove}
     geometry = {
         name: wall.model_copy(update={"length": wall.length * factor**3})

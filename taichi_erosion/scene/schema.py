@@ -61,6 +61,10 @@ class Conditions(Part):
     clay_fraction: float | None = number(None, "kg kg-1", "mass fraction of clay", 0.0, 1.0)
     organic_fraction: float | None = number(None, "kg kg-1", "mass fraction of organic matter", 0.0, 1.0)
     salinity: float | None = number(None, "kg kg-1", "mass fraction of salts", 0.0, 1.0)
+    roughness_density: float | None = number(
+        None, "1", "frontal area of stones or plants over ground area", 0.0, 10.0
+    )
+    fetch: float | None = number(None, "m", "length of loose bed upwind of the trap", 0.0, 1e6)
     rest_duration: float | None = number(None, "s", "time at rest before the test", 0.0, 1e9)
 
 

@@ -20,6 +20,9 @@ class Wind(Part):
     width: float = extent(..., "period across")
     height: float = extent(..., "height of the lid")
     friction_velocity: float = number(0.0, "m s-1", "u* at the start", 0.0, FASTEST_FRICTION)
+    partition: float = number(
+        1.0, "1", "friction velocity that reaches the patch over the stated one", 1e-3, 1.0
+    )
     density: float = number(1.225, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = number(1.46e-5, "m2 s-1", "kinematic viscosity of the air", 1e-8, 1.0)
     drag: Literal["schiller_naumann", "two_limits", "di_felice", "gidaspow"] = Field(

@@ -38,13 +38,16 @@ def air_setup(scene: Scene, wind: Wind, time_step: float) -> AirSetup:
         viscosity=wind.viscosity,
         time_step=time_step * wind.look_steps,
         model=AirModel(closure=wind.closure, advection="none", scheme="euler", exchange=True),
-        friction_velocity=wind.friction_velocity,
+        friction_velocity=wind.partition * wind.friction_velocity,
     )
 
 
 def coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
     """How grains and air look at each other."""
-    return Coupling(wind.look_steps, surface_height(scene, wind), wind.through_flow, seed % 2**31)
+    rising = any(stage.through_flow is not None for stage in scene.stages)
+    return Coupling(
+        wind.look_steps, surface_height(scene, wind), wind.through_flow, rising, seed % 2**31, wind.partition
+    )
 
 
 def patch_box(wind: Wind, grains: GrainTable) -> tuple[Triple, Triple]:

@@ -2,9 +2,15 @@
 
 from taichi_erosion.simulation.advance import advance, failure
 from taichi_erosion.simulation.assemble import Simulation, assemble
-from taichi_erosion.simulation.control import move_surface, remove_surface, set_contacts, set_gravity
+from taichi_erosion.simulation.control import (
+    move_surface,
+    remove_surface,
+    set_contacts,
+    set_effects,
+    set_gravity,
+)
 from taichi_erosion.simulation.observe import energies, ledger, share_touching, snapshot
-from taichi_erosion.simulation.prepare import effective_scene, prepare
+from taichi_erosion.simulation.prepare import conditions_of, device_effects, effective_scene, prepare
 from taichi_erosion.simulation.state import export_state, import_state
 from taichi_erosion.simulation.wind import air_profile, develop_wind, set_friction_velocity, set_through_flow
 
@@ -13,7 +19,9 @@ __all__ = [
     "advance",
     "air_profile",
     "assemble",
+    "conditions_of",
     "develop_wind",
+    "device_effects",
     "effective_scene",
     "energies",
     "export_state",
@@ -24,6 +32,7 @@ __all__ = [
     "prepare",
     "remove_surface",
     "set_contacts",
+    "set_effects",
     "set_friction_velocity",
     "set_gravity",
     "set_through_flow",

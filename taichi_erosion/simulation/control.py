@@ -1,7 +1,11 @@
 """Changing a running simulation: walls, gravity, contact parameters."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
+from taichi_erosion.core.effect import Acting, rebind
 from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import upload
 from taichi_erosion.grains.materials import device_columns
@@ -65,10 +69,29 @@ def set_gravity(sim: Simulation, replica: int, gravity: tuple[float, float, floa
 
 def set_contacts(sim: Simulation, replica: int, table: ContactTable) -> None:
     """Change the contact parameters of one replica; lists are renewed before the next step."""
+    sim.setups[replica] = replace(sim.setups[replica], contacts=table)
     materials = sim.world.materials
     columns = device_columns(table)
     upload([(getattr(materials, name), values) for name, values in columns.items()], replica * materials.rows)
     make_stale(sim, replica)
+
+
+def set_effects(sim: Simulation, replica: int, effects: Sequence[Acting]) -> bool:
+    """Change the effects of one replica; False, and nothing changed, where that needs a new assembly.
+
+    Effects that the run was assembled with change at once; others, and longer reaches, change the kernels or
+    the cells.
+    """
+    before = sim.setups[replica].effects
+    if max((e.reach for e in effects), default=0.0) > max((e.reach for e in before), default=0.0):
+        return False
+    bounds = {"pair": sim.world.pair_effects, "grain": sim.around.effects}
+    if any(not bounds[e.effect.place].holds(e.effect) for e in effects):
+        return False
+    for place, bound in bounds.items():
+        rebind(bound, replica, [e for e in effects if e.effect.place == place])
+    sim.setups[replica] = replace(sim.setups[replica], effects=tuple(effects))
+    return True
 
 
 def make_stale(sim: Simulation, replica: int) -> None:

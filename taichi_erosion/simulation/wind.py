@@ -14,21 +14,25 @@ from taichi_erosion.simulation.assemble import Simulation
 Arrays = dict[str, NDArray[Any]]
 
 # what the next step of the air depends on and a Setup does not state
-AIR_GRIDS = ("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before")
-EXCHANGE = ("taken", "rise", "lift", "through_flow")
+AIR_GRIDS = (
+    *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
+    *("exchange_coefficient", "exchange_force", "eddy_face"),
+)
+EXCHANGE = ("owed", "rise", "lift", "through_flow")
 AIR_NUMBERS = ("time", "friction_velocity")
 
 
 def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
-    """Change the stress at the lid of one replica to rho u*^2; `value` is u* [m s-1]."""
+    """Change the stress at the lid of one replica to rho u*^2; `value` is u* [m s-1] before its partition."""
     assert sim.around.air is not None
-    upload([(sim.around.air.numbers.friction_velocity, [value])], replica)
+    reaching = value * sim.setups[replica].coupling.partition
+    upload([(sim.around.air.numbers.friction_velocity, [reaching])], replica)
 
 
 def develop_wind(sim: Simulation, replica: int, value: float) -> None:
     """Change u* [m s-1] and let the air of one replica find its steady profile before the grains move on."""
     set_friction_velocity(sim, replica, value)
-    develop_air(replica, sim.around)
+    develop_air(replica, sim.world, sim.around)
 
 
 def set_through_flow(sim: Simulation, replica: int, value: float) -> None:
@@ -48,22 +52,15 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
 
     face = np.asarray(setup.faces_z)
     velocity = np.stack([inner(air.velocity_x), inner(air.velocity_y)], axis=1)
-    volume = np.diff(face) * (setup.high[0] - setup.low[0]) * (setup.high[1] - setup.low[1])
-    taken = sim.around.exchange.taken.to_numpy()[replica]
+    force, coefficient = inner(air.exchange_force), inner(air.exchange_coefficient)
     return AirProfile(
         face=face,
         velocity=velocity,
         void_fraction=inner(air.void_fraction),
         eddy_viscosity=inner(air.eddy_face),
-        drag=-taken[:, :2] / (volume[:, None] * look_interval(sim, replica)),
+        drag=force[:, :2] - coefficient[:, None] * velocity,
         lift=sim.around.exchange.lift.to_numpy()[replica],
     )
-
-
-def look_interval(sim: Simulation, replica: int) -> float:
-    """Time from one look to the next [s]."""
-    setup = sim.setups[replica]
-    return setup.time_step * setup.coupling.look_steps
 
 
 def export_surroundings(sim: Simulation) -> Arrays:

@@ -15,12 +15,12 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.audit.printed import Printed, parse_printed
+from taichi_erosion.experiments.terms import Order
 
-ORDERS = ("linear", "interactions", "quadratic")
 ENDING = ".claims.toml"
 
 
@@ -39,7 +39,7 @@ class TestClaim:
 class Claims:
     """What is printed about one table; files are beside it."""
 
-    model: str = ""
+    model: Order | None = None
     anova: Path | None = None
     levels: Path | None = None
     others: tuple[Path, ...] = ()
@@ -69,9 +69,9 @@ def claims_of(table: Path, file: Path | None = None) -> Claims:
 
 def parsed(document: Mapping[str, Any], path: Path) -> Claims:
     """Claims of a TOML document."""
-    model = document.get("model", "")
-    if model and model not in ORDERS:
-        raise BadInput(f"{path}: model = '{model}'; allowed: {', '.join(ORDERS)}")
+    model = document.get("model")
+    if model is not None and model not in get_args(Order):
+        raise BadInput(f"{path}: model = '{model}'; allowed: {', '.join(get_args(Order))}")
 
     def beside(name: str | None) -> Path | None:
         return None if name is None else path.parent / name

@@ -27,6 +27,10 @@ class Printed:
             return found < self.value if self.bound == "<" else found > self.value
         return abs(found - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value)
 
+    def cut_off(self, found: float) -> bool:
+        """Whether the found number would be printed like this if its further digits were cut off."""
+        return 0.0 <= abs(found) - abs(self.value) < self.last_digit and found * self.value >= 0.0
+
     def opposite(self, found: float) -> bool:
         """Whether it would agree with the opposite sign, and only then."""
         flipped = Printed(self.text, -self.value, self.last_digit, self.bound)

@@ -1,7 +1,8 @@
 """A table of runs as somebody published it: which columns are factors, and which levels they mean.
 
-Every column of numbers left of the response is a factor, but for one that counts the runs. Behind the
-response a column may repeat a factor in other units, or correct it: such columns are set aside.
+The columns of numbers before the response are the factors, but for one that counts the runs and for those
+that hold results. What stands behind the response, other responses or the same levels in other units, is set
+aside.
 """
 
 import csv
@@ -17,7 +18,7 @@ from taichi_erosion.experiments.table import Design, Factor, Floats, arranged
 
 FEWEST_RUNS = 3
 COUNTER_NAMES = ("run", "no", "n", "nr", "std", "order", "test", "trial", "number", "row", "experiment")
-COPY = 1.0 - 1e-9  # correlation from which a column is another one in other units [1]
+MOST_LEVELS = 6  # of a factor in a designed experiment; a central composite has 5, a misprint adds one
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,21 +100,31 @@ def factor_columns(
 ) -> tuple[dict[str, Floats], list[str]]:
     """Columns of levels by name, and the names of what is set aside."""
     names = list(columns)
-    chosen: dict[str, Floats] = {}
-    aside: list[str] = []
-    for place, name in enumerate(names):
-        if name == response:
-            continue
-        behind = place > names.index(response)
-        if behind and any(as_number(text) != as_number(text) for text in columns[name]):
-            aside.append(name)
-            continue
-        column = numbers(columns, name, file)
-        if is_counter(name, column) or np.ptp(column) == 0.0 or (behind and repeats(column, chosen)):
-            aside.append(name)
-        else:
-            chosen[name] = column
-    return chosen, aside
+    place = names.index(response)
+    for side in (names[:place], names[place + 1 :]):  # a table may begin with its response
+        found = {name: numbers(columns, name, file) for name in side if not is_text(columns[name])}
+        levels = {name: column for name, column in found.items() if not is_idle(name, column)}
+        chosen = without_responses(levels)
+        if chosen:
+            return chosen, [name for name in names if name not in chosen and name != response]
+    return {}, []
+
+
+def is_text(cells: Sequence[str]) -> bool:
+    """Whether a column holds words only."""
+    return all(as_number(text) != as_number(text) for text in cells)
+
+
+def is_idle(name: str, column: Floats) -> bool:
+    """Whether a column tells runs apart by nothing but their number."""
+    return is_counter(name, column) or bool(np.ptp(column) == 0.0)
+
+
+def without_responses(levels: Mapping[str, Floats]) -> dict[str, Floats]:
+    """The columns of few levels, where there are any; the others are then results, not levels."""
+    few = {name: column for name, column in levels.items() if len(np.unique(column)) <= MOST_LEVELS}
+    runs = max((len(column) for column in levels.values()), default=0)
+    return dict(few if few and runs > 2 * MOST_LEVELS else levels)
 
 
 def is_counter(name: str, column: Floats) -> bool:
@@ -121,14 +132,6 @@ def is_counter(name: str, column: Floats) -> bool:
     plain = "".join(c for c in name.lower() if c.isalpha())
     counts = np.array_equal(np.sort(column), np.arange(1, len(column) + 1))
     return counts and (plain in COUNTER_NAMES or np.array_equal(column, np.arange(1, len(column) + 1)))
-
-
-def repeats(column: Floats, chosen: Mapping[str, Floats]) -> bool:
-    """Whether a column is one of the factors in other units, or with one cell changed."""
-    for other in chosen.values():
-        if np.sum(column != other) <= 1 or abs(np.corrcoef(column, other)[0, 1]) > COPY:
-            return True
-    return False
 
 
 def factor_of(name: str, column: Floats) -> Factor:

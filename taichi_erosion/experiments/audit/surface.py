@@ -1,4 +1,4 @@
-"""What a study concludes from its fitted surface: the coding, the optimum, the target, runs at the same point.
+"""What a study concludes from its fitted surface: coding, optimum, target, runs at the same point.
 
 The coding -1, 0, +1 of a table can be read in two ways, factor by factor. The published optimum decides: in
 one of them the surface has its best point where the study says so, in the other at the mirror image.
@@ -121,8 +121,8 @@ def coding_findings(
         low, high = coding.centre[k] - coding.step[k], coding.centre[k] + coding.step[k]
         yield Finding(
             "coding",
-            f"{levels.name}: {factor.path} is printed -1 = {low:g}, +1 = {high:g}; the published optimum needs it "
-            f"reversed (there the surface gives {meant:.4g}, in the printed coding {said:.4g})",
+            f"{levels.name}: {factor.path} is printed -1 = {low:g}, +1 = {high:g}; the published optimum "
+            f"needs it reversed (there the surface gives {meant:.4g}, in the printed coding {said:.4g})",
             table=levels.name,
             column=factor.path,
             found=meant,
@@ -169,7 +169,7 @@ def same_point_findings(path: Path, coding: Coding, fit: Fit) -> Iterator[Findin
 
 
 def contradiction(fit: Fit, point: Floats, value: float) -> tuple[Kind, str, float] | None:
-    """What this table says at a point where another has a run, if both can hardly be right; and the p value."""
+    """What this table says at the point of another's run, and the p value, if both can hardly be right."""
     same = np.all(np.abs(fit.coded - point) < SAME_PLACE, axis=1)
     pure = replicate_error(fit)
     if same.any():
@@ -198,8 +198,10 @@ def relative_errors(path: Path, target: Printed | None, fit: Fit) -> Iterator[Fi
         found = 100.0 * abs(float(value) - target.value) / target.value
         printed = parse_printed(text)
         if printed is not None and not printed.agrees(found):
+            cut = ", cut off instead of rounded" if printed.cut_off(found) else ""
             sentence = (
-                f"{path.name}: row {row + 1}, relative error is printed {text}; the run gives {found:.4g}"
+                f"{path.name}: row {row + 1}, relative error is printed {text}; "
+                f"the run gives {found:.4g}{cut}"
             )
             yield Finding("number", sentence, path.name, ERROR, row + 1, text, found)
 
@@ -214,8 +216,9 @@ def test_findings(claims: Claims) -> Iterator[Finding]:
     if not (claim.p.agrees(welch.p) or claim.p.agrees(student.p)):
         yield Finding(
             "number",
-            f"t-test: p is printed {claim.p.text}; Student's test gives {student.p:.4g}, Welch's {welch.p:.4g}; "
-            f"{len(claim.runs)} runs notice a difference of {welch.resolve:.3g} with a power of {welch.power:.2f}",
+            f"t-test: p is printed {claim.p.text}; Student's test gives {student.p:.4g}, Welch's "
+            f"{welch.p:.4g}; {len(claim.runs)} runs notice a difference of {welch.resolve:.3g} with a power "
+            f"of {welch.power:.2f}",
             printed=claim.p.text,
             found=welch.p,
         )

@@ -1,0 +1,79 @@
+"""Looking at the air: its fields as NumPy arrays."""
+
+import numpy as np
+
+from taichi_erosion.air.eddies import floor_friction
+from taichi_erosion.air.state import Air
+from taichi_erosion.core.air_snapshot import AirSnapshot
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.ti import ti
+
+
+@ti.kernel
+def copy_replica(
+    # parameters
+    r: ti.i32,
+    # in
+    air: ti.template(),
+    # out
+    table_out: ti.types.ndarray(dtype=ti.f64, ndim=4),
+):
+    """Velocities on faces, pressure, eddy viscosity and friction velocity of the floor, ghosts included."""
+    nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
+    for i, j in ti.ndrange(nx + 1, ny + 1):
+        for k in range(nz + 1):
+            for axis in ti.static(range(3)):
+                table_out[axis, i, j, k] = air.velocities[axis][r, i, j, k]
+            table_out[3, i, j, k] = air.pressure[r, i, j, k]
+            table_out[4, i, j, k] = air.eddy_face[r, i, j, k]
+        if i < nx and j < ny:
+            table_out[5, i, j, 0] = floor_friction(air, r, i, j)
+
+
+def face_velocities(air: Air, replica: int) -> tuple[Floats, Floats, Floats]:
+    """Velocities on the faces [m s-1]: [nx + 1, ny, nz], [nx, ny + 1, nz] and [nx, ny, nz + 1]."""
+    table = whole_table(air, replica)
+    nx, ny, nz = air.cells
+    return table[0, :, :ny, :nz], table[1, :nx, :, :nz], table[2, :nx, :ny, :]
+
+
+def whole_table(air: Air, replica: int) -> Floats:
+    """What `copy_replica` writes."""
+    table = np.zeros((6, *(n + 1 for n in air.cells)))
+    copy_replica(replica, air, table)
+    return table
+
+
+def air_snapshot(air: Air, replica: int) -> AirSnapshot:
+    """The air of one replica now."""
+    table, numbers = whole_table(air, replica), air.numbers
+    nx, ny, nz = air.cells
+    faces = air.face.to_numpy()[replica, 1:]
+    low, width = np.array(numbers.low[replica]), np.array(numbers.width[replica])
+    velocity = [
+        0.5 * (table[0, 1:, :ny, :nz] + table[0, :nx, :ny, :nz]),
+        0.5 * (table[1, :nx, 1:, :nz] + table[1, :nx, :ny, :nz]),
+        0.5 * (table[2, :nx, :ny, 1:] + table[2, :nx, :ny, :nz]),
+    ]
+    return AirSnapshot(
+        time=float(numbers.time[replica]),
+        x=low[0] + width[0] * (np.arange(nx) + 0.5),
+        y=low[1] + width[1] * (np.arange(ny) + 0.5),
+        z=0.5 * (faces[1:] + faces[:-1]),
+        faces_z=faces,
+        velocity=np.stack(velocity, axis=-1),
+        pressure=table[3, :nx, :ny, :nz],
+        eddy_viscosity=table[4, :nx, :ny, :],
+        friction_velocity=table[5, :nx, :ny, 0],
+        density=float(numbers.density[replica]),
+        viscosity=float(numbers.viscosity[replica]),
+    )
+
+
+def set_velocities(air: Air, replica: int, velocities: tuple[Floats, Floats, Floats]) -> None:
+    """Put velocities on the faces, as `face_velocities` gives them; the sides follow at the next step."""
+    for field, values in zip(air.velocities, velocities, strict=True):
+        whole = field.to_numpy()
+        nx, ny, nz = values.shape
+        whole[replica, 1 : nx + 1, 1 : ny + 1, 1 : nz + 1] = values
+        field.from_numpy(whole)

@@ -1,0 +1,75 @@
+"""Drag partition: stones and plants take part of the wind's stress from the ground between them.
+
+    u*_ground = u* R,    R = ((1 - m s L) (1 + m b L))^(-1/2),    L = strength lambda
+
+with lambda the frontal area of the obstacles over the area of the ground [1], from the conditions or the
+parameter where they state none, s their basal over their frontal area [1], b the drag coefficient of an
+obstacle over that of the ground [1], m the share of the mean stress that counts for the worst spot [1]. The
+patch lies between the obstacles and feels u* R; thresholds and fluxes are stated in u*. Strength multiplies
+lambda. Holds for m s L < 1 and L < 0.5, obstacles much taller than grains.
+
+Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.quantity import quantity
+from taichi_erosion.scene import Scene
+from taichi_erosion.scene.change import with_section
+from taichi_erosion.scene.sample import sample_scene
+
+
+@dataclass(frozen=True)
+class Params:
+    roughness_density: float = quantity(
+        0.02, "1", "lambda where the conditions state none", low=0.0, high=0.5
+    )
+    drag_ratio: float = quantity(
+        100.0, "1", "b, drag of an obstacle over that of the ground", low=0.0, high=500.0
+    )
+    basal_ratio: float = quantity(1.0, "1", "s, basal over frontal area", low=0.0, high=5.0)
+    worst_spot: float = quantity(0.5, "1", "m, evenness of the stress", low=0.0, high=1.0)
+
+
+def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
+    """The scene between obstacles; without wind as it is."""
+    density = strength * conditions.get("roughness_density", params.roughness_density)
+    if scene.wind is None or density == 0.0:
+        return scene
+    open_share = 1.0 - params.worst_spot * params.basal_ratio * density
+    if open_share <= 0.0:
+        raise BadInput(f"effects.drag_partition: obstacles cover the ground at lambda = {density:g}")
+    partition = (open_share * (1.0 + params.worst_spot * params.drag_ratio * density)) ** -0.5
+    return with_section(scene, "wind", partition=scene.wind.partition * min(partition, 1.0))
+
+
+def checks(probe: Probe) -> Iterator[Check]:
+    patch = {"length": 0.02, "width": 0.01, "height": 0.05}
+    plants = Params(roughness_density=0.1, drag_ratio=80.0, basal_ratio=2.0, worst_spot=0.4)
+
+    def partition(strength: float = 1.0, **conditions: float) -> float:
+        scene = sample_scene(wind=patch)
+        return probe(plants, conditions, scene=scene, strength=strength).wind.partition
+
+    yield Check("Raupach's ratio", partition(), (0.92 * 4.2) ** -0.5)
+    yield Check("half the strength is half the density", partition(0.5), (0.96 * 2.6) ** -0.5)
+    yield Check(
+        "the density of the conditions counts", partition(roughness_density=0.2), (0.84 * 7.4) ** -0.5
+    )
+    yield Check("bare ground feels all of the wind", partition(roughness_density=0.0), 1.0)
+
+
+EFFECT = Effect(
+    name="drag_partition",
+    title="roughness and vegetation that shelter the ground (Raupach)",
+    doc=__doc__,
+    place="scene",
+    params=Params,
+    act=change,
+    checks=checks,
+    reads=("roughness_density",),
+    expected={"threshold_u_star": 1, "flux": -1},
+)

@@ -1,0 +1,169 @@
+"""What every effect promises, checked on one effect at a time.
+
+Each clause gives one sentence for every breach of it, and nothing for an effect that keeps it. The device must
+have been started.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from math import isclose, isfinite
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.core.effect import Check, Effect, Probe
+from taichi_erosion.core.effect_probe import TYPICAL, falsified, probe_of
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.quantity import check_range, documented
+from taichi_erosion.scene import Scene, resolved
+from taichi_erosion.scene.sample import sample_scene
+from taichi_erosion.scene.schema import Conditions
+
+LEAST_CHECKS = 3
+WRONG = 1.1  # factor by which a parameter is falsified
+SAID = {  # a laboratory that states every condition
+    "moisture": 0.02,
+    "temperature": 300.0,
+    "relative_humidity": 0.3,
+    "pressure": 9e4,
+    "altitude": 1000.0,
+    "slope": 5.0,
+    "diameter": 2e-4,
+    "angularity": 0.5,
+    "friction_velocity": 0.35,
+}
+READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux", "pile_height")
+
+
+def holds(check: Check) -> bool:
+    """Whether a line of a table is right."""
+    return isclose(check.got, check.want, rel_tol=check.rtol, abs_tol=check.atol)
+
+
+def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
+    """The verification table has at least three lines, and all are right."""
+    table = list(effect.checks(probe))
+    if len(table) < LEAST_CHECKS:
+        yield f"its table has {len(table)} lines; at least {LEAST_CHECKS} are needed"
+    for check in table:
+        if not holds(check):
+            yield f"{check.claim}: got {check.got:.9g}, want {check.want:.9g}"
+
+
+def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
+    """Making any one parameter wrong by 10 % breaks some line of the table."""
+    for name in (f.name for f in fields(effect.params)):
+        if all(holds(check) for check in effect.checks(falsified(probe, name, WRONG))):
+            yield f"no line of its table notices that {name} is wrong by 10 %"
+
+
+def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
+    """Parameters carry unit, meaning and a finite range that holds their default."""
+    if not is_dataclass(effect.params):
+        yield "params is not a dataclass"
+        return
+    for f in fields(effect.params):
+        if not documented(f) or not f.metadata["meaning"] or not f.metadata["unit"]:
+            yield f"{f.name} is declared without unit or meaning; use quantity"
+        elif not isfinite(f.metadata["low"]) or not isfinite(f.metadata["high"]):
+            yield f"{f.name} has no range"
+    try:
+        check_range(effect.params())
+    except ValueError as error:
+        yield str(error)
+
+
+def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
+    """Docstring with a reference and what strength does; title, prior, conditions that exist."""
+    doc = effect.doc or ""
+    for word in ("Reference:", "trength", "Holds"):
+        if word not in doc:
+            yield f"its docstring lacks '{word}'"
+    if not effect.title:
+        yield "it has no title"
+    if not 0.0 < effect.prior_scale <= effect.most:
+        yield f"prior_scale = {effect.prior_scale} must lie in (0, most = {effect.most}]"
+    for name in effect.reads:
+        if name not in Conditions.model_fields:
+            yield f"it reads '{name}', which is not among the conditions of a scene"
+    if not np.all(np.isin(effect.can_act({name: np.array([1.0]) for name in SAID}), (True, False))):
+        yield "can_act does not give a mask"
+
+
+def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
+    """At both ends of every range what it does is finite; a scene may be refused with a clear line."""
+    for f in fields(effect.params):
+        for end in ("low", "high"):
+            params = replace(effect.params(), **{f.name: f.metadata[end]})
+            try:
+                answer = numbers(effect, probe, params, 1.0)
+            except BadInput:
+                continue
+            if not np.all(np.isfinite(answer)):
+                yield f"{f.name} = {f.metadata[end]:g} gives a number that is not finite"
+
+
+def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
+    """At strength 0 it does nothing, to the last bit."""
+    params = effect.params()
+    if effect.place == "scene":
+        scene = sample_scene(conditions=SAID)
+        if effect.act(params, 0.0, SAID, scene) != scene:
+            yield "it changes the scene at strength 0"
+    elif effect.place == "instrument":
+        if any(effect.act(params, 0.0, SAID, name, 0.3) != 0.3 for name in READINGS):
+            yield "it changes a reading at strength 0"
+    elif np.any(numbers(effect, probe, params, 0.0) != 0.0):
+        yield "it acts at strength 0"
+
+
+def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
+    """A pair effect is silent beyond its reach, which is finite and not negative."""
+    if effect.place != "pair" or effect.constants is None:
+        return
+    reach = effect.reach(effect.constants(effect.params(), 1.0, SAID), TYPICAL["pair"]["radius_i"])
+    if not 0.0 <= reach < float("inf"):
+        yield f"its reach is {reach}"
+        return
+    beyond = TYPICAL["pair"] | {"gap": 1.001 * reach + 1e-9, "stiffness": 0.0}
+    for partner in ({}, {"radius_j": 0.0, "radius_effective": 1e-4, "mass_j": 0.0}):
+        if probe(effect.params(), SAID, **(beyond | partner)) != 0.0:
+            yield f"it still pulls beyond its reach of {reach:.4g} m"
+
+
+def numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
+    """All numbers that an effect gives in a typical situation."""
+    if effect.place == "scene":
+        scene: Scene = probe(params, SAID, scene=sample_scene(conditions=SAID), strength=strength)
+        return np.array(list(leaves(resolved(scene))))
+    if effect.place == "instrument":
+        return np.array([effect.act(params, strength, SAID, name, 0.3) for name in READINGS])
+    return np.ravel(probe(params, SAID, strength=strength, **TYPICAL[effect.place]))
+
+
+def leaves(tree: Any) -> Iterator[float]:
+    """Numbers of nested tables and lists."""
+    if isinstance(tree, dict):
+        tree = list(tree.values())
+    if isinstance(tree, list):
+        for branch in tree:
+            yield from leaves(branch)
+    elif isinstance(tree, int | float):
+        yield float(tree)
+
+
+CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
+    "its verification table is right": table_is_right,
+    "a parameter wrong by 10 % breaks its table": parameters_are_pinned,
+    "its parameters carry unit, meaning and range": parameters_are_documented,
+    "it is described": is_described,
+    "it is finite at the ends of every range": is_finite_everywhere,
+    "it does nothing at strength 0": vanishes_at_no_strength,
+    "it is silent beyond its reach": has_a_sane_reach,
+}
+
+
+def breaches(effect: Effect) -> list[str]:
+    """Everything in which an effect breaks the contract."""
+    probe = probe_of(effect)
+    return [sentence for clause in CLAUSES.values() for sentence in clause(effect, probe)]

@@ -1,0 +1,101 @@
+"""Drag on spheres and the pressure that air needs to rise through a bed, written a second time in NumPy.
+
+Reference: Schiller & Naumann (1935), Z. VDI 77, 318; Di Felice (1994), Int. J. Multiphase Flow 20, 153;
+Ferguson & Church (2004), J. Sediment. Res. 74, 933; Gidaspow (1994), Multiphase Flow and Fluidization, ch. 2;
+Ergun (1952), Chem. Eng. Prog. 48, 89.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A sphere in air that moves past it."""
+
+    slip: float  # m s-1
+    diameter: float  # m
+    density: float  # kg m-3, of the air
+    viscosity: float  # Pa s
+    void: float = 1.0  # share of the volume that is air [1]
+
+    @property
+    def reynolds(self) -> float:
+        """Re = rho s d / mu [1]."""
+        return self.density * self.slip * self.diameter / self.viscosity
+
+
+def standard_coefficient(reynolds: float) -> float:
+    """C_D = 24 / Re (1 + 0.15 Re^0.687), never below 0.44 [1]."""
+    return max(24.0 / reynolds * (1.0 + 0.15 * reynolds**0.687), 0.44)
+
+
+def force(stream: Stream, coefficient: float) -> float:
+    """F = (pi / 8) C_D rho d^2 s^2 [N]."""
+    return np.pi / 8.0 * coefficient * stream.density * (stream.diameter * stream.slip) ** 2
+
+
+def schiller_naumann(stream: Stream) -> float:
+    """Drag on a sphere alone [N]."""
+    return force(stream, standard_coefficient(stream.reynolds))
+
+
+def two_limits(stream: Stream) -> float:
+    """Drag on a grain alone [N]: C_D = (sqrt(0.5) + sqrt(24 / Re))^2."""
+    return force(stream, (np.sqrt(0.5) + np.sqrt(24.0 / stream.reynolds)) ** 2)
+
+
+def di_felice(stream: Stream) -> float:
+    """Drag on a sphere among others [N], from the superficial slip eps s."""
+    reynolds = stream.void * stream.reynolds
+    chi = 3.7 - 0.65 * np.exp(-((1.5 - np.log10(reynolds)) ** 2) / 2.0)
+    coefficient = (0.63 + 4.8 / np.sqrt(reynolds)) ** 2
+    return force(stream, coefficient) * stream.void**2 * stream.void**-chi
+
+
+def gidaspow(stream: Stream) -> float:
+    """Drag on one of the spheres that fill 1 - eps of the volume [N]."""
+    solid, volume = 1.0 - stream.void, np.pi / 6.0 * stream.diameter**3
+    if stream.void < 0.8:
+        rise = pressure_gradient(stream.void, stream.void * stream.slip, stream)
+        return rise * stream.void * volume / solid
+    dilute = 0.75 * standard_coefficient(stream.void * stream.reynolds) * stream.void * solid
+    beta = dilute * stream.density * stream.slip / stream.diameter * stream.void**-2.65
+    return beta * stream.slip * volume / solid
+
+
+LAWS: dict[str, Callable[[Stream], float]] = {
+    "schiller_naumann": schiller_naumann,
+    "two_limits": two_limits,
+    "di_felice": di_felice,
+    "gidaspow": gidaspow,
+}
+
+
+def pressure_gradient(void: float, superficial: float, stream: Stream) -> float:
+    """Ergun's pressure drop over length [Pa m-1] at a superficial velocity U [m s-1].
+
+    dp/L = 150 (1 - eps)^2 mu U / (eps^3 d^2) + 1.75 (1 - eps) rho U^2 / (eps^3 d)
+    """
+    solid, diameter = 1.0 - void, stream.diameter
+    viscous = 150.0 * solid**2 * stream.viscosity * superficial / diameter**2
+    return (viscous + 1.75 * solid * stream.density * superficial**2 / diameter) / void**3
+
+
+def fluidising_velocity(void: float, weight: float, stream: Stream) -> float:
+    """Superficial velocity [m s-1] at which Ergun's pressure carries a weight over volume [N m-3]."""
+    excess = lambda u: pressure_gradient(void, u, stream) - weight  # noqa: E731
+    return float(brentq(excess, 0.0, 100.0, xtol=1e-12))
+
+
+def terminal_velocity(diameter: float, solid: float, air: Stream, gravity: float = 9.81) -> float:
+    """Speed [m s-1] at which Schiller-Naumann drag carries weight less buoyancy of a sphere."""
+    weight = np.pi / 6.0 * diameter**3 * (solid - air.density) * gravity
+
+    def excess(speed: float) -> float:
+        return schiller_naumann(Stream(speed, diameter, air.density, air.viscosity)) - weight
+
+    return float(brentq(excess, 1e-9, 1e3, xtol=1e-14))

@@ -1,0 +1,103 @@
+"""V26: decaying vortices of Taylor and Green, in a vertical plane between slip walls.
+
+    u = sin x cos z e^(-2 nu t),    w = -cos x sin z e^(-2 nu t)
+
+Space: grids are refined together with the step, whose own error is of the same order. Time: on one grid, each
+step against one eight times shorter. Without viscosity, kinetic energy must not grow: the central scheme
+gives none and three stages take a little.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from taichi_erosion.air.observe import face_velocities
+from taichi_erosion.air.step import advance_air
+from taichi_erosion.core.air_setup import AirSetup, both_faces, even_faces
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.verification.air_bench import aired, box, centres, order
+from taichi_erosion.verification.claim import Outcome, below
+
+SIDE = np.pi  # m, height of the box; it is twice as long
+VISCOSITY = 0.1  # m2 s-1
+DURATION = 0.5  # s
+GRIDS = (8, 16, 32)
+SQUEEZED = 0.5  # finest cell of the stretched grid over the mean one [1]
+TIME_GRID, STEPS = 16, (4, 8, 16)
+REFINED = 8  # steps of the reference for one of the finest series
+LEAST_ORDER = 1.9
+ENERGY_STEPS, COURANT = 120, 0.8
+
+
+def vortices(cells: int, steps: int, viscosity: float, squeezed: float = 1.0) -> AirSetup:
+    """Vortices at t = 0."""
+    even = even_faces(0.0, SIDE, cells)
+    faces = even if squeezed == 1.0 else both_faces(0.0, SIDE, cells, squeezed * SIDE / cells)
+    x = SIDE / cells * np.arange(2 * cells)
+    start = np.zeros((3, 2 * cells, 1, cells))
+    start[0, :, 0, :] = np.sin(x)[:, None] * np.cos(centres(faces))
+    start[2, :, 0, :] = -np.cos(x + 0.5 * SIDE / cells)[:, None] * np.sin(faces[:-1])
+    return box(
+        (2 * cells, 1, cells),
+        (2.0 * SIDE, 1.0, SIDE),
+        faces_z=faces,
+        viscosity=viscosity,
+        time_step=DURATION / steps,
+        start=start,
+    )
+
+
+def horizontal(setup: AirSetup, steps: int) -> Floats:
+    """Horizontal velocity after so many steps [m s-1]."""
+    air = aired([setup])
+    advance_air(air, steps)
+    return face_velocities(air, 0)[0][:-1, 0, :]
+
+
+def space_error(cells: int, squeezed: float) -> float:
+    """Root mean square error of u over that of u [1]."""
+    setup = vortices(cells, cells, VISCOSITY, squeezed)
+    assert setup.start is not None
+    exact = setup.start[0, :, 0, :] * np.exp(-2.0 * VISCOSITY * DURATION)
+    share = np.diff(setup.faces_z)
+    found = horizontal(setup, cells)
+    return float(np.sqrt((share * (found - exact) ** 2).sum() / (share * exact**2).sum()))
+
+
+def time_errors() -> list[float]:
+    """Difference to the solution with short steps, for every step."""
+    finest = STEPS[-1] * REFINED
+    reference = horizontal(vortices(TIME_GRID, finest, VISCOSITY), finest)
+    found = [horizontal(vortices(TIME_GRID, steps, VISCOSITY), steps) for steps in STEPS]
+    return [float(np.sqrt(((u - reference) ** 2).mean())) for u in found]
+
+
+def energy_rise() -> float:
+    """Largest rise of the kinetic energy from step to step over the first energy, without viscosity."""
+    cells = GRIDS[-1]
+    steps = round(DURATION / (COURANT * SIDE / cells))
+    air = aired([vortices(cells, steps, 0.0)])
+    sums = []
+    for _ in range(ENERGY_STEPS + 1):
+        sums.append(sum(float((v[: 2 * cells, :, :cells] ** 2).sum()) for v in face_velocities(air, 0)))
+        advance_air(air, 1)
+    return float(np.diff(sums).max() / sums[0])
+
+
+def taylor_green() -> Iterator[Outcome]:
+    """V26: orders of at least 1.9; no growth of energy beyond rounding."""
+    for name, squeezed in (("equal", 1.0), ("stretched", SQUEEZED)):
+        found = order([space_error(cells, squeezed) for cells in GRIDS])
+        shortfall = max(LEAST_ORDER - found, 0.0)
+        words = f"Taylor-Green, {name} cells: order in space {found:.2f} falls short of 1.9 by"
+        yield Outcome(words, shortfall, 0.0, 0.0, "f64")
+    found = order(time_errors())
+    yield Outcome(
+        f"Taylor-Green: order in time {found:.2f} falls short of 1.9 by",
+        max(LEAST_ORDER - found, 0.0),
+        0.0,
+        0.0,
+        "f64",
+    )
+    rise = max(energy_rise(), 0.0)
+    yield below("Taylor-Green at nu = 0: largest rise of kinetic energy in a step", rise, 1e-12, "f64")

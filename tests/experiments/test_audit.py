@@ -1,0 +1,218 @@
+"""An audit finds what was planted in a sound table, and nothing in a table without a fault."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from textbook import unit_factors
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments import design
+from taichi_erosion.experiments.audit.examine import as_document, audit
+from taichi_erosion.experiments.audit.printed import parse_printed
+from taichi_erosion.experiments.table import Factor
+
+LAW = np.array([3.0, -8.0, 0.5, 1.0, -2.0, 0.1, 4.0])
+
+
+def write(path, names, rows):
+    with path.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([names, *rows])
+    return path
+
+
+def screening(count: int = 7, ranges: list[Factor] | None = None) -> tuple[list[str], list[list[float]]]:
+    """Heading and rows of a Plackett-Burman design with a response of known effects."""
+    factors = ranges or unit_factors("ABCDEFG"[:count])
+    made = design.plackett_burman(factors, centre_points=1)
+    noise = np.random.default_rng(5).normal(0.0, 0.3, len(made))
+    values = np.round(20.0 + made.coded @ LAW[: len(factors)] + noise, 2)
+    rows = [[k + 1, *levels, y] for k, (levels, y) in enumerate(zip(made.natural, values, strict=True))]
+    return ["run", *(f.path for f in factors), "angle"], rows
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_one_flipped_cell_of_a_screening_is_found(tmp_path, seed):
+    names, rows = screening()
+    rng = np.random.default_rng(seed)
+    row, column = int(rng.integers(0, 8)), int(rng.integers(1, 8))
+    rows[row][column] *= -1.0
+    found = as_document(audit(write(tmp_path / "t.csv", names, rows)))
+    assert not found["orthogonal"]
+    assert found["cell"]["row"] == row + 1
+    assert found["cell"]["column"] == names[column]
+    assert found["cell"]["restored_by"] == -rows[row][column]
+
+
+def test_levels_in_natural_units_are_audited_like_coded_ones(tmp_path):
+    ranges = [Factor("friction", 0.15, 0.55), Factor("energy", 2.5, 3.5), Factor("nu", 0.1, 0.5)]
+    names, rows = screening(ranges=[*ranges, *unit_factors("DEFG")])
+    assert as_document(audit(write(tmp_path / "sound.csv", names, rows)))["cell"] is None
+    rows[2][1] = 0.15 if rows[2][1] == 0.55 else 0.55
+    wrong = as_document(audit(write(tmp_path / "wrong.csv", names, rows)))
+    assert (wrong["cell"]["row"], wrong["cell"]["column"]) == (3, "friction")
+
+
+def test_a_level_with_a_slipped_decimal_point_is_named(tmp_path):
+    names, rows = screening()
+    rows[3][2] = 10.0 * rows[3][2]
+    found = audit(write(tmp_path / "t.csv", names, rows))
+    (odd,) = [finding for finding in found.findings if finding.kind == "level"]
+    assert (odd.row, odd.column, odd.printed) == (4, "B", f"{rows[3][2]:g}")
+    assert found.structure.chosen is not None
+
+
+def test_a_sound_design_is_found_sound(tmp_path):
+    names, rows = screening()
+    found = audit(write(tmp_path / "t.csv", names, rows))
+    assert found.structure.balanced
+    assert found.structure.orthogonal
+    assert found.structure.textbook == "Plackett-Burman"
+    assert {finding.kind for finding in found.findings} <= {"curvature"}
+
+
+def test_a_flipped_cell_of_a_box_behnken_design_is_placed_by_its_standard_order(tmp_path):
+    made = design.box_behnken(unit_factors("ABC"))
+    levels = made.coded.copy()
+    levels[5, 2] *= -1.0
+    rows = [[*line, float(k)] for k, line in enumerate(levels)]
+    found = audit(write(tmp_path / "t.csv", ["A", "B", "C", "y"], rows))
+    # two rows of the printed table are now alike: either could be the wrong one, the standard order decides
+    assert len(found.structure.cells) == 2
+    chosen = found.structure.chosen
+    assert chosen is not None
+    assert (chosen.row, chosen.column, chosen.level) == (5, 2, -1.0)
+
+
+def test_two_wrong_cells_are_not_explained_by_one(tmp_path):
+    names, rows = screening()
+    rows[0][1] *= -1.0
+    rows[4][5] *= -1.0
+    found = as_document(audit(write(tmp_path / "t.csv", names, rows)))
+    assert found["cells"] == []
+    assert not found["orthogonal"]
+
+
+def test_a_table_that_is_no_design_gets_one_sentence_and_not_one_for_every_pair(tmp_path):
+    made = design.latin_hypercube(unit_factors("ABCD"), 20, 1)
+    rows = [[*line, float(line[0])] for line in made.coded]
+    found = audit(write(tmp_path / "t.csv", ["A", "B", "C", "D", "y"], rows))
+    kinds = [finding.kind for finding in found.findings]
+    assert kinds.count("not orthogonal") == 1
+    assert "cell" not in kinds
+    assert "level" not in kinds
+
+
+def test_columns_behind_the_response_that_repeat_a_factor_are_set_aside(tmp_path):
+    names, rows = screening(3)
+    more = [[*row, 0.5 + 0.1 * row[1], -row[2], "a remark"] for row in rows]
+    path = write(tmp_path / "t.csv", [*names, "natural_A", "B_again", "note"], more)
+    found = as_document(audit(path, "angle"))
+    assert found["factors"] == ["A", "B", "C"]
+    assert found["set_aside"] == ["run", "natural_A", "B_again", "note"]
+
+
+CLAIMS = """
+model = "linear"
+anova = "anova.csv"
+[equation]
+1 = 20.00
+A = {a}
+B = 8.0
+"""
+
+
+def test_a_wrong_sum_and_a_wrong_sign_are_told_from_a_right_number(tmp_path):
+    made = design.full_factorial(unit_factors("AB"), centre_points=3)
+    y = 20.0 + made.coded @ [3.0, -8.0] + np.array([0.1, -0.1, -0.1, 0.1, 0.2, 0.0, -0.2])
+    rows = [[*levels, value] for levels, value in zip(made.coded, y, strict=True)]
+    path = write(tmp_path / "t.csv", ["A", "B", "y"], rows)
+    # SS = 4 b^2: 36 and 256
+    write(tmp_path / "anova.csv", ["source", "SS", "df"], [["A", "36.00", 1], ["B", "265.00", 1]])
+    (tmp_path / "t.claims.toml").write_text(CLAIMS.format(a="3.0"), encoding="utf-8")
+    found = audit(path)
+    wrong = {(finding.kind, finding.column, finding.printed) for finding in found.findings}
+    assert wrong == {("number", "B", "265.00"), ("sign", "B", "8.0")} | {
+        (f.kind, f.column, f.printed) for f in found.findings if f.kind == "curvature"
+    }
+    assert sum(comparison.agrees for comparison in found.comparisons) == 5
+
+
+@pytest.mark.parametrize(
+    ("text", "found", "agrees"),
+    [
+        ("3.18", 3.1766, True), ("3.18", 3.1749, False), ("0.0104*", 0.01042, True), ("<0.0001", 2e-7, True),
+        ("< 0.0001**", 2e-4, False), ("75.39", 75.385, True), ("1e3", 1400.0, True), ("5", 5.4, True),
+        ("-0.8187", -0.81875, True), ("0.4675", -0.4675, False),
+    ],
+)  # fmt: skip
+def test_a_printed_number_is_as_exact_as_its_last_digit(text, found, agrees):
+    printed = parse_printed(text)
+    assert printed is not None
+    assert printed.agrees(found) is agrees
+
+
+def test_words_are_no_numbers():
+    assert parse_printed("n.s.") is None
+    assert parse_printed("") is None
+
+
+def test_a_number_that_is_cut_off_is_told_from_a_wrong_one():
+    printed = parse_printed("3.90")
+    assert printed is not None
+    assert printed.cut_off(3.908)
+    assert not printed.cut_off(3.91)
+    assert not printed.cut_off(3.899)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is empty"),
+        ("a,y\n1,2\n3,x\n1,1\n", "row 2, y = 'x' must be a number"),
+        ("a,y\n1,2\n-1\n", "row 2 has 1 cells"),
+        ("a,y\n1,2\n-1,3\n", "at least 3"),
+        ("a,a\n1,2\n", "stands twice"),
+        ("y\n1\n2\n5\n", "no column of factor levels"),
+    ],
+)
+def test_a_table_that_cannot_be_audited_is_refused_in_one_line(tmp_path, text, words):
+    path = tmp_path / "t.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput, match=words):
+        audit(path)
+
+
+@pytest.mark.parametrize(
+    ("claims", "words"),
+    [
+        ("modle = 'linear'", "unknown field modle"),
+        ("model = 'cubic'", "allowed: linear"),
+        ("target = 'high'", "must be a number"),
+        ("[t_test]\nmean = 3.0", "t_test.runs is missing"),
+        ("x = ", "Invalid value"),
+    ],
+)
+def test_claims_that_cannot_be_read_are_refused_in_one_line(tmp_path, claims, words):
+    path = write(tmp_path / "t.csv", *screening())
+    (tmp_path / "t.claims.toml").write_text(claims, encoding="utf-8")
+    with pytest.raises(BadInput, match=words):
+        audit(path)
+
+
+def test_the_command_prints_one_json_document_with_row_and_column(tmp_path, capsys):
+    names, rows = screening()
+    rows[6][5] *= -1.0
+    path = write(tmp_path / "t.csv", [*names, "later"], [[*row, k**2] for k, row in enumerate(rows)])
+    assert main(["audit", str(path), "--response", "angle", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["cell"]["row"], found["cell"]["column"]) == (7, "E")
+    assert found["response"] == "angle"
+
+
+def test_the_command_refuses_an_unknown_response_with_exit_code_2(tmp_path, capsys):
+    path = write(tmp_path / "t.csv", *screening())
+    assert main(["audit", str(path), "--response", "colour"]) == 2
+    assert "no column 'colour'" in capsys.readouterr().err

@@ -1,0 +1,156 @@
+"""A session plays a scene by hand; what is set acts on the grains at once."""
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_erosion.cli import live as prompt
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.recording.terminal import in_colour, in_shades
+from taichi_erosion.run.live import (
+    back,
+    measure_now,
+    next_stage,
+    open_session,
+    run_for,
+    run_until_rest,
+    save,
+    set_entry,
+    step,
+)
+from taichi_erosion.scene.paths import meaning_of
+from taichi_erosion.simulation import snapshot
+
+SCENES = Path(__file__).parents[2] / "scenes"
+FEW = ("grains.count=60",)
+
+
+@pytest.fixture
+def session():
+    return open_session(SCENES / "column_collapse.toml", FEW)
+
+
+def test_a_session_plays_the_scene_to_its_measured_end(session) -> None:
+    run_for(session, 0.01)
+    step(session, 3)
+    assert session.time == pytest.approx(0.01 + 3 * session.time_step)
+    assert run_until_rest(session)
+    assert next_stage(session) == "collapse"
+    run_for(session, 0.2)
+    assert measure_now(session)["pile_height"].value > 0.0
+    with pytest.raises(BadInput, match="last one"):
+        next_stage(session)
+
+
+def test_gravity_that_is_turned_off_while_running_lets_grains_drift_and_compiles_nothing(session) -> None:
+    world = session.sim.world
+    run_for(session, 2e-3)
+    assert set_entry(session, "gravity.magnitude", "0.0").endswith("at once")
+    before = snapshot(session.sim, 0)
+    run_for(session, 1e-3)
+    after = snapshot(session.sim, 0)
+    free = (before.contacts == 0) & (after.contacts == 0)
+    # a thousandth of a second of gravity would change the fall of a free grain by 1e-2 m/s
+    assert np.median(np.abs(after.velocity - before.velocity)[free, 2]) < 1e-4
+    assert session.sim.world is world
+
+
+def test_going_back_restores_the_bits_and_the_parameters(session) -> None:
+    run_for(session, 5e-3)
+    save(session, "there")
+    run_for(session, 5e-3)
+    once = snapshot(session.sim, 0).position
+    set_entry(session, "contact.grain-grain.friction_sliding", "0.0")
+    back(session, "there")
+    assert session.scene.contact["grain-grain"].friction_sliding == 0.55
+    run_for(session, 5e-3)
+    assert np.array_equal(snapshot(session.sim, 0).position, once)
+
+
+def test_entries_that_are_built_in_are_refused_with_what_may_change(session) -> None:
+    with pytest.raises(BadInput, match=r"grains is fixed.*live are contact, gravity"):
+        set_entry(session, "grains.count", "61")
+    with pytest.raises(BadInput, match="friction_sliding"):
+        set_entry(session, "contact.grain-grain.friction_sliding", "-1.0")
+    assert session.scene.contact["grain-grain"].friction_sliding == 0.55
+
+
+def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
+    run_for(session, 0.02)
+    assert "after building" in set_entry(session, "effects.dry_adhesion.strength", "1.0")
+    world = session.sim.world
+    assert set_entry(session, "effects.dry_adhesion.strength", "2.0").endswith("at once")
+    assert session.sim.world is world
+    assert set_entry(session, "effects.dry_adhesion.strength", "0.0").endswith("at once")
+    run_for(session, 1e-3)
+
+
+def test_help_states_meaning_unit_and_range() -> None:
+    said = meaning_of("contact.grain-grain.friction_rolling")
+    assert "[1]" in said
+    assert "from 0 to 5" in said
+    with pytest.raises(BadInput, match="no scene has"):
+        meaning_of("contact.grain-grain.friction_roling")
+
+
+def test_pictures_for_terminals_show_light_where_the_image_is_light() -> None:
+    image = np.zeros((40, 40, 3), np.uint8)
+    image[20:, 20:] = 255
+    rows = in_shades(image, 10).split("\n")
+    assert rows[0].strip() == ""
+    assert rows[-1][-1] == "@"
+    assert "38;2;255;255;255" in in_colour(image, 10)
+
+
+def test_a_piped_session_stops_at_the_first_mistake_and_keeps_the_recording(tmp_path: Path) -> None:
+    orders = "run 0.002s\nstatus\nset nonsense 1\nrun 0.002s\n"
+    record = tmp_path / "live.rrd"
+    words = ["live", str(SCENES / "column_collapse.toml"), "--set", FEW[0], "--record", str(record)]
+    done = subprocess.run(
+        [sys.executable, "-m", "taichi_erosion", *words],
+        input=orders,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "nonsense" in done.stderr
+    assert "time_s 0.002" in done.stdout
+    assert record.exists()
+
+
+def test_a_session_on_a_terminal_prompts_says_mistakes_and_goes_on(tmp_path: Path) -> None:
+    master, slave = pty.openpty()
+    words = [
+        "live",
+        str(SCENES / "column_collapse.toml"),
+        "--set",
+        FEW[0],
+        "--record",
+        str(tmp_path / "l.rrd"),
+    ]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "taichi_erosion", *words], stdin=slave, stdout=slave, stderr=slave
+    )
+    os.close(slave)
+    os.write(master, b"fly\nrun 0.001s\nquit\n")
+    said = b""
+    while True:
+        try:
+            part = os.read(master, 4096)
+        except OSError:  # the child closed its end
+            break
+        if not part:
+            break
+        said += part
+    assert child.wait(timeout=60) == 0
+    os.close(master)
+    text = said.decode()
+    assert "'fly' is not an order" in text
+    assert "time_s 0.001" in text
+    assert prompt.PROMPT in text
