@@ -1,8 +1,8 @@
 """Eddy viscosity: the turbulence closure, one of three chosen at assembly.
 
 mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor as `laws.risen_root`
-                says (over a rough floor as `laws.rough_length`), and never exceeds kappa times the distance to
-                another wall, the stated largest length, or the stated share of the layer's thickness
+                says (over a rough floor as `laws.rough_length`), and never exceeds kappa times the distance
+                to another wall, the stated largest length, or the stated share of the layer's thickness
                 (Escudier: 0.09)
 smagorinsky:    nu_t = l^2 |S| in cells,  1/l^2 = 1/(C_s D)^2 + 1/(kappa d (1 - exp(-d u*/(A+ nu))))^2, with
                 D the cube root of the cell's volume, d the height over the floor and u* its friction velocity

@@ -60,6 +60,10 @@ ResumeFrom = Annotated[
     Path | None,
     typer.Option("--resume", metavar="FILE", help="Go on from a checkpoint.", exists=True, dir_okay=False),
 ]
+EffectFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
+]
 CheckOnly = Annotated[bool, typer.Option("--check", help="Validate the scene; simulate nothing.")]
 
 
@@ -96,29 +100,31 @@ def run(
     checkpoint: CheckpointTo = None,
     every: Every = None,
     resume: ResumeFrom = None,
+    effect: EffectFiles = None,
     check: CheckOnly = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a scene, measure and record it; print the measured value beside the simulated one."""
-    overrides = tuple(override or ())
+    overrides, effects = tuple(override or ()), tuple(effect or ())
     if check:
-        return check_only(scene, overrides, as_json)
+        return check_only(scene, overrides, effects, as_json)
     refuse_contradictions(record, no_record, checkpoint, every)
     words = given(
         seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision, record=record
     )
     words |= given(checkpoint=checkpoint, every=every, resume=resume)
-    document = simulate(scene, overrides=overrides, no_record=no_record, **words)
+    words |= {"overrides": overrides, "effect_files": effects}
+    document = simulate(scene, no_record=no_record, **words)
     (output.print_json if as_json else output.print_run)(document)
     if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(STOPPED)
 
 
-def check_only(scene: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+def check_only(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:
     """Validate a scene and say so."""
     from taichi_erosion.run import check_scene
 
-    document = check_scene(scene, overrides)
+    document = check_scene(scene, overrides, effects)
     if as_json:
         output.print_json(document)
     else:
@@ -255,3 +261,14 @@ def snapshot(
 
     picture(file, time, to)
     typer.echo(str(to))
+
+
+@app.command()
+def export(
+    file: RecordingFile,
+    vtk: Annotated[Path, typer.Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
+) -> None:
+    """Write the grains of a recording for ParaView."""
+    from taichi_erosion.recording.export import export_vtk
+
+    typer.echo(str(export_vtk(file, vtk)))

@@ -1,6 +1,10 @@
-"""The command `effects`: the library of optional physics as a list, and one effect as a page."""
+"""The command `effects`: the library of optional physics as a list, one effect as a page, or a new file."""
 
+import csv
+import re
 from dataclasses import fields
+from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -9,59 +13,93 @@ from taichi_erosion.cli import output
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
-    from taichi_erosion.core.effect import Effect
+    from taichi_erosion.core.effect import Check, Effect
 
+NEW = "new"  # first word that asks for a new file, so no effect can be called so
+FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
+SIGNIFICANT = 2.0  # standard errors from 0 at which a shift counts as measured [1]
 SIGNS = {1: "up", -1: "down"}
 
 app = typer.Typer()
 
-Name = Annotated[str | None, typer.Argument(metavar="[NAME]", help="Effect to describe; all if left out.")]
+Words = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[NAME] | new NAME", help="Effect to describe, or file to begin; all if left out."
+    ),
+]
+EffectFile = Annotated[
+    list[Path] | None,
+    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
 @app.command()
-def effects(name: Name = None, as_json: AsJson = False) -> None:
-    """Optional physics that a scene can switch on: all of it in a list, or one effect with its numbers."""
+def effects(words: Words = None, effect: EffectFile = None, as_json: AsJson = False) -> None:
+    """Optional physics that a scene can switch on: all of it, one effect with its numbers, or a new file."""
     from taichi_erosion.effects import load_library
 
-    library = load_library()
-    if name is not None and name not in library:
-        raise BadInput(f"effects {name}: is not in the library: {', '.join(library)}")
-    chosen = [library[name]] if name is not None else list(library.values())
+    match words or []:
+        case ["new", name]:
+            typer.echo(str(begin_file(name)))
+        case []:
+            show_library(list(load_library(effect or ()).values()), as_json)
+        case [name]:
+            library = load_library(effect or ())
+            if name not in library:
+                raise BadInput(f"effects {name}: is not in the library: {', '.join(library)}")
+            show_effect(library[name], as_json)
+        case _:
+            raise BadInput(f"effects {' '.join(words or [])}: give one NAME, or new NAME")
+
+
+def begin_file(name: str) -> Path:
+    """Write a file that already keeps the contract of effects, for the user to change."""
+    from taichi_erosion.effects import load_library
+
+    path = Path(f"{name}.py")
+    if not FILE_NAME.fullmatch(name) or name == NEW or name in load_library():
+        raise BadInput(f"effects new {name}: give a new name of small letters, digits and _")
+    if path.exists():
+        raise BadInput(f"{path}: exists already")
+    scaffold = (files("taichi_erosion.cli") / "scaffold" / "effect.txt").read_text(encoding="utf-8")
+    path.write_text(scaffold.replace("NAME", name), encoding="utf-8")
+    return path
+
+
+def show_library(library: "list[Effect]", as_json: bool) -> None:
+    """All effects: name, place, what they move by measurement, reference."""
+    measured = measured_shifts()
     if as_json:
-        output.print_json({"effects": {effect.name: record(effect) for effect in chosen}})
-    elif name is not None:
-        print_effect(chosen[0])
-    else:
-        print_library(chosen)
-
-
-def record(effect: "Effect") -> dict[str, Any]:
-    """An effect as JSON can hold it."""
-    return {
-        "title": effect.title,
-        "place": effect.place,
-        "reads": list(effect.reads),
-        "expected": dict(effect.expected),
-        "prior_scale": effect.prior_scale,
-        "max": effect.most,
-        "parameters": {f.name: {"value": f.default, **f.metadata} for f in fields(effect.params)},
-        "description": effect.doc or "",
-    }
-
-
-def print_library(library: "list[Effect]") -> None:
-    """One row an effect."""
-    table = output.empty_table("effects", "name", "what it is", "place", "reads", "expected to move")
+        return output.print_json({"effects": {effect.name: record(effect, measured) for effect in library}})
+    table = output.empty_table("effects", "name", "what it is", "place", "moves (measured)", "reference")
     for effect in library:
-        table.add_row(effect.name, effect.title, effect.place, ", ".join(effect.reads), moves(effect))
+        moved = "; ".join(sentence(row) for row in measured.get(effect.name, ())) or output.MARK_MISSING
+        table.add_row(effect.name, effect.title, effect.place, moved, first_reference(effect))
     output.print_table(table)
     typer.echo("A scene switches one on by [effects.NAME] strength = 1.0; `effects NAME` describes it.")
 
 
-def print_effect(effect: "Effect") -> None:
-    """The page of one effect: its law, then its numbers."""
+def show_effect(effect: "Effect", as_json: bool) -> None:
+    """The page of one effect: its law, its numbers, its verification table, what it moves."""
+    checks, breaches = examined(effect)
+    measured = measured_shifts()
+    if as_json:
+        lines = [{"claim": c.claim, "got": c.got, "want": c.want, "rtol": c.rtol} for c in checks]
+        page = record(effect, measured) | {"checks": lines, "breaches": breaches}
+        return output.print_json({"effects": {effect.name: page}})
     typer.echo((effect.doc or effect.title).strip())
+    print_parameters(effect)
+    print_checks(effect, checks)
+    for breach in breaches:
+        typer.echo(f"breaks the contract: {breach}")
+    for row in measured.get(effect.name, ()):
+        typer.echo(f"measured: {sentence(row)} ({row['scene']}, n = {row['n']})")
+
+
+def print_parameters(effect: "Effect") -> None:
+    """Entries that a scene may give."""
     table = output.empty_table(f"effects.{effect.name}", "entry", "default", "unit", "range", "meaning")
     table.add_row("strength", "1", "1", f"0 to {effect.most:g}", "0: absent, 1: textbook")
     for f in fields(effect.params):
@@ -72,9 +110,72 @@ def print_effect(effect: "Effect") -> None:
     if effect.reads:
         typer.echo(f"reads the conditions {', '.join(effect.reads)}")
     if effect.expected:
-        typer.echo(f"expected to move {moves(effect)}")
+        moved = ", ".join(f"{name} {SIGNS.get(sign, '?')}" for name, sign in effect.expected.items())
+        typer.echo(f"expected by the literature: {moved}")
 
 
-def moves(effect: "Effect") -> str:
-    """Observables that it moves, and which way."""
-    return ", ".join(f"{name} {SIGNS.get(sign, '?')}" for name, sign in effect.expected.items())
+def print_checks(effect: "Effect", checks: "list[Check]") -> None:
+    """Verification table."""
+    table = output.empty_table("verification", "claim", "got", "want", "tolerance")
+    for check in checks:
+        table.add_row(check.claim, f"{check.got:.7g}", f"{check.want:.7g}", f"{check.rtol:g}")
+    output.print_table(table)
+
+
+def examined(effect: "Effect") -> "tuple[list[Check], list[str]]":
+    """Verification table of an effect, and where it breaks the contract."""
+    from taichi_erosion.core.device import start_device, stop_device
+    from taichi_erosion.core.effect_probe import make_bench, probe_of
+    from taichi_erosion.core.setup import Numerics
+    from taichi_erosion.verification.effect_contract import breaches
+
+    start_device(Numerics(threads=1))
+    bench = make_bench()
+    try:
+        return list(effect.checks(probe_of(effect, bench))), breaches(effect, bench)
+    finally:
+        stop_device()
+
+
+def record(effect: "Effect", measured: dict[str, list[dict[str, str]]]) -> dict[str, Any]:
+    """An effect as JSON can hold it."""
+    return {
+        "title": effect.title,
+        "place": effect.place,
+        "reads": list(effect.reads),
+        "expected": dict(effect.expected),
+        "measured": measured.get(effect.name, []),
+        "reference": first_reference(effect),
+        "prior_scale": effect.prior_scale,
+        "max": effect.most,
+        "parameters": {f.name: {"value": f.default, **f.metadata} for f in fields(effect.params)},
+        "description": effect.doc or "",
+    }
+
+
+def first_reference(effect: "Effect") -> str:
+    """First work that an effect's docstring names."""
+    _, _, works = (effect.doc or "").partition("Reference:")
+    return " ".join(works.split()).partition(";")[0].rstrip(".")
+
+
+def measured_shifts() -> dict[str, list[dict[str, str]]]:
+    """Rows of the table of measured signatures whose shift is told from 0, by effect; none without the table."""
+    from taichi_erosion.campaign.cases import ROOT
+
+    path = ROOT / "doe" / "effect_signatures" / "signatures.csv"
+    if not path.is_file():
+        return {}
+    found: dict[str, list[dict[str, str]]] = {}
+    with path.open(encoding="utf-8", newline="") as table:
+        for row in csv.DictReader(table):
+            if abs(float(row["shift"])) > SIGNIFICANT * float(row["standard_error"]):
+                found.setdefault(row["effect"], []).append(row)
+    return found
+
+
+def sentence(row: dict[str, str]) -> str:
+    """`repose_angle +2.1 +- 0.3 deg`."""
+    shift, error = float(row["shift"]), float(row["standard_error"])
+    unit = "" if row["unit"] == "1" else f" {row['unit']}"
+    return f"{row['observable']} {shift:+.2g} \N{PLUS-MINUS SIGN} {error:.1g}{unit}"

@@ -7,13 +7,14 @@ import typer
 
 from taichi_erosion.cli.output import MARK_MISSING, Record, empty_table, print_table
 
-MISFIT_LEVEL = 0.01  # p below which a model is said not to agree
+MISFIT_LEVEL = 0.05  # p below which a model is said not to agree
 
 
 def print_comparison(document: Record) -> None:
     """Whether the model agrees, where it fails, observable by observable."""
     typer.echo(agreement(document))
-    say(place["sentence"] for place in document["where"])
+    failing = [place["sentence"] for place in document["where"] if (place["p"] or 0.0) < MISFIT_LEVEL]
+    say(failing or ["No misfit is seen in any observable or along any condition."])
     table = empty_table(
         "calibrated model against measurement", "observable", "rows", "chi2", "rmse", "bias", "p"
     )

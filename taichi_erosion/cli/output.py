@@ -37,9 +37,10 @@ def print_run(document: Record) -> None:
     if document.get("recording"):
         typer.echo(f"recording: {document['recording']}")
     replicas, seconds = len(document["replicas"]), document["wall_s"]
-    speed = document["grain_steps"] / seconds if seconds else 0.0
+    kind = "cell" if "cell_steps" in document else "grain"
+    speed = document[f"{kind}_steps"] / seconds if seconds else 0.0
     typer.echo(
-        f"{replicas} replica(s) in {seconds:.1f} s, {speed:.3g} grain-steps/s, scene {document['hash']}"
+        f"{replicas} replica(s) in {seconds:.1f} s, {speed:.3g} {kind}-steps/s, scene {document['hash']}"
     )
 
 

@@ -5,7 +5,7 @@ scene effect the scene that it makes of `scene`; of an instrument the value that
 The device must have been started for pair and grain effects.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -83,7 +83,24 @@ def feel_grain(
         force_out[i], torque_out[i] = push_of(bound, 0, grain)
 
 
-def probe_of(effect: Effect) -> Probe:
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Fields that all device probes share, so that their kernels are built once."""
+
+    pair: Any  # struct of one pair
+    grain: Any  # struct of one grain
+    pull: Any  # [N]
+    force: Any  # vec3 [N]
+    torque: Any  # vec3 [N m]
+
+
+def make_bench() -> Bench:
+    """Fields of one pair and one grain on the device, which must have been started."""
+    vectors = [ti.Vector.field(3, float, shape=1) for _ in range(2)]
+    return Bench(pair_type().field(shape=1), grain_type().field(shape=1), ti.field(float, shape=1), *vectors)
+
+
+def probe_of(effect: Effect, bench: Bench) -> Probe:
     """Function (params, conditions, strength=1, **members of the place) -> what the effect does there."""
     if effect.place == "scene":
         return lambda params, conditions, scene, strength=1.0: effect.act(params, strength, conditions, scene)
@@ -91,33 +108,33 @@ def probe_of(effect: Effect) -> Probe:
         return lambda params, conditions, observable, value, strength=1.0: effect.act(
             params, strength, conditions, observable, value
         )
-    return device_probe(effect)
+    return device_probe(effect, bench)
 
 
-def device_probe(effect: Effect) -> Probe:
+def device_probe(effect: Effect, bench: Bench) -> Probe:
     """Probe of a pair or grain effect; members that are not named are 0."""
     assert effect.constants is not None
     constants = effect.constants
     bound = bind(effect.place, [[Acting(effect, constants(effect.params(), 1.0, {}), 0.0)]])
-    place = (pair_type() if effect.place == "pair" else grain_type()).field(shape=1)
-    answers = [ti.field(float, shape=1)]
-    if effect.place == "grain":
-        answers = [ti.Vector.field(3, float, shape=1) for _ in range(2)]
-    table: Any = bound.constants[0]
+    place = bench.pair if effect.place == "pair" else bench.grain
+    silent = {name: np.zeros(value.n if hasattr(value, "n") else 1) for name, value in parts(place).items()}
 
     def probe(params: Any, conditions: Conditions, strength: float = 1.0, **members: Any) -> Any:
-        for name, value in constants(params, strength, conditions).items():
-            upload([(getattr(table, name), [value])])
-        place.fill(0.0)
-        for name, value in members.items():
-            getattr(place, name)[0] = value
+        numbers = constants(params, strength, conditions)
+        upload([(getattr(bound.constants[0], name), [value]) for name, value in numbers.items()])
+        upload([(parts(place)[name], [value]) for name, value in (silent | members).items()])
         if effect.place == "pair":
-            feel_pair(bound, place, *answers)
-            return float(answers[0][0])
-        feel_grain(bound, place, *answers)
-        return tuple(np.array(answer.to_numpy()[0], np.float64) for answer in answers)
+            feel_pair(bound, place, bench.pull)
+            return float(bench.pull[0])
+        feel_grain(bound, place, bench.force, bench.torque)
+        return tuple(np.array(answer[0], np.float64) for answer in (bench.force, bench.torque))
 
     return probe
+
+
+def parts(place: Any) -> dict[str, Any]:
+    """Fields of the members of a struct field, by name."""
+    return {name: getattr(place, name) for name in place.keys}
 
 
 def falsified(probe: Probe, name: str, factor: float) -> Probe:

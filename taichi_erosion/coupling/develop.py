@@ -20,13 +20,15 @@ def count_grains(world_out: ti.template(), around_out: ti.template(), r):
 def develop_air(
     # parameters
     r: ti.i32,
+    anew: ti.i32,
     # out
     world_out: ti.template(),
     around_out: ti.template(),
 ):
     """Advance the column of replica r to its steady state, and let its grains feel that.
 
-    What air and grains owe each other is put on the books first and stays there: it belongs to the time before.
+    What air and grains owe each other is put on the books first and stays there: it belongs to the time
+    before. Where that time never was, because grains have been put back (`anew`), it is forgotten.
     """
     ti.loop_config(serialize=True)
     for turn in range(ROUNDS + 1):
@@ -38,4 +40,6 @@ def develop_air(
         count_grains(world_out, around_out, r)
         if turn == 0:
             settle(world_out, around_out, r)
+            for k in range(around_out.air.cells[2] * anew):
+                around_out.exchange.owed[r, k] = 0.0 * around_out.exchange.owed[r, k]
         load_air(world_out, around_out, r)

@@ -52,17 +52,15 @@ def sutherland(temperature: float) -> float:
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene in its true air; without wind, or where nothing is stated, as it is."""
     wind = scene.wind
-    if wind is None or not any(name in conditions for name in STATED):
+    if wind is None or strength == 0.0 or not any(name in conditions for name in STATED):
         return scene
     temperature = conditions.get("temperature", params.temperature)
     specific = GAS_CONSTANT * temperature / MOLAR_MASS
     column = params.pressure * exp(-GRAVITY * conditions.get("altitude", 0.0) / specific)
     density = conditions.get("pressure", column) / specific
-    old = wind.viscosity * wind.density
+    bare = wind.viscosity * wind.density
     mixed = wind.density + strength * (density - wind.density)
-    viscosity = (
-        (old + strength * (sutherland(temperature) - old)) / mixed if strength > 0.0 else wind.viscosity
-    )
+    viscosity = (bare + strength * (sutherland(temperature) - bare)) / mixed
     return with_section(scene, "wind", density=mixed, viscosity=viscosity)
 
 

@@ -41,7 +41,9 @@ RANGES: dict[str, tuple[float, float, bool]] = {  # condition -> low, high, spre
 }
 NOISE = {"threshold_u_star": 0.03, "flux": 0.12, "repose_angle": 0.8}  # of one row: relative, relative, deg
 TRANSFORMS = {"threshold_u_star": "log", "flux": "log_floor", "repose_angle": "identity"}
-FLUX_FLOOR = 1e-4  # kg m-1 s-1
+FLUX_FLOOR = 1e-4  # kg m-1 s-1, the least that is called transport
+FLUX_ZERO = 1e-5  # kg m-1 s-1, noise of an empty trap
+CENSORING = 0.5  # share of laboratories that write "no transport" below the floor
 PRIOR_SD = 0.3  # of ln of every calibrated number
 OWNERS = {  # observable -> calibrated numbers that move it
     "threshold_u_star": ("threshold_coefficient",),
@@ -247,15 +249,17 @@ def measured(
         kick = sd * truth.understated * generator.standard_normal(again.size)
         drawn = mean + kick if observable == "repose_angle" else mean * np.exp(kick)
         if observable == "flux":
-            drawn = drawn + 0.3 * FLUX_FLOOR * generator.standard_normal(again.size)
+            drawn = drawn + FLUX_ZERO * generator.standard_normal(again.size)
         names += [observable] * again.size
         values += [float(value) for value in drawn]
         size = np.ones(again.size) if observable == "repose_angle" else np.abs(mean)
-        extra = 0.3 * FLUX_FLOOR if observable == "flux" else 0.0
+        extra = FLUX_ZERO if observable == "flux" else 0.0
         stated += [float(value) for value in np.hypot(sd * size, extra)]
         groups += [f"{observable}-{number // 2}" for number in again]
         for name in columns:
             columns[name] += [float(value) for value in at[name]]
+    silent = np.array([name == "flux" for name in names]) & (np.array(values) < FLUX_FLOOR)
+    silent &= generator.random() < CENSORING
     conditions = {name: np.array(column) for name, column in columns.items()}
     if not conditions:
         conditions = {"diameter": np.full(len(names), 2.5e-4)}
@@ -267,8 +271,8 @@ def measured(
         group=tuple(groups),
         unit=tuple("" for _ in names),
         conditions=conditions,
-        censored=np.zeros(len(names), dtype=np.bool_),
-        limit=np.full(len(names), np.nan),
+        censored=silent,
+        limit=np.where(silent, FLUX_FLOOR, np.nan),
         source=tuple("sealed case" for _ in names),
     )
 

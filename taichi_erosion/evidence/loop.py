@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence import results
+from taichi_erosion.evidence.adopt import adopt
 from taichi_erosion.evidence.compare import compare
 from taichi_erosion.evidence.discover import discover
 from taichi_erosion.evidence.documents import (
@@ -18,7 +20,8 @@ from taichi_erosion.evidence.documents import (
     plain,
 )
 from taichi_erosion.evidence.findings import Adoption, HypothesisFit
-from taichi_erosion.evidence.problem import Progress
+from taichi_erosion.evidence.problem import Laboratory, Progress
+from taichi_erosion.evidence.propose import next_experiments, propose
 from taichi_erosion.evidence.study import Study, load_study
 from taichi_erosion.evidence.successor import write_successor
 from taichi_erosion.evidence.vault import openings, record_opening
@@ -48,6 +51,9 @@ def discover_study(path: Path, budget: BudgetName | None, progress: Progress) ->
     """Which effect is missing."""
     with opened(path, budget) as study:
         found = discover(study.problem, study.file.study.seed, study.problem.budget, progress)
+        if study.file.study.model is not None:  # a scene would have to be simulated under every condition
+            experiments = next_experiments(study.problem, found, laboratory_of(study))
+            found = replace(found, next_experiments=tuple(experiments))
         adopted = results.recall(study.results, path.stem, "adopt")
         seen = adopted["vault"] if adopted and adopted.get("digest") == study.digest[:12] else None
         document = discover_document(study, found, seen)
@@ -76,9 +82,16 @@ def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
 def next_study(path: Path, progress: Progress) -> Document:
     """The experiments that would decide."""
     with opened(path) as study:
-        document = next_document(study, next_experiments(study.problem, study.file.study.seed, progress))
+        _, experiments = propose(study.problem, laboratory_of(study), study.file.study.seed, progress)
+        document = next_document(study, experiments)
         results.keep(study.results, path.stem, "next", document)
         return document
+
+
+def laboratory_of(study: Study) -> Laboratory:
+    """What could be measured next, as the study states it."""
+    said = study.file.laboratory
+    return Laboratory(ranges=dict(said.ranges), costs=dict(said.costs), repeats=said.repeats)
 
 
 def climb(study: Study, found: Adoption) -> None:

@@ -13,13 +13,13 @@ References: Welch (1947), Biometrika 34, 28; Cohen (1988), Statistical Power Ana
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isfinite, nan, sqrt
+from math import exp, inf, isfinite, log, nan, sqrt
 
 import numpy as np
 from scipy import stats
 from scipy.integrate import quad
 from scipy.optimize import brentq
-from scipy.special import ndtr
+from scipy.special import chdtri, gammaln, ndtr
 
 from taichi_erosion.core.errors import BadInput
 
@@ -125,12 +125,13 @@ def power(difference: float, spread: float, df: float) -> float:
     if not spread > 0.0:
         return nan
     shift, limit = abs(difference) / spread, float(stats.t.isf(0.5 * SIGNIFICANCE, df))
-    scale = stats.chi(df, scale=1.0 / sqrt(df))
+    constant = log(2.0) + 0.5 * df * log(0.5 * df) - gammaln(0.5 * df)
 
     def missed(s: float) -> float:
-        return float((ndtr(limit * s - shift) - ndtr(-limit * s - shift)) * scale.pdf(s))
+        density = exp(constant + (df - 1.0) * log(s) - 0.5 * df * s**2)  # of s
+        return float(ndtr(limit * s - shift) - ndtr(-limit * s - shift)) * density
 
-    ends = scale.ppf([TAIL, 1.0 - TAIL])
+    ends = np.sqrt(chdtri(df, [1.0 - TAIL, TAIL]) / df)
     turn = float(np.clip(shift / limit, *ends))  # where the integrand rises
     below, above = (quad(missed, *part, epsabs=TAIL)[0] for part in ((ends[0], turn), (turn, ends[1])))
     return 1.0 - below - above

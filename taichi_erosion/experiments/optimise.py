@@ -20,9 +20,9 @@ from taichi_erosion.experiments.generate import grid_points, sobol_points
 from taichi_erosion.experiments.table import Floats, to_natural
 
 SOFTNESS = (1e-1, 1e-3, 1e-6)  # the tip at a target becomes sharper from climb to climb [1]
-PRECISION = {"ftol": 1e-15, "gtol": 1e-10, "maxiter": 60}  # of L-BFGS-B, on a function of order 1
+PRECISION = {"ftol": 1e-16, "xtol": 1e-9, "gtol": 1e-10, "maxfun": 200}  # of a function of order 1
 NUDGE = 1e-5  # coded step of the central differences; exact for quadratics but for rounding [1]
-SPREAD_STARTS, MANY_STARTS = 16, 128  # of a Sobol sequence, with the grid and in its place [1]
+SPREAD_STARTS, MANY_STARTS = 8, 128  # of a Sobol sequence, with the grid and in its place [1]
 MOST_GRID_STARTS = 81
 BEST_STARTS = 6  # from which the range of one model is sought [1]
 SOBOL_SEED = 0  # the starts between the grid points are the same in every search
@@ -156,7 +156,8 @@ def descend(loss: Callable[[Floats], Floats], start: Floats, bound: float) -> Fl
         return float(loss(coded[None, :])[0])
 
     limits = [(-bound, bound)] * len(start)
-    found = minimize(value, start, jac=slope, bounds=limits, method="L-BFGS-B", options=PRECISION)
+    # a method without linear algebra: threads of a library would cost more than these few numbers
+    found = minimize(value, start, jac=slope, bounds=limits, method="TNC", options=PRECISION)
     return np.asarray(found.x)
 
 

@@ -20,6 +20,8 @@ Document = Mapping[str, Any]
 
 TEMPLATE = "evidence.html"
 CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
+MISFIT_LEVEL = 0.05  # family-wise p below which a place counts as one where the model fails
+NO_MISFIT = "No misfit is seen in any observable or along any condition."
 TIMES = {0: "has not been opened", 1: "has been opened once"}
 
 
@@ -80,7 +82,6 @@ def render(found: Found) -> str:
 def words(found: Found) -> dict[str, Any]:
     """What the template is given."""
     first, adoption, discovery = found.first, found.adoption, found.discovery
-    places = found.comparison["where"] if found.comparison else ()
     return {
         "title": first["title"] or Path(first["study"]).stem,
         "about": f"{first['measurements']}, answered by {first['model']}",
@@ -89,7 +90,7 @@ def words(found: Found) -> dict[str, Any]:
         "comparison": found.comparison,
         "discovery": discovery,
         "adoption": adoption,
-        "where": [place["sentence"] for place in places] or ["Nowhere in particular."],
+        "where": failures(found.comparison) or [NO_MISFIT],
         "effects": ranked_effects(discovery),
         "groups": groups(discovery),
         "clues": [clue["sentence"] for clue in discovery["clues"]] if discovery else [],
@@ -121,10 +122,16 @@ def pictures(found: Found) -> dict[str, figures.Picture | None]:
 
 def summary(found: Found) -> list[str]:
     """The sentences that most readers will read."""
-    told = [place["sentence"] for place in found.comparison["where"][:2]] if found.comparison else []
+    told = failures(found.comparison)[:2]
     told += found.discovery["sentences"][:1] if found.discovery else []
     told += [found.adoption["sentence"]] if found.adoption else []
     return told or ["The calibrated model is consistent with the measurements that it was shown."]
+
+
+def failures(comparison: Document | None) -> list[str]:
+    """Places where the model fails."""
+    places = comparison["where"] if comparison else ()
+    return [place["sentence"] for place in places if place["p"] is not None and place["p"] < MISFIT_LEVEL]
 
 
 def ranked_effects(discovery: Document | None) -> list[tuple[str, Document]]:

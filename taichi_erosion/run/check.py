@@ -3,8 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.run.air_check import check_air_scene
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, load_scene, resolved, scene_hash
+from taichi_erosion.scene.air import is_air_scene
 
 
 def read_scene(path: Path, overrides: tuple[str, ...], effect_files: tuple[Path, ...] = ()) -> Scene:
@@ -28,6 +30,8 @@ def check_scene(
     path: Path, overrides: tuple[str, ...] = (), effect_files: tuple[Path, ...] = ()
 ) -> dict[str, Any]:
     """Hash, resolved scene, time-step limits and warnings; starts no device. Raises BadInput."""
+    if is_air_scene(path):
+        return check_air_scene(path, overrides)
     scene = read_scene(path, overrides, effect_files)
     document = {"scene": str(path), "hash": scene_hash(scene)}
     return document | {"resolved": resolved(scene), "limits": explain(scene)}

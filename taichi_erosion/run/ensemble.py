@@ -16,6 +16,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
 from taichi_erosion.effects import load_library
+from taichi_erosion.run.instruments import as_read
 from taichi_erosion.run.options import Report
 from taichi_erosion.run.play import Play, play
 from taichi_erosion.run.result import replica_record, versions
@@ -68,7 +69,8 @@ def play_ensemble(
         for place, part in zip(cast.places, cast.parts, strict=True):
             play_ensemble([part], numerics, lambda _, record, place=place: tell(place, record), progress)
         return
-    stage_play = Play([part.scene for part in cast.parts], sim, [Actor(part.seed) for part in cast.parts])
+    scenes = [effective_scene(part.scene, library_of(part.scene)) for part in cast.parts]
+    stage_play = Play(scenes, sim, [Actor(part.seed) for part in cast.parts])
     crier = Crier(cast, tell, time.perf_counter(), time.process_time(), cameras_of(cast, stage_play))
     watchers = [partial(watch_replica, camera) for camera in crier.cameras.values()]
     teller = [Teller(progress).watch] if progress else []
@@ -147,8 +149,10 @@ class Crier:
 
     def record(self, stage_play: Play, replica: int) -> dict[str, Any]:
         """What came out of one replica."""
+        part, actor = self.cast.parts[replica], stage_play.actors[replica]
+        actor.measurements = as_read(actor.measurements, part.scene, library_of(part.scene))
         found = replica_record(stage_play, replica)
-        part, camera = self.cast.parts[replica], self.cameras.get(replica)
+        camera = self.cameras.get(replica)
         hashed = scene_hash(part.scene)
         if camera is not None:
             properties = {"scene": {"hash": hashed}} | dict(part.properties or {})

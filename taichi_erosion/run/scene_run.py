@@ -13,6 +13,7 @@ from taichi_erosion.measures.result import as_record, pool
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
 from taichi_erosion.run.check import read_scene
+from taichi_erosion.run.instruments import as_read
 from taichi_erosion.run.interrupt import deferred
 from taichi_erosion.run.memory import recall, seeds_of
 from taichi_erosion.run.options import RunOptions
@@ -53,7 +54,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     library = load_library(options.effect_files) if scene.effects else {}
     setups = [prepare(scene, seed, library) for seed in seeds]
     sim = assemble(setups, laws(effective_scene(scene, library)), numerics)
-    stage_play = Play([scene] * len(seeds), sim, [Actor(seed) for seed in seeds])
+    stage_play = Play([effective_scene(scene, library)] * len(seeds), sim, [Actor(seed) for seed in seeds])
     if resume:
         import_state(sim, resume[0])
         recall(stage_play, *resume)
@@ -63,6 +64,8 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         camera = open_camera(record, title, stage_play, path.read_text(encoding="utf-8"))
     keeper = keeper_of(options, record, hashed, stage_play.time)
     perform(stage_play, camera, keeper, options)
+    for actor in stage_play.actors:
+        actor.measurements = as_read(actor.measurements, scene, library)
     document = describe(path, scene, stage_play, time.perf_counter() - started)
     if camera:
         document |= finish(camera, stage_play, document["replicas"][0], {"scene": {"hash": hashed}})

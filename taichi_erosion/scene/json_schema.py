@@ -4,9 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
+from taichi_erosion.scene import schema_air
 from taichi_erosion.scene.diameters import SCALING_UNITS
 from taichi_erosion.scene.override import DIAMETERS
 from taichi_erosion.scene.schema import Scene
+from taichi_erosion.scene.schema_air import AirScene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 IN_METRES_ONLY = {
@@ -20,9 +24,11 @@ IN_METRES_ONLY = {
 
 def scene_schema() -> dict[str, Any]:
     """Schema of a scene file, every number with its unit and range."""
-    schema = Scene.model_json_schema()
+    schema = TypeAdapter[Scene | AirScene](Scene | AirScene).json_schema()
+    parts = (part for part in vars(schema_air).values() if isinstance(part, type))
+    air_alone = {part.__name__ for part in parts if part.__module__ == schema_air.__name__}
     for name, part in schema["$defs"].items():
-        if name not in IN_METRES_ONLY:
+        if name not in IN_METRES_ONLY | air_alone:
             allow_diameters(part)
     return {"$schema": DIALECT, "title": "taichi_erosion scene"} | schema
 

@@ -20,6 +20,7 @@ from taichi_erosion.scene.schema_field import (
 )
 from taichi_erosion.scene.schema_geometry import ORIGIN, Wall
 from taichi_erosion.scene.schema_grains import Contact, Fill, Grains, Material
+from taichi_erosion.scene.schema_threshold import Threshold
 from taichi_erosion.scene.schema_wind import FASTEST_FRICTION, Wind
 
 SHORTEST = 1e-12  # shortest time that a scene may name [s]
@@ -128,8 +129,9 @@ class Stage(Part):
     """One act of the experiment; changes happen at its beginning."""
 
     name: Name = Field(description="name by which measures refer to it")
-    until: Literal["rest", "time"] = Field(
-        "rest", description="rest: when grains rest; time: after duration_max"
+    until: Literal["rest", "time", "threshold"] = Field(
+        "rest",
+        description="rest: when grains rest; time: after duration_max; threshold: when thresholds are found",
     )
     duration_min: float = number(0.0, "s", "shortest duration", 0.0, LONGEST)
     duration_max: float = number(..., "s", "time limit, or the duration itself", SHORTEST, LONGEST)
@@ -199,6 +201,7 @@ class Scene(Part):
     geometry: dict[Name, Wall] = Field({})
     fill: Fill
     wind: Wind | None = Field(None, description="air over a periodic patch; left out: no air")
+    threshold: Threshold = Field(Threshold(), description="how thresholds of motion are looked for")
     stages: tuple[Stage, ...] = Field(min_length=1, max_length=1000)
     measure: dict[Name, Measure] = Field({})
     measured: dict[Name, Measured] = Field({})

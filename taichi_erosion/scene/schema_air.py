@@ -1,6 +1,5 @@
 """Scenes of air alone: a box of cells, what its sides do, what blows in, and what is measured."""
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
@@ -11,6 +10,7 @@ from taichi_erosion.scene.schema_field import FASTEST, Name, Part, Vector, contr
 
 MOST_CELLS = 20_000_000  # about 8 GB of state
 LONGEST = 1e5  # longest run [s]
+COURANT_MOST = 1.7  # limit of three-stage Runge-Kutta with central advection [1]
 Counts = tuple[int, int, int]
 
 
@@ -28,7 +28,9 @@ class AirRun(Part):
     seed: int = number(1, "1", "seed of the turbulence at the inlet", 0, 2**62)
     duration: float = number(..., "s", "simulated time", 1e-9, LONGEST)
     averaging: float = number(0.2, "1", "last share of the run over which measures take means", 0.0, 1.0)
-    courant: float = number(1.0, "1", "fastest wind times time step over length of a cell", 1e-3, 1.7)
+    courant: float = number(
+        1.0, "1", "fastest wind times time step over length of a cell", 1e-3, COURANT_MOST
+    )
     time_step: float | None = number(None, "s", "time step; left out: courant", 1e-12, LONGEST)
     frames: int = number(40, "1", "frames of the recording", 1, 10_000)
 
@@ -97,7 +99,7 @@ class Turbulence(Part):
 class AirBox(Part):
     """The box, the fluid, the closure."""
 
-    size: Vector = number(..., "m", "extents along x, y and z", 1e-7, 1e4)
+    extents: Vector = number(..., "m", "extents along x, y and z", 1e-7, 1e4)
     cells: Counts = number(..., "1", "cells along x, y and z", 1, 100_000)
     lowest: float | None = number(None, "m", "thickness of the lowest cells; left out: equal", 1e-7, 1e4)
     both_ends: bool = Field(default=False, description="whether cells are fine at the lid too")
@@ -133,7 +135,7 @@ class AirBox(Part):
 class AirMeasure(Part):
     """Where one observable of the air is read."""
 
-    place: float | None = extent(None, "position along x; left out: the middle", 0.0)
+    place: float | None = extent(None, "position along x; left out: the mean along x", 0.0)
 
 
 class AirScene(Part):

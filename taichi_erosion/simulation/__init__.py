@@ -11,7 +11,7 @@ from taichi_erosion.simulation.control import (
 )
 from taichi_erosion.simulation.observe import energies, ledger, share_touching, snapshot
 from taichi_erosion.simulation.prepare import conditions_of, device_effects, effective_scene, prepare
-from taichi_erosion.simulation.state import export_state, import_state
+from taichi_erosion.simulation.state import export_bed, export_state, import_bed, import_state
 from taichi_erosion.simulation.wind import air_profile, develop_wind, set_friction_velocity, set_through_flow
 
 __all__ = [
@@ -24,8 +24,10 @@ __all__ = [
     "device_effects",
     "effective_scene",
     "energies",
+    "export_bed",
     "export_state",
     "failure",
+    "import_bed",
     "import_state",
     "ledger",
     "move_surface",

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from taichi_erosion.core.effect import Acting, Effect, acting, read_params
+from taichi_erosion.core.effect import Acting, Conditions, Effect, acting, read_params
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
-from taichi_erosion.scene import Scene, build_setup
+from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
 
 ON_DEVICE = ("pair", "grain")
 
@@ -19,14 +19,29 @@ def conditions_of(scene: Scene) -> dict[str, float]:
 
 
 def effective_scene(scene: Scene, library: Library) -> Scene:
-    """The scene after all effects that change it before it is built; those of strength 0 leave no trace."""
-    conditions = conditions_of(scene)
+    """The scene after all effects that change it before it is built; those of strength 0 leave no trace.
+
+    What comes out is validated like a file. Raises BadInput where it cannot be simulated.
+    """
+    conditions, changed = conditions_of(scene), scene
     for name in sorted(scene.effects):
         effect = library[name]
         params, strength = checked_params(scene, effect)
         if effect.place == "scene" and strength > 0.0:
-            scene = effect.act(params, strength, conditions, scene)
-    return scene
+            changed = changed_by(effect, params, strength, conditions, changed)
+    if changed is scene:
+        return scene
+    return parse_scene(resolved(changed), f"{scene.file} with its effects", scene.folder)
+
+
+def changed_by(
+    effect: Effect, params: object, strength: float, conditions: Conditions, scene: Scene
+) -> Scene:
+    """The scene after one effect. Raises BadInput where the effect refuses it."""
+    try:
+        return effect.act(params, strength, conditions, scene)
+    except BadInput as error:
+        raise BadInput(f"{scene.file}: {error}") from None
 
 
 def prepare(scene: Scene, seed: int, library: Library) -> Setup:

@@ -66,6 +66,22 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     return out
 
 
+def export_bed(sim: Simulation, replica: int) -> Arrays:
+    """Grains of one replica with all their contacts; neither its clock nor its air."""
+    fields = [sim.world.replicas.side, sim.world.replicas.released]
+    side, released = (int(values[0]) for values in download(fields, replica, 1))
+    return export_replica(sim, replica, 2 * replica + side, released)
+
+
+def import_bed(sim: Simulation, replica: int, bed: Arrays) -> None:
+    """Put the grains of one replica back where `export_bed` saw them; its clock runs on."""
+    replicas = sim.world.replicas
+    upload([(replicas.side, [0.0]), (replicas.stale, [1.0])], replica)
+    for p in range(sim.sizes.partitions):
+        replicas.need[replica, p] = 0
+    import_replica(sim, replica, bed)
+
+
 def entry_places(start: NDArray[np.int64], stop: NDArray[np.int64]) -> NDArray[np.int64]:
     """Places from start to stop of every grain, joined."""
     number = stop - start

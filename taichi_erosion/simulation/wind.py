@@ -29,10 +29,13 @@ def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
     upload([(sim.around.air.numbers.friction_velocity, [reaching])], replica)
 
 
-def develop_wind(sim: Simulation, replica: int, value: float) -> None:
-    """Change u* [m s-1] and let the air of one replica find its steady profile before the grains move on."""
+def develop_wind(sim: Simulation, replica: int, value: float, anew: bool = False) -> None:
+    """Change u* [m s-1] and let the air of one replica find its steady profile before the grains move on.
+
+    `anew` says that the grains have just been put back, and air and grains owe each other nothing.
+    """
     set_friction_velocity(sim, replica, value)
-    develop_air(replica, sim.world, sim.around)
+    develop_air(replica, int(anew), sim.world, sim.around)
 
 
 def set_through_flow(sim: Simulation, replica: int, value: float) -> None:

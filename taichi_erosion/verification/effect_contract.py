@@ -1,7 +1,7 @@
 """What every effect promises, checked on one effect at a time.
 
-Each clause gives one sentence for every breach of it, and nothing for an effect that keeps it. The device must
-have been started.
+Each clause gives one sentence for every breach of it, and nothing for an effect that keeps it. The device
+must have been started.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.effect import Check, Effect, Probe
-from taichi_erosion.core.effect_probe import TYPICAL, falsified, probe_of
+from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import check_range, documented
 from taichi_erosion.scene import Scene, resolved
@@ -32,6 +32,10 @@ SAID = {  # a laboratory that states every condition
     "angularity": 0.5,
     "friction_velocity": 0.35,
 }
+SCENES: tuple[dict[str, Any], ...] = (  # with and without wind
+    {"conditions": SAID},
+    {"conditions": SAID, "wind": {"length": 0.02, "width": 0.01, "height": 0.05}},
+)
 READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux", "pile_height")
 
 
@@ -95,11 +99,7 @@ def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
     for f in fields(effect.params):
         for end in ("low", "high"):
             params = replace(effect.params(), **{f.name: f.metadata[end]})
-            try:
-                answer = numbers(effect, probe, params, 1.0)
-            except BadInput:
-                continue
-            if not np.all(np.isfinite(answer)):
+            if not np.all(np.isfinite(numbers(effect, probe, params, 1.0))):
                 yield f"{f.name} = {f.metadata[end]:g} gives a number that is not finite"
 
 
@@ -107,9 +107,9 @@ def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
     """At strength 0 it does nothing, to the last bit."""
     params = effect.params()
     if effect.place == "scene":
-        scene = sample_scene(conditions=SAID)
-        if effect.act(params, 0.0, SAID, scene) != scene:
-            yield "it changes the scene at strength 0"
+        for scene in SCENES:
+            if effect.act(params, 0.0, SAID, sample_scene(**scene)) != sample_scene(**scene):
+                yield "it changes the scene at strength 0"
     elif effect.place == "instrument":
         if any(effect.act(params, 0.0, SAID, name, 0.3) != 0.3 for name in READINGS):
             yield "it changes a reading at strength 0"
@@ -134,11 +134,21 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
 def numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
     """All numbers that an effect gives in a typical situation."""
     if effect.place == "scene":
-        scene: Scene = probe(params, SAID, scene=sample_scene(conditions=SAID), strength=strength)
-        return np.array(list(leaves(resolved(scene))))
+        return np.array(
+            [number for scene in SCENES for number in scene_numbers(probe, params, strength, scene)]
+        )
     if effect.place == "instrument":
         return np.array([effect.act(params, strength, SAID, name, 0.3) for name in READINGS])
     return np.ravel(probe(params, SAID, strength=strength, **TYPICAL[effect.place]))
+
+
+def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str, Any]) -> list[float]:
+    """All numbers of a changed scene; none where the effect refuses the scene with a clear line."""
+    try:
+        scene: Scene = probe(params, SAID, scene=sample_scene(**sections), strength=strength)
+    except BadInput:
+        return []
+    return list(leaves(resolved(scene)))
 
 
 def leaves(tree: Any) -> Iterator[float]:
@@ -163,7 +173,7 @@ CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
 }
 
 
-def breaches(effect: Effect) -> list[str]:
+def breaches(effect: Effect, bench: Bench) -> list[str]:
     """Everything in which an effect breaks the contract."""
-    probe = probe_of(effect)
+    probe = probe_of(effect, bench)
     return [sentence for clause in CLAUSES.values() for sentence in clause(effect, probe)]

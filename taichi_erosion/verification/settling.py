@@ -19,9 +19,9 @@ from taichi_erosion.verification.reference.drag import Stream, terminal_velocity
 AIR = Stream(0.0, 1.0, density=1.225, viscosity=1.789e-5)
 QUARTZ = 2650.0  # kg m-3
 TERMINAL = {50: 0.1820, 100: 0.5815, 200: 1.4778, 250: 1.9070, 500: 3.826, 1000: 7.042, 2000: 11.34}
-HEIGHT, SIDE, LAYERS = 60.0, 1.0, 30  # m, m, 1: so much air that one grain does not move it
-STEP, FALL = 2e-4, 5.0  # s
-START = 55.0  # m
+HEIGHT, SIDE, LAYERS = 120.0, 1.0, 30  # m, m, 1: so much air that one grain does not move it
+STEP, FALL = 2e-4, 9.0  # s
+START = 115.0  # m
 
 
 def falling(diameter: float) -> Setup:

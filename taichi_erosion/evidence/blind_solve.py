@@ -1,0 +1,58 @@
+"""Solving sealed problems: the same entry points as a user's, and only what scoring needs is kept."""
+
+from dataclasses import dataclass
+
+from taichi_erosion.evidence.adopt import adopt
+from taichi_erosion.evidence.compare import silent
+from taichi_erosion.evidence.discover import discover
+from taichi_erosion.evidence.findings import Discovery
+from taichi_erosion.evidence.problem import Problem
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the program said about one sealed problem."""
+
+    number: int
+    verdict: str
+    named: tuple[str, ...]
+    group: tuple[str, ...]
+    probabilities: dict[str, float]
+    p: float
+    strengths: dict[str, tuple[float, float, float]]  # named effect -> value, low, high
+    parameters: dict[str, tuple[float, float, float]]
+    vault: tuple[float, float, float]  # misfit per held-out row: bare, with the named effect, with a random one
+    runs: int
+    wall_s: float
+
+
+def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
+    """Discover, and adopt what was named alone."""
+    found = discover(problem, number, problem.budget, silent)
+    vault = (float("nan"),) * 3
+    if with_vault and found.verdict == "present" and len(found.named) == 1 and problem.vault.rows.size:
+        vault = vault_errors(number, problem, found)
+    return Outcome(
+        number=number,
+        verdict=found.verdict,
+        named=found.named,
+        group=found.group,
+        probabilities=dict(found.probabilities),
+        p=found.p,
+        strengths={
+            name: (effect.strength, effect.strength_low, effect.strength_high)
+            for name, effect in found.effects.items()
+            if name in found.named
+        },
+        parameters={path: (fit.value, fit.low, fit.high) for path, fit in found.parameters.items()},
+        vault=vault,
+        runs=found.runs,
+        wall_s=found.wall_s,
+    )
+
+
+def vault_errors(number: int, problem: Problem, found: Discovery) -> tuple[float, float, float]:
+    """Held-out misfit of the bare model, of the adopted effect, of a random wrong one."""
+    proof = adopt(problem, found.named[0], number, silent)
+    wrong = proof.random_wrong.vault_chi2 if proof.random_wrong is not None else float("nan")
+    return proof.base.vault_chi2, proof.added.vault_chi2, wrong

@@ -1,0 +1,165 @@
+"""Thresholds of motion: brackets found bed by bed, what they say together, and the wind speed they mean."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, log, pi, sqrt
+
+import numpy as np
+from scipy.optimize import brentq, minimize
+from scipy.stats import t as student
+
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.measures.result import Measurement, no_measurement, pool
+
+UNIT = "m s-1"
+CONFIDENCE = 0.95  # of the interval [1]
+LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
+NARROWEST = 1e-4  # scale of the law below which brackets cannot tell it from none [1]
+WIDEST = 1.0  # of the scale, in logarithms [1]
+REACH = 1.5  # logarithms on either side of the brackets in which the ends of the interval are looked for
+
+KARMAN = 0.4  # [1]
+WAKE = 0.55  # Coles' parameter of a boundary layer without pressure gradient [1]
+GROWTH = 0.37  # of a turbulent boundary layer: delta = 0.37 x Re_x^-0.2 [1]
+SMOOTH = 0.11  # z0 u* / nu of a smooth wall [1]
+ROUGH = 1.0 / 30.0  # z0 over the diameter of the grains [1]
+FASTEST_TUNNEL = 1e3  # m s-1
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """Friction velocities between which the threshold of one bed lies [m s-1]."""
+
+    low: float
+    high: float
+
+    @property
+    def middle(self) -> float:
+        """Geometric mean [m s-1]."""
+        return sqrt(self.low * self.high)
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of a uniform law over the bracket [m s-1]."""
+        return (self.high - self.low) / sqrt(12.0)
+
+
+@dataclass(frozen=True)
+class Tunnel:
+    """What the friction velocity at the bed of a wind tunnel depends on."""
+
+    fetch: float  # m, from the inlet
+    diameter: float  # m, of the grains
+    viscosity: float  # m2 s-1, kinematic
+
+
+def bracketed(name: str, bracket: Bracket | None) -> Measurement:
+    """Threshold of one bed [m s-1]; `sd` is that of its bracket."""
+    if bracket is None:
+        return no_measurement(name, UNIT, "the search did not get that far")
+    details = {"low": bracket.low, "high": bracket.high}
+    return Measurement(name, bracket.middle, bracket.sd, UNIT, details=details)
+
+
+def ratio(name: str, impact: Bracket | None, fluid: Bracket | None) -> Measurement:
+    """Impact over fluid threshold of one bed [1]."""
+    if impact is None or fluid is None:
+        return no_measurement(name, "1", "a threshold is missing")
+    value = impact.middle / fluid.middle
+    sd = value * float(np.hypot(impact.sd / impact.middle, fluid.sd / fluid.middle))
+    return Measurement(name, value, sd, "1")
+
+
+def wind_speed(friction: float, tunnel: Tunnel) -> float:
+    """Free-stream speed U of a tunnel whose floor feels the friction velocity u* [m s-1].
+
+        U = u* ((1/kappa) ln(delta / z0) + 2 Pi / kappa),   delta = 0.37 x (U x / nu)^-0.2,
+        z0 = d / 30 + 0.11 nu / u*
+
+    with x the fetch [m], d the diameter [m], Pi = 0.55 Coles' wake parameter.
+
+    Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, 18.2; Coles (1956), J. Fluid Mech. 1, 191.
+    """
+    roughness = ROUGH * tunnel.diameter + SMOOTH * tunnel.viscosity / friction
+
+    def excess(speed: float) -> float:
+        depth = GROWTH * tunnel.fetch * (speed * tunnel.fetch / tunnel.viscosity) ** -0.2
+        return friction / KARMAN * (log(depth / roughness) + 2.0 * WAKE) - speed
+
+    return float(brentq(excess, friction, FASTEST_TUNNEL))
+
+
+def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurement:
+    """Free-stream speed at the threshold of one bed [m s-1]; `sd` is that of its bracket."""
+    if bracket is None:
+        return no_measurement(name, UNIT, "the search did not get that far")
+    speed = wind_speed(bracket.middle, tunnel)
+    return Measurement(name, speed, speed * bracket.sd / bracket.middle, UNIT)
+
+
+def pooled(repeats: Sequence[Measurement]) -> Measurement:
+    """What beds say together: thresholds by a logistic law that is fitted to the brackets, all else by means.
+
+    The share of beds that move at u* is 1 / (1 + exp(-(ln u* - ln U) / s)). Each bed has one threshold, which
+    lies in its bracket, so the likelihood is the product of the shares between the ends of the brackets; it is
+    finite also where outcomes separate. `value` is U, at which half of the beds move, `sd` the standard
+    deviation of beds, and `details` hold the interval from the profile of the likelihood with the limit
+    n ln(1 + t^2 / (n - 1)), which for normal beds is Student's.
+    """
+    plain = pool(repeats)
+    brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
+    if len(brackets) < 2:
+        return plain
+    ends = np.log([[b["low"], b["high"]] for b in brackets])
+    middle, scale, _ = fitted(ends)
+    low, high = interval(ends)
+    spread = LOGISTIC_SD * scale
+    found = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
+    return Measurement(
+        plain.name,
+        exp(middle),
+        exp(middle) * spread,
+        plain.unit,
+        plain.n,
+        plain.notes,
+        plain.details | {"interval": found},
+    )
+
+
+def log_likelihood(ends: Floats, middle: float, scale: float) -> float:
+    """Logarithm of the chance that every threshold lies in its bracket; `ends` [n, 2] in logarithms."""
+    a, b = ((ends - middle) / scale).T
+    # of 1/(1+e^-b) - 1/(1+e^-a), whose terms may both be near 0 or near 1
+    terms = np.log(-np.expm1(a - b)) + b - np.logaddexp(0.0, a) - np.logaddexp(0.0, b)
+    return float(terms.sum())
+
+
+def best_scale(ends: Floats, middle: float) -> tuple[float, float]:
+    """Most likely scale with the middle given, and the logarithm of its likelihood."""
+    grid = np.geomspace(NARROWEST, WIDEST, 200)
+    likely = [log_likelihood(ends, middle, float(scale)) for scale in grid]
+    best = int(np.argmax(likely))
+    return float(grid[best]), float(likely[best])
+
+
+def fitted(ends: Floats) -> tuple[float, float, float]:
+    """Most likely middle and scale, and the logarithm of their likelihood."""
+    start = float(ends.mean())
+    found = minimize(lambda m: -best_scale(ends, float(m[0]))[1], [start], method="Nelder-Mead")
+    middle = float(found.x[0])
+    return middle, *best_scale(ends, middle)
+
+
+def interval(ends: Floats) -> tuple[float, float]:
+    """Ends of the interval of the middle, in logarithms."""
+    count = len(ends)
+    middle, _, most = fitted(ends)
+    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1))
+    limit = 0.5 * count * log(1.0 + quantile**2 / (count - 1))
+
+    def excess(m: float) -> float:
+        return most - best_scale(ends, m)[1] - limit
+
+    low = brentq(excess, middle - REACH, middle) if excess(middle - REACH) > 0.0 else middle - REACH
+    high = brentq(excess, middle, middle + REACH) if excess(middle + REACH) > 0.0 else middle + REACH
+    return float(low), float(high)
