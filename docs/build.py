@@ -21,11 +21,20 @@ forces and velocities.
 FIGURES = """
 ## Curves
 
-![Oblique impact of aluminium oxide and aluminium alloy (T4)](pictures/oblique_impact.png)
+![Oblique impact of aluminium oxide (T4)](pictures/oblique_impact.png)
+
+Below 10 degrees the contact mostly sticks, and codes differ in what becomes of the tangential dashpot there.
 
 ![Normal impact with spin (T6)](pictures/spinning_impact.png)
 
+Up to X = 1 the contact slides throughout and the answer is exact; only this branch is judged (V06).
+Beyond it the contact sticks, and what comes back depends on the tangential dashpot, for which the
+published curve follows another rule: beyond X = 6 this law levels off, while the published points fall on.
+
 ![JKR force against overlap](pictures/jkr_law.png)
+
+The neck snaps in at zero overlap on the way in and tears beyond the pull-off on the way out; forces are
+those of the simulator, from second differences of its path.
 """
 
 

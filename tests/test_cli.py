@@ -110,6 +110,7 @@ def test_words_of_run_arrive_as_options_and_only_those_that_were_typed(room, tmp
         "arch": "cpu",
         "record": target,
         "no_record": False,
+        "effect_files": (),
     }
 
 
@@ -161,7 +162,7 @@ def test_progress_goes_to_stderr(room, capsys, monkeypatch):
 def test_check_validates_without_simulating(room, capsys):
     calls = room("taichi_erosion.run", "check_scene", {"scene": "funnel", "hash": "abc"})
     assert main(["run", "scene.toml", "--check", "--set", "a.b=1"]) == 0
-    assert calls == [((Path("scene.toml"), ("a.b=1",)), {})]
+    assert calls == [((Path("scene.toml"), ("a.b=1",), ()), {})]
     assert capsys.readouterr().out == "scene.toml: valid, hash abc\n"
 
 

@@ -43,7 +43,7 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = silent)
     if exam.rows.size == 0:
         raise BadInput("adopt: no row has a known scatter; give sd or repeats")
     progress("calibrating the bare model", 0.1)
-    base_fit, _ = fit_base(exam)
+    exam, base_fit, _ = fit_base(exam)
     base = expand(exam, base_fit)
     found = screen(exam, base)
     best_wrong, random_wrong = controls(exam, found, effect, seed)

@@ -43,7 +43,7 @@ class Autopsy:
 def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
     """All stages of one examination."""
     progress("calibrating the bare model", 0.05)
-    fitted, warnings = fit_base(exam)
+    exam, fitted, warnings = fit_base(exam)
     expansion = expand(exam, fitted)
     family = kernels(exam)
     base = Judged((), score(exam, expansion), discrepancy_gain(exam, expansion, family))

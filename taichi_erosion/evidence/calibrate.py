@@ -1,6 +1,6 @@
 """Recalibration of one hypothesis in the model itself: global search, then damped Gauss-Newton steps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -9,12 +9,16 @@ from scipy.stats import qmc
 from taichi_erosion.evidence.algebra import working
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats, Integers
+from taichi_erosion.evidence.smooth import paired_change
 
 STEP = 0.25  # finite difference in prior sd: about 10 % of a parameter known to a factor of 1.6
+WIDER = 2.0  # factor of both where replicate noise blurs differences
 STRENGTH_STEP = 0.25  # finite difference of a strength, in its prior scale
 GOOD_ENOUGH = 0.02  # fall of the misfit below which no further step is made [1]
 SEARCH_POINTS = 10  # per calibrated number
 SEARCH_WIDTH = 2.0  # prior sd to either side
+NEAR = 2.0  # sd within which a fitted value may stand for the measured one
+SAME = 0.005  # relative spread of the sd below which it is called constant
 DISAGREEMENT = 2.0  # posterior sd by which two starts may differ unreported
 
 
@@ -67,30 +71,35 @@ class Objective:
     def residual(self, position: Floats) -> Floats:
         return (self.exam.rows.z - self.mean(position)) / self.exam.sd
 
-    def jacobian(self, position: Floats, centre: Floats, central: bool) -> Floats:
+    def runs(self, position: Floats) -> Floats:
+        x, acting = posed(self.names, position, len(self.exam.axes))
+        return self.exam.predictor.predict(x, acting, self.seeds)
+
+    def jacobian(self, position: Floats, central: bool) -> Floats:
         """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds."""
-        columns = np.empty((centre.size, position.size))
+        columns = np.empty((self.exam.rows.size, position.size))
+        wide = WIDER if self.exam.noisy else 1.0
         for j, scale in enumerate(self.scale):
-            step = (STEP if j < len(self.exam.axes) else STRENGTH_STEP) * scale
+            step = (STEP if j < len(self.exam.axes) else STRENGTH_STEP) * scale * wide
             up = min(position[j] + step, self.high[j])
             down = max(position[j] - step, self.low[j])
             if not central:
                 up, down = (up, position[j]) if up - position[j] >= position[j] - down else (position[j], down)
-            columns[:, j] = self.difference(position, centre, j, (down, up)) * scale
+            columns[:, j] = self.difference(position, j, down, up) * scale
         return columns / self.exam.sd[:, np.newaxis]
 
-    def difference(self, position: Floats, centre: Floats, j: int, ends: tuple[float, float]) -> Floats:
+    def difference(self, position: Floats, j: int, down: float, up: float) -> Floats:
         """Slope of the mean along entry j; zero where the model fails or the entry cannot move."""
-        down, up = ends
         if up <= down:
-            return np.zeros(centre.size)
-        values = []
-        for end in ends:
+            return np.zeros(self.exam.rows.size)
+        ends = []
+        for end in (down, up):
             moved = position.copy()
             moved[j] = end
-            values.append(centre if end == position[j] else self.mean(moved))
-        slope = (values[1] - values[0]) / (up - down)
-        return np.where(np.isfinite(slope), slope, 0.0)
+            ends.append(self.runs(moved))
+        predictor = self.exam.predictor
+        change = paired_change(ends[1], ends[0], predictor.which, predictor.conditions)
+        return np.where(np.isfinite(change), change / (up - down), 0.0)
 
 
 def misfit_of(objective: Objective, position: Floats, residual: Floats) -> float:
@@ -140,8 +149,7 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
     for _ in range(steps):
         if best == inf:
             break
-        centre = objective.exam.rows.z - residual * objective.exam.sd
-        slopes = objective.jacobian(position, centre, central=False)
+        slopes = objective.jacobian(position, central=False)
         fall = 0.0
         for _ in range(4):
             trial = newton_step(objective, position, residual, damping, slopes)
@@ -168,22 +176,46 @@ def fit(
     return Fit(names, x, np.array([acting[name] for name in names]), misfit)
 
 
-def fit_base(exam: Examination) -> tuple[Fit, list[str]]:
-    """The bare model, calibrated honestly: a search of the prior, then two starts that must agree."""
+def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
+    """The bare model, calibrated honestly: a search of the prior, then two starts that must agree.
+
+    Comes with the examination whose weights no longer depend on the noise of the values themselves.
+    """
     count = len(exam.axes)
     prior_mean = np.clip(np.zeros(count), exam.low, exam.high)
-    if count == 0:
-        return fit(exam, (), [prior_mean], 0), []
     quick = exam.problem.budget.name == "quick"
-    starts = [prior_mean] if quick else [prior_mean, searched(exam)]
+    starts = [prior_mean] if quick or count == 0 else [prior_mean, searched(exam)]
     objective = Objective(exam, (), exam.seeds.fitting)
     results = sorted((refine(objective, start, 4 if quick else 8) for start in starts), key=lambda r: r[1])
     warnings = []
     if len(results) > 1 and results[1][1] < inf:
         gap = np.abs(results[0][0] - results[1][0]).max()
-        if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > 0.1:
+        if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > STEP:
             warnings.append("two starts of the calibration end at different places; the better one is used")
-    return Fit((), results[0][0], np.zeros(0), results[0][1]), warnings
+    exam = reweighted(exam, objective.mean(results[0][0]))
+    position, misfit = refine(Objective(exam, (), exam.seeds.fitting), results[0][0], 2)
+    return exam, Fit((), position, np.zeros(0), misfit), warnings
+
+
+def reweighted(exam: Examination, mean: Floats) -> Examination:
+    """Variances of logarithmic rows taken at the fitted value instead of the measured one.
+
+    sd / y is large where y came out low by chance, so low values weigh less and the fit is drawn upwards. The
+    fitted value is trusted within NEAR sd of the measured one; a constant relative sd needs no change.
+    """
+    rows, factor = exam.rows, np.ones(exam.rows.size)
+    for index, observable in enumerate(rows.observables):
+        own = (rows.which == index) & ~rows.censored & np.isfinite(mean)
+        sd = np.sqrt(rows.variance[own])
+        if observable.transform == "identity" or own.sum() == 0 or np.ptp(sd) < SAME * sd.max():
+            continue
+        z = rows.z[own]
+        moved = np.clip(mean[own], z - NEAR * sd, z + NEAR * sd) - z
+        factor[own] = np.exp(-2.0 * moved)
+    variance = rows.variance * factor
+    return replace(
+        exam, rows=replace(rows, variance=variance), variance=exam.variance + variance - rows.variance
+    )
 
 
 def searched(exam: Examination) -> Floats:

@@ -75,7 +75,7 @@ def known_or_guessed(problem: Problem, seed: int, progress: Progress) -> tuple[E
 
 def calibrated(exam: Examination) -> tuple[Examination, Scored]:
     """Bare model at its best, with whatever the calibration has to say among the warnings."""
-    fitted, notes = fit_base(exam)
+    exam, fitted, notes = fit_base(exam)
     exam = replace(exam, warnings=(*exam.warnings, *notes))
     return exam, score(exam, expand(exam, fitted))
 

@@ -19,6 +19,7 @@ from taichi_erosion.evidence.algebra import Projection, log_box, log_sum_exp, pr
 from taichi_erosion.evidence.calibrate import Fit, Objective
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats
+from taichi_erosion.evidence.smooth import paired_change
 
 GRID = 33  # strengths at which a single effect is integrated
 PAIR_GRID = 13  # per effect of a pair
@@ -61,14 +62,13 @@ def expand(exam: Examination, fit: Fit) -> Expansion:
     """Slopes and paths of one hypothesis with the signature seeds, its mean with the judging seeds."""
     position = np.concatenate([fit.x, fit.psi])
     objective = Objective(exam, fit.names, exam.seeds.signature)
-    centre = objective.mean(position)
-    slopes = objective.jacobian(position, centre, central=exam.problem.budget.name == "full")
+    slopes = objective.jacobian(position, central=exam.problem.budget.name == "full")
     slopes = slopes * exam.sd[:, np.newaxis] / objective.scale
     count = len(exam.axes)
     mean = exam.predictor.mean(fit.x, fit.acting(), exam.seeds.judging)
     spread, ridge = strength_sd(exam, slopes, count)
     paths = tuple(
-        path_of(exam, fit, centre, index, float(spread[index]), ridge[:, index])
+        path_of(exam, fit, index, float(spread[index]), ridge[:, index])
         for index in range(len(fit.names))
     )
     return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:])
@@ -90,18 +90,20 @@ def strength_sd(exam: Examination, slopes: Floats, count: int) -> tuple[Floats, 
     return np.sqrt(variance), covariance[loose : loose + count, :loose] / variance
 
 
-def path_of(exam: Examination, fit: Fit, centre: Floats, index: int, spread: float, ridge: Floats) -> Path:
+def path_of(exam: Examination, fit: Fit, index: int, spread: float, ridge: Floats) -> Path:
     """Path along one strength and its ridge, the other strength at its best."""
     name = fit.names[index]
     candidate, best = exam.candidate(name), float(fit.psi[index])
     spread = min(spread, 0.5 * candidate.maximum)
     wanted = [best + node * spread for node in NODES] + [0.0, candidate.maximum]
     nodes = np.unique(np.round(np.clip(wanted, 0.0, candidate.maximum), 12))
-    changes = []
+    changes, predictor = [], exam.predictor
+    bare = predictor.predict(fit.x, fit.acting(), exam.seeds.signature)
     for node in nodes:
         acting = {**fit.acting(), name: float(node)}
         x = np.clip(fit.x + ridge * (node - best), exam.low, exam.high)
-        changes.append(exam.predictor.mean(x, acting, exam.seeds.signature) - centre)
+        runs = predictor.predict(x, acting, exam.seeds.signature)
+        changes.append(paired_change(runs, bare, predictor.which, predictor.conditions))
     change = np.array(changes)
     good = np.all(np.isfinite(change), axis=1)
     nodes, change = nodes[good], change[good]

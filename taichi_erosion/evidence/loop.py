@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -29,10 +29,28 @@ from taichi_erosion.evidence.vault import openings, record_opening
 BudgetName = Literal["quick", "full"]
 
 
+@dataclass
+class Voice:
+    """One line of progress for two tellers: the statistics, and the simulations that they wait for."""
+
+    progress: Progress
+    words: str = ""
+    share: float = 0.0
+
+    def tell(self, words: str, share: float) -> None:
+        """What the statistics are doing, and how far they are."""
+        self.words, self.share = words, share
+        self.progress(words, share)
+
+    def tell_runs(self, _share: float, words: str) -> None:
+        """How far the simulations of the present step are."""
+        self.progress(f"{self.words}: {words}", self.share)
+
+
 @contextmanager
-def opened(path: Path, budget: BudgetName | None = None) -> Iterator[Study]:
+def opened(path: Path, voice: Voice, budget: BudgetName | None = None) -> Iterator[Study]:
     """A study whose runs are safe in its store when the block is left, however it is left."""
-    study = load_study(path, budget)
+    study = load_study(path, budget, voice.tell_runs)
     try:
         yield study
     finally:
@@ -41,16 +59,18 @@ def opened(path: Path, budget: BudgetName | None = None) -> Iterator[Study]:
 
 def compare_study(path: Path, progress: Progress) -> Document:
     """Where the model fails."""
-    with opened(path) as study:
-        document = compare_document(study, compare(study.problem, progress))
+    voice = Voice(progress)
+    with opened(path, voice) as study:
+        document = compare_document(study, compare(study.problem, voice.tell))
         results.keep(study.results, path.stem, "compare", document)
         return document
 
 
 def discover_study(path: Path, budget: BudgetName | None, progress: Progress) -> Document:
     """Which effect is missing."""
-    with opened(path, budget) as study:
-        found = discover(study.problem, study.file.study.seed, study.problem.budget, progress)
+    voice = Voice(progress)
+    with opened(path, voice, budget) as study:
+        found = discover(study.problem, study.file.study.seed, study.problem.budget, voice.tell)
         if study.file.study.model is not None:  # a scene would have to be simulated under every condition
             experiments = next_experiments(study.problem, found, laboratory_of(study))
             found = replace(found, next_experiments=tuple(experiments))
@@ -64,11 +84,12 @@ def discover_study(path: Path, budget: BudgetName | None, progress: Progress) ->
 
 def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
     """The error before and after an effect is added, on data that no fit has seen; writes the new study."""
-    with opened(path) as study:
+    voice = Voice(progress)
+    with opened(path, voice) as study:
         names = [candidate.name for candidate in study.problem.candidates]
         if effect not in names:
             raise BadInput(f"{path}: {effect} is no candidate; there are: {', '.join(names) or 'none'}")
-        found = adopt(study.problem, effect, study.file.study.seed, progress)
+        found = adopt(study.problem, effect, study.file.study.seed, voice.tell)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, effect)
@@ -81,8 +102,9 @@ def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
 
 def next_study(path: Path, progress: Progress) -> Document:
     """The experiments that would decide."""
-    with opened(path) as study:
-        _, experiments = propose(study.problem, laboratory_of(study), study.file.study.seed, progress)
+    voice = Voice(progress)
+    with opened(path, voice) as study:
+        _, experiments = propose(study.problem, laboratory_of(study), study.file.study.seed, voice.tell)
         document = next_document(study, experiments)
         results.keep(study.results, path.stem, "next", document)
         return document

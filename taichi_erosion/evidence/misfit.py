@@ -20,7 +20,8 @@ from taichi_erosion.evidence.evidence import Expansion
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.findings import Where
 from taichi_erosion.evidence.problem import Bools, Floats
-from taichi_erosion.evidence.unknown import free_residual, standard_axis
+from taichi_erosion.evidence.smooth import standard_axis
+from taichi_erosion.evidence.unknown import free_residual
 
 LENGTH = 0.7  # of the kernel, in sd of a condition
 BINS = 4  # along an axis, of equal numbers of rows

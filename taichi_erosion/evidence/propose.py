@@ -26,6 +26,7 @@ from taichi_erosion.evidence.findings import Discovery, Experiment, Survivor
 from taichi_erosion.evidence.posterior import label
 from taichi_erosion.evidence.predictor import Predictor
 from taichi_erosion.evidence.problem import Conditions, Floats, Integers, Laboratory, Problem, Progress
+from taichi_erosion.evidence.scaled import Scaled
 from taichi_erosion.evidence.scales import from_scale, position_of, slope
 
 EXPERIMENTS = 6
@@ -143,16 +144,33 @@ def rival_of(exam: Examination, pool: Pool, survivor: Survivor) -> Rival:
     psi = np.array([survivor.strengths[name] for name in survivor.names])
     position = np.concatenate([x, psi])
     objective = Objective(exam, survivor.names, exam.seeds.fitting)
-    white = objective.jacobian(position, objective.mean(position), central=False)
+    white = objective.jacobian(position, central=False)
     shared = exam.rows.shared / exam.sd[:, np.newaxis]
     design = np.hstack([white, shared])
     covariance = np.linalg.inv(design.T @ design + np.eye(design.shape[1]))[: position.size, : position.size]
-    there = replace(exam, predictor=pool.predictor, variance=np.ones(pool.which.size))
+    there = replace(exam, rows=pool_rows(exam, pool), predictor=pool.predictor, variance=np.ones(pool.which.size))
     ahead = Objective(there, survivor.names, exam.seeds.fitting)
     mean = ahead.mean(position)
-    slopes = ahead.jacobian(position, mean, central=False)
+    slopes = ahead.jacobian(position, central=False)
     root = slopes @ np.linalg.cholesky(covariance + 1e-12 * np.eye(position.size)) if position.size else slopes
     return Rival(label(survivor.names), survivor.probability, mean, root)
+
+
+def pool_rows(exam: Examination, pool: Pool) -> Scaled:
+    """Rows that stand for the pool where only their number and conditions matter."""
+    size = pool.which.size
+    nothing = np.zeros(size)
+    return replace(
+        exam.rows,
+        which=pool.which,
+        z=nothing,
+        variance=nothing + 1.0,
+        censored=np.zeros(size, dtype=np.bool_),
+        shared=np.zeros((size, 0)),
+        conditions=pool.conditions,
+        group=("",) * size,
+        slope=nothing,
+    )
 
 
 def greedy(pool: Pool, rivals: list[Rival]) -> list[int]:

@@ -11,8 +11,8 @@ import numpy as np
 from taichi_erosion.evidence.algebra import log_sum_exp, projection, stack, stack_signature, working
 from taichi_erosion.evidence.evidence import Expansion, log_prior, smooth_path
 from taichi_erosion.evidence.examination import Examination
-from taichi_erosion.evidence.predictor import seed_mean
 from taichi_erosion.evidence.problem import Candidate, Floats
+from taichi_erosion.evidence.smooth import paired_change
 
 STEPS = (0.25, 0.5, 1.0, 2.0)  # strengths of a path, in units of the expected one
 QUICK_STEPS = (0.5, 1.0)
@@ -93,8 +93,8 @@ def signature(
         nodes = nodes[:1]
     bare = exam.predictor.predict(x, {}, exam.seeds.signature)
     runs = [bare] + [exam.predictor.predict(x, {candidate.name: float(v)}, exam.seeds.signature) for v in nodes[1:]]
-    centre = seed_mean(bare)
-    change = np.array([seed_mean(run) - centre for run in runs])
+    predictor = exam.predictor
+    change = np.array([paired_change(run, bare, predictor.which, predictor.conditions) for run in runs])
     change[:, ~mask] = 0.0
     good = np.all(np.isfinite(change), axis=1)
     correlation, extra = paired_noise(exam, bare, runs[-1]) if nodes.size > 1 else (np.full(mask.size, np.nan), None)

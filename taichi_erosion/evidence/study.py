@@ -1,6 +1,6 @@
 """From a study file to a problem that the statistics can examine, and what is to be said about the way."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -33,6 +33,8 @@ from taichi_erosion.evidence.study_file import (
 )
 from taichi_erosion.evidence.study_rows import gather
 from taichi_erosion.evidence.vault import content_digest, openings, split
+
+Report = Callable[[float, str], None]  # (share done [1], words)
 
 LONGEST_CHAIN = 20  # studies that follow one another
 
@@ -83,8 +85,13 @@ class Spoken:
         return self.model(self.observables[observable], known, parameters, effects, seeds)
 
 
-def load_study(path: Path, budget: Literal["quick", "full"] | None = None) -> Study:
-    """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
+def load_study(
+    path: Path, budget: Literal["quick", "full"] | None = None, report: Report | None = None
+) -> Study:
+    """Study of a file; reads everything that it names and simulates nothing. Raises BadInput.
+
+    `report` is told how far the simulations of a request are; a model function has no such steps.
+    """
     file = read_study_file(path)
     table = read_table(path.parent / file.study.measurements, file.study.measurements)
     measurements, notes = gather(table, file, str(path))
@@ -94,7 +101,7 @@ def load_study(path: Path, budget: Literal["quick", "full"] | None = None) -> St
     if file.study.model is not None:
         answering = function_study(path, file, results)
     else:
-        answering = scene_answers(path, file, results, measurements)
+        answering = scene_answers(path, file, results, measurements, report)
     problem = Problem(
         measurements=measurements,
         observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
@@ -123,11 +130,14 @@ def function_study(path: Path, file: StudyFile, results: Path) -> Answering:
     )
 
 
-def scene_answers(path: Path, file: StudyFile, results: Path, measurements: Measurements) -> Answering:
+def scene_answers(
+    path: Path, file: StudyFile, results: Path, measurements: Measurements, report: Report | None
+) -> Answering:
     """A study that scenes answer; their runs are kept in the ledger of a campaign."""
     from taichi_erosion.evidence import scene_study
 
     simulator = scene_study.simulator_of(path, file, measurements, results)
+    simulator.report = report
     candidates = scene_study.library_candidates(file, simulator, str(path))
     adopted = tuple(
         scene_study.library_candidate(simulator, name, entry, file.conditions)

@@ -21,10 +21,10 @@ from taichi_erosion.evidence.algebra import log_sum_exp, projection, stack, work
 from taichi_erosion.evidence.evidence import Expansion
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats
+from taichi_erosion.evidence.smooth import standard_axis
 
 LENGTHS = (0.5, 1.0, 2.0)  # of the kernel, in sd of a condition
 AMPLITUDES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # sd of the discrepancy over that of the noise
-LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
 SMALL = 1e-5  # eigenvalues below this share of the largest are dropped
 
 
@@ -45,17 +45,6 @@ def condition_axes(exam: Examination) -> dict[str, Floats]:
         if values is not None:
             axes[name] = values
     return axes
-
-
-def standard_axis(column: Floats) -> Floats | None:
-    """Standardised condition; None if it does not vary. Missing entries sit at the mean."""
-    finite = column[np.isfinite(column)]
-    if finite.size < 2 or np.ptp(finite) <= 1e-12 * np.abs(finite).max():
-        return None
-    filled = np.where(np.isfinite(column), column, finite.mean())
-    if finite.min() > 0.0 and finite.max() > LOG_SPAN * finite.min():
-        filled = np.log(filled)
-    return (filled - filled.mean()) / filled.std()
 
 
 def kernels(exam: Examination) -> list[Kernel]:

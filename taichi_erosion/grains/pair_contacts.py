@@ -74,13 +74,13 @@ def touch_stiffness(materials: ti.template(), row, root_radius, overlap):
 
 
 @ti.func
-def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair: ti.template()):
+def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.template()):
     """Attraction by the effects [N]; remembers that the two have met until all have let go."""
-    if pair.gap <= 0.0:
+    if pair_out.gap <= 0.0:
         entries_out.label[e] = entries_out.label[e] | MET
-    pair.met = ti.cast((entries_out.label[e] & MET) / MET, float)
-    pull = pull_of(bound, r, pair)
-    if pair.gap > 0.0 and pull == 0.0:
+    pair_out.met = ti.cast((entries_out.label[e] & MET) / MET, float)
+    pull = pull_of(bound, r, pair_out)
+    if pair_out.gap > 0.0 and pull == 0.0:
         entries_out.label[e] = entries_out.label[e] & ~MET
     return pull
 

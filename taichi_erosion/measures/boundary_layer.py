@@ -38,8 +38,8 @@ class Profile:
 
     @property
     def aloft(self) -> float:
-        """Fastest wind in the lower half of the box [m s-1]."""
-        return float(self.speed[: max(len(self.speed) // 2, 1)].max())
+        """Fastest wind of the profile [m s-1]."""
+        return float(self.speed.max())
 
 
 def profile_at(state: AirSnapshot, place: float | None) -> Profile:

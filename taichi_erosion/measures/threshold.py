@@ -97,12 +97,12 @@ def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurem
     return Measurement(name, speed, speed * bracket.sd / bracket.middle, UNIT)
 
 
-def pooled(repeats: Sequence[Measurement]) -> Measurement:
+def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     """What beds say together: thresholds by a logistic law that is fitted to the brackets, all else by means.
 
-    The share of beds that move at u* is 1 / (1 + exp(-(ln u* - ln U) / s)). Each bed has one threshold, which
-    lies in its bracket, so the likelihood is the product of the shares between the ends of the brackets; it is
-    finite also where outcomes separate. `value` is U, at which half of the beds move, `sd` the standard
+    The share of beds that move at u* is 1 / (1 + exp(-(ln u* - ln U) / s)). Each bed has one threshold that
+    lies in its bracket, so the likelihood is the product of the shares between the ends of the brackets; it
+    is finite also where outcomes separate. `value` is U, at which half of the beds move, `sd` the standard
     deviation of beds, and `details` hold the interval from the profile of the likelihood with the limit
     n ln(1 + t^2 / (n - 1)), which for normal beds is Student's.
     """

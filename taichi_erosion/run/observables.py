@@ -1,15 +1,17 @@
 """Which measure answers an observable of a scene, and what it is given."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from math import inf
 
-from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures import drum, heap, incline, repose
+from taichi_erosion.core.snapshot import AirProfile, Snapshot
+from taichi_erosion.measures import drum, heap, incline, repose, threshold, wind_bed
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema import Measure
 from taichi_erosion.scene.schema_geometry import Cylinder, Disc, Plane
+from taichi_erosion.scene.sizes import nominal_diameter
+from taichi_erosion.scene.wind import surface_height
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,24 @@ class Evidence:
     end: Snapshot
     frames: tuple[Snapshot, ...]
     tilts: tuple[float, ...]  # rad, of the frames
+    air: AirProfile | None = None  # at the end, where there is any
+    airs: tuple[AirProfile, ...] = ()  # of the frames
+    thresholds: Mapping[str, threshold.Bracket] = field(default_factory=dict)  # found so far, by name
+
+    @property
+    def patch(self) -> wind_bed.Patch:
+        """The patch under the wind."""
+        wind = self.scene.wind
+        assert wind is not None
+        diameter = nominal_diameter(self.scene.grains.size)
+        surface = surface_height(self.scene, wind)
+        return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
+
+    @property
+    def tunnel(self) -> threshold.Tunnel:
+        """The tunnel that the patch stands for."""
+        patch = self.patch
+        return threshold.Tunnel(self.scene.threshold.fetch, patch.diameter, patch.viscosity)
 
     @property
     def base_height(self) -> float:
@@ -53,6 +73,11 @@ def turned_drum(evidence: Evidence) -> Measurement:
     return drum.dynamic_angle(evidence.frames, inf)
 
 
+def found(name: str, kind: str, evidence: Evidence) -> Measurement:
+    """A threshold that the hunt has bracketed."""
+    return threshold.bracketed(name, evidence.thresholds.get(kind))
+
+
 OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
     "repose_angle": lambda e: repose.repose_angle(e.end, e.plate_radius, e.base_height, e.azimuths),
     "cone_angle": lambda e: repose.cone_angle(e.end, e.base_height),
@@ -64,6 +89,23 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
     "column_height": lambda e: heap.column_height(e.end, e.base_height),
     "dynamic_angle": turned_drum,
     "sliding_angle": lambda e: incline.sliding_angle(e.frames, e.tilts),
+    "settling_velocity": lambda e: wind_bed.settling_velocity(e.end),
+    "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
+    "bed_height": lambda e: wind_bed.bed_height(e.end),
+    "flux": lambda e: wind_bed.flux(e.frames, e.patch),
+    "flux_height": lambda e: wind_bed.flux_height(e.frames, e.patch),
+    "bed_stress": lambda e: wind_bed.bed_stress(e.airs, e.patch),
+    "grain_stress": lambda e: wind_bed.grain_stress(e.airs, e.patch),
+    "rolling_onset": lambda e: found("rolling_onset", "rolling_onset", e),
+    "fluid_threshold": lambda e: found("fluid_threshold", "fluid_threshold", e),
+    "threshold_u_star": lambda e: found("threshold_u_star", "fluid_threshold", e),
+    "impact_threshold": lambda e: found("impact_threshold", "impact_threshold", e),
+    "threshold_ratio": lambda e: threshold.ratio(
+        "threshold_ratio", e.thresholds.get("impact_threshold"), e.thresholds.get("fluid_threshold")
+    ),
+    "threshold_wind_speed": lambda e: threshold.tunnel_speed(
+        "threshold_wind_speed", e.thresholds.get("fluid_threshold"), e.tunnel
+    ),
 }
 
 

@@ -9,7 +9,8 @@ from typing import Any
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.effects import load_library
-from taichi_erosion.measures.result import as_record, pool
+from taichi_erosion.measures.result import as_record
+from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
 from taichi_erosion.run.check import read_scene
@@ -116,10 +117,10 @@ def describe(path: Path, scene: Scene, stage_play: Play, seconds: float) -> dict
     """The result document of DESIGN: per replica, pooled, measured, cost, versions."""
     sim = stage_play.sim
     replicas = [replica_record(stage_play, replica) for replica in range(len(stage_play.actors))]
-    names = dict.fromkeys(name for actor in stage_play.actors for name in actor.measurements)
+    measured = [actor.measurements for actor in stage_play.actors]
+    names = dict.fromkeys(name for found in measured for name in found)
     pooled = {
-        name: as_record(pool([a.measurements[name] for a in stage_play.actors if name in a.measurements]))
-        for name in names
+        name: as_record(pool_beds([found[name] for found in measured if name in found])) for name in names
     }
     return {
         "scene": str(path),

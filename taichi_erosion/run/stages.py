@@ -7,13 +7,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from taichi_erosion.core.setup import Motion
-from taichi_erosion.core.snapshot import Failure, Snapshot, Status
+from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
 from taichi_erosion.measures.result import Measurement
+from taichi_erosion.run.hunt import Hunt, begin_hunt, pursue
 from taichi_erosion.run.observables import Evidence, measure
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema import Stage
 from taichi_erosion.simulation import (
     Simulation,
+    air_profile,
     develop_wind,
     move_surface,
     remove_surface,
@@ -23,6 +25,7 @@ from taichi_erosion.simulation import (
     snapshot,
 )
 
+GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # what a stage waits for
 ROUNDING = 1e-9  # of an interval: a moment that lies on it counts as reached [1]
 
 
@@ -41,6 +44,8 @@ class Actor:
     tilts: list[float] = field(default_factory=list)
     measurements: dict[str, Measurement] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    airs: list[AirProfile] = field(default_factory=list)  # with the frames, where there is air
+    hunt: Hunt | None = None  # while and after thresholds are looked for
 
     @property
     def active(self) -> bool:
@@ -53,7 +58,7 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor, time:
     actor.stage += 1
     actor.began = time
     actor.energy = None
-    actor.frames, actor.tilts = [], []
+    actor.frames, actor.tilts, actor.airs = [], [], []
     if actor.stage == len(scene.stages):
         actor.finished = True
         return
@@ -66,6 +71,8 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor, time:
         develop_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
         set_through_flow(sim, replica, stage.through_flow)
+    if stage.until == "threshold":
+        actor.hunt = begin_hunt(sim, scene, replica, time)
 
 
 def tilt_of(stage: Stage, elapsed: float) -> float:
@@ -93,6 +100,8 @@ def keep_frame(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: 
     if intervals and time - actor.began >= len(actor.frames) * min(intervals) * (1.0 - ROUNDING):
         actor.frames.append(snapshot(sim, replica))
         actor.tilts.append(tilt_of(stage, time - actor.began))
+        if scene.wind is not None:
+            actor.airs.append(air_profile(sim, replica))
 
 
 def stage_of(scene: Scene, observable: str) -> int:
@@ -106,12 +115,14 @@ def is_over(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: flo
     """Whether the stage ends now; `kinetic` is the translational kinetic energy of the replica [J]."""
     stage = scene.stages[actor.stage]
     elapsed = time - actor.began
-    if elapsed >= stage.duration_max * (1.0 - ROUNDING):
-        if stage.until == "rest":
-            limit = f"its time limit of {stage.duration_max:g} s"
-            actor.warnings.append(f"stage {stage.name} reached {limit} before rest")
+    if stage.until == "threshold" and actor.hunt is not None and pursue(sim, replica, actor.hunt, time):
         return True
-    if stage.until == "time" or elapsed < stage.duration_min:
+    if elapsed >= stage.duration_max * (1.0 - ROUNDING):
+        if stage.until in GOALS:
+            limit = f"its time limit of {stage.duration_max:g} s"
+            actor.warnings.append(f"stage {stage.name} reached {limit} before {GOALS[stage.until]}")
+        return True
+    if stage.until != "rest" or elapsed < stage.duration_min:
         return False
     if actor.released < len(sim.setups[replica].grains.radius):
         return False
@@ -134,7 +145,16 @@ def close_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor) -> No
         return
     end = snapshot(sim, replica)
     for name in due:
-        evidence = Evidence(scene, scene.measure[name], end, tuple(actor.frames), tuple(actor.tilts))
+        evidence = Evidence(
+            scene,
+            scene.measure[name],
+            end,
+            tuple(actor.frames),
+            tuple(actor.tilts),
+            air_profile(sim, replica) if scene.wind is not None else None,
+            tuple(actor.airs),
+            {} if actor.hunt is None else actor.hunt.found,
+        )
         actor.measurements[name] = measure(name, evidence)
 
 

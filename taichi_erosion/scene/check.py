@@ -7,9 +7,10 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.check_wind import layer_checks, wind_checks
 from taichi_erosion.scene.clump import body_of
 from taichi_erosion.scene.contacts import contact_of, young_effective
-from taichi_erosion.scene.fill import lattice_points, layer_places
+from taichi_erosion.scene.fill import lattice_points
 from taichi_erosion.scene.limits import (
     expected_speed,
     impact_overlap,
@@ -23,12 +24,10 @@ from taichi_erosion.scene.schema_geometry import Mesh, Plane
 from taichi_erosion.scene.schema_grains import Lattice, Layers, Positions, Pour
 from taichi_erosion.scene.sizes import nominal_diameter, size_range
 from taichi_erosion.scene.walls import mesh_triangles, outward
-from taichi_erosion.scene.wind import surface_height
 
 MOST_SPHERES = 20_000_000  # in all replicas together, about 20 GB of state
 MOST_STEPS = 1e10  # a stage longer than this would take weeks
 SPHERE_REACH = 0.5  # radius of a sphere over its diameter [1]
-PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image
 LARGEST_RATIO = 20.0  # largest over smallest grain; beyond it the neighbour search drowns [1]
 
 Known = Mapping[str, Collection[str]]
@@ -198,37 +197,6 @@ def check_fill(scene: Scene) -> Iterator[str]:
         )
     elif isinstance(fill, Lattice):
         yield from lattice_checks(scene, fill)
-
-
-def layer_checks(scene: Scene, fill: Layers, reach: float) -> Iterator[str]:
-    """Layers need a patch with room for a few grains in each direction."""
-    if scene.wind is None:
-        yield "fill.law = 'layers' fills a patch: a [wind] section must state its length and width"
-        return
-    if fill.pitch - 2.0 * fill.jitter < 2.0 * reach:
-        yield (
-            f"fill.pitch = {fill.pitch:g} m less twice the jitter is smaller than the largest grain, "
-            f"{2.0 * reach:g} m: grains would start inside each other"
-        )
-    for name, places in zip(("length", "width"), layer_places(scene.wind, fill), strict=True):
-        if places < PATCH_GRAINS_LEAST:
-            size = getattr(scene.wind, name)
-            least = PATCH_GRAINS_LEAST
-            yield f"wind.{name} = {size:g} m holds {places} grains of this pitch; at least {least}"
-
-
-def wind_checks(scene: Scene) -> Iterator[str]:
-    """Air, stages and lid fit together."""
-    for place, stage in enumerate(scene.stages if scene.wind is None else ()):
-        for name in ("friction_velocity", "through_flow"):
-            if getattr(stage, name) is not None:
-                yield f"stages.{place}.{name} needs a [wind] section"
-    if scene.wind is not None and scene.grains.clump is not None:
-        yield "wind: drag acts on single spheres; grains.clump must be left out"
-    if scene.wind is not None:
-        bed = surface_height(scene, scene.wind)
-        if bed >= scene.wind.height:
-            yield f"wind.height = {scene.wind.height:g} m: the lid lies inside the bed of {bed:.3g} m"
 
 
 def lattice_checks(scene: Scene, fill: Lattice) -> Iterator[str]:

@@ -13,7 +13,7 @@ from taichi_erosion.scene.schema_field import Part, unit_of
 from taichi_erosion.scene.schema_grains import Size
 from taichi_erosion.scene.sizes import nominal_diameter
 
-SECTIONS = ("run", "geometry", "fill", "wind", "stages", "measure", "record")
+SECTIONS = ("run", "geometry", "fill", "wind", "threshold", "stages", "measure", "record")
 SCALING_UNITS = ("m", "s")
 
 Path = tuple[str | int, ...]

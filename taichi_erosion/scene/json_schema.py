@@ -30,7 +30,8 @@ def scene_schema() -> dict[str, Any]:
     for name, part in schema["$defs"].items():
         if name not in IN_METRES_ONLY | air_alone:
             allow_diameters(part)
-    return {"$schema": DIALECT, "title": "taichi_erosion scene"} | schema
+    whole = [schema["$defs"].pop(option["$ref"].rpartition("/")[2]) for option in schema["anyOf"]]
+    return {"$schema": DIALECT, "title": "taichi_erosion scene", "anyOf": whole, "$defs": schema["$defs"]}
 
 
 def allow_diameters(part: dict[str, Any]) -> None:

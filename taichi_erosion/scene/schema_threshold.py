@@ -7,7 +7,7 @@ LONGEST_HOLD = 1e3  # s
 
 
 class Threshold(Part):
-    """A ramp, then winds from rest on either side of where the ramp ended, then transport that is slowed down.
+    """A ramp, then winds from rest on either side of where it ended, then transport that is slowed down.
 
     A grain has rolled when it has moved over the bed by `distance`, and has left the bed when it has risen by
     `distance` above its place at rest. The bed moves when `share` of as many grains as one layer holds, at
@@ -27,7 +27,9 @@ class Threshold(Part):
     rise_hold: float = number(0.02, "s", "duration of a step of the ramp", 1e-6, LONGEST_HOLD)
     hold: float = number(0.3, "s", "time from rest in which grains must leave the bed", 1e-6, LONGEST_HOLD)
     levels: int = number(2, "1", "bisections of the last step", 0, 20)
-    excess: float = number(1.2, "1", "u* of the transport that is slowed down, over the fluid threshold", 1.0, 10.0)
+    excess: float = number(
+        1.2, "1", "u* of the transport that is slowed down, over the fluid threshold", 1.0, 10.0
+    )
     spin_up: float = number(0.3, "s", "time in which that transport develops", 1e-6, LONGEST_HOLD)
     fall: float = number(0.07, "1", "share by which u* falls from step to step", 1e-3, 0.5)
     fall_hold: float = number(0.25, "s", "duration of such a step", 1e-6, LONGEST_HOLD)

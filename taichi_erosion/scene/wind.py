@@ -6,7 +6,7 @@ from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, be
 from taichi_erosion.core.setup import Coupling, GrainTable, Triple
 from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_wind import Wind
-from taichi_erosion.scene.sizes import nominal_diameter
+from taichi_erosion.scene.sizes import mean_cube, nominal_diameter
 
 SOLID_SHARE = 0.6  # of a settled bed [1]
 CELL_SHARE = 0.25  # finest layer of air over the nominal diameter [1]
@@ -18,7 +18,7 @@ def surface_height(scene: Scene, wind: Wind) -> float:
     """Height of the undisturbed bed [m]."""
     if wind.surface is not None:
         return wind.surface
-    volume = scene.grains.count * pi / 6.0 * nominal_diameter(scene.grains.size) ** 3
+    volume = scene.grains.count * pi / 6.0 * mean_cube(scene.grains.size)
     return volume / (SOLID_SHARE * wind.length * wind.width)
 
 

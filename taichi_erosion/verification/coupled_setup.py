@@ -52,7 +52,7 @@ def grains_in_air(
 
 
 def regular_bed(diameter: float, density: float, void: float, cells: tuple[int, int, int]) -> GrainTable:
-    """A face-centred cubic lattice of spheres that leaves `void` of its volume free; it begins at the origin."""
+    """A face-centred cubic lattice of spheres from the origin that leaves `void` of its volume free."""
     edge = lattice_edge(diameter, void)
     base = edge * np.array([(0.25, 0.25, 0.25), (0.75, 0.75, 0.25), (0.25, 0.75, 0.75), (0.75, 0.25, 0.75)])
     corner = edge * np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1).reshape(-1, 1, 3)

@@ -85,12 +85,6 @@ def pressure_gradient(void: float, superficial: float, stream: Stream) -> float:
     return (viscous + 1.75 * solid * stream.density * superficial**2 / diameter) / void**3
 
 
-def fluidising_velocity(void: float, weight: float, stream: Stream) -> float:
-    """Superficial velocity [m s-1] at which Ergun's pressure carries a weight over volume [N m-3]."""
-    excess = lambda u: pressure_gradient(void, u, stream) - weight  # noqa: E731
-    return float(brentq(excess, 0.0, 100.0, xtol=1e-12))
-
-
 def terminal_velocity(diameter: float, solid: float, air: Stream, gravity: float = 9.81) -> float:
     """Speed [m s-1] at which Schiller-Naumann drag carries weight less buoyancy of a sphere."""
     weight = np.pi / 6.0 * diameter**3 * (solid - air.density) * gravity

@@ -1,0 +1,57 @@
+"""Projection with grains in the way, and the wind that an inlet stirs up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_erosion.air.assemble import allocate_air
+from taichi_erosion.air.gusts import draw_waves
+from taichi_erosion.air.observe import face_velocities
+from taichi_erosion.air.step import advance_air, remember_void
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, InletTurbulence, even_faces
+from taichi_erosion.core.setup import Numerics
+
+SPEED, DENSITY, COEFFICIENT, VOID = 0.1, 1.2, 500.0, 0.4  # m s-1, kg m-3, N s m-4, 1
+
+
+def upward() -> AirSetup:
+    ends = {"z_low": AirSide("inlet", (0.0, 0.0, SPEED)), "z_high": AirSide("outlet")}
+    sides = {name: ends.get(name, AirSide()) for name in SIDES}
+    model = AirModel(exchange=True, advection="central", scheme="runge_kutta")
+    faces = even_faces(0.0, 0.04, 16)
+    return AirSetup(
+        (4, 4, 16), (0.0, 0.0, 0.0), (0.01, 0.01, 0.04), faces, sides, DENSITY, 1.5e-5, 1e-3, model
+    )
+
+
+def test_air_rises_faster_between_grains_and_pays_for_their_drag_with_pressure(start_device):
+    start_device(Numerics(threads=1))
+    air = allocate_air([upward()])
+    void, drag = air.void_fraction.to_numpy(), air.exchange_coefficient.to_numpy()
+    void[:, :, :, 5:10], drag[:, :, :, 5:10] = VOID, COEFFICIENT  # layers 4 to 8
+    air.void_fraction.from_numpy(void)
+    air.exchange_coefficient.from_numpy(drag)
+    remember_void(air)
+    advance_air(air, 60)
+    rise = face_velocities(air, 0)[2][1, 1]
+    assert rise[0] == pytest.approx(SPEED)
+    assert rise[6] == pytest.approx(SPEED / VOID, rel=1e-6)  # inside: eps w is what enters
+    assert rise[-1] == pytest.approx(SPEED, rel=1e-6)
+    pressure = air.pressure.to_numpy()[0, 1, 1, 1:-1]
+    # eps dp/dz = -beta w between two layers inside the bed
+    slope = (pressure[7] - pressure[6]) / 0.0025
+    assert slope == pytest.approx(-COEFFICIENT * SPEED / VOID**2, rel=1e-6)
+
+
+def test_gusts_have_the_stated_deviation_and_no_mean():
+    turbulence = InletTurbulence((0.5, 0.3, 0.2), length=0.1, seed=3, waves=400)
+    vector, amplitude, phase = draw_waves(turbulence)
+    rng = np.random.default_rng(1)
+    place = rng.uniform(0.0, 50.0, (4000, 3))
+    blown = np.cos(place @ vector.T + phase) @ amplitude
+    # 400 random directions leave a scatter of a few per cent in each component
+    assert blown.std(axis=0) == pytest.approx(turbulence.deviation, rel=0.15)
+    assert np.abs(blown.mean(axis=0)).max() < 0.03
+    other = draw_waves(replace(turbulence, seed=4))
+    assert not np.array_equal(other[2], phase)

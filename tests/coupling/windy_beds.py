@@ -1,0 +1,57 @@
+"""Small setups of grains in air for the tests of coupling."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from grain_worlds import GRAVITY, MASS, PLATE, RADIUS, grains, setup
+
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces
+from taichi_erosion.core.setup import Coupling, Floats, Setup
+
+SIDE = 8e-3  # m, period of the patch
+LID = 20e-3  # m
+SURFACE = 3e-3  # m
+DENSITY, VISCOSITY = 1.225, 1.46e-5  # kg m-3, m2 s-1
+
+
+def air(faces: Floats, floor: str = "wall", side: float = SIDE, **rest: Any) -> AirSetup:
+    ends = {"z_low": AirSide(floor), "z_high": AirSide("stress")}  # pyright: ignore[reportArgumentType]
+    words: dict[str, Any] = {"density": DENSITY, "viscosity": VISCOSITY, "time_step": 1e-4}
+    return AirSetup(
+        cells=(1, 1, len(faces) - 1),
+        low=(0.0, 0.0, float(faces[0])),
+        high=(side, side, float(faces[-1])),
+        faces_z=faces,
+        sides={name: ends.get(name, AirSide("periodic")) for name in SIDES},
+        model=AirModel(closure="mixing_length", advection="none", scheme="euler", exchange=True),
+        **words | rest,
+    )
+
+
+def under(table: Setup, over: AirSetup, **coupling: Any) -> Setup:
+    low = (0.0, 0.0, over.low[2] - 0.01)
+    high = (over.high[0], over.high[1], over.high[2] + 0.1)
+    period = (over.high[0], over.high[1], 0.0)
+    return replace(table, air=over, domain=(low, high), period=period, coupling=Coupling(**coupling))
+
+
+def bed(seed: int, layers: int = 3, friction_velocity: float = 0.0) -> Setup:
+    """Loose layers of grains that fall on a plate under wind."""
+    rng = np.random.default_rng(seed)
+    across = (np.arange(7) + 0.5) * SIDE / 7.0
+    x, y = (grid.ravel() for grid in np.meshgrid(across, across, indexing="ij"))
+    rows = [np.column_stack([x, y, np.full(49, (1.0 + 2.1 * k) * RADIUS)]) for k in range(layers)]
+    place = np.concatenate(rows) + rng.uniform(-0.04, 0.04, (49 * layers, 3)) * RADIUS
+    table = setup(grains(place, rng.normal(0.0, 0.05, place.shape)), PLATE)
+    faces = bed_faces(0.0, SURFACE + 2.0 * RADIUS, LID, 0.5 * RADIUS, 1.3)
+    over = air(faces, friction_velocity=friction_velocity)
+    return under(table, over, look_steps=5, surface=SURFACE, seed=seed)
+
+
+def weightless(place: Any, velocity: Any, over: AirSetup, **coupling: Any) -> Setup:
+    """Grains without weight, far from each other, in a column of air."""
+    return under(setup(grains(place, velocity), gravity=(0.0, 0.0, 0.0)), over, **coupling)
+
+
+__all__ = ["DENSITY", "GRAVITY", "MASS", "RADIUS", "SIDE", "VISCOSITY", "air", "bed", "under", "weightless"]

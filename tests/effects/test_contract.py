@@ -1,0 +1,86 @@
+"""Every effect honours the same contract; a new file in effects/ is covered without an edit here."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.core.device import start_device, stop_device
+from taichi_erosion.core.effect import Check, Effect, Probe
+from taichi_erosion.core.effect_probe import Bench, make_bench, probe_of
+from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.setup import Numerics
+from taichi_erosion.effects import load_library, shipped
+from taichi_erosion.verification.effect_contract import CLAUSES, breaches
+
+THIRD_PARTY = Path(__file__).with_name("constant_pull.py")
+LIBRARY = load_library([THIRD_PARTY])
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    start_device(Numerics("cpu", 1))
+    yield make_bench()
+    stop_device()
+
+
+@pytest.fixture(scope="module")
+def probes() -> dict[str, Probe]:
+    return {}
+
+
+@pytest.mark.parametrize("clause", CLAUSES.values(), ids=CLAUSES.keys())
+@pytest.mark.parametrize("name", LIBRARY)
+def test_every_effect_keeps_the_contract(name, clause, bench, probes):
+    if name not in probes:
+        probes[name] = probe_of(LIBRARY[name], bench)
+    assert list(clause(LIBRARY[name], probes[name])) == []
+
+
+def test_the_library_holds_every_file_of_its_folder_under_the_name_of_the_file():
+    assert [*shipped(), "constant_pull"] == [
+        *(name for name in LIBRARY if name != "constant_pull"),
+        "constant_pull",
+    ]
+
+
+GOOD = LIBRARY["constant_pull"]
+
+
+def tableless(probe: Probe) -> Iterator[Check]:
+    yield Check("one line only", 1.0, 1.0)
+
+
+def twice(params, strength, conditions):
+    return {"pull": 2.0 * strength * params.pull_off}
+
+
+def always(params, strength, conditions):
+    return {"pull": params.pull_off}
+
+
+def ranges() -> type:
+    from dataclasses import make_dataclass
+
+    return make_dataclass(
+        "Params", [("pull_off", float, quantity(1e-7, "N", "without a range"))], frozen=True
+    )
+
+
+BAD: dict[str, Effect] = {
+    "got 4e-06, want 2e-06": replace(GOOD, constants=twice),
+    "its table has 1 lines": replace(GOOD, checks=tableless),
+    "no line of its table notices that pull_off": replace(GOOD, checks=tableless),
+    "it acts at strength 0": replace(GOOD, constants=always),
+    "pull_off has no range": replace(GOOD, params=ranges()),
+    "its docstring lacks 'Reference:'": replace(GOOD, doc="Pulls."),
+    "it reads 'colour'": replace(GOOD, reads=("colour",)),
+    "its reach is inf": replace(GOOD, reach=lambda constants, radius: float("inf")),
+    "prior_scale = 0.0 must lie": replace(GOOD, prior_scale=0.0),
+}
+
+
+@pytest.mark.parametrize("sentence", BAD)
+def test_a_breach_of_the_contract_is_told(sentence, bench):
+    assert any(sentence in breach for breach in breaches(BAD[sentence], bench))

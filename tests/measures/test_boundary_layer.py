@@ -1,0 +1,80 @@
+"""Thicknesses and friction velocities of profiles known in closed form."""
+
+import numpy as np
+import pytest
+
+from taichi_erosion.core.air_snapshot import AirSnapshot
+from taichi_erosion.measures import boundary_layer
+from taichi_erosion.measures.boundary_layer import (
+    AirEvidence,
+    Profile,
+    displacement,
+    flat_plate_friction,
+    flat_plate_thickness,
+    log_fit,
+    momentum,
+    profile_at,
+    thickness,
+)
+
+Z = np.linspace(5e-4, 0.5, 1000)
+
+
+def test_a_seventh_power_layer_has_an_eighth_and_seven_seventysecondths():
+    layer = Profile(Z, 6.0 * np.minimum(Z / 0.1, 1.0) ** (1.0 / 7.0), 0.2, 1.5e-5)
+    assert thickness(layer) == pytest.approx(0.1 * 0.99**7, rel=0.01)
+    # the steep first layers are joined by straight lines: 1 %
+    assert displacement(layer) == pytest.approx(0.1 / 8.0, rel=0.02)
+    assert momentum(layer) == pytest.approx(0.1 * 7.0 / 72.0, rel=0.02)
+
+
+def test_a_log_layer_gives_its_friction_velocity_and_roughness():
+    speed = np.minimum(0.3 / 0.4 * np.log(Z / 1e-5), 0.3 / 0.4 * np.log(0.3 / 1e-5))
+    fit = log_fit(Profile(Z, speed, 0.3, 1.5e-5), 0.4)
+    assert fit is not None
+    assert fit.friction_velocity == pytest.approx(0.3, rel=1e-6)
+    assert fit.roughness_length == pytest.approx(1e-5, rel=1e-5)
+
+
+def test_a_profile_with_too_few_points_gives_no_fit_and_says_so():
+    state = snapshot(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
+    found = boundary_layer.friction_velocity_fit(AirEvidence([state], None, 0.4))
+    assert found.n == 0
+    assert "fewer than 3 points" in found.notes[0]
+
+
+def snapshot(z: np.ndarray, speed: np.ndarray) -> AirSnapshot:
+    """Two columns of air, the second one half as fast."""
+    velocity = np.zeros((2, 1, len(z), 3))
+    velocity[0, 0, :, 0], velocity[1, 0, :, 0] = speed, 0.5 * speed
+    faces = np.append(0.0, z + 0.05)
+    nothing = np.zeros((2, 1, len(z)))
+    eddies = np.zeros((2, 1, len(z) + 1))
+    friction = np.array([[0.2], [0.1]])
+    return AirSnapshot(
+        0.0, np.array([1.0, 2.0]), np.zeros(1), z, faces, velocity, nothing, eddies, friction, 1.2, 1e-5
+    )
+
+
+def test_a_profile_between_cells_is_interpolated_along_the_wind():
+    state = snapshot(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
+    middle = profile_at(state, 1.5)
+    assert middle.speed == pytest.approx([0.75, 1.5, 2.25])
+    assert middle.friction_velocity == pytest.approx(0.15)
+    assert profile_at(state, None).speed == pytest.approx([0.75, 1.5, 2.25])
+
+
+def test_repeats_over_time_give_the_spread():
+    states = [
+        snapshot(np.array([0.1, 0.2, 0.3]), factor * np.array([1.0, 2.0, 3.0])) for factor in (1.0, 1.1)
+    ]
+    found = boundary_layer.wind_aloft(AirEvidence(states, 1.0, 0.4))
+    assert found.value == pytest.approx(3.15)
+    assert found.sd == pytest.approx(0.3 / np.sqrt(2.0))
+
+
+def test_the_flat_plate_is_the_table_of_the_study_tunnel():
+    # 6.9 m/s at 7 m over 0.25 mm grains: delta 0.13 m and u* 0.271 m/s
+    thick = flat_plate_thickness(6.9, 7.0, 1.5e-5)
+    assert thick == pytest.approx(0.13, abs=0.005)
+    assert flat_plate_friction(6.9, thick, 0.25e-3 / 30.0, 1.5e-5) == pytest.approx(0.271, abs=0.003)
