@@ -33,14 +33,33 @@ COLUMN_ORDERS = (
     "conditions.angularity=0.5",
     "conditions.slope=5.0",
 )
+
+
+def rolling(angularity: float) -> Case:
+    """Rolling resistance of grains of another shape."""
+    orders = (f"conditions.angularity={angularity:g}",)
+    return Case("rolling_resistance", label=f"angularity {angularity:g}", circumstances=orders)
+
+
+def wet(moisture: float) -> Case:
+    """Bridges at another moisture."""
+    orders = (f"conditions.moisture={moisture:g}",)
+    return Case("liquid_bridge", label=f"moisture {moisture:g}", circumstances=orders)
+
+
 COLUMN_CASES = [
     Case("rolling_resistance"),
-    Case("grain_shape"),
-    Case("dry_adhesion"),
     Case("liquid_bridge", circumstances=("conditions.moisture=0.0165",)),
+    Case("dry_adhesion"),
+    Case("grain_shape"),
     Case("size_distribution"),
     Case("packing_preparation"),
     Case("side_walls"),
+    wet(0.002),
+    wet(0.1),
+    rolling(1.0),
+    Case("dry_adhesion", 10.0, label="strength 10"),
+    Case("grain_shape", 2.0, label="strength 2"),
     Case("restitution_speed"),
     Case("surface_crust"),
     Case("image_charge"),
@@ -50,7 +69,7 @@ COLUMN_CASES = [
     Case("sieve_diameter"),
     Case("supply_limit"),
     Case("repose_method"),
-]
+]  # the most telling first: a study may be cut short
 
 
 def main(words: list[str]) -> None:

@@ -34,6 +34,7 @@ class Case:
 
     effect: str
     strength: float = 1.0
+    label: str = ""  # what is special, for people; empty: the case that stands for the effect
     circumstances: Orders = ()
     parameters: Orders = ()  # NAME=VALUE of the effect
 
@@ -49,6 +50,7 @@ class Shift:
     """One row of the table: how far an effect moves one observable."""
 
     effect: str
+    label: str  # empty for the case that stands for the effect
     strength: float
     observable: str
     unit: str
@@ -74,7 +76,13 @@ def measure_shifts(
         before, units, _ = bare[orders]
         after, _, reason = simulate(read_scene(scene, (*orders, *case.switched_on)), seeds, numerics)
         settings = " ".join((*orders, *case.switched_on))
-        head = {"effect": case.effect, "strength": case.strength, "scene": scene.name, "settings": settings}
+        head = {
+            "effect": case.effect,
+            "label": case.label,
+            "strength": case.strength,
+            "scene": scene.name,
+            "settings": settings,
+        }
         yield [
             paired(head | {"observable": name, "unit": units[name]}, before, after, reason) for name in units
         ]
@@ -119,9 +127,9 @@ def paired(head: Mapping[str, Any], before: Values, after: Values, reason: str) 
 
 
 def write_shifts(path: Path, rows: Sequence[Shift]) -> None:
-    """Write the table, replacing rows of the same effect and scene that stand there already."""
-    done = {(row.effect, row.scene) for row in rows}
-    kept = [row for row in read_shifts(path) if (row["effect"], row["scene"]) not in done]
+    """Write the table, replacing rows of the same case that stand there already."""
+    done = {(row.effect, row.label, row.scene) for row in rows}
+    kept = [row for row in read_shifts(path) if (row["effect"], row["label"], row["scene"]) not in done]
     text = StringIO(newline="")
     table = csv.DictWriter(text, [f.name for f in fields(Shift)], lineterminator="\n")
     table.writeheader()

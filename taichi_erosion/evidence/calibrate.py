@@ -11,9 +11,10 @@ from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats, Integers
 from taichi_erosion.evidence.smooth import paired_change
 
-STEP = 0.25  # finite difference in prior sd: about 10 % of a parameter known to a factor of 1.6
-WIDER = 2.0  # factor of both where replicate noise blurs differences
-STRENGTH_STEP = 0.25  # finite difference of a strength, in its prior scale
+STEP = 0.1  # finite difference in prior sd
+STEP_NOISY = 0.5  # the same where replicate noise blurs differences
+SHARES = (3.0, 1.0, 0.2)  # of the step, one after the other: coarse slopes see past kinks, fine ones finish
+TRIALS = 5  # of the damping, per step
 GOOD_ENOUGH = 0.02  # fall of the misfit below which no further step is made [1]
 SEARCH_POINTS = 10  # per calibrated number
 SEARCH_WIDTH = 2.0  # prior sd to either side
@@ -75,12 +76,11 @@ class Objective:
         x, acting = posed(self.names, position, len(self.exam.axes))
         return self.exam.predictor.predict(x, acting, self.seeds)
 
-    def jacobian(self, position: Floats, central: bool) -> Floats:
+    def jacobian(self, position: Floats, central: bool, share: float = 1.0) -> Floats:
         """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds."""
         columns = np.empty((self.exam.rows.size, position.size))
-        wide = WIDER if self.exam.noisy else 1.0
         for j, scale in enumerate(self.scale):
-            step = (STEP if j < len(self.exam.axes) else STRENGTH_STEP) * scale * wide
+            step = (STEP_NOISY if self.exam.noisy else STEP) * scale * share
             up = min(position[j] + step, self.high[j])
             down = max(position[j] - step, self.low[j])
             if not central:
@@ -142,16 +142,18 @@ def newton_step(objective: Objective, position: Floats, residual: Floats, dampin
 
 
 def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, float]:
-    """Damped Gauss-Newton (Levenberg-Marquardt) from one start."""
+    """Damped Gauss-Newton (Levenberg-Marquardt) from one start; where coarse slopes stall, finer ones follow."""
     position = np.clip(start, objective.low, objective.high)
     residual = objective.residual(position)
     best, damping = misfit_of(objective, position, residual), 1e-3
+    shares = iter((1.0,) if objective.exam.noisy else SHARES)
+    share = next(shares)
     for _ in range(steps):
         if best == inf:
             break
-        slopes = objective.jacobian(position, central=False)
+        slopes = objective.jacobian(position, central=False, share=share)
         fall = 0.0
-        for _ in range(4):
+        for _ in range(TRIALS):
             trial = newton_step(objective, position, residual, damping, slopes)
             trial_residual = objective.residual(trial)
             value = misfit_of(objective, trial, trial_residual)
@@ -161,6 +163,8 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
                 break
             damping = max(damping, 1e-2) * 10.0
         if fall < GOOD_ENOUGH:
+            share, damping = next(shares, 0.0), 1e-3
+        if share == 0.0:
             break
     return position, best
 
@@ -184,13 +188,13 @@ def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
     count = len(exam.axes)
     prior_mean = np.clip(np.zeros(count), exam.low, exam.high)
     quick = exam.problem.budget.name == "quick"
-    starts = [prior_mean] if quick or count == 0 else [prior_mean, searched(exam)]
+    starts = [prior_mean] if quick or count == 0 else [prior_mean, *searched(exam)]
     objective = Objective(exam, (), exam.seeds.fitting)
-    results = sorted((refine(objective, start, 4 if quick else 8) for start in starts), key=lambda r: r[1])
+    results = sorted((refine(objective, start, 4 if quick else 12) for start in starts), key=lambda r: r[1])
     warnings = []
     if len(results) > 1 and results[1][1] < inf:
         gap = np.abs(results[0][0] - results[1][0]).max()
-        if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > STEP:
+        if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > 0.1 * SEARCH_WIDTH:
             warnings.append("two starts of the calibration end at different places; the better one is used")
     exam = reweighted(exam, objective.mean(results[0][0]))
     position, misfit = refine(Objective(exam, (), exam.seeds.fitting), results[0][0], 2)
@@ -218,8 +222,8 @@ def reweighted(exam: Examination, mean: Floats) -> Examination:
     )
 
 
-def searched(exam: Examination) -> Floats:
-    """Best of a Sobol' sample of the prior, one seed each."""
+def searched(exam: Examination) -> list[Floats]:
+    """Best two of a Sobol' sample of the prior, one seed each."""
     count = len(exam.axes)
     low = np.maximum(exam.low, -SEARCH_WIDTH)
     high = np.minimum(exam.high, SEARCH_WIDTH)
@@ -227,4 +231,4 @@ def searched(exam: Examination) -> Floats:
     points = low + (high - low) * sampler.random_base2(int(np.ceil(np.log2(SEARCH_POINTS * count))))
     objective = Objective(exam, (), exam.seeds.fitting[:1])
     values = [misfit_of(objective, point, objective.residual(point)) for point in points]
-    return points[int(np.argmin(values))]
+    return [points[int(k)] for k in np.argsort(values)[:2]]

@@ -23,8 +23,8 @@ MOST = 8
 LEAST_QUICK, MOST_QUICK = 2, 4
 PAIR_GAIN = 0.5  # ln Bayes factor by which a pair must beat its better member in the screen
 PAIRS, PAIRS_QUICK = 6, 3
-STEPS, STEPS_QUICK = 6, 3
-LEAST_SHARE = 0.6  # of the misfit, from which an effect with a smooth remainder is still named
+STEPS, STEPS_QUICK = 10, 4
+LEAST_SHARE = 0.85  # of the misfit, from which an effect with a smooth remainder is still named
 WELL = 0.01  # chance of a misfit above which a hypothesis is taken to explain the measurements
 
 
@@ -93,10 +93,13 @@ def judge_singles(
 def rejudge(
     exam: Examination, judged: dict[str, Judged], found: Screen, signature: Signature, family: list[Kernel]
 ) -> None:
-    """The prior's middle as a second start; the better fit stays."""
+    """The prior's middle and the leader's calibration as further starts; the best fit stays."""
     name, unit = signature.name, expected_strength(exam.candidate(signature.name))
     middle = np.append(np.clip(np.zeros(len(exam.axes)), exam.low, exam.high), unit)
-    starts = [middle] if name in judged else [middle, np.append(found.base.fit.x, unit)]
+    leader = min(judged.values(), key=lambda item: item.scored.expansion.fit.misfit).scored.expansion.fit
+    starts = [middle, np.append(leader.x, leader.psi[0] if leader.names == (name,) else 0.5 * unit)]
+    if name not in judged:
+        starts.append(np.append(found.base.fit.x, unit))
     best = refit(exam, (name,), starts)
     if name not in judged or best.misfit < judged[name].scored.expansion.fit.misfit - GOOD_ENOUGH:
         judged[name] = judge(exam, best, family)

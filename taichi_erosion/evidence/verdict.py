@@ -9,6 +9,8 @@ from taichi_erosion.evidence.posterior import NONE, OUTSIDE, Posterior, label
 from taichi_erosion.evidence.shortlist import Judged
 
 LEVEL = 0.05  # family-wise, of a first name
+MISSING = 0.4  # probability of "nothing" below which something is said to be missing
+ALONE = 0.5  # probability that an effect named alone must have
 MISFIT_LEVEL = 0.01  # of the base model's misfit where no single signature explains it
 SURE = 0.8  # share of the named probability from which one effect stands alone
 CREDIBLE = 0.9  # probability that a group holds
@@ -27,16 +29,17 @@ class Decision:
 
 
 def detected(believed: Posterior, p: float, p_misfit: float) -> bool:
-    """Whether anything at all is missing: unlikely by chance, and likelier than not."""
-    return believed.probability[NONE] < 0.5 and (p < LEVEL or p_misfit < MISFIT_LEVEL)
+    """Whether anything at all is missing: unlikely by chance, and clearly likelier than not."""
+    return believed.probability[NONE] < MISSING and (p < LEVEL or p_misfit < MISFIT_LEVEL)
 
 
 def decide(believed: Posterior, judged: list[Judged], p: float, p_misfit: float, powers: list[float]) -> Decision:
-    """Verdict of the whole study."""
-    if not detected(believed, p, p_misfit):
+    """Verdict of the whole study: the likeliest of nothing, something unknown, something named."""
+    named_mass = 1.0 - believed.probability[NONE] - believed.probability[OUTSIDE]
+    likeliest = max(named_mass, believed.probability[OUTSIDE])
+    if not detected(believed, p, p_misfit) or likeliest < believed.probability[NONE]:
         testable = np.mean([power >= TESTABLE for power in powers]) if powers else 0.0
         return Decision("none_detected" if testable >= TESTABLE_SHARE else "not_testable", (), ())
-    named_mass = 1.0 - believed.probability[NONE] - believed.probability[OUTSIDE]
     if believed.probability[OUTSIDE] > named_mass:
         return Decision("outside_library", (), ())
     return name(believed, judged, named_mass)
@@ -45,7 +48,8 @@ def decide(believed: Posterior, judged: list[Judged], p: float, p_misfit: float,
 def name(believed: Posterior, judged: list[Judged], mass: float) -> Decision:
     """Effects that stand alone, and those among which the data do not decide."""
     share = {effect: value / mass for effect, value in believed.inclusion.items()}
-    sure = [effect for effect, value in sorted(share.items(), key=lambda item: -item[1]) if value >= SURE]
+    ranked = sorted(share.items(), key=lambda item: -item[1])
+    sure = [effect for effect, value in ranked if value >= SURE and value * mass >= ALONE]
     rivals = equal_rivals(judged, sure)
     if sure and not rivals and not half_named_pair(believed, sure, mass):
         return Decision("present", tuple(sure), ())

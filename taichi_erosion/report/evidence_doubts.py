@@ -41,10 +41,8 @@ def doubts_about_names(discovery: Document) -> Iterator[str]:
         if (effects.get(name, {}).get("absorption") or 0.0) > ABSORBED:
             parameter = discovery["absorbed_by"].get(name, "a calibrated number")
             yield f"Calibration imitates most of {name}: measure {parameter} by itself to break this."
-    for name in (*discovery["named"], *discovery["group"]):
-        rivals = ", ".join(discovery["ambiguity"].get(name, ()))
-        if rivals:
-            yield f"These measurements do not tell {name} from {rivals}."
+    if len(discovery["group"]) > 1:
+        yield f"These measurements do not tell {', '.join(discovery['group'])} apart."
 
 
 def doubts_about_runs(discovery: Document) -> Iterator[str]:

@@ -14,6 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 Record = Mapping[str, Any]
@@ -23,6 +24,7 @@ BEFORE, AFTER, CONTROL, FINE = "#b4553d", "#1f4e79", "#9aa3ab", "#d9dde1"
 COLUMNS = 3  # panels side by side
 PANEL = (3.0, 2.7)  # in
 WIDE_RANGE = 20.0  # largest over smallest value from which an axis is logarithmic
+TICKS = 4  # most intervals on the axis of a condition
 STYLE: dict[Any, Any] = {
     "font.size": 8.5,
     "axes.spines.top": False,
@@ -125,6 +127,8 @@ def draw_against(frame: Axes, rows: Record, name: str, axis: str, colour: str) -
     known = x[np.isfinite(x)]
     if known.size and known.min() > 0.0 and known.max() > WIDE_RANGE * known.min():
         frame.set_xscale("log")
+    else:
+        frame.xaxis.set_major_locator(MaxNLocator(TICKS))
     frame.plot(x, of_observable(rows, name, "residual"), "o", ms=3.0, color=colour)
 
 
@@ -174,5 +178,6 @@ def draw_vault(adoption: Record) -> Picture:
         colours = {"base": BEFORE, "added": AFTER}
         frame.bar(list(there.values()), values, color=[colours.get(key, CONTROL) for key in there])
         frame.axhline(1.0, color="black", lw=0.6)
-        frame.set(ylabel="chi2 per held-out row")
+        wide = np.nanmin(values) > 0.0 and np.nanmax(values) > WIDE_RANGE * np.nanmin(values)
+        frame.set(ylabel="chi2 per held-out row", yscale="log" if wide else "linear")
         return picture(figure, "Misfit per held-out row before and after adoption, beside two controls.")

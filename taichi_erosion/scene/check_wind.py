@@ -3,10 +3,20 @@
 from collections.abc import Iterator
 
 from taichi_erosion.scene.fill import layer_places
+from taichi_erosion.scene.limits import time_step
 from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_grains import Layers
+from taichi_erosion.scene.schema_wind import Wind
+from taichi_erosion.scene.sizes import nominal_diameter, size_range
 from taichi_erosion.scene.wind import surface_height
 
+LID_LEAST = 20.0  # diameters between bed and lid where wind blows: below, the lid lies in the layer that hops
+LOOK_SHARE = 0.1  # of the response of the smallest grain that may pass between two looks at the air [1]
+HUNTED = (
+    *("rolling_onset", "fluid_threshold", "threshold_u_star", "threshold_wind_speed"),
+    *("impact_threshold", "threshold_ratio"),
+)
+BLOWN = ("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress")  # read from many moments
 PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image
 
 
@@ -34,12 +44,51 @@ def wind_checks(scene: Scene) -> Iterator[str]:
             if getattr(stage, name) is not None:
                 yield f"stages.{place}.{name} needs a [wind] section"
     yield from threshold_checks(scene)
+    yield from measure_checks(scene)
     if scene.wind is not None and scene.grains.clump is not None:
         yield "wind: drag acts on single spheres; grains.clump must be left out"
     if scene.wind is not None:
-        bed = surface_height(scene, scene.wind)
-        if bed >= scene.wind.height:
-            yield f"wind.height = {scene.wind.height:g} m: the lid lies inside the bed of {bed:.3g} m"
+        yield from lid_checks(scene, scene.wind)
+        yield from look_checks(scene, scene.wind)
+
+
+def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
+    """The lid lies above the bed, and where wind blows above most grains that hop."""
+    bed, diameter = surface_height(scene, wind), nominal_diameter(scene.grains.size)
+    blows = wind.friction_velocity > 0.0 or any(
+        stage.until == "threshold" or stage.friction_velocity for stage in scene.stages
+    )
+    if bed >= wind.height:
+        yield f"wind.height = {wind.height:g} m: the lid lies inside the bed of {bed:.3g} m"
+    elif blows and wind.height - bed < LID_LEAST * diameter:
+        least = bed + LID_LEAST * diameter
+        hops = "the lid lies in the layer where grains hop"
+        yield f"wind.height = {wind.height:g} m: {hops}; at least {least:.3g} m"
+
+
+def look_checks(scene: Scene, wind: Wind) -> Iterator[str]:
+    """Grains look before drag has changed their velocity: Stokes' response is rho_p d^2 / (18 mu)."""
+    density = scene.materials[scene.grains.material].density
+    smallest = size_range(scene.grains.size)[0]
+    response = density * smallest**2 / (18.0 * wind.viscosity * wind.density)
+    interval = wind.look_steps * time_step(scene)
+    if interval > LOOK_SHARE * response:
+        yield (
+            f"wind.look_steps = {wind.look_steps}: {interval:.2g} s pass between two looks at the air, "
+            f"but drag moves the smallest grain within {response:.2g} s; at most a tenth of that"
+        )
+
+
+def measure_checks(scene: Scene) -> Iterator[str]:
+    """Measures of the wind have what they read."""
+    hunts = any(stage.until == "threshold" for stage in scene.stages)
+    for name, order in scene.measure.items():
+        if name in HUNTED and not hunts:
+            yield f"measure.{name} needs a stage with until = 'threshold'"
+        if name in BLOWN and scene.wind is None:
+            yield f"measure.{name} needs a [wind] section"
+        elif name in BLOWN and order.every is None:
+            yield f"measure.{name}.every is missing: it is a mean over the stage"
 
 
 def threshold_checks(scene: Scene) -> Iterator[str]:

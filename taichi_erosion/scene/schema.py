@@ -151,7 +151,7 @@ class Stage(Part):
         FASTEST_FRICTION,
     )
     through_flow: float | None = number(
-        None, "m s-1", "superficial velocity of air rising through the bed from now on", 0.0, 100.0
+        None, "m s-1", "superficial velocity of air rising through the bed from now on", -100.0, 100.0
     )
 
     @model_validator(mode="after")

@@ -38,7 +38,7 @@ class Wind(Part):
         Coupling.look_steps, "1", "time steps of the grains between two looks at the air", 1, 10_000
     )
     through_flow: float = number(
-        0.0, "m s-1", "superficial velocity of air rising through the bed", 0.0, 100.0
+        0.0, "m s-1", "superficial velocity of air rising through the bed", -100.0, 100.0
     )
 
     @model_validator(mode="after")

@@ -7,7 +7,9 @@ from math import nan
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.verification import (
     adhesion,
+    air_mass,
     bouncing,
+    cavity,
     designed_effects,
     determinism,
     discharge,
@@ -20,12 +22,15 @@ from taichi_erosion.verification import (
     normal_impact,
     oblique_impact,
     packed_bed,
+    parallel_flow,
     precision,
     rolling,
     settling,
     sliding,
     spin_impact,
+    vortices,
     walls,
+    wind_profile,
 )
 from taichi_erosion.verification.claim import Claim, Outcome, as_claim
 
@@ -57,6 +62,11 @@ LADDER: dict[str, Check] = {
     "V22": precision.single_and_double,
     "V23": determinism.threads_and_ensembles,
     "V24": hostile.bad_starts,
+    "V25": cavity.lid_cavity,
+    "V26": vortices.taylor_green,
+    "V27": parallel_flow.plane_flows,
+    "V28": wind_profile.wind_profile,
+    "V29": air_mass.mass,
     "V30": settling.terminal_velocities,
     "V31": packed_bed.packed_bed,
     "V32": exchange.action_and_reaction,

@@ -14,7 +14,7 @@ from taichi_erosion.core.setup import Numerics
 STEPS = 20
 
 
-@pytest.mark.parametrize("floor", ["wall", "rough"])
+@pytest.mark.parametrize("floor", ["rough", pytest.param("wall", marks=pytest.mark.slow)])
 def test_the_column_is_the_grid_of_one_column(floor, start_device):
     start_device(Numerics(threads=1))
     setup = column(floor, implicitness=0.7, driving_gradient=(-0.5, 0.0, 0.0))

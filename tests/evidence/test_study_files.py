@@ -18,7 +18,9 @@ from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
 ROOT = Path(__file__).parents[2]
 GOOD = study_text()
 SHIPPED = [
-    path for path in sorted((ROOT / "doe").glob("*.toml")) if "[observables" in path.read_text("utf-8")
+    path
+    for path in sorted((ROOT / "doe").glob("*.toml"))
+    if "measurements" in tomllib.loads(path.read_text("utf-8"))["study"]
 ]
 OWN_MODEL = """
 import numpy as np

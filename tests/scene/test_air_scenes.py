@@ -64,7 +64,7 @@ def test_a_bad_air_scene_gets_one_line(order: str, line: str):
 def test_a_side_that_is_left_out_is_named():
     raw = table()
     del raw["air"]["sides"]["y_low"]
-    with pytest.raises(BadInput, match="air.sides.y_low is missing"):
+    with pytest.raises(BadInput, match=r"air\.sides\.y_low is missing"):
         parse_air_scene(raw)
 
 

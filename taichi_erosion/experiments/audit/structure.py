@@ -108,16 +108,21 @@ def contrasts(coded: Floats, two_level: bool) -> Floats:
 
 def mending_cells(coded: Floats, two_level: bool) -> Iterator[Cell]:
     """Every single change of a level after which nothing is left to find."""
-    for row, column in np.ndindex(*coded.shape):
-        for level in (-1.0, 0.0, 1.0):
-            if level == coded[row, column] or (two_level and level == 0.0):
-                continue
-            changed = coded.copy()
-            changed[row, column] = level
-            if np.all(imbalance(changed, two_level) < NOTHING) and np.all(
-                overlap(changed, two_level) < NOTHING
-            ):
-                yield Cell(row, column, level)
+    for column in range(coded.shape[1]):
+        others = np.delete(coded, column, axis=1)
+        if not is_sound(others, two_level):
+            continue  # no cell of this column can mend what the others spoil
+        for row in range(len(coded)):
+            for level in (-1.0, 1.0) if two_level else (-1.0, 0.0, 1.0):
+                changed = coded.copy()
+                changed[row, column] = level
+                if level != coded[row, column] and is_sound(changed, two_level):
+                    yield Cell(row, column, level)
+
+
+def is_sound(coded: Floats, two_level: bool) -> bool:
+    """Whether levels are balanced and orthogonal."""
+    return bool(np.all(imbalance(coded, two_level) < NOTHING) and np.all(overlap(coded, two_level) < NOTHING))
 
 
 def textbook(coded: Floats) -> tuple[str, tuple[Cell, ...]]:

@@ -58,13 +58,13 @@ def di_felice(stream: Stream) -> float:
 
 def gidaspow(stream: Stream) -> float:
     """Drag on one of the spheres that fill 1 - eps of the volume [N]."""
-    solid, volume = 1.0 - stream.void, np.pi / 6.0 * stream.diameter**3
+    volume = np.pi / 6.0 * stream.diameter**3
     if stream.void < 0.8:
         rise = pressure_gradient(stream.void, stream.void * stream.slip, stream)
-        return rise * stream.void * volume / solid
-    dilute = 0.75 * standard_coefficient(stream.void * stream.reynolds) * stream.void * solid
-    beta = dilute * stream.density * stream.slip / stream.diameter * stream.void**-2.65
-    return beta * stream.slip * volume / solid
+        return rise * stream.void * volume / (1.0 - stream.void)
+    coefficient = standard_coefficient(stream.void * stream.reynolds)
+    over_solid = 0.75 * coefficient * stream.density * stream.slip / stream.diameter
+    return over_solid * stream.void * stream.void**-2.65 * stream.slip * volume
 
 
 LAWS: dict[str, Callable[[Stream], float]] = {

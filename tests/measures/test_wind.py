@@ -1,0 +1,123 @@
+"""Thresholds of several beds, the wind they mean, flux and stresses of made-up transport."""
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+from taichi_erosion.core.snapshot import AirProfile, Snapshot
+from taichi_erosion.measures import wind_bed
+from taichi_erosion.measures.threshold import Bracket, Tunnel, bracketed, pool_beds, ratio, wind_speed
+
+PATCH = wind_bed.Patch(area=2e-5, surface=1e-3, diameter=2.5e-4, density=1.2, viscosity=1.5e-5)
+
+
+def beds(thresholds: np.ndarray, width: float, seed: int = 0):
+    """Brackets of a relative width around thresholds, each where chance puts it."""
+    below = np.random.default_rng(seed).random(len(thresholds))
+    ends = zip(thresholds * np.exp(-width * below), thresholds * np.exp(width * (1.0 - below)), strict=True)
+    return [bracketed("fluid_threshold", Bracket(low, high)) for low, high in ends]
+
+
+def test_the_interval_of_many_series_of_five_beds_holds_the_truth_as_often_as_it_says():
+    random = np.random.default_rng(1)
+    held = 0
+    for seed in range(100):
+        thresholds = 0.3 * np.exp(random.normal(0.0, 0.05, 5))
+        found = pool_beds(beds(thresholds, 0.02, seed)).details["interval"]
+        held += found["low"] < 0.3 < found["high"]
+    # 95 of 100 with a standard deviation of 2.2
+    assert 88 <= held <= 100
+
+
+def test_narrow_brackets_give_the_mean_and_nearly_students_interval():
+    thresholds = 0.25 * np.exp([-0.06, -0.02, 0.0, 0.03, 0.05])
+    pooled = pool_beds(beds(thresholds, 1e-3))
+    spread = np.log(thresholds).std(ddof=1)
+    half = student.ppf(0.975, 4) * spread / np.sqrt(5)
+    found = pooled.details["interval"]
+    # a logistic law is not a normal one: tails are longer, the middle is nearly the same
+    assert pooled.value == pytest.approx(np.exp(np.log(thresholds).mean()), rel=0.01)
+    assert pooled.sd / pooled.value == pytest.approx(spread, rel=0.25)
+    assert np.log(found["high"] / found["low"]) == pytest.approx(2.0 * half, rel=0.25)
+
+
+def test_beds_that_all_agree_leave_the_width_of_their_bracket():
+    same = [bracketed("fluid_threshold", Bracket(0.29, 0.31))] * 5
+    found = pool_beds(same).details["interval"]
+    assert (found["low"], found["high"]) == pytest.approx((0.29, 0.31), rel=1e-3)
+
+
+def test_a_bed_without_a_threshold_is_counted_and_left_out():
+    pooled = pool_beds([*beds(np.full(3, 0.3), 0.02), bracketed("fluid_threshold", None)])
+    assert pooled.n == 3
+    assert any("1 of 4" in note for note in pooled.notes)
+
+
+def test_impact_over_fluid_threshold():
+    both = ratio("threshold_ratio", Bracket(0.19, 0.21), Bracket(0.24, 0.26))
+    assert both.value == pytest.approx(0.8, rel=0.01)
+    assert ratio("threshold_ratio", None, Bracket(0.24, 0.26)).n == 0
+
+
+@pytest.mark.parametrize(
+    ("speed", "diameter", "friction"),
+    [
+        (6.3, 0.1e-3, 0.239),
+        (6.3, 0.25e-3, 0.248),
+        (6.3, 0.5e-3, 0.258),
+        (6.9, 0.25e-3, 0.271),
+        (6.9, 2e-3, 0.321),
+    ],
+)
+def test_the_speed_of_a_tunnel_is_that_of_the_flat_plate_seven_metres_from_its_inlet(
+    speed: float, diameter: float, friction: float
+):
+    # friction velocities of the table are rounded to a millimetre per second
+    assert wind_speed(friction, Tunnel(7.0, diameter, 1.5e-5)) == pytest.approx(speed, rel=0.01)
+
+
+def flying(height: np.ndarray, speed: float) -> Snapshot:
+    count = len(height)
+    place = np.column_stack([np.zeros((count, 2)), height])
+    velocity = np.tile([speed, 0.0, 0.0], (count, 1))
+    rank = np.arange(count, dtype=np.int32)
+    return Snapshot(
+        0.0, 0, place, velocity, 0.0 * place, np.full(count, 1e-4), np.full(count, 2e-8), rank, rank, 0
+    )
+
+
+def test_flux_and_its_height_are_those_of_the_transport_that_was_made():
+    random = np.random.default_rng(2)
+    frames = [flying(1e-3 + random.exponential(0.02, 400), 1.5) for _ in range(64)]
+    found = wind_bed.flux(frames, PATCH)
+    assert found.value == pytest.approx(400 * 2e-8 * 1.5 / 2e-5)
+    assert found.sd == pytest.approx(0.0, abs=1e-9)
+    height = wind_bed.flux_height(frames, PATCH)
+    # 25,600 grains: 1/sqrt(N) is 0.6 %; bins and the tail that is cut add a few percent
+    assert height.value == pytest.approx(0.02, rel=0.08)
+
+
+def test_the_error_of_a_mean_counts_that_neighbours_in_time_are_alike():
+    random = np.random.default_rng(3)
+    slow = np.repeat(random.normal(10.0, 1.0, 64), 16)  # 64 independent values
+    found = wind_bed.blocked("flux", slow.tolist(), "kg m-1 s-1")
+    assert found.sd == pytest.approx(1.0 / 8.0, rel=0.6)
+    drifting = wind_bed.blocked("flux", np.linspace(1.0, 2.0, 64).tolist(), "kg m-1 s-1")
+    assert drifting.notes
+    assert wind_bed.blocked("flux", [1.0] * 5, "kg m-1 s-1").n == 0
+
+
+def shear_flow(stress: float) -> AirProfile:
+    """Air without eddies under one stress, from which grains take 30 Pa m-1 below 2 mm."""
+    face = np.linspace(0.0, 4e-3, 41)
+    centre = 0.5 * (face[1:] + face[:-1])
+    velocity = np.column_stack([stress / (1.2 * 1.5e-5) * centre, 0.0 * centre])
+    drag = np.column_stack([np.where(centre < 2e-3, -30.0, 0.0), 0.0 * centre])
+    one = np.ones(40)
+    return AirProfile(face, velocity, one, 0.0 * one, drag, 0.0 * one)
+
+
+def test_stresses_at_the_bed_are_those_of_the_profile():
+    airs = [shear_flow(0.05)] * 16
+    assert wind_bed.bed_stress(airs, PATCH).value == pytest.approx(0.05)
+    assert wind_bed.grain_stress(airs, PATCH).value == pytest.approx(30.0 * 1e-3)

@@ -1,0 +1,116 @@
+"""The order in which winds blow over a bed, against beds whose thresholds are known."""
+
+from dataclasses import replace
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures.threshold import Bracket
+from taichi_erosion.run.hunt import NEXT, Hunt, Trial, judge, watch
+from taichi_erosion.scene import Scene, load_scene
+
+SCENE = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
+FIRST = 0.1  # m s-1
+STEPS_MOST = 200
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    words = ["threshold.rise=0.05", "threshold.fall=0.05", "threshold.levels=3", "threshold.share=0.01"]
+    return load_scene(SCENE, [*words, "measure.impact_threshold={}"])
+
+
+def trial(friction_velocity: float, grains: int = 1) -> Trial:
+    place = np.zeros((grains, 3))
+    nothing = np.zeros(grains, dtype=bool)
+    return Trial(friction_velocity, 0.0, place, place, nothing, nothing, flux=[1.0])
+
+
+def hunted(scene: Scene, rolls: float, ramp: float, leaves: float, rests: float) -> Hunt:
+    """The hunt in a bed that rolls and leaves the ramp, leaves from rest and comes to rest at given winds."""
+    hunt = Hunt(scene, {}, trial(FIRST))
+    for _ in range(STEPS_MOST):
+        now = hunt.trial.friction_velocity
+        moved = now >= {"ramp": ramp, "hold": leaves, "start": 0.0, "fall": rests}[hunt.phase]
+        hunt.trial.rolled = np.full(hunt.needed, now >= rolls)
+        order = NEXT[hunt.phase](hunt, moved)
+        if order is None:
+            return hunt
+        hunt.trial = trial(order)
+    raise AssertionError("the hunt does not end")
+
+
+@pytest.mark.parametrize("leaves", [0.13, 0.2, 0.29])
+def test_the_brackets_hold_the_thresholds_and_are_as_narrow_as_asked(scene: Scene, leaves: float):
+    hunt = hunted(scene, rolls=0.12, ramp=0.2, leaves=leaves, rests=0.1)
+    fluid, impact = hunt.found["fluid_threshold"], hunt.found["impact_threshold"]
+    rolling = hunt.found["rolling_onset"]
+    assert fluid.low < leaves <= fluid.high
+    assert fluid.high / fluid.low == pytest.approx(1.05 ** (1.0 / 2**3))
+    assert impact.low < 0.1 <= impact.high
+    assert impact.low / impact.high == pytest.approx(0.95)
+    assert rolling.low < 0.12 <= rolling.high
+
+
+def test_without_a_measure_that_asks_for_it_no_transport_is_started(scene: Scene):
+    asked = {name: order for name, order in scene.measure.items() if name != "impact_threshold"}
+    hunt = hunted(scene.model_copy(update={"measure": asked}), 0.12, 0.2, 0.2, 0.1)
+    assert set(hunt.found) == {"rolling_onset", "fluid_threshold"}
+
+
+def state(position: np.ndarray, speed: float = 0.0) -> Snapshot:
+    count = len(position)
+    velocity = np.tile([speed, 0.0, 0.0], (count, 1))
+    zero, one = np.zeros((count, 3)), np.ones(count)
+    rank = np.arange(count, dtype=np.int32)
+    return Snapshot(0.0, 0, position, velocity, zero, one, one, rank, rank, 0)
+
+
+def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene):
+    assert scene.wind is not None
+    hunt = Hunt(scene, {}, trial(0.2, grains=2))
+    hunt.trial.place = hunt.trial.before = np.array([[1e-6, 0.0, 0.0], [1e-4, 0.0, 0.0]])
+    far = 1.1 * hunt.diameter
+    moved = np.array([[scene.wind.length - 1e-6, 0.0, 0.0], [1e-4, far, 0.0]])
+    watch(hunt, state(moved))
+    assert hunt.trial.rolled.tolist() == [False, True]
+    assert not hunt.trial.risen.any()
+    watch(hunt, state(moved + [[0.0, 0.0, far], [0.0, 0.0, 0.0]]))
+    assert hunt.trial.risen.tolist() == [True, False]
+    # what once rolled has rolled, also after the wind has brought it back
+    watch(hunt, state(hunt.trial.place))
+    assert hunt.trial.rolled.tolist() == [False, True]
+
+
+def test_flux_is_momentum_over_area(scene: Scene):
+    hunt = Hunt(scene, {}, trial(0.2, grains=3))
+    watch(hunt, state(np.zeros((3, 3)), speed=2.0))
+    assert hunt.trial.flux[-1] == pytest.approx(3.0 * 2.0 / hunt.period.prod())
+
+
+def test_a_bed_is_at_rest_early_only_in_a_steady_wind(scene: Scene):
+    hunt = Hunt(scene, {}, trial(0.2))
+    hunt.phase, hunt.trial.stirred = "hold", 0.0
+    half = 0.5 * scene.threshold.hold
+    assert judge(hunt, half, steady=True) is False
+    assert judge(hunt, half, steady=False) is None
+    assert judge(hunt, scene.threshold.hold, steady=False) is False
+    hunt.trial.stirred = hunt.diameter
+    assert judge(hunt, half, steady=True) is None
+
+
+def test_a_bed_moves_when_as_many_grains_left_as_are_asked_for(scene: Scene):
+    hunt = Hunt(scene, {}, trial(0.2, grains=10))
+    hunt.phase = "hold"
+    hunt.trial.risen = np.arange(10) < hunt.needed - 1
+    assert judge(hunt, 0.0, steady=True) is None
+    hunt.trial.risen = np.arange(10) < hunt.needed
+    assert judge(hunt, 0.0, steady=True) is True
+
+
+def test_a_bracket_is_its_geometric_mean():
+    assert Bracket(0.2, 0.3).middle == pytest.approx(sqrt(0.06))
+    assert replace(Bracket(0.2, 0.3), high=0.2).sd == 0.0

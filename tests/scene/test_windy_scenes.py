@@ -1,0 +1,67 @@
+"""Scenes under wind: what is shipped loads, what does not fit together is refused in one line."""
+
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.run import check_scene
+from taichi_erosion.scene import build_setup, load_scene
+from taichi_erosion.scene.sizes import mean_cube, nominal_diameter
+from taichi_erosion.scene.wind import surface_height
+
+SCENES = Path(__file__).parents[2] / "scenes"
+NAMES = ("packed_bed", "saltation", "terminal_velocity", "wind_threshold")
+
+REFUSED = [
+    ("wind_threshold", "wind.height=5e-4", "the lid lies inside the bed"),
+    ("wind_threshold", "wind.height=3e-3", "the lid lies in the layer where grains hop"),
+    ("wind_threshold", "wind.length=1e-3", "wind.length = 0.001 m holds"),
+    ("wind_threshold", "wind.look_steps=5000", "wind.look_steps = 5000"),
+    ("wind_threshold", "threshold.hold=1e-3", "threshold.hold = 0.001 s is shorter than two"),
+    ("wind_threshold", "threshold.share=2.0", "threshold.share = 2.0 lies outside"),
+    ("wind_threshold", "stages.1.until='time'", "needs a stage with until = 'threshold'"),
+    ("wind_threshold", "stages.0.until='threshold'", "must be the last stage"),
+    ("saltation", "stages.3.friction_velocity=50.0", "lies outside"),
+    ("saltation", "wind.surface=0.2", "the lid is inside the bed"),
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_shipped_scene_under_wind_loads_and_builds(name: str):
+    told = check_scene(SCENES / f"{name}.toml")
+    scene = load_scene(SCENES / f"{name}.toml")
+    setup = build_setup(scene, scene.run.seed)
+    assert setup.air is not None
+    assert setup.coupling.surface < setup.air.high[2]
+    assert told["limits"]["time_step"] == setup.time_step
+
+
+@pytest.mark.parametrize(("name", "order", "message"), REFUSED)
+def test_a_wind_that_does_not_fit_its_patch_is_refused(name: str, order: str, message: str):
+    with pytest.raises(BadInput, match=message):
+        check_scene(SCENES / f"{name}.toml", (order,))
+
+
+def test_a_mean_over_a_stage_needs_its_interval(tmp_path: Path):
+    text = (SCENES / "saltation.toml").read_text(encoding="utf-8")
+    path = tmp_path / "scene.toml"
+    path.write_text(text.replace("[measure.flux]\nevery = 5e-3", "[measure.flux]"), encoding="utf-8")
+    with pytest.raises(BadInput, match="measure.flux.every is missing"):
+        check_scene(path)
+
+
+def test_air_may_rise_later_where_only_a_stage_says_so():
+    scene = load_scene(SCENES / "packed_bed.toml", ["wind.through_flow=0.0"])
+    assert build_setup(scene, 1).coupling.rising
+
+
+def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
+    scene = load_scene(SCENES / "wind_threshold.toml")
+    wind, size = scene.wind, scene.grains.size
+    assert wind is not None
+    sampled = build_setup(scene, 1).grains.radius
+    solid = (4.0 / 3.0 * 3.14159265 * sampled**3).sum()
+    # a sample of 1200 grains: the mean cube scatters by a few percent
+    assert mean_cube(size) < nominal_diameter(size) ** 3
+    assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
