@@ -15,6 +15,10 @@ from typing import Any, Literal
 import numpy as np
 
 from taichi_erosion import __version__
+from taichi_erosion.air.assemble import allocate_air
+from taichi_erosion.air.step import advance_air
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, log_profile, stretched_faces
+from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import (
     ContactTable,
     Floats,
@@ -56,6 +60,18 @@ SETTLING = 0.05  # s, until the contacts of the bed last
 TIMED_STEPS = 1000
 ENSEMBLE = 8  # replicas of the bed in the ensemble case
 ROUNDS = 3  # the median is reported
+AIR = {  # of the box of wind, SI units
+    "height": 0.4,
+    "lowest": 2e-3,
+    "roughness": 1e-4,
+    "friction_velocity": 0.3,
+    "density": 1.2,
+    "viscosity": 1.5e-5,
+    "courant": 1.0,
+}
+AIR_LAYERS, AIR_COLUMNS = 32, (16, 32, 64)
+AIR_UNTIMED, AIR_STEPS = 2, 5  # steps before the clock starts, and timed ones
+AIR_STAGES = 3  # pressure solves a step
 
 
 def contact_table(case: Any) -> ContactTable:
@@ -217,6 +233,49 @@ def stage_shares(sim: Simulation, rebuilds_per_step: float) -> dict[str, float]:
     return {stage: spent / sum(cost.values()) for stage, spent in cost.items()}
 
 
+def air_setup(columns: int) -> AirSetup:
+    """A square box of wind over a rough floor, under a lid that drives it; cells widen upwards."""
+    faces = stretched_faces(0.0, AIR["height"], AIR_LAYERS, AIR["lowest"])
+    ends = {"z_low": AirSide("rough", roughness=AIR["roughness"]), "z_high": AirSide("stress")}
+    wind = log_profile(0.5 * (faces[1:] + faces[:-1]), AIR["friction_velocity"], AIR["roughness"], 0.4)
+    rng = np.random.Generator(np.random.Philox(columns))
+    stirred = rng.normal(0.0, AIR["friction_velocity"], (3, columns, columns, AIR_LAYERS))
+    stirred[0] += wind
+    side = AIR["height"]
+    return AirSetup(
+        cells=(columns, columns, AIR_LAYERS),
+        low=(0.0, 0.0, 0.0),
+        high=(side, side, side),
+        faces_z=faces,
+        sides={name: ends.get(name, AirSide()) for name in SIDES},
+        density=AIR["density"],
+        viscosity=AIR["viscosity"],
+        time_step=AIR["courant"] * side / columns / float(wind.max()),
+        model=AirModel(closure="smagorinsky"),
+        friction_velocity=AIR["friction_velocity"],
+        start=stirred,
+    )
+
+
+def air_case(columns: int, threads: int) -> dict[str, Any]:
+    """Cells advanced by one step a second, and iterations of a pressure solve, on one grid of air."""
+    workers = start_device(numerics(threads, "f64"))
+    air = allocate_air([air_setup(columns)])
+    advance_air(air, AIR_UNTIMED)
+    start = time.perf_counter()
+    iterations = advance_air(air, AIR_STEPS)
+    seconds = time.perf_counter() - start
+    rate_of_cells = air.cells[0] * air.cells[1] * air.cells[2] * AIR_STEPS / seconds
+    return {
+        "case": f"air, {columns} x {columns} x {AIR_LAYERS} cells",
+        "threads": threads,
+        "precision": "f64",
+        "M cell-steps/s": 1e-6 * rate_of_cells,
+        "per core": 1e-6 * rate_of_cells / min(threads, workers),
+        "pressure iterations": iterations / (AIR_STAGES * AIR_STEPS),
+    }
+
+
 def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
     """The cases of `bench`: a settled bed in f32 and f64, an ensemble of beds on one thread and on all."""
     cores = len(os.sched_getaffinity(0))
@@ -231,5 +290,9 @@ def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
         if progress:
             progress(index / len(orders), f"{order[0]}, {order[2]} thread(s), {order[3]}")
         cases.append(bed_case(*order))
+    for columns in AIR_COLUMNS:
+        if progress:
+            progress(1.0, f"air, {columns} x {columns} columns")
+        cases.append(air_case(columns, cores))
     versions = {"taichi_erosion": __version__, "taichi": version("taichi")}
     return {"cases": cases, "versions": versions, "cores": cores}

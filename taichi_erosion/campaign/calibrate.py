@@ -90,7 +90,7 @@ def climb(laboratory: Laboratory, screening: Screening) -> Climb:
     name, target = next(iter(study.targets.items()))
     fit = screening.fits[name]
     slopes = dict(zip((f.path for f in fit.factors), fit.coefficients[1:], strict=True))
-    upwards = target.value >= fit.coefficients[0]
+    upwards = target.value >= centre_value(screening.design, name, float(fit.coefficients[0]))
     design = steepest_path(
         screening.kept,
         {factor.path: float(slopes[factor.path]) for factor in screening.kept},
@@ -103,6 +103,13 @@ def climb(laboratory: Laboratory, screening: Screening) -> Climb:
     if not np.isfinite(distance).any():
         raise BadInput(f"{laboratory.file.path}: no run of the climb gave a {name}")
     return Climb(design, int(np.nanargmin(distance)))
+
+
+def centre_value(design: Design, name: str, otherwise: float) -> float:
+    """Mean response of the centre points, where the path begins; a bent surface lies far from its plane."""
+    centre = np.array([kind == "centre" for kind in design.kinds])
+    known = design.responses[name][centre & np.isfinite(design.responses[name])]
+    return float(known.mean()) if len(known) else otherwise
 
 
 def surface_factors(laboratory: Laboratory, screening: Screening, path: Climb) -> list[Factor]:

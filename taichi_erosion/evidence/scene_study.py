@@ -11,7 +11,14 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.problem import Bools, Candidate, Conditions, Measurements
-from taichi_erosion.evidence.simulator import Answer, Simulator, mask_of, read_scene_once, stated_conditions
+from taichi_erosion.evidence.simulator import (
+    Answer,
+    Simulator,
+    mask_of,
+    paths_in,
+    read_scene_once,
+    stated_conditions,
+)
 from taichi_erosion.evidence.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.scene import scene_hash
 
@@ -41,7 +48,8 @@ def numbers_of(file: StudyFile, table: Measurements) -> dict[str, float]:
     """Numbers that the study sets in scenes, each with a value that it will have."""
     measured = {
         path: column[np.isfinite(column)]
-        for name, path in file.conditions.items()
+        for name, said in file.conditions.items()
+        for path in paths_in(said)
         for column in (table.conditions[name],)
     }
     conditions = {path: float(known[0]) for path, known in measured.items() if known.size}
@@ -89,6 +97,6 @@ def library_candidate(
 
 def acts(simulator: Simulator, effect: Effect, columns: Mapping[str, str], conditions: Conditions) -> Bools:
     """Rows of a table in which an effect can act in some scene of the study."""
-    spoken = {columns[name]: column for name, column in conditions.items()}
+    spoken = {path: column for name, column in conditions.items() for path in paths_in(columns[name])}
     scenes = {answer.scene for answer in simulator.answers.values()}
     return np.any([mask_of(effect, spoken, stated_conditions(scene)) for scene in scenes], axis=0)

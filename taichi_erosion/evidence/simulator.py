@@ -65,7 +65,7 @@ class Simulator:
         rows = len(next(iter(conditions.values()))) if conditions else 1
         requests: list[RunRequest] = []
         for row in range(rows):
-            at = {path: float(column[row]) for path, column in conditions.items()}
+            at = {path: float(column[row]) for said, column in conditions.items() for path in paths_in(said)}
             scene = read_scene_once(answer.scene, self.overrides(answer, at, parameters, effects))
             requests += [request_of(scene, int(seed)) for seed in seeds]
         results = execute(requests, self.opened(), progress=self.report)
@@ -117,6 +117,11 @@ def enters(path: str, read: set[str]) -> bool:
     """Whether a condition can change a run in which the conditions `read` are read by effects."""
     name = path.removeprefix(CONDITIONS)
     return not path.startswith(CONDITIONS) or name not in FOR_EFFECTS or name in read
+
+
+def paths_in(said: str) -> list[str]:
+    """Dotted paths that take the value of a column: one, or several joined by commas."""
+    return [path.strip() for path in said.split(",")]
 
 
 def effect_of(path: str) -> str | None:
