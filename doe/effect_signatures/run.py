@@ -16,7 +16,7 @@ TABLE = Path(__file__).with_name("signatures.csv")
 SEEDS = range(1, 7)
 
 # The collapsing column of laboratory C with grains of 0.15 mm, where adhesion and water count, a fifth of its
-# grains and of its stiffness. Stiffness goes with d and times with its root, so that the bare heap is to scale.
+# grains and of its stiffness. Stiffness goes with d and times with its root, so the bare heap is to scale.
 FINE = 0.1  # diameter over that of the scene [1]
 DIAMETER = 1.5e-3 * FINE  # m
 COLUMN = ROOT / "scenes" / "column_collapse.toml"

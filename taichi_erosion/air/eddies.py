@@ -121,10 +121,11 @@ def floor_friction(air: ti.template(), r, i, j):
         wall = air.numbers.side_velocity[r, FLOOR]
         relative = cell_velocity(air, r, i, j, 0) - ti.Vector([wall[0], wall[1]])
         distance, nu = 0.5 * air.height[r, 0], air.numbers.viscosity[r]
-        friction = ti.sqrt(nu * relative.norm() / distance)
+        speed = ti.sqrt(relative[0] * relative[0] + relative[1] * relative[1])
+        friction = ti.sqrt(nu * speed / distance)
         if ti.static(air.kinds["z_low"] == "rough"):
             roughness = air.numbers.side_roughness[r, FLOOR]
-            friction = wall_friction_velocity(relative.norm(), distance, roughness, nu, air.numbers.karman[r])
+            friction = wall_friction_velocity(speed, distance, roughness, nu, air.numbers.karman[r])
     return friction
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.campaign.laboratory import Laboratory, carry_out
+from taichi_erosion.campaign.screening import screened_effects
 from taichi_erosion.campaign.study import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
@@ -26,7 +27,7 @@ from taichi_erosion.experiments.desirability import Goal
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.optimise import Optimisation, Optimum, optimise
 from taichi_erosion.experiments.reduce import reduced
-from taichi_erosion.experiments.table import Design, Factor, arranged
+from taichi_erosion.experiments.table import Design, Factor, Floats, arranged
 from taichi_erosion.experiments.terms import linear_terms
 
 
@@ -79,9 +80,14 @@ def screen(laboratory: Laboratory) -> Screening:
     terms = linear_terms(len(design.factors))
     fits = {name: fit_model(design, name, terms) for name in study.targets}
     # effects of different responses are compared in standard deviations of their own runs
-    sizes = [np.abs(fit.coefficients[1:]) / (fit.values.std() or 1.0) for fit in fits.values()]
+    sizes = [effect_sizes(fit) / (fit.values.std() or 1.0) for fit in fits.values()]
     order = np.argsort(-np.max(sizes, axis=0), kind="stable")[: study.design.surface_factors]
     return Screening(design, fits, tuple(design.factors[place] for place in order))
+
+
+def effect_sizes(fit: Fit) -> Floats:
+    """Sizes of the effects, in the response's unit."""
+    return np.abs([effect.value for effect in screened_effects(fit)[0]])
 
 
 def climb(laboratory: Laboratory, screening: Screening) -> Climb:
@@ -89,11 +95,11 @@ def climb(laboratory: Laboratory, screening: Screening) -> Climb:
     study = laboratory.file.study
     name, target = next(iter(study.targets.items()))
     fit = screening.fits[name]
-    slopes = dict(zip((f.path for f in fit.factors), fit.coefficients[1:], strict=True))
+    slopes = {effect.name: 0.5 * effect.value for effect in screened_effects(fit)[0]}
     upwards = target.value >= centre_value(screening.design, name, float(fit.coefficients[0]))
     design = steepest_path(
         screening.kept,
-        {factor.path: float(slopes[factor.path]) for factor in screening.kept},
+        {factor.path: slopes[factor.path] for factor in screening.kept},
         steps=study.design.climb_steps + 1,
         step=study.design.climb_step if upwards else -study.design.climb_step,
         limits={path: entry.limits for path, entry in study.parameters.items()},

@@ -8,10 +8,10 @@ from typing import Any
 
 from taichi_erosion.campaign.calibrate import Climb, Confirmed, Screening, Surface
 from taichi_erosion.campaign.laboratory import Asked
+from taichi_erosion.campaign.screening import screened_effects
 from taichi_erosion.campaign.study import StudyFile
 from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.design_file import design_text
-from taichi_erosion.experiments.effects import effect_limits, effects
 from taichi_erosion.experiments.equation import coded_polynomial, equation, natural_polynomial
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.optimise import Optimisation
@@ -31,10 +31,11 @@ def screening_document(screening: Screening) -> Document:
 def effect_document(fit: Fit) -> Document:
     """Effects of one response with their limits, curvature and figures of merit."""
     bent = curvature(fit)
-    ordered = sorted(effects(fit), key=lambda effect: -abs(effect.value))
+    found, limits = screened_effects(fit)
+    ordered = sorted(found, key=lambda effect: -abs(effect.value))
     return {
         "effects": [asdict(effect) for effect in ordered],
-        "limits": asdict(effect_limits(fit)),
+        "limits": asdict(limits),
         "curvature": None if bent is None else asdict(bent),
         "quality": asdict(quality(fit)),
     }

@@ -6,7 +6,7 @@ cells are equal along x and y and may be stretched along z. Nothing here knows T
 
 from dataclasses import dataclass, field
 from math import inf
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import brentq
@@ -104,7 +104,7 @@ def stretched_faces(low: float, high: float, count: int, finest: float) -> Float
     span = high - low
     if finest * count >= span * (1.0 - EVEN):
         return even_faces(low, high, count)
-    growth = brentq(
+    growth: Any = brentq(
         lambda q: count * np.log(q) - np.log1p(span * (q - 1.0) / finest), 1.0 + EVEN, 1.0 + span / finest
     )
     widths = finest * growth ** np.arange(count)

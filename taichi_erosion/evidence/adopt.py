@@ -158,9 +158,11 @@ def shared_shift(exam: Examination, mean: Floats, vault: VaultSide) -> Floats:
         if not np.any(column) or observable.name not in names:
             continue
         scale = (work.weight[own] / exam.sd[own]) * column
-        size = float(projection(np.zeros((scale.size, 0)), scale[:, np.newaxis]).solve(
-            np.append(work.residual[own], 0.0)
-        )[0])
+        size = float(
+            projection(np.zeros((scale.size, 0)), scale[:, np.newaxis]).solve(
+                np.append(work.residual[own], 0.0)
+            )[0]
+        )
         hidden = vault.rows.which == names.index(observable.name)
         shift[hidden] = size * np.sum(np.abs(vault.rows.shared[hidden]), axis=1)
     return shift
@@ -190,5 +192,7 @@ def proof_words(
         f"With {effect} the misfit per held-out row goes from {base.vault_chi2:.3g} to {added.vault_chi2:.3g}"
     )
     wrongs = ((best_wrong, "the best other candidate"), (random_wrong, "a random one"))
-    controls_told = [f"{w.vault_chi2:.3g} with {what} ({w.effects[0]})" for w, what in wrongs if w is not None]
+    controls_told = [
+        f"{w.vault_chi2:.3g} with {what} ({w.effects[0]})" for w, what in wrongs if w is not None
+    ]
     return words + (f"; for comparison {', '.join(controls_told)}." if controls_told else ".")

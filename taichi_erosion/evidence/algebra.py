@@ -26,7 +26,7 @@ class Projection:
 
     @property
     def log_determinant(self) -> float:
-        """ln |D^T D|."""
+        """Ln |D^T D|."""
         return 2.0 * float(np.sum(np.log(np.abs(np.diag(self.triangle)))))
 
     def free(self, stacked: Floats) -> Floats:
@@ -56,7 +56,9 @@ def stack(residual: Floats, x: Floats, shared: int) -> Floats:
     """e+ = [e; -x; 0] for one residual or for columns of residuals."""
     if residual.ndim == 1:
         return np.concatenate([residual, -x, np.zeros(shared)])
-    below = np.vstack([np.repeat(-x[:, np.newaxis], residual.shape[1], 1), np.zeros((shared, residual.shape[1]))])
+    below = np.vstack(
+        [np.repeat(-x[:, np.newaxis], residual.shape[1], 1), np.zeros((shared, residual.shape[1]))]
+    )
     return np.vstack([residual, below])
 
 
@@ -96,7 +98,7 @@ def working(residual: Floats, censored: Bools) -> Working:
 
 
 def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:
-    """ln of the share of a posterior that lies within bounds, for columns of centres (p, c), number by number."""
+    """Ln of the share of a posterior that lies within bounds, for columns of centres (p, c), number by number."""
     upper, lower = (high - centre) / sd, (low - centre) / sd
     flip = lower > 0.0
     upper, lower = np.where(flip, -lower, upper), np.where(flip, -upper, lower)
@@ -106,7 +108,7 @@ def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:
 
 
 def log_sum_exp(values: Floats, axis: int | None = None) -> Floats:
-    """ln sum exp without overflow; plain and fast for the small tables used here."""
+    """Ln sum exp without overflow; plain and fast for the small tables used here."""
     top = np.max(values, axis=axis, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):

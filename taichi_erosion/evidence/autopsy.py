@@ -63,7 +63,18 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
     names = best_hypothesis(believed, judged, decision)
     final = next((item for item in judged if item.names == names), base)
     return Autopsy(
-        exam, base, found, seen, judged, believed, decision, final, p_misfit, family, gains, stability,
+        exam,
+        base,
+        found,
+        seen,
+        judged,
+        believed,
+        decision,
+        final,
+        p_misfit,
+        family,
+        gains,
+        stability,
         tuple(warnings),
     )
 

@@ -238,7 +238,9 @@ def measured(
     stated: list[float] = []
     groups: list[str] = []
     for observable in observables:
-        count = int(generator.integers(8, 25)) if truth.kind != "impossible" else int(generator.integers(2, 9))
+        count = (
+            int(generator.integers(8, 25)) if truth.kind != "impossible" else int(generator.integers(2, 9))
+        )
         at = {name: drawn_condition(generator, name, count) for name in varied}
         again = np.arange(count)
         if truth.repeats and count > 4:

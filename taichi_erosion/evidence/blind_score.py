@@ -99,10 +99,14 @@ def null_scores(nulls: list[Marked]) -> Iterator[Metric]:
     low = [c for c in nulls if c.truth.understated > 1.0]
     for repeats, words in ((True, "with repeats"), (False, "without repeats")):
         chosen = [c for c in low if c.truth.repeats == repeats]
-        yield share(f"nulls, sd understated 1.5, {words}: any name", [bool(c.told) for c in chosen], ("<=", 0.10))
+        yield share(
+            f"nulls, sd understated 1.5, {words}: any name", [bool(c.told) for c in chosen], ("<=", 0.10)
+        )
     outside = [c.answer.verdict == "outside_library" for c in nulls]
     yield share("nulls: flagged as outside the library", outside, ("<=", 0.03))
-    yield share("nulls, sd as stated: family-wise p < 0.05", [c.answer.p < 0.05 for c in honest], ("<=", 0.06))
+    yield share(
+        "nulls, sd as stated: family-wise p < 0.05", [c.answer.p < 0.05 for c in honest], ("<=", 0.06)
+    )
 
 
 def single_scores(singles: list[Marked]) -> Iterator[Metric]:
@@ -120,7 +124,9 @@ def single_scores(singles: list[Marked]) -> Iterator[Metric]:
     yield share("single, ratio >= 4.5: detected", [bool(c.told) for c in seen], (">=", 0.88))
     flagged = [c.answer.verdict == "outside_library" for c in seen]
     yield share("single, ratio >= 4.5: flagged as outside", flagged, ("<=", 0.01))
-    yield share("single, ratio >= 7: unstable", [c.answer.verdict == "unstable" for c in strong], ("<=", 0.03))
+    yield share(
+        "single, ratio >= 7: unstable", [c.answer.verdict == "unstable" for c in strong], ("<=", 0.03)
+    )
 
 
 def is_top(case: Marked) -> bool:
@@ -195,7 +201,8 @@ def calibration(cases: Sequence[Marked]) -> Metric:
     p, y = np.array(given), np.array(true, dtype=float)
     cell = np.minimum((p * BINS).astype(int), BINS - 1)
     error = sum(
-        abs(float(p[cell == k].mean() - y[cell == k].mean())) * float(np.mean(cell == k)) for k in np.unique(cell)
+        abs(float(p[cell == k].mean() - y[cell == k].mean())) * float(np.mean(cell == k))
+        for k in np.unique(cell)
     )
     return Metric("calibration error of the likeliest", error, error, error, p.size, "<= 0.03", error <= 0.03)
 
@@ -221,7 +228,12 @@ def coverage(cases: Sequence[Marked]) -> Iterator[Metric]:
     for name, hits in (("strength", strengths), ("calibrated number", numbers)):
         metric = share(f"90 % interval of a {name}", hits, (">=", 0.88))
         yield Metric(
-            metric.name, metric.value, metric.low, metric.high, metric.count, "0.88 to 0.92",
+            metric.name,
+            metric.value,
+            metric.low,
+            metric.high,
+            metric.count,
+            "0.88 to 0.92",
             0.88 <= metric.value <= 0.92,
         )
 

@@ -22,7 +22,9 @@ class Outcome:
     p: float
     strengths: dict[str, tuple[float, float, float]]  # named effect -> value, low, high
     parameters: dict[str, tuple[float, float, float]]
-    vault: tuple[float, float, float]  # misfit per held-out row: bare, with the named effect, with a random one
+    vault: tuple[
+        float, float, float
+    ]  # misfit per held-out row: bare, with the named effect, with a random one
     runs: int
     seconds: float  # of one core
 

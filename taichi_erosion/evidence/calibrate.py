@@ -84,7 +84,9 @@ class Objective:
             up = min(position[j] + step, self.high[j])
             down = max(position[j] - step, self.low[j])
             if not central:
-                up, down = (up, position[j]) if up - position[j] >= position[j] - down else (position[j], down)
+                up, down = (
+                    (up, position[j]) if up - position[j] >= position[j] - down else (position[j], down)
+                )
             columns[:, j] = self.difference(position, j, down, up) * scale
         return columns / self.exam.sd[:, np.newaxis]
 
@@ -116,7 +118,9 @@ def misfit_of(objective: Objective, position: Floats, residual: Floats) -> float
     return work.deviance - gain + float(prior @ prior)
 
 
-def newton_step(objective: Objective, position: Floats, residual: Floats, damping: float, slopes: Floats) -> Floats:
+def newton_step(
+    objective: Objective, position: Floats, residual: Floats, damping: float, slopes: Floats
+) -> Floats:
     """Next position: damped least squares, entries that would leave their range held at its end."""
     exam, scale = objective.exam, objective.scale
     work = working(residual, exam.rows.censored)

@@ -61,7 +61,9 @@ def law_words(law: Law | None) -> str:
     """The law, marked as what it is."""
     if law is None:
         return ""
-    return f"; hypothesis: {law.expression} (explains {law.held_out_share:.0%} of the misfit of left-out groups)"
+    return (
+        f"; hypothesis: {law.expression} (explains {law.held_out_share:.0%} of the misfit of left-out groups)"
+    )
 
 
 def explained(exam: Examination, left: Residuals, columns: Floats) -> Floats:
@@ -176,7 +178,8 @@ def expression(
     written = []
     for term, coefficient in zip(terms, coefficients, strict=True):
         factors = [
-            f"({name} / {typical(exam.rows.conditions[name][rows]):.3g})^{power:g}" for name, power in term.items()
+            f"({name} / {typical(exam.rows.conditions[name][rows]):.3g})^{power:g}"
+            for name, power in term.items()
         ]
         written.append(f"{coefficient:+.3g} {' '.join(factors)}")
     return f"{left_side} = {' '.join(written)}"

@@ -157,4 +157,3 @@ def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Di
         wall_s=perf_counter() - start,
         seed=seed,
     )
-

@@ -57,7 +57,9 @@ class Verdicts:
     held_out: dict[str, HeldOut]
 
 
-def effect_table(exam: Examination, signatures: tuple[Signature, ...], known: Verdicts) -> dict[str, EffectFinding]:
+def effect_table(
+    exam: Examination, signatures: tuple[Signature, ...], known: Verdicts
+) -> dict[str, EffectFinding]:
     """One finding per candidate, in the study's order."""
     return {
         signature.name: effect_finding(exam, signature, index, known)
@@ -125,4 +127,3 @@ def effect_words(
     if absorption > 0.8:
         return f"{name}: hardly distinguishable from a change of the calibrated numbers ({absorption:.0%} imitated)"
     return f"{name}: not testable with these measurements"
-

@@ -68,8 +68,7 @@ def expand(exam: Examination, fit: Fit) -> Expansion:
     mean = exam.predictor.mean(fit.x, fit.acting(), exam.seeds.judging)
     spread, ridge = strength_sd(exam, slopes, count)
     paths = tuple(
-        path_of(exam, fit, index, float(spread[index]), ridge[:, index])
-        for index in range(len(fit.names))
+        path_of(exam, fit, index, float(spread[index]), ridge[:, index]) for index in range(len(fit.names))
     )
     return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:])
 
@@ -133,7 +132,7 @@ def smooth_path(exam: Examination, nodes: Floats, change: Floats, best: float, g
 
 
 def log_prior(grid: Floats, scale: float) -> Floats:
-    """ln of half-normal density times trapezoid width, normalised on the grid's range."""
+    """Ln of half-normal density times trapezoid width, normalised on the grid's range."""
     width = np.gradient(grid) if grid.size > 1 else np.ones(1)
     if grid.size > 1:
         width[[0, -1]] *= 0.5
@@ -215,7 +214,9 @@ def sums(exam: Examination, part: Projection, residual: Floats, x: Floats) -> Su
     stacked = np.vstack([residual, -x, np.zeros((shared, residual.shape[1]))])
     free = part.free(stacked)
     covariance = part.covariance()[:count, :count]
-    change = np.asarray(part.solve(stacked))[:count] if part.triangle.size else np.zeros((0, residual.shape[1]))
+    change = (
+        np.asarray(part.solve(stacked))[:count] if part.triangle.size else np.zeros((0, residual.shape[1]))
+    )
     occam = np.full(residual.shape[1], -0.5 * part.log_determinant)
     if count:
         low, high = exam.low[:, np.newaxis] - x, exam.high[:, np.newaxis] - x
@@ -253,7 +254,7 @@ class Scored:
 
 
 def score(exam: Examination, expansion: Expansion) -> Scored:
-    """ln Z of a hypothesis for every noise factor; -inf where the model fails at its best fit."""
+    """Ln Z of a hypothesis for every noise factor; -inf where the model fails at its best fit."""
     if not np.all(np.isfinite(expansion.mean)):
         return Scored(expansion, (), np.full(exam.doubt.factor.size, -inf))
     columns = columns_of(exam, expansion)

@@ -109,7 +109,9 @@ def examine(problem: Problem, table: Measurements, seed: int) -> Examination:
         warnings.append("the model fails at every condition with the start values")
     usable = ~failed
     if failed.any():
-        warnings.append(f"the model fails at {int(failed.sum())} of {rows.size} conditions; they are left out")
+        warnings.append(
+            f"the model fails at {int(failed.sum())} of {rows.size} conditions; they are left out"
+        )
         rows, variance = rows.rows(usable), variance[usable]
         predictor = replace(
             predictor, which=rows.which, conditions=rows.conditions, observables=rows.observables, seen={}
@@ -145,7 +147,9 @@ def fitting_seeds(problem: Problem, rows: Scaled, variance: Floats) -> int:
     known = rows.known
     if not known.any():
         return PROBE_SEEDS
-    wanted = float(np.nanmedian(variance[known] / np.maximum(rows.variance[known], UNKNOWN_NOISE))) / NOISE_SHARE
+    wanted = (
+        float(np.nanmedian(variance[known] / np.maximum(rows.variance[known], UNKNOWN_NOISE))) / NOISE_SHARE
+    )
     affordable = problem.budget.runs / settings_needed(problem)
     return int(np.clip(np.ceil(wanted), 2, max(2, min(affordable, MOST_FITTING))))
 

@@ -56,7 +56,9 @@ def absorbed_by(exam: Examination, found: Screen) -> dict[str, str]:
     for signature in found.signatures:
         if signature.absorption < ABSORBED or not slopes.shape[1]:
             continue
-        at = signature.raw[int(np.argmin(np.abs(signature.grid - expected_strength(exam.candidate(signature.name)))))]
+        at = signature.raw[
+            int(np.argmin(np.abs(signature.grid - expected_strength(exam.candidate(signature.name)))))
+        ]
         norms = np.linalg.norm(slopes, axis=0) * max(float(np.linalg.norm(at)), 1e-300)
         cosine = np.abs(slopes.T @ at) / np.maximum(norms, 1e-300)
         best[signature.name] = exam.axes[int(np.argmax(cosine))].name

@@ -57,7 +57,9 @@ def fold_scores(exam: Examination, expansion: Expansion, folds: Integers) -> Flo
         change[:loose] = np.maximum(change[:loose], -origin[:loose])
         gap = work.residual[rows] - own @ change
         covariance = np.eye(gap.size) + own @ inverse @ own.T
-        scores.append(-0.5 * float(gap @ np.linalg.solve(covariance, gap)) - 0.5 * np.linalg.slogdet(covariance)[1])
+        scores.append(
+            -0.5 * float(gap @ np.linalg.solve(covariance, gap)) - 0.5 * np.linalg.slogdet(covariance)[1]
+        )
     return np.array(scores)
 
 

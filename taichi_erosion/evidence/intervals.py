@@ -26,7 +26,9 @@ def joint_weight(exam: Examination, scored: Scored, with_prior: bool) -> Floats:
     else:
         prior, width = np.zeros(1), np.ones(1)
     shift = prior if with_prior else np.log(np.maximum(width, 1e-300))
-    weight = np.array([s.log_likelihood + shift for s in scored.surfaces]) + exam.doubt.log_weight[:, np.newaxis]
+    weight = (
+        np.array([s.log_likelihood + shift for s in scored.surfaces]) + exam.doubt.log_weight[:, np.newaxis]
+    )
     return np.exp(weight - log_sum_exp(weight))
 
 

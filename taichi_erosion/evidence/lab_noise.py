@@ -29,9 +29,10 @@ class Scatter:
 
 
 def trigamma_inverse(value: float) -> float:
-    """y with trigamma(y) = value, by Newton steps on 1 / trigamma.
+    """Y with trigamma(y) = value, by Newton steps on 1 / trigamma.
 
-    Reference: Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3(1), 3, appendix."""
+    Reference: Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3(1), 3, appendix.
+    """
     if value > 1e7:
         return 1.0 / sqrt(value)
     if value < 1e-6:

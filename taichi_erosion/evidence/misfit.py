@@ -140,4 +140,3 @@ def sentence(observable: str, axis: str, words: str, p: float) -> str:
         return f"{observable}: no misfit seen {place} (p = {p:.2g})"
     what = words.format(axis=axis) if axis != LEVEL_AXIS else f"{words} as a whole"
     return f"{observable}: the model is {what} (p = {p:.2g})"
-

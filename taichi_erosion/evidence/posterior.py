@@ -42,7 +42,7 @@ def label(names: tuple[str, ...]) -> str:
 
 
 def log_prior_of(names: tuple[str, ...], outside: bool, count: int) -> float:
-    """ln prior of an explanation among `count` candidates."""
+    """Ln prior of an explanation among `count` candidates."""
     pairs = count * (count - 1) // 2
     share_pairs = PRIOR_PAIRS if pairs else 0.0
     singles = 1.0 - PRIOR_NONE - PRIOR_OUTSIDE - share_pairs
@@ -72,7 +72,7 @@ def posterior(exam: Examination, hypotheses: list[Hypothesis]) -> Posterior:
 
 
 def bayes_factors(exam: Examination, hypotheses: list[Hypothesis]) -> dict[str, float]:
-    """ln of every single effect's evidence over the base, without and with a remainder at prior weights."""
+    """Ln of every single effect's evidence over the base, without and with a remainder at prior weights."""
     doubt = exam.doubt.log_weight
     alone = {h.names: log_sum_exp(doubt + h.log_evidence) for h in hypotheses if not h.outside}
     return {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}

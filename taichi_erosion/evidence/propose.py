@@ -111,7 +111,9 @@ def pool_of(exam: Examination, laboratory: Laboratory) -> Pool:
     }
     open_names = [name for name, (low, high) in ranges.items() if high > low]
     share = qmc.Sobol(max(len(open_names), 1), scramble=False).random(POINTS)
-    corners = np.array(np.meshgrid(*[[0.0, 1.0]] * min(len(open_names), 3))).reshape(min(len(open_names), 3), -1).T
+    corners = (
+        np.array(np.meshgrid(*[[0.0, 1.0]] * min(len(open_names), 3))).reshape(min(len(open_names), 3), -1).T
+    )
     if open_names:
         filled = np.full((corners.shape[0], len(open_names)), 0.5)
         filled[:, : corners.shape[1]] = corners
@@ -148,11 +150,15 @@ def rival_of(exam: Examination, pool: Pool, survivor: Survivor) -> Rival:
     shared = exam.rows.shared / exam.sd[:, np.newaxis]
     design = np.hstack([white, shared])
     covariance = np.linalg.inv(design.T @ design + np.eye(design.shape[1]))[: position.size, : position.size]
-    there = replace(exam, rows=pool_rows(exam, pool), predictor=pool.predictor, variance=np.ones(pool.which.size))
+    there = replace(
+        exam, rows=pool_rows(exam, pool), predictor=pool.predictor, variance=np.ones(pool.which.size)
+    )
     ahead = Objective(there, survivor.names, exam.seeds.fitting)
     mean = ahead.mean(position)
     slopes = ahead.jacobian(position, central=False)
-    root = slopes @ np.linalg.cholesky(covariance + 1e-12 * np.eye(position.size)) if position.size else slopes
+    root = (
+        slopes @ np.linalg.cholesky(covariance + 1e-12 * np.eye(position.size)) if position.size else slopes
+    )
     return Rival(label(survivor.names), survivor.probability, mean, root)
 
 

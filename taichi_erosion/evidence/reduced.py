@@ -26,7 +26,11 @@ PARAMETERS = {
     "friction_sliding": 0.5,
     "friction_rolling": 0.1,
 }
-SCATTER = {"threshold_u_star": 0.02, "flux": 0.08, "repose_angle": 0.5}  # of one seed: relative, relative, deg
+SCATTER = {
+    "threshold_u_star": 0.02,
+    "flux": 0.08,
+    "repose_angle": 0.5,
+}  # of one seed: relative, relative, deg
 DEGREES_PER_ROLLING = 15.0  # deg per unit of rolling friction, from heaps of spheres
 
 

@@ -88,7 +88,9 @@ def axis_position(axis: Axis, value: float) -> float:
     return (value - axis.start) / axis.scale
 
 
-def position_of(axes: tuple[Axis, ...], parameters: Mapping[str, float], effects: Mapping[str, float]) -> Floats:
+def position_of(
+    axes: tuple[Axis, ...], parameters: Mapping[str, float], effects: Mapping[str, float]
+) -> Floats:
     """Joint position of named parameters and adopted effects."""
     values = {**parameters, **{f"{EFFECTS}{name}{STRENGTH}": value for name, value in effects.items()}}
     return np.array([axis_position(axis, values[axis.name]) for axis in axes])

@@ -88,16 +88,22 @@ def signature(
     x, mask = base.fit.x, exam.mask(candidate.name)
     steps = QUICK_STEPS if exam.problem.budget.name == "quick" else STEPS
     unit = expected_strength(candidate)
-    nodes = np.unique(np.clip([0.0, *(step * unit for step in steps), candidate.maximum], 0.0, candidate.maximum))
+    nodes = np.unique(
+        np.clip([0.0, *(step * unit for step in steps), candidate.maximum], 0.0, candidate.maximum)
+    )
     if not mask.any() or unit <= 0.0:
         nodes = nodes[:1]
     bare = exam.predictor.predict(x, {}, exam.seeds.signature)
-    runs = [bare] + [exam.predictor.predict(x, {candidate.name: float(v)}, exam.seeds.signature) for v in nodes[1:]]
+    runs = [bare] + [
+        exam.predictor.predict(x, {candidate.name: float(v)}, exam.seeds.signature) for v in nodes[1:]
+    ]
     predictor = exam.predictor
     change = np.array([paired_change(run, bare, predictor.which, predictor.conditions) for run in runs])
     change[:, ~mask] = 0.0
     good = np.all(np.isfinite(change), axis=1)
-    correlation, extra = paired_noise(exam, bare, runs[-1]) if nodes.size > 1 else (np.full(mask.size, np.nan), None)
+    correlation, extra = (
+        paired_noise(exam, bare, runs[-1]) if nodes.size > 1 else (np.full(mask.size, np.nan), None)
+    )
     nodes, failed, change = nodes[good], int(np.sum(~good)), change[good]
     top = float(nodes[-1])
     grid = np.unique(np.concatenate([np.linspace(0.0, top, GRID), [min(unit, top)]]))
@@ -105,9 +111,19 @@ def signature(
     below = stack_signature(raw.T, x.size, exam.rows.shared.shape[1])
     free = (below - basis @ (basis.T @ below)).T
     at = int(np.argmin(np.abs(grid - unit)))
-    norm, absorption, noise = cleaned_norm(exam, raw[at], free[at], basis, None if extra is None else extra * scale**2)
+    norm, absorption, noise = cleaned_norm(
+        exam, raw[at], free[at], basis, None if extra is None else extra * scale**2
+    )
     found = Signature(
-        candidate.name, grid, log_prior(grid, candidate.prior_scale), raw, free, norm, absorption, noise, failed
+        candidate.name,
+        grid,
+        log_prior(grid, candidate.prior_scale),
+        raw,
+        free,
+        norm,
+        absorption,
+        noise,
+        failed,
     )
     return found, correlation
 
@@ -152,10 +168,12 @@ def cleaned_norm(
 
 
 def log_bayes(signature_: Signature, residuals: Floats) -> Floats:
-    """ln of evidence over that of the base, for columns of free residuals (n + p + q, columns).
+    """Ln of evidence over that of the base, for columns of free residuals (n + p + q, columns).
 
     D(psi) = 2 r g(psi) - |g(psi)|^2 is the fall of the misfit; it is averaged over the prior of psi.
     """
-    fall = 2.0 * signature_.free @ residuals - np.einsum("ij,ij->i", signature_.free, signature_.free)[:, np.newaxis]
+    fall = (
+        2.0 * signature_.free @ residuals
+        - np.einsum("ij,ij->i", signature_.free, signature_.free)[:, np.newaxis]
+    )
     return log_sum_exp(0.5 * fall + signature_.log_prior[:, np.newaxis], axis=0)
-

@@ -115,14 +115,12 @@ def explained_well(exam: Examination, judged: list[Judged]) -> bool:
 
 
 def pair_screen(found: Screen) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """ln Bayes factor and likely strengths of every pair, by algebra on the paths alone.
+    """Ln Bayes factor and likely strengths of every pair, by algebra on the paths alone.
 
     D(a, b) = D_a + D_b - 2 g_a g_b for effects that act independently on the comparison scale.
     """
     acting = [s for s in found.signatures if s.resolved]
-    falls = [
-        2.0 * s.free @ found.residual - np.einsum("ij,ij->i", s.free, s.free) for s in acting
-    ]
+    falls = [2.0 * s.free @ found.residual - np.einsum("ij,ij->i", s.free, s.free) for s in acting]
     results = {}
     for i, j in combinations(range(len(acting)), 2):
         first, second = acting[i], acting[j]
@@ -170,7 +168,7 @@ def judge_pairs(
 
 
 def log_fall(signature: Signature, residual: Floats) -> float:
-    """ln Bayes factor of one signature in the screen."""
+    """Ln Bayes factor of one signature in the screen."""
     fall = 2.0 * signature.free @ residual - np.einsum("ij,ij->i", signature.free, signature.free)
     return float(log_sum_exp(0.5 * fall + signature.log_prior))
 
@@ -199,9 +197,7 @@ def hypotheses(
     return listed
 
 
-def unrefitted(
-    base: Judged, seen: Significance, judged: list[Judged], found: Screen, index: int
-) -> Floats:
+def unrefitted(base: Judged, seen: Significance, judged: list[Judged], found: Screen, index: int) -> Floats:
     """Evidence of a candidate that the screen dismissed: as far behind the best refitted one as it was there.
 
     A screen over a large misfit promises more than a refit can keep, to all candidates alike.

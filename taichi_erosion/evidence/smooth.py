@@ -62,7 +62,9 @@ def paired_change(after: Floats, before: Floats, which: Integers, conditions: Co
 def smoothed(values: Floats, variance: Floats | float, conditions: Conditions, rows: Bools) -> Floats:
     """Posterior mean of a smooth function of the conditions, at its likeliest amplitude."""
     square = np.zeros((values.size, values.size))
-    axes = [axis for axis in (standard_axis(column[rows]) for column in conditions.values()) if axis is not None]
+    axes = [
+        axis for axis in (standard_axis(column[rows]) for column in conditions.values()) if axis is not None
+    ]
     for axis in axes:
         square += ((axis[:, np.newaxis] - axis[np.newaxis, :]) / LENGTH) ** 2
     spectrum, vectors = np.linalg.eigh(np.exp(-0.5 * square / max(sqrt(len(axes)), 1.0)))

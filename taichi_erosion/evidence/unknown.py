@@ -80,7 +80,7 @@ def low_rank(matrix: Floats) -> Floats:
 
 
 def discrepancy_gain(exam: Examination, expansion: Expansion, family: list[Kernel]) -> Floats:
-    """ln evidence gained by a discrepancy on top of a hypothesis, per noise factor."""
+    """Ln evidence gained by a discrepancy on top of a hypothesis, per noise factor."""
     if not family or not np.all(np.isfinite(expansion.mean)):
         return np.full(exam.doubt.factor.size, -np.inf)
     residual, basis = free_residual(exam, expansion)

@@ -33,7 +33,9 @@ def detected(believed: Posterior, p: float, p_misfit: float) -> bool:
     return believed.probability[NONE] < MISSING and (p < LEVEL or p_misfit < MISFIT_LEVEL)
 
 
-def decide(believed: Posterior, judged: list[Judged], p: float, p_misfit: float, powers: list[float]) -> Decision:
+def decide(
+    believed: Posterior, judged: list[Judged], p: float, p_misfit: float, powers: list[float]
+) -> Decision:
     """Verdict of the whole study: the likeliest of nothing, something unknown, something named."""
     named_mass = 1.0 - believed.probability[NONE] - believed.probability[OUTSIDE]
     likeliest = max(named_mass, believed.probability[OUTSIDE])

@@ -18,7 +18,9 @@ def summary(
     sentences += [clue.sentence for clue in clues]
     sentences += noise_table(found.exam, None).sentences
     if found.seen.decoy_rank == 1 and found.decision.named:
-        sentences.append("Red flag: a made-up effect explains the misfit better than any named one in the screen.")
+        sentences.append(
+            "Red flag: a made-up effect explains the misfit better than any named one in the screen."
+        )
     sentences.append(change_words(found, effects))
     return tuple(sentences)
 
@@ -64,7 +66,9 @@ def change_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
     rival = next((item for item in ranked if not accepted & set(item[0].split("+"))), None)
     if rival is None:
         return "No other explanation is left with a probability worth naming."
-    called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}.get(rival[0], rival[0])
+    called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}.get(
+        rival[0], rival[0]
+    )
     weak = sum(effect.status == "not_testable" for effect in effects.values())
     return (
         f"The next best explanation is {called} (probability {rival[1]:.2g}); {weak} of {len(effects)} candidates "

@@ -9,6 +9,7 @@ Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, 9th ed., section
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import log
+from typing import Any
 
 import numpy as np
 from scipy.stats import linregress
@@ -97,7 +98,7 @@ def log_fit(profile: Profile, karman: float) -> LogFit | None:
     inside = (profile.z > low) & (profile.z < LOG_HIGH * thickness(profile))
     if inside.sum() < POINTS_LEAST:
         return None
-    line = linregress(np.log(profile.z[inside]), profile.speed[inside])
+    line: Any = linregress(np.log(profile.z[inside]), profile.speed[inside])
     slope, intercept = float(line.slope), float(line.intercept)
     roughness = float(np.exp(-intercept / slope)) if slope > 0.0 else float("nan")
     return LogFit(karman * slope, karman * float(line.stderr), roughness, int(inside.sum()))

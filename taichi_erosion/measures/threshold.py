@@ -14,8 +14,7 @@ from taichi_erosion.measures.result import Measurement, no_measurement, pool
 UNIT = "m s-1"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
-NARROWEST = 1e-4  # scale of the law below which brackets cannot tell it from none [1]
-WIDEST = 1.0  # of the scale, in logarithms [1]
+SCALES = np.geomspace(1e-4, 1.0, 200)  # of the law, in logarithms: from next to none to any [1]
 REACH = 1.5  # logarithms on either side of the brackets in which the ends of the interval are looked for
 
 KARMAN = 0.4  # [1]
@@ -126,20 +125,19 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     )
 
 
-def log_likelihood(ends: Floats, middle: float, scale: float) -> float:
-    """Logarithm of the chance that every threshold lies in its bracket; `ends` [n, 2] in logarithms."""
-    a, b = ((ends - middle) / scale).T
+def log_likelihood(ends: Floats, middle: float, scale: Floats) -> Floats:
+    """Logarithm of the chance of all brackets, by scale; `ends` [n, 2] are logarithms."""
+    a, b = ((ends - middle)[:, :, None] / scale).transpose(1, 0, 2)
     # of 1/(1+e^-b) - 1/(1+e^-a), whose terms may both be near 0 or near 1
     terms = np.log(-np.expm1(a - b)) + b - np.logaddexp(0.0, a) - np.logaddexp(0.0, b)
-    return float(terms.sum())
+    return terms.sum(axis=0)
 
 
 def best_scale(ends: Floats, middle: float) -> tuple[float, float]:
     """Most likely scale with the middle given, and the logarithm of its likelihood."""
-    grid = np.geomspace(NARROWEST, WIDEST, 200)
-    likely = [log_likelihood(ends, middle, float(scale)) for scale in grid]
+    likely = log_likelihood(ends, middle, SCALES)
     best = int(np.argmax(likely))
-    return float(grid[best]), float(likely[best])
+    return float(SCALES[best]), float(likely[best])
 
 
 def fitted(ends: Floats) -> tuple[float, float, float]:

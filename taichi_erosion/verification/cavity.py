@@ -6,6 +6,7 @@ are those of 128 x 128 cells: 0.01 at Re 100 and 400, 0.02 at 1000.
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -22,6 +23,8 @@ LIMITS = {100: 0.01, 400: 0.01, 1000: 0.02}  # of the lid's speed
 STAGES = ((32, 60.0), (64, 12.0), (128, 4.0))  # cells along a side, and time spent there [side / lid speed]
 COURANT = 1.0  # of the lid's speed; the scheme allows 1.7
 VISCOUS = 0.5  # explicit diffusion along x: largest step over dx^2 / nu [1]
+
+EXTRAPOLATE: Any = None  # fill value by which the interpolator goes on beyond the outermost points
 
 Faces = tuple[Floats, Floats, Floats]
 
@@ -47,7 +50,7 @@ def refined(values: Floats, axis: int) -> Floats:
     wanted = [
         np.linspace(0.0, 1.0, n) if k == axis else (np.arange(n) + 0.5) / n for k, n in enumerate(finer)
     ]
-    field = RegularGridInterpolator(places, values, bounds_error=False, fill_value=None)
+    field = RegularGridInterpolator(places, values, bounds_error=False, fill_value=EXTRAPOLATE)
     return field(np.stack(np.meshgrid(*wanted, indexing="ij"), axis=-1))
 
 

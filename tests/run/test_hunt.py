@@ -78,7 +78,7 @@ def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene)
     watch(hunt, state(moved))
     assert hunt.trial.rolled.tolist() == [False, True]
     assert not hunt.trial.risen.any()
-    watch(hunt, state(moved + [[0.0, 0.0, far], [0.0, 0.0, 0.0]]))
+    watch(hunt, state(moved + np.array([[0.0, 0.0, far], [0.0, 0.0, 0.0]])))
     assert hunt.trial.risen.tolist() == [True, False]
     # what once rolled has rolled, also after the wind has brought it back
     watch(hunt, state(hunt.trial.place))

@@ -47,7 +47,7 @@ def test_a_mean_over_a_stage_needs_its_interval(tmp_path: Path):
     text = (SCENES / "saltation.toml").read_text(encoding="utf-8")
     path = tmp_path / "scene.toml"
     path.write_text(text.replace("[measure.flux]\nevery = 5e-3", "[measure.flux]"), encoding="utf-8")
-    with pytest.raises(BadInput, match="measure.flux.every is missing"):
+    with pytest.raises(BadInput, match=r"measure\.flux\.every is missing"):
         check_scene(path)
 
 

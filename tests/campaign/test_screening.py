@@ -1,0 +1,52 @@
+"""A response that bends between corners and centre is neither noise nor an effect."""
+
+import numpy as np
+import pytest
+
+from taichi_erosion.campaign.calibrate import centre_value
+from taichi_erosion.campaign.screening import screened_effects
+from taichi_erosion.experiments.design import plackett_burman
+from taichi_erosion.experiments.effects import effects
+from taichi_erosion.experiments.fit import fit_model
+from taichi_erosion.experiments.table import Factor
+from taichi_erosion.experiments.terms import linear_terms
+
+FACTORS = tuple(Factor(f"f{k}", 0.0, 1.0) for k in range(9))
+SLOPE = 3.0  # response per coded unit of the first factor
+BEND = 15.0  # response of the centre above the plane
+NOISE = 0.5
+
+
+def screened(centre_points: int = 4):
+    design = plackett_burman(FACTORS, centre_points=centre_points)
+    noise = NOISE * np.random.default_rng(3).normal(size=len(design))
+    centre = np.array([kind == "centre" for kind in design.kinds])
+    return design.with_responses(angle=20.0 + SLOPE * design.coded[:, 0] + BEND * centre + noise)
+
+
+def test_a_bent_response_leaves_effects_and_their_certainty_alone():
+    fit = fit_model(screened(), "angle", linear_terms(9))
+    found, limits = screened_effects(fit)
+    # standard error of an effect of 12 runs: 2 sd / sqrt(12)
+    assert found[0].value == pytest.approx(2.0 * SLOPE, abs=4.0 * 2.0 * NOISE / 12**0.5)
+    assert found[0].p < 0.01
+    assert effects(fit)[0].p > 0.1  # where the bend counts as noise, nothing is seen
+    assert max(abs(one.value) for one in found[1:]) < limits.bonferroni < found[0].value
+
+
+def test_a_missing_corner_changes_no_effect_of_a_plane():
+    design = screened()
+    exact = 20.0 + SLOPE * design.coded[:, 0] + BEND * np.all(design.coded == 0.0, axis=1)
+    exact[3] = np.nan
+    found, _ = screened_effects(fit_model(design.with_responses(angle=exact), "angle", linear_terms(9)))
+    assert [one.value for one in found] == pytest.approx([2.0 * SLOPE, *[0.0] * 8], abs=1e-9)
+
+
+def test_without_centre_points_the_effects_are_those_of_the_plain_model():
+    fit = fit_model(screened(centre_points=0), "angle", linear_terms(9))
+    assert screened_effects(fit)[0] == effects(fit)
+
+
+def test_a_path_begins_at_the_centre_and_not_at_the_mean_of_the_corners():
+    assert centre_value(screened(), "angle", 20.0) == pytest.approx(20.0 + BEND, abs=3.0 * NOISE)
+    assert centre_value(screened(centre_points=0), "angle", 20.0) == 20.0
