@@ -201,7 +201,7 @@ def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
         "ruff format --check",
         "basedpyright",
         "lint-imports",
-        "pytest -m not slow and not gpu",
+        "pytest -m not slow and not gpu -n logical --dist worksteal",
     ]
     summary = [line.split()[1:3] for line in answer.stderr.splitlines() if line[9:15] in ("passed", "FAILED")]
     assert summary == [

@@ -1,16 +1,20 @@
-"""Laboratory C in the code it was made with (LAMMPS, optional): the same start as our seed 1, our measures.
+"""Laboratory C in the code it was made with (LAMMPS, optional): the starts of our seeds, our measures.
 
-python doe/lab_c/lammps.py          two runs of a minute each, added to results.csv
+python doe/lab_c/lammps.py             24 runs of half a minute each, added to results.csv
+python doe/lab_c/lammps.py GROUP...    those of some groups
 
-LAMMPS is told the laboratory's restitution of 0.5, then 0.3667, with which its grains
-really part at half the speed.
+LAMMPS is told the laboratory's restitution of 0.5; then 0.3667, with which its grains really part at half the
+speed; then 0.5 again, but without a rolling damper; then also with a rolling spring between grains as soft as
+ours.
 """
 
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from math import nan, pi
+from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +29,13 @@ from taichi_erosion.scene import Scene, build_setup, scene_hash
 from taichi_erosion.scene.limits import grain_rayleigh_time
 
 HERE = Path(__file__).parent
-SEED = 1
+SEEDS = range(1, 7)
 DENSITY = 2500.0  # kg m-3
 DUMP_HEAD = 9  # lines of a LAMMPS dump before the grains
-TOLD = {"LAMMPS, told 0.5": 0.5, "LAMMPS, told 0.3667": 0.3666513615687184}
+TIME_STEP = 1.5e-5  # s, of the laboratory: 0.01 s/m d
+SPRING = 37.5  # N m-1, rolling spring of the laboratory: 0.005 E d
+SOFT_SPRING = SPRING / 8.0  # N m-1, what 2.25 k_n mu_r^2 is under the force of five weights
+DAMPER = 6.75e-3  # kg s-1, rolling damper of the laboratory: 3000 kg s-1 m-2 d^2
 HEAD = """rain
 
 {count} atoms
@@ -38,6 +45,23 @@ HEAD = """rain
 -0.08 0.08 ylo yhi
 -0.001 0.03 zlo zhi
 """
+
+
+@dataclass(frozen=True)
+class Told:
+    """What LAMMPS is told."""
+
+    restitution: float  # [1]
+    damper: float  # kg s-1
+    spring: float = SPRING  # N m-1, between grains
+
+
+GROUPS = {
+    "LAMMPS, told 0.5": Told(0.5, DAMPER),
+    "LAMMPS, told 0.3667": Told(0.3666513615687184, DAMPER),
+    "LAMMPS, told 0.5, no rolling damper": Told(0.5, 0.0),
+    "LAMMPS, told 0.5, no rolling damper, soft rolling spring": Told(0.5, 0.0, SOFT_SPRING),
+}
 
 
 def rain(setup: Setup) -> str:
@@ -80,42 +104,49 @@ def measures(folder: Path, radius: float) -> Iterator[Measurement]:
     yield heap.runout_radius(pile)
 
 
-def simulate(group: str, restitution: float) -> list[Row]:
-    """One run of LAMMPS as rows of the study."""
-    scene = read_scene(ROOT / "scenes" / "column_collapse.toml", ())
-    setup = build_setup(scene, SEED)
-    radius = float(setup.grains.radius[0])
-    started = time.perf_counter()
+def simulate(setup: Setup, told: Told) -> list[Measurement]:
+    """One run of LAMMPS, measured."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "rain.data").write_text(rain(setup), encoding="utf-8")
-        orders = f"-var restitution {restitution} -var folder {name} -log none -screen none".split()
-        subprocess.run(["lmp", "-in", str(HERE / "collapse.lmp"), *orders], check=True)
-        found = list(measures(folder, radius))
-    return rows(group, scene, setup, found, time.perf_counter() - started)
+        variables = {
+            "restitution": told.restitution,
+            "damper": told.damper,
+            "spring": told.spring,
+            "step": TIME_STEP,
+            "folder": name,
+        }
+        told_words = [word for key, value in variables.items() for word in ("-var", key, str(value))]
+        silent = ["-log", "none", "-screen", "none"]
+        subprocess.run(["lmp", "-in", str(HERE / "collapse.lmp"), *told_words, *silent], check=True)
+        return list(measures(folder, float(setup.grains.radius[0])))
 
 
-def rows(group: str, scene: Scene, setup: Setup, found: list[Measurement], seconds: float) -> list[Row]:
-    """Rows of one run; the hash is that of our scene, whose start it shares."""
+def rows(group: str, told: Told, scene: Scene) -> list[Row]:
+    """Rows of all seeds; the hash is that of our scene, whose starts they share."""
+    started = time.perf_counter()
+    setups = [build_setup(scene, seed) for seed in SEEDS]
+    runs = [simulate(setup, told) for setup in setups]
+    seconds = round(time.perf_counter() - started, 1)
     return [
         Row(
             group=group,
             label="1.5 mm",
-            observable=measured.name,
-            value=measured.value,
-            sd=nan,
-            n=1,
-            unit=measured.unit,
+            observable=same[0].name,
+            value=float(np.mean([measured.value for measured in same])),
+            sd=float(np.std([measured.value for measured in same], ddof=1)),
+            n=len(same),
+            unit=same[0].unit,
             hash=scene_hash(scene),
-            seed=SEED,
-            time_step=setup.time_step,
-            time_step_over_rayleigh=setup.time_step / grain_rayleigh_time(scene),
-            grains=len(setup.grains.radius),
-            wall_s=round(seconds, 1),
-            command="python doe/lab_c/lammps.py",
+            seed=SEEDS[0],
+            time_step=TIME_STEP,
+            time_step_over_rayleigh=TIME_STEP / grain_rayleigh_time(scene),
+            grains=len(setups[0].grains.radius),
+            wall_s=seconds,
+            command=f"python doe/lab_c/lammps.py '{group}'",
             versions=lammps_version(),
         )
-        for measured in found
+        for same in zip(*runs, strict=True)
     ]
 
 
@@ -125,13 +156,15 @@ def lammps_version() -> str:
     return next(line for line in said.splitlines() if "Simulator" in line).rpartition(" - ")[2]
 
 
-def main() -> None:
-    """Run both cases and add them to the table."""
+def main(words: list[str]) -> None:
+    """Run what was asked for and add it to the table."""
     table = HERE / "results.csv"
-    for group, restitution in TOLD.items():
-        others = [row for row in read_rows(table) if row.group != group]
-        write_rows(table, others + simulate(group, restitution))
+    scene = read_scene(ROOT / "scenes" / "column_collapse.toml", ())
+    for group, told in GROUPS.items():
+        if not words or group in words:
+            others = [row for row in read_rows(table) if row.group != group]
+            write_rows(table, others + rows(group, told, scene))
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

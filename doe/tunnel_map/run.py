@@ -26,7 +26,7 @@ from taichi_erosion.scene.air import build_air, load_air_scene
 
 FOLDER = Path(__file__).parent
 SCENE = FOLDER.parent.parent / "scenes" / "tunnel_section.toml"
-SPEEDS = (5.0, 5.5, 6.0, 6.5, 7.0, 7.5)  # m s-1
+SPEEDS = (5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 9.0, 11.0, 13.0)  # m s-1; the last ones for thresholds beyond 7.5
 VARIED = 6.5  # m s-1, the speed at which choices are varied
 PLACE, SHIFT = 6.0, 1.0  # m from the inlet where the bed is, and how far the start of the layer may lie off
 PASSAGES = 2.5  # lengths of the section that the wind aloft travels

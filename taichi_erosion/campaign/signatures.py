@@ -116,10 +116,10 @@ def paired(head: Mapping[str, Any], before: Values, after: Values, reason: str) 
     if len(both) < LEAST_PAIRS:
         note = reason or "too few states held a value"
         return Shift(**head, bare=nan, shift=nan, standard_error=nan, correlation=nan, n=len(both), note=note)
-    shifts = both[:, 1] - both[:, 0]
+    shifts: Floats = both[:, 1] - both[:, 0]
     error = float(shifts.std(ddof=1) / sqrt(len(shifts)))
     spread = both.std(axis=0)
-    tied = float(np.corrcoef(both.T)[0, 1]) if spread.min() > 0.0 else nan
+    tied = float(np.asarray(np.corrcoef(both.T))[0, 1]) if spread.min() > 0.0 else nan
     mean = float(both[:, 0].mean())
     return Shift(
         **head, bare=mean, shift=float(shifts.mean()), standard_error=error, correlation=tied, n=len(both)

@@ -3,13 +3,16 @@
 An effect lives in one file and acts at one place:
 
     pair        a pull [N] between two grains, or a grain and a wall, that touch or are near
+    meeting     whether two grains that begin to overlap touch, or pass through each other
     grain       a force [N] and torque [N m] on one grain, from the air around it or from a field
     scene       a change of the scene before anything is built: materials, sizes, gravity, air, packing
     instrument  a change of the value that a laboratory reads
 
 `strength` multiplies the effect: 0 is bitwise the model without it (it is not even bound), 1 the textbook.
-Pair and grain effects run on the device with a few `constants` that the host works out for every replica from
-parameters, strength and conditions; so each replica of an ensemble has its own.
+Pair, meeting and grain effects run on the device with a few `constants` that the host works out for every
+replica from parameters, strength and conditions; so each replica of an ensemble has its own. Among those
+conditions they find two that the scene knows: `grain_diameter`, the nominal one, and under wind `bed_height`,
+the height of the undisturbed bed's surface [m].
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -57,6 +60,7 @@ class Effect:
 
     `act` is, by place:
         pair        ti.func (constants, pair) -> attraction along the line of centres [N]
+        meeting     ti.func (constants, meeting) -> 1 where the two pass, 0 where they touch
         grain       ti.func (constants, grain) -> force [N], torque [N m]
         scene       (params, strength, conditions, scene) -> scene
         instrument  (params, strength, conditions, observable, value) -> value
@@ -65,11 +69,11 @@ class Effect:
     name: str
     title: str  # one line for lists
     doc: str | None  # module docstring: equation, symbols, units, range, reference
-    place: Literal["pair", "grain", "scene", "instrument"]
+    place: Literal["pair", "meeting", "grain", "scene", "instrument"]
     params: type  # frozen dataclass of `quantity` fields
     act: Callable[..., Any]
     checks: Callable[[Probe], Iterator[Check]]
-    constants: Callable[[Any, float, Conditions], Constants] | None = None  # pair and grain only
+    constants: Callable[[Any, float, Conditions], Constants] | None = None  # on the device only
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
     reads: tuple[str, ...] = ()  # conditions that it reads
     can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
@@ -118,7 +122,7 @@ def parameter_names(effect: Effect) -> tuple[str, ...]:
 
 
 def acting(effect: Effect, params: Any, strength: float, conditions: Conditions, radius: float) -> Acting:
-    """Constants and reach of a pair or grain effect in one replica whose largest radius [m] is given."""
+    """Constants and reach of an effect on the device, in one replica whose largest radius [m] is given."""
     assert effect.constants is not None
     constants = effect.constants(params, strength, conditions)
     return Acting(effect, constants, effect.reach(constants, radius))
@@ -170,6 +174,15 @@ def pair_type() -> Any:
     )
 
 
+def meeting_type() -> Any:
+    """Two grains that begin to overlap, as a meeting effect sees them."""
+    return ti.types.struct(
+        height=float,  # of the centre of the lower one, in the coordinates of the scene [m]
+        depth=float,  # overlap over the effective radius [1]
+        chance=float,  # a number between 0 and 1 that this pair always has [1]
+    )
+
+
 def grain_type() -> Any:
     """One grain and the air around it, as a grain effect sees them."""
     real3 = ti.types.vector(3, float)
@@ -201,6 +214,16 @@ def pull_of(bound: ti.template(), r, pair: ti.template()):
         if bound.present[r, k] == 1:
             total += bound.acts[k](bound.constants[k][r], pair)
     return total
+
+
+@ti.func
+def passes(bound: ti.template(), r, meeting: ti.template()):
+    """Whether any meeting effect of replica r lets the two grains pass through each other."""
+    free = 0
+    for k in ti.static(range(len(bound.acts))):
+        if bound.present[r, k] == 1:
+            free = ti.max(free, ti.cast(bound.acts[k](bound.constants[k][r], meeting), ti.i32))
+    return free
 
 
 @ti.func

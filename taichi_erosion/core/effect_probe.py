@@ -1,8 +1,9 @@
 """Asking an effect alone what it does at one place: with this its verification table is made.
 
-A probe of a pair effect gives its attraction [N]; of a grain effect its force [N] and torque [N m]; of a
-scene effect the scene that it makes of `scene`; of an instrument the value that it reads instead of `value`.
-The device must have been started for pair and grain effects.
+A probe of a pair effect gives its attraction [N]; of a meeting effect 1 where two grains pass; of a grain
+effect its force [N] and torque [N m]; of a scene effect the scene that it makes of `scene`; of an instrument
+the value that it reads instead of `value`.
+The device must have been started for effects that act on it.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +18,9 @@ from taichi_erosion.core.effect import (
     Probe,
     bind,
     grain_type,
+    meeting_type,
     pair_type,
+    passes,
     pull_of,
     push_of,
 )
@@ -53,7 +56,8 @@ GRAIN = {  # a grain of 0.2 mm in the wind above a bed
     "time": 0.5,
     "chance": 0.37,
 }
-TYPICAL = {"pair": PAIR, "grain": GRAIN}
+MEETING = {"height": 0.01, "depth": 0.01, "chance": 0.37}  # high in the air, at first touch
+TYPICAL = {"pair": PAIR, "meeting": MEETING, "grain": GRAIN}
 
 
 @ti.kernel
@@ -67,6 +71,19 @@ def feel_pair(
     for i in pull_out:
         pair = pairs[i]
         pull_out[i] = pull_of(bound, 0, pair)
+
+
+@ti.kernel
+def feel_meeting(
+    # in
+    bound: ti.template(),
+    meetings: ti.template(),
+    # out
+    free_out: ti.template(),
+):
+    for i in free_out:
+        meeting = meetings[i]
+        free_out[i] = ti.cast(passes(bound, 0, meeting), float)
 
 
 @ti.kernel
@@ -88,16 +105,18 @@ class Bench:
     """Fields that all device probes share, so that their kernels are built once."""
 
     pair: Any  # struct of one pair
+    meeting: Any  # struct of one meeting
     grain: Any  # struct of one grain
-    pull: Any  # [N]
+    pull: Any  # [N], or whether two grains pass [1]
     force: Any  # vec3 [N]
     torque: Any  # vec3 [N m]
 
 
 def make_bench() -> Bench:
-    """Fields of one pair and one grain on the device, which must have been started."""
-    vectors = [ti.Vector.field(3, float, shape=1) for _ in range(2)]
-    return Bench(pair_type().field(shape=1), grain_type().field(shape=1), ti.field(float, shape=1), *vectors)
+    """Fields of one pair, meeting and grain on the device, which must have been started."""
+    force, torque = (ti.Vector.field(3, float, shape=1) for _ in range(2))
+    pair, meeting, grain = (kind().field(shape=1) for kind in (pair_type, meeting_type, grain_type))
+    return Bench(pair, meeting, grain, ti.field(float, shape=1), force, torque)
 
 
 def probe_of(effect: Effect, bench: Bench) -> Probe:
@@ -112,19 +131,19 @@ def probe_of(effect: Effect, bench: Bench) -> Probe:
 
 
 def device_probe(effect: Effect, bench: Bench) -> Probe:
-    """Probe of a pair or grain effect; members that are not named are 0."""
+    """Probe of an effect on the device; members that are not named are 0."""
     assert effect.constants is not None
     constants = effect.constants
     bound = bind(effect.place, [[Acting(effect, constants(effect.params(), 1.0, {}), 0.0)]])
-    place = bench.pair if effect.place == "pair" else bench.grain
+    place = getattr(bench, effect.place)
     silent = {name: np.zeros(value.n if hasattr(value, "n") else 1) for name, value in parts(place).items()}
 
     def probe(params: Any, conditions: Conditions, strength: float = 1.0, **members: Any) -> Any:
         numbers = constants(params, strength, conditions)
         upload([(getattr(bound.constants[0], name), [value]) for name, value in numbers.items()])
         upload([(parts(place)[name], [value]) for name, value in (silent | members).items()])
-        if effect.place == "pair":
-            feel_pair(bound, place, bench.pull)
+        if effect.place != "grain":
+            (feel_pair if effect.place == "pair" else feel_meeting)(bound, place, bench.pull)
             return float(bench.pull[0])
         feel_grain(bound, place, bench.force, bench.torque)
         return tuple(np.array(answer[0], np.float64) for answer in (bench.force, bench.torque))

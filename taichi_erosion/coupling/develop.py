@@ -2,7 +2,8 @@
 
 from taichi_erosion.air.column import advance_column
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.look import feel_partition, give_partition, load_air, settle
+from taichi_erosion.coupling.feel import feel_partition
+from taichi_erosion.coupling.look import give_partition, load_air, settle
 
 ROUNDS = 40  # times that drag rates follow the air
 STEPS = 10  # of the air in a round: its eddies follow the flow by one step each

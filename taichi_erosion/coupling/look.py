@@ -9,6 +9,11 @@ Between two looks the drag on a grain is held as a rate b towards a velocity (`g
        the air lost is what the grains got plus what is owed, to rounding;
     4  every grain receives the mean velocity of its layers and all other forces.
 
+In 1 to 3 b stands for b / (1 + b h), which is what the grains' own implicit steps h pass on. A grain that its
+contacts hold then takes in n steps just what the air gives, and a free one less: the difference u - v shrinks
+at any rate, and never changes its sign. The first of all looks is taken twice, at first without 3: grains and
+air must know each other before they exchange anything.
+
 A grain that reaches through several layers takes more from the faster ones: of its momentum p, the layer k
 with velocity u_k and a share s_k of the grain gives  s_k (p + m b dt (u_k - sum s_l u_l)),  all layers p.
 Giving s_k p would drag the air between the grains backwards.
@@ -19,22 +24,17 @@ velocity W, continuity and the balance of drag and pressure give, layer by layer
     w = (W - sum V v_z / V_cell) / eps,    -dp/dz = sum m b (w - v_z) / (V_cell eps).
 """
 
-from math import pi
-
 from taichi_erosion.air.column import advance_column
 from taichi_erosion.air.place import cell_volume
-from taichi_erosion.core.effect import push_of
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.noise import normal, uniform
+from taichi_erosion.coupling.feel import SPHERE_VOLUME, feel_partition
 from taichi_erosion.coupling.slices import layer_range, share_below
 from taichi_erosion.grains.cells import position_of
-from taichi_erosion.grains.integrate import SPHERE
 from taichi_erosion.grains.state import partition_first, side_block
 from taichi_erosion.grains.team import is_mine, wait_for_team
 
 real = ti.f64
 
-SPHERE_VOLUME = 4.0 * pi / 3.0  # of radius 1 [1]
 VOID_LEAST = 0.05  # of a layer that grains of one height fill: keeps velocities between grains finite [1]
 
 
@@ -48,6 +48,12 @@ def buffer_row(world: ti.template(), r, p):
 def look_interval(world: ti.template(), around: ti.template(), r):
     """Time from one look to the next [s]."""
     return ti.cast(world.replicas.time_step[r], real) * around.exchange.look_steps[r]
+
+
+@ti.func
+def passed_rate(world: ti.template(), r, rate):
+    """Rate at which drag held at `rate` acts through the implicit steps of a grain [s-1]."""
+    return rate / (1.0 + rate * ti.cast(world.replicas.time_step[r], real))
 
 
 @ti.func
@@ -87,7 +93,8 @@ def give_grain(world_out: ti.template(), around_out: ti.template(), r, row, i):
     radius = ti.cast(grains.radius[i], real)
     height = position_of(grains, world_out.replicas, r, i)[2]
     mass, velocity = 1.0 / ti.cast(grains.mass_inverse[i], real), ti.cast(grains.velocity[i], real)
-    rate, dragged = ti.cast(held_out.drift_rate[i], real), ti.cast(held_out.dragged[i], real)
+    rate = passed_rate(world_out, r, ti.cast(held_out.drift_rate[i], real))
+    dragged = ti.cast(held_out.dragged[i], real)
     kick = rate * look_interval(world_out, around_out, r)
     grain = (SPHERE_VOLUME * radius**3, mass, rate, velocity)
     mean = mean_wind(air, r, height, radius)
@@ -179,8 +186,6 @@ def advance_air(world: ti.template(), around_out: ti.template(), r):
     """Let the air of replica r move on until the next look."""
     air_out, exchange_out = ti.static((around_out.air, around_out.exchange))
     interval = look_interval(world, around_out, r)
-    settle(world, around_out, r)
-    load_air(world, around_out, r)
     for k in range(air_out.cells[2]):
         back = exchange_out.owed[r, k] / (interval * cell_volume(air_out, r, k))
         air_out.exchange_force[r, 0, 0, k] = air_out.exchange_force[r, 0, 0, k] + back
@@ -191,106 +196,23 @@ def advance_air(world: ti.template(), around_out: ti.template(), r):
 
 
 @ti.func
-def felt(around: ti.template(), r, height, radius):
-    """Velocity [m s-1], void fraction, upward pressure gradient [Pa m-1] and shear [s-1] around a grain."""
-    air, exchange = ti.static((around.air, around.exchange))
-    first, last = layer_range(air, r, height, radius)
-    velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
-    void, lift, below = real(0.0), real(0.0), real(0.0)
-    for k in range(first, last + 1):
-        above = ti.select(k == last, real(1.0), share_below(air, r, height, radius, k + 1))
-        share = above - below
-        velocity[0] += share * air.velocity_x[r, 0, 0, k]
-        velocity[1] += share * air.velocity_y[r, 0, 0, k]
-        void += share * air.void_fraction[r, 0, 0, k]
-        if ti.static(around.rising):
-            velocity[2] += share * exchange.rise[r, k]
-            lift += share * exchange.lift[r, k]
-        below = above
-    rise = air.centre[r, last + 1] - air.centre[r, first - 1]
-    shear = (air.velocity_x[r, 0, 0, last + 1] - air.velocity_x[r, 0, 0, first - 1]) / rise
-    return velocity, void, lift, shear
-
-
-@ti.func
-def feel_air(world_out: ti.template(), around: ti.template(), r, i, height):
-    """Hold drag and buoyancy of the grain at place i; returns void fraction [1] and shear [s-1]."""
-    grains, held_out, air = ti.static((world_out.grains, world_out.held, around.air))
-    radius, inverse = grains.radius[i], grains.mass_inverse[i]
-    exact, void, lift, shear = felt(around, r, height, ti.cast(radius, real))
-    drift = ti.cast(exact, float)
-    density = ti.cast(air.numbers.density[r], float)
-    viscosity = ti.cast(air.numbers.viscosity[r], float)
-    slip = (drift - grains.velocity[i]).norm()
-    open_share = ti.cast(void, float)
-    held_out.drift[i] = drift
-    held_out.drift_rate[i] = around.drag_rate(slip, radius, 1.0 / inverse, density, viscosity, open_share)
-    volume = SPHERE_VOLUME * radius * radius * radius
-    push = -density * world_out.replicas.gravity[r]
-    push[2] += ti.cast(lift, float)
-    held_out.push[i] = volume * inverse * push
-    return open_share, ti.cast(shear, float)
-
-
-@ti.func
-def feel_effects(world_out: ti.template(), around: ti.template(), r, i, open_share, shear):
-    """Add forces and torques of the grain effects to what the grain at place i holds."""
-    grains, held_out, replicas = ti.static((world_out.grains, world_out.held, world_out.replicas))
-    position = ti.cast(position_of(grains, replicas, r, i), float)
-    grain = around.grain_type(
-        position=position,
-        velocity=grains.velocity[i],
-        spin=grains.spin[i],
-        radius=grains.radius[i],
-        mass=1.0 / grains.mass_inverse[i],
-        air_velocity=held_out.drift[i],
-        air_shear=shear,
-        void_fraction=open_share,
-        height=position[2] - ti.cast(around.exchange.surface[r], float),
-        noise=normal(around.exchange.seed[r], grains.ident[i], replicas.step[r]),
-        interval=replicas.time_step[r] * around.exchange.look_steps[r],
-        time=replicas.time_step[r] * replicas.step[r],
-        chance=ti.cast(uniform(around.exchange.seed[r], 0, 0)[0], float),
-    )
-    if ti.static(around.windy):
-        grain.air_density = ti.cast(around.air.numbers.density[r], float)
-        grain.air_viscosity = grain.air_density * ti.cast(around.air.numbers.viscosity[r], float)
-        grain.friction_velocity = ti.cast(around.air.numbers.friction_velocity[r], float)
-    force, torque = push_of(around.effects, r, grain)
-    held_out.push[i] = held_out.push[i] + force * grains.mass_inverse[i]
-    held_out.twist[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
-
-
-@ti.func
-def feel_partition(world_out: ti.template(), around: ti.template(), r, p):
-    """Renew what the grains of one partition hold."""
-    grains, held_out = ti.static((world_out.grains, world_out.held))
-    base = side_block(grains, r, world_out.replicas.side[r])
-    count, parts = world_out.replicas.released[r], world_out.replicas.partitions[r]
-    for rank in range(partition_first(count, parts, p), partition_first(count, parts, p + 1)):
-        i = base + rank
-        open_share, shear = 1.0, 0.0
-        held_out.push[i] = 0.0 * held_out.push[i]
-        if ti.static(around.windy):
-            height = position_of(grains, world_out.replicas, r, i)[2]
-            open_share, shear = feel_air(world_out, around, r, i, height)
-        if ti.static(around.effects.any):
-            feel_effects(world_out, around, r, i, open_share, shear)
-
-
-@ti.func
 def look(world_out: ti.template(), around_out: ti.template(), r, member, size, turn):
     """One look of all grains of replica r; returns the next meeting of the team."""
     (replicas_out,) = ti.static((world_out.replicas,))
-    if ti.static(around_out.windy):
+    before = ti.select(replicas_out.step[r] == 0, 1, 0)
+    for passage in range(before + 1):
+        if ti.static(around_out.windy):
+            for p in range(replicas_out.partitions[r]):
+                if is_mine(replicas_out, r, p, member, size):
+                    give_partition(world_out, around_out, r, p)
+            turn = wait_for_team(replicas_out, r, size, turn)
+            if member == 0:
+                settle(world_out, around_out, r)
+                load_air(world_out, around_out, r)
+                if passage == before:
+                    advance_air(world_out, around_out, r)
+            turn = wait_for_team(replicas_out, r, size, turn)
         for p in range(replicas_out.partitions[r]):
             if is_mine(replicas_out, r, p, member, size):
-                give_partition(world_out, around_out, r, p)
-        turn = wait_for_team(replicas_out, r, size, turn)
-        if member == 0:
-            advance_air(world_out, around_out, r)
-        turn = wait_for_team(replicas_out, r, size, turn)
-    for p in range(replicas_out.partitions[r]):
-        if is_mine(replicas_out, r, p, member, size):
-            feel_partition(world_out, around_out, r, p)
+                feel_partition(world_out, around_out, r, p)
     return turn

@@ -44,7 +44,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     radius = 0.5 * (1.0 + 1.5 * elongation - 0.5 * elongation**3) ** (-1.0 / 3.0)
     ends = (-elongation * radius, elongation * radius)
     spheres = tuple(ClumpSphere(offset=(x, 0.0, 0.0), radius=radius) for x in ends)
-    longer = with_section(scene, "grains", clump=Clump(spheres=spheres))
+    longer = with_section(scene, "grains", clump=Clump(template=None, spheres=spheres))
     return with_shorter_step(with_wider_fill(longer, 2.0 * radius * (1.0 + elongation)), 2.0 * radius)
 
 
@@ -65,7 +65,8 @@ def checks(probe: Probe) -> Iterator[Check]:
     wider = probe(Params(0.4), {}, scene=scene, strength=0.5)
     pitch = 1.2e-3 * 2.0 * first.radius * 1.2
     yield Check("grains start as much farther apart as they reach", wider.fill.pitch, pitch)
-    yield Check("the time step shrinks with the spheres", wider.run.time_step, 2e-6 * first.radius)
+    step = wider.run.time_step or 0.0
+    yield Check("the time step shrinks with the spheres", step, 2e-6 * first.radius)
 
 
 EFFECT = Effect(

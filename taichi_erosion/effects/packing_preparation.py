@@ -42,7 +42,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 
     def moving(name: str, velocity: float, duration: float) -> Stage:
         orders = {wall: Movement(velocity=(0.0, 0.0, velocity)) for wall in standing}
-        return Stage(name=name, until="time", duration_max=duration, move=orders)
+        return Stage(name=name, until="time", duration_max=duration, remove=(), move=orders)
 
     taps: list[Stage] = []
     for k in range(round(params.taps)):

@@ -15,6 +15,7 @@ Sedimentology 42, 247 (lag surfaces in a tunnel).
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.errors import BadInput
@@ -49,7 +50,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if share >= 1.0:
         raise BadInput(f"effects.sheltering: strength times share = {share:g} must stay below 1")
     rows = (around(size.diameter, 1.0 - share), around(params.ratio * size.diameter, share))
-    mixed = Sieve(law="sieve", rows=rows)
+    mixed = Sieve(law="sieve", rows=rows, table=None)
     count = max(1, round(scene.grains.count * size.diameter**3 / mean_cube(mixed)))
     lagged = with_section(scene, "grains", size=mixed, count=count)
     return with_wider_fill(lagged, (1.0 + SCATTER) * params.ratio)
@@ -58,7 +59,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 def checks(probe: Probe) -> Iterator[Check]:
     scene = with_section(sample_scene(), "grains", count=50000)
 
-    def changed(strength: float = 1.0) -> Scene:
+    def changed(strength: float = 1.0) -> Any:
         return probe(Params(share=0.2, ratio=2.5), {}, scene=scene, strength=strength)
 
     fine, coarse = changed().grains.size.rows

@@ -17,6 +17,7 @@ Franklin Inst. 207, 369 (numbers from masses).
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp, log
+from typing import Any
 
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.errors import BadInput
@@ -60,7 +61,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 def checks(probe: Probe) -> Iterator[Check]:
     scene = with_section(sample_scene(), "grains", count=50000)
 
-    def changed(strength: float = 1.0) -> Scene:
+    def changed(strength: float = 1.0) -> Any:
         return probe(Params(spread=1.4, cut=2.0), {}, scene=scene, strength=strength)
 
     sigma = log(1.4) / 1.2815516

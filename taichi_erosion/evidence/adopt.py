@@ -1,7 +1,7 @@
 """The proof: an effect enters the model, everything is calibrated anew, and the vault is opened once.
 
-Beside the effect stand two controls, fitted in the same way: the best of the other candidates and one drawn at
-random. A falling error on held-out rows is supporting evidence; one case in ten says otherwise by luck.
+Beside the effect stand two controls, fitted in the same way: the best of the other candidates and one drawn
+at random. A falling error on held-out rows is supporting evidence; one case in ten says otherwise by luck.
 """
 
 from dataclasses import dataclass, replace
@@ -53,7 +53,8 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = silent)
         progress(f"recalibrating with {name}", 0.25 * (index + 1))
         fits.append(None if name is None else tested(exam, added_fit(exam, found, name), vault))
     added = fits[1]
-    assert added is not None and fits[0] is not None
+    assert added is not None
+    assert fits[0] is not None
     runs = exam.predictor.ledger.runs + (vault.exam.predictor.ledger.runs if vault else 0)
     return Adoption(
         effect=effect,

@@ -5,7 +5,8 @@ With whitened residual e, Jacobian J of the calibrated numbers x (prior N(0, 1))
 
     D = [J C; I 0; 0 I],   e+ = [e; -x; 0],   M = 1 - D (D^T D)^-1 D^T
 
-so that |M e+|^2 is the misfit after recalibration and M g the part of a signature g that no calibration hides.
+so that |M e+|^2 is the misfit after recalibration and M g the part of a signature g that no calibration
+hides.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,9 @@ class Projection:
 
     def solve(self, stacked: Floats) -> Floats:
         """Change of the calibrated numbers and shared errors that removes most of v."""
-        return np.linalg.solve(self.triangle, self.basis.T @ stacked) if self.triangle.size else np.zeros(0)
+        if not self.triangle.size:
+            return np.zeros((0, *stacked.shape[1:]))
+        return np.asarray(np.linalg.solve(self.triangle, self.basis.T @ stacked), dtype=np.float64)
 
     def covariance(self) -> Floats:
         """(D^T D)^-1."""
@@ -71,13 +74,18 @@ def stack_signature(signature: Floats, calibrated: int, shared: int) -> Floats:
 class Working:
     """Censored rows as ordinary ones: same deviance, slope and curvature at this point."""
 
-    residual: Floats
+    residual: Floats  # (n,) or (n, columns)
     weight: Floats  # factor of every row of the Jacobian
-    deviance: float  # -2 ln likelihood without its constant
+    deviances: Floats  # (columns,), -2 ln likelihood without its constant
+
+    @property
+    def deviance(self) -> float:
+        """Deviance of a single column."""
+        return float(self.deviances)
 
 
 def working(residual: Floats, censored: Bools) -> Working:
-    """Working residuals of one whitened residual.
+    """Working residuals of one whitened residual, or of columns of them.
 
     A censored row says that the value lies below its limit: with u = (limit - m) / s its deviance is
     -2 ln Phi(u); l = phi(u) / Phi(u) is its score and w = l (l + u) its curvature.
@@ -85,20 +93,19 @@ def working(residual: Floats, censored: Bools) -> Working:
     Reference: Tobin (1958), Econometrica 26, 24.
     """
     if not censored.any():
-        return Working(residual, np.ones(residual.size), float(residual @ residual))
+        return Working(residual, np.ones_like(residual), np.sum(residual**2, axis=0))
     u = residual[censored]
     log_tail = special.log_ndtr(u)
     score = np.exp(-0.5 * u**2 - 0.5 * np.log(2.0 * np.pi) - log_tail)
     curvature = np.clip(score * (score + u), 1e-12, 1.0)
-    weight, adjusted = np.ones(residual.size), residual.copy()
+    weight, adjusted = np.ones_like(residual), residual.copy()
     weight[censored] = np.sqrt(curvature)
     adjusted[censored] = -score / np.sqrt(curvature)
-    open_rows = residual[~censored]
-    return Working(adjusted, weight, float(open_rows @ open_rows - 2.0 * log_tail.sum()))
+    return Working(adjusted, weight, np.sum(residual[~censored] ** 2, axis=0) - 2.0 * log_tail.sum(axis=0))
 
 
 def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:
-    """Ln of the share of a posterior that lies within bounds, for columns of centres (p, c), number by number."""
+    """Ln of the share of a posterior within bounds, number by number, for columns of centres (p, c)."""
     upper, lower = (high - centre) / sd, (low - centre) / sd
     flip = lower > 0.0
     upper, lower = np.where(flip, -lower, upper), np.where(flip, -upper, lower)

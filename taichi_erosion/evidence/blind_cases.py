@@ -1,21 +1,28 @@
 """Sealed cases that test the statistics: measurements made with a hidden truth, and the model that lacks it.
 
-A case is drawn from one seed: which observables and conditions a laboratory would have varied, well or poorly,
-how noisy it is and whether it says so, which candidates a user would list, and what really acts: nothing, one
-effect, two, one that no candidate describes, or one that this design cannot identify. Calibrated numbers are
-drawn from their priors, strengths log-uniformly between 0.3 and 3 times the textbook.
+A case is drawn from one seed: which observables and conditions a laboratory would have varied, well or
+poorly, how noisy it is and whether it says so, which candidates a user would list, and what really acts:
+nothing, one effect, two, one that no candidate describes, or one that this design cannot identify. Calibrated
+numbers are drawn from their priors, strengths log-uniformly between 0.3 and 3 times the textbook.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from taichi_erosion.evidence import reduced
+from taichi_erosion.evidence.blind_laboratory import (
+    FLUX_FLOOR,
+    RANGES,
+    TRANSFORMS,
+    CaseModel,
+    Truth,
+    drawn_condition,
+    measured,
+)
 from taichi_erosion.evidence.problem import (
     Budget,
     Candidate,
-    Floats,
-    Integers,
     Measurements,
     Observable,
     Parameter,
@@ -25,83 +32,15 @@ from taichi_erosion.evidence.problem import (
 from taichi_erosion.evidence.reduced_effects import EFFECTS
 
 KINDS = ("null", "single", "pair", "outside", "impossible")
-SHARES = (0.50, 0.26, 0.06, 0.12, 0.06)
-RANGES: dict[str, tuple[float, float, bool]] = {  # condition -> low, high, spread over its logarithm
-    "diameter": (7.5e-5, 1.0e-3, True),
-    "moisture": (0.0, 0.02, False),
-    "slope": (-0.15, 0.15, False),
-    "roughness": (0.0, 0.05, False),
-    "air_density": (0.95, 1.3, False),
-    "spread": (1.2, 4.0, True),
-    "angularity": (0.0, 1.0, False),
-    "turbulence": (0.02, 0.25, False),
-    "fetch": (1.0, 15.0, True),
-    "width": (0.005, 0.2, True),
-    "u_star": (0.35, 0.8, False),
-}
-NOISE = {"threshold_u_star": 0.03, "flux": 0.12, "repose_angle": 0.8}  # of one row: relative, relative, deg
-TRANSFORMS = {"threshold_u_star": "log", "flux": "log_floor", "repose_angle": "identity"}
-FLUX_FLOOR = 1e-4  # kg m-1 s-1, the least that is called transport
-FLUX_ZERO = 1e-5  # kg m-1 s-1, noise of an empty trap
-CENSORING = 0.5  # share of laboratories that write "no transport" below the floor
+SHARES = (0.50, 0.22, 0.10, 0.12, 0.06)
 PRIOR_SD = 0.3  # of ln of every calibrated number
+WEAKEST, STRONGEST = 0.3, 3.0  # strength of a hidden effect
+UNDERSTATED, SHARE_UNDERSTATED = 1.5, 0.1  # true over stated sd, and how many laboratories have it
 OWNERS = {  # observable -> calibrated numbers that move it
     "threshold_u_star": ("threshold_coefficient",),
     "flux": ("threshold_coefficient", "flux_coefficient"),
     "repose_angle": ("friction_sliding", "friction_rolling"),
 }
-
-
-@dataclass(frozen=True)
-class CaseModel:
-    """The reduced model with a chosen scatter; part of it may be chaotic, different at every setting."""
-
-    scatter: float  # of one seed, over that of one measured row
-    chaos: float  # share of the variance that paired seeds do not share
-    aliases: dict[str, str]  # candidate -> law
-    drawn: dict[tuple[str, bytes, bytes], Floats] = field(default_factory=dict)
-
-    def __call__(
-        self,
-        observable: str,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
-        seeds: Integers,
-    ) -> Floats:
-        acting: dict[str, float] = {}
-        for name, strength in effects.items():
-            if strength != 0.0:
-                law = self.aliases.get(name, name)
-                acting[law] = acting.get(law, 0.0) + strength
-        value = reduced.expected(observable, conditions, parameters, acting)
-        if self.scatter == 0.0:
-            return np.repeat(value[np.newaxis], seeds.size, axis=0)
-        kick = np.sqrt(1.0 - self.chaos) * self.kick(observable, conditions, seeds)
-        if self.chaos > 0.0:
-            setting = np.array([*parameters.values(), *effects.values()]).view(np.uint64)
-            other = seeds.astype(np.uint64) ^ np.bitwise_xor.reduce(reduced.scrambled(setting))
-            kick = kick + np.sqrt(self.chaos) * reduced.disturbance(observable, conditions, other)
-        kick = kick * self.scatter * NOISE[observable]
-        return value + kick if observable == "repose_angle" else value * np.exp(kick)
-
-    def kick(self, observable: str, conditions: dict[str, Floats], seeds: Integers) -> Floats:
-        key = (observable, seeds.tobytes(), b"".join(column.tobytes() for column in conditions.values()))
-        if key not in self.drawn:
-            self.drawn[key] = reduced.disturbance(observable, conditions, seeds)
-        return self.drawn[key]
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What was hidden."""
-
-    kind: str
-    effects: dict[str, float]
-    parameters: dict[str, float]
-    understated: float  # true sd over stated sd
-    repeats: bool
-    outside: str  # law that no candidate describes
 
 
 @dataclass(frozen=True)
@@ -124,7 +63,9 @@ def draw_case(family: int, number: int, budget: Budget | None = None) -> Case:
         kind=kind,
         effects=effects,
         parameters=true_parameters(generator, observables),
-        understated=float(generator.choice([1.0, 1.5], p=[0.9, 0.1])),
+        understated=float(
+            generator.choice([1.0, UNDERSTATED], p=[1.0 - SHARE_UNDERSTATED, SHARE_UNDERSTATED])
+        ),
         repeats=bool(generator.random() < 0.5),
         outside=outside,
     )
@@ -203,7 +144,7 @@ def chosen_effects(
     able = [law for law in EFFECTS if acts(law, observables, varied)]
     wanted = {"null": 0, "outside": 1, "pair": 2}.get(kind, 1)
     hidden = [str(law) for law in generator.choice(able, min(wanted, len(able)), replace=False)]
-    effects = {law: float(np.exp(generator.uniform(np.log(0.3), np.log(3.0)))) for law in hidden}
+    effects = {law: float(np.exp(generator.uniform(np.log(WEAKEST), np.log(STRONGEST)))) for law in hidden}
     others = [law for law in EFFECTS if law not in hidden]
     count = int(generator.integers(5, 12))
     library = [str(law) for law in generator.choice(others, min(count, len(others)), replace=False)]
@@ -213,70 +154,6 @@ def chosen_effects(
     if kind == "impossible" and hidden and generator.random() < 0.5:
         library.append(f"twin_of_{hidden[0]}")
     return library, effects, ""
-
-
-def drawn_condition(generator: np.random.Generator, name: str, count: int) -> Floats:
-    """Values over the range of one condition, at random or on a few levels."""
-    low, high, logarithmic = RANGES[name]
-    share = generator.random(count) if generator.random() < 0.5 else generator.integers(0, 4, count) / 3.0
-    if logarithmic:
-        return np.exp(np.log(low) + share * np.log(high / low))
-    return low + share * (high - low)
-
-
-def measured(
-    generator: np.random.Generator,
-    truth: Truth,
-    observables: tuple[str, ...],
-    varied: tuple[str, ...],
-    level: float,
-) -> Measurements:
-    """What the laboratory wrote down."""
-    columns: dict[str, list[float]] = {name: [] for name in varied}
-    names: list[str] = []
-    values: list[float] = []
-    stated: list[float] = []
-    groups: list[str] = []
-    for observable in observables:
-        count = (
-            int(generator.integers(8, 25)) if truth.kind != "impossible" else int(generator.integers(2, 9))
-        )
-        at = {name: drawn_condition(generator, name, count) for name in varied}
-        again = np.arange(count)
-        if truth.repeats and count > 4:
-            again = np.concatenate([again, np.repeat(generator.choice(count, 4, replace=False), 2)])
-        at = {name: column[again] for name, column in at.items()} or {"diameter": np.full(again.size, 2.5e-4)}
-        mean = reduced.expected(observable, at, truth.parameters, truth.effects)
-        sd = NOISE[observable] * level
-        kick = sd * truth.understated * generator.standard_normal(again.size)
-        drawn = mean + kick if observable == "repose_angle" else mean * np.exp(kick)
-        if observable == "flux":
-            drawn = drawn + FLUX_ZERO * generator.standard_normal(again.size)
-        names += [observable] * again.size
-        values += [float(value) for value in drawn]
-        size = np.ones(again.size) if observable == "repose_angle" else np.abs(mean)
-        extra = FLUX_ZERO if observable == "flux" else 0.0
-        stated += [float(value) for value in np.hypot(sd * size, extra)]
-        groups += [f"{observable}-{number // 2}" for number in again]
-        for name in columns:
-            columns[name] += [float(value) for value in at[name]]
-    silent = np.array([name == "flux" for name in names]) & (np.array(values) < FLUX_FLOOR)
-    silent &= generator.random() < CENSORING
-    conditions = {name: np.array(column) for name, column in columns.items()}
-    if not conditions:
-        conditions = {"diameter": np.full(len(names), 2.5e-4)}
-    return Measurements(
-        observable=tuple(names),
-        value=np.array(values),
-        sd=np.array(stated),
-        n=np.ones(len(names)),
-        group=tuple(groups),
-        unit=tuple("" for _ in names),
-        conditions=conditions,
-        censored=silent,
-        limit=np.where(silent, FLUX_FLOOR, np.nan),
-        source=tuple("sealed case" for _ in names),
-    )
 
 
 def drawn_vault(generator: np.random.Generator, table: Measurements) -> Vault:

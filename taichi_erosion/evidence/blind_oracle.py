@@ -1,23 +1,23 @@
 """How hard a sealed case is: what an observer with noise-free measurements could see.
 
-The signal-to-noise ratio of an effect is the root of the misfit that the model without it keeps after its best
-recalibration to noise-free measurements; the separation is the same for the model with the nearest other
-candidate in its place. At a ratio of 5 an effect is at the line of being identifiable; at a separation of 3 two
-effects are told apart in 93 % of cases.
+The signal-to-noise ratio of an effect is the root of the misfit that the model without it keeps after its
+best recalibration to noise-free measurements; the separation is the same for the model with the nearest other
+candidate in its place. At a ratio of 5 an effect is at the line of being identifiable; at a separation of 3
+two effects are told apart in 93 % of cases.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_erosion.evidence.blind_cases import Case, CaseModel
-from taichi_erosion.evidence.calibrate import fit
+from taichi_erosion.evidence.blind_cases import Case
+from taichi_erosion.evidence.blind_laboratory import CaseModel
+from taichi_erosion.evidence.calibrate import STEPS, fit
 from taichi_erosion.evidence.examination import Examination, examine
 from taichi_erosion.evidence.problem import Candidate, Floats
 from taichi_erosion.evidence.reduced_effects import EFFECTS
 from taichi_erosion.evidence.scales import position_of
 
-STEPS = 8  # of a recalibration
 START = 1.0  # strength from which a rival is fitted
 
 

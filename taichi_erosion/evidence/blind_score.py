@@ -1,12 +1,12 @@
 """Scores of sealed cases against their targets, each with its 95 % Clopper-Pearson bounds."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.blind_cases import Truth
+from taichi_erosion.evidence.blind_laboratory import Truth
 from taichi_erosion.evidence.blind_oracle import Difficulty
 from taichi_erosion.evidence.blind_solve import Outcome
 from taichi_erosion.evidence.posterior import NONE, OUTSIDE
@@ -78,7 +78,10 @@ def number(name: str, values: Sequence[float], target: tuple[str, float]) -> Met
 
 def scores(cases: Sequence[Marked]) -> Iterator[Metric]:
     """All metrics of the protocol."""
-    by_kind: Callable[[str], list[Marked]] = lambda kind: [c for c in cases if c.truth.kind == kind]  # noqa: E731
+
+    def by_kind(kind: str) -> list[Marked]:
+        return [case for case in cases if case.truth.kind == kind]
+
     yield from null_scores(by_kind("null"))
     yield from single_scores(by_kind("single"))
     yield from outside_scores(cases, by_kind("outside"))
@@ -170,25 +173,11 @@ def pair_scores(pairs: list[Marked]) -> Iterator[Metric]:
     yield share("pair, both ratios >= 7, distinct: one right", one, (">=", 0.99))
 
 
-def claims(cases: Sequence[Marked]) -> tuple[np.ndarray, np.ndarray]:
-    """Every probability given, and whether it came true; impossible designs are no part of the prior."""
-    given, true = [], []
-    for case in cases:
-        if case.truth.kind == "impossible":
-            continue
-        for key, value in case.answer.probabilities.items():
-            given.append(value)
-            if key == NONE:
-                true.append(case.truth.kind == "null")
-            elif key == OUTSIDE:
-                true.append(case.truth.kind == "outside")
-            else:
-                true.append(case.truth.kind != "outside" and set(key.split("+")) == set(case.truth.effects))
-    return np.array(given), np.array(true, dtype=float)
+def likeliest(cases: Sequence[Marked]) -> tuple[np.ndarray, np.ndarray]:
+    """Probability of the likeliest explanation of every case, and whether it is the truth.
 
-
-def calibration(cases: Sequence[Marked]) -> Metric:
-    """Expected calibration error over BINS bins of the probability of the likeliest explanation."""
+    Impossible designs are left out: a twin of the truth, or none of its traces, cannot be told from it.
+    """
     given, true = [], []
     for case in cases:
         if case.truth.kind == "impossible":
@@ -198,13 +187,28 @@ def calibration(cases: Sequence[Marked]) -> Metric:
         kind = case.truth.kind
         truth = NONE if kind == "null" else OUTSIDE if kind == "outside" else set(case.truth.effects)
         true.append((key if key in (NONE, OUTSIDE) else set(key.split("+"))) == truth)
-    p, y = np.array(given), np.array(true, dtype=float)
-    cell = np.minimum((p * BINS).astype(int), BINS - 1)
-    error = sum(
-        abs(float(p[cell == k].mean() - y[cell == k].mean())) * float(np.mean(cell == k))
+    return np.array(given), np.array(true, dtype=float)
+
+
+def calibration_bins(cases: Sequence[Marked]) -> list[tuple[float, float, int]]:
+    """Mean probability, share that is true and number of cases in BINS bins of the probability."""
+    given, true = likeliest(cases)
+    cell = np.minimum((given * BINS).astype(int), BINS - 1)
+    return [
+        (float(given[cell == k].mean()), float(true[cell == k].mean()), int(np.sum(cell == k)))
         for k in np.unique(cell)
+    ]
+
+
+def calibration(cases: Sequence[Marked]) -> Metric:
+    """Expected calibration error of the probability of the likeliest explanation."""
+    bins = calibration_bins(cases)
+    count = sum(size for _, _, size in bins)
+    error = sum(abs(given - true) * size for given, true, size in bins) / max(count, 1)
+    nothing = float("nan")
+    return Metric(
+        "calibration error of the likeliest", error, nothing, nothing, count, "<= 0.03", error <= 0.03
     )
-    return Metric("calibration error of the likeliest", error, error, error, p.size, "<= 0.03", error <= 0.03)
 
 
 def coverage(cases: Sequence[Marked]) -> Iterator[Metric]:

@@ -1,13 +1,21 @@
-"""Solving sealed problems: the same entry points as a user's, and only what scoring needs is kept."""
+"""Solving sealed problems: the same entry points as a user's, and only what scoring needs is kept.
 
-from dataclasses import dataclass
+A problem comes as a file that holds what a user would hand in and nothing else; the answer goes into another.
+"""
+
+import json
+import pickle
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from time import process_time
+from typing import Any
 
 from taichi_erosion.evidence.adopt import adopt
 from taichi_erosion.evidence.compare import silent
 from taichi_erosion.evidence.discover import discover
 from taichi_erosion.evidence.findings import Discovery
 from taichi_erosion.evidence.problem import Problem
+from taichi_erosion.recording.whole_file import write_whole
 
 
 @dataclass(frozen=True)
@@ -22,11 +30,27 @@ class Outcome:
     p: float
     strengths: dict[str, tuple[float, float, float]]  # named effect -> value, low, high
     parameters: dict[str, tuple[float, float, float]]
-    vault: tuple[
-        float, float, float
-    ]  # misfit per held-out row: bare, with the named effect, with a random one
+    vault: tuple[float, ...]  # misfit per held-out row: bare, with the named effect, with a random one
     runs: int
     seconds: float  # of one core
+
+
+def solve_file(problem: Path, answer: Path) -> None:
+    """Answer of one problem file; an answer that is there already is kept."""
+    if not answer.exists():
+        outcome = solve(int(problem.stem), pickle.loads(problem.read_bytes()), with_vault=True)
+        write_whole(answer, json.dumps(asdict(outcome)).encode())
+
+
+def answer_of(path: Path) -> Outcome:
+    """An answer as it was written."""
+    return outcome_of(json.loads(path.read_text(encoding="utf-8")))
+
+
+def outcome_of(found: dict[str, Any]) -> Outcome:
+    """An answer out of plain tables."""
+    lists: dict[str, Any] = {name: tuple(found[name]) for name in ("named", "group", "vault")}
+    return Outcome(**{**found, **lists})
 
 
 def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
@@ -34,7 +58,7 @@ def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
     start = process_time()
     found = discover(problem, number, problem.budget, silent)
     spent = process_time() - start
-    vault = (float("nan"),) * 3
+    vault: tuple[float, ...] = (float("nan"),) * 3
     if with_vault and found.verdict == "present" and len(found.named) == 1 and problem.vault.rows.size:
         vault = vault_errors(number, problem, found)
     return Outcome(

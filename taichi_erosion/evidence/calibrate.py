@@ -13,9 +13,10 @@ from taichi_erosion.evidence.smooth import paired_change
 
 STEP = 0.1  # finite difference in prior sd
 STEP_NOISY = 0.5  # the same where replicate noise blurs differences
-SHARES = (3.0, 1.0, 0.2)  # of the step, one after the other: coarse slopes see past kinks, fine ones finish
+SHARES = (3.0, 0.5)  # of the step, one after the other: coarse slopes see past kinks, fine ones finish
 TRIALS = 5  # of the damping, per step
-GOOD_ENOUGH = 0.02  # fall of the misfit below which no further step is made [1]
+GOOD_ENOUGH, GOOD_NOISY = 0.02, 0.1  # fall of the misfit below which no further step is made [1]
+STEPS, STEPS_QUICK = 25, 5  # at most; kinks at the threshold of transport make some fits slow
 SEARCH_POINTS = 10  # per calibrated number
 SEARCH_WIDTH = 2.0  # prior sd to either side
 NEAR = 2.0  # sd within which a fitted value may stand for the measured one
@@ -99,8 +100,7 @@ class Objective:
             moved = position.copy()
             moved[j] = end
             ends.append(self.runs(moved))
-        predictor = self.exam.predictor
-        change = paired_change(ends[1], ends[0], predictor.which, predictor.conditions)
+        change = paired_change(ends[1], ends[0], self.exam.predictor)
         return np.where(np.isfinite(change), change / (up - down), 0.0)
 
 
@@ -120,8 +120,11 @@ def misfit_of(objective: Objective, position: Floats, residual: Floats) -> float
 
 def newton_step(
     objective: Objective, position: Floats, residual: Floats, damping: float, slopes: Floats
-) -> Floats:
-    """Next position: damped least squares, entries that would leave their range held at its end."""
+) -> tuple[Floats, float]:
+    """Next position and the fall of the misfit that it promises.
+
+    Damped least squares; entries that would leave their range are held at its end.
+    """
     exam, scale = objective.exam, objective.scale
     work = working(residual, exam.rows.censored)
     shared = exam.rows.shared / exam.sd[:, np.newaxis]
@@ -129,6 +132,7 @@ def newton_step(
     matrix = design.T @ design + np.eye(design.shape[1])
     pull = design.T @ work.residual
     pull[: position.size] -= position / scale
+    straight = matrix.copy()
     matrix[np.diag_indices(position.size)] *= 1.0 + damping
     low, high = (objective.low - position) / scale, (objective.high - position) / scale
     step, free = np.zeros(matrix.shape[0]), np.ones(matrix.shape[0], dtype=bool)
@@ -142,14 +146,16 @@ def newton_step(
             break
         step[: position.size] = np.where(out, np.clip(inside, low, high), inside)
         free[: position.size] &= ~out
-    return np.clip(position + step[: position.size] * scale, objective.low, objective.high)
+    promised = float(2.0 * pull @ step - step @ straight @ step)
+    return np.clip(position + step[: position.size] * scale, objective.low, objective.high), promised
 
 
 def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, float]:
-    """Damped Gauss-Newton (Levenberg-Marquardt) from one start; where coarse slopes stall, finer ones follow."""
+    """Damped Gauss-Newton (Levenberg-Marquardt) from one start; where coarse slopes stall, finer ones do."""
     position = np.clip(start, objective.low, objective.high)
     residual = objective.residual(position)
     best, damping = misfit_of(objective, position, residual), 1e-3
+    enough = GOOD_NOISY if objective.exam.noisy else GOOD_ENOUGH
     shares = iter((1.0,) if objective.exam.noisy else SHARES)
     share = next(shares)
     for _ in range(steps):
@@ -158,7 +164,9 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
         slopes = objective.jacobian(position, central=False, share=share)
         fall = 0.0
         for _ in range(TRIALS):
-            trial = newton_step(objective, position, residual, damping, slopes)
+            trial, promised = newton_step(objective, position, residual, damping, slopes)
+            if promised < enough:
+                break
             trial_residual = objective.residual(trial)
             value = misfit_of(objective, trial, trial_residual)
             if value < best:
@@ -166,7 +174,7 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
                 damping *= 0.1
                 break
             damping = max(damping, 1e-2) * 10.0
-        if fall < GOOD_ENOUGH:
+        if fall < enough:
             share, damping = next(shares, 0.0), 1e-3
         if share == 0.0:
             break
@@ -194,7 +202,8 @@ def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
     quick = exam.problem.budget.name == "quick"
     starts = [prior_mean] if quick or count == 0 else [prior_mean, *searched(exam)]
     objective = Objective(exam, (), exam.seeds.fitting)
-    results = sorted((refine(objective, start, 4 if quick else 12) for start in starts), key=lambda r: r[1])
+    steps = STEPS_QUICK if quick else STEPS
+    results = sorted((refine(objective, start, steps) for start in starts), key=lambda result: result[1])
     warnings = []
     if len(results) > 1 and results[1][1] < inf:
         gap = np.abs(results[0][0] - results[1][0]).max()

@@ -1,8 +1,9 @@
 """What can be learnt about an effect that no library holds: where it acts, which way, how it scales, a law.
 
-The scaling exponent b belongs to residual ~ c x^b on the comparison scale (an additive term) fitted with what
-calibration can imitate projected out; its interval is the profile of the misfit. The law is a hypothesis found by
-exhaustive search over products of powers of at most two conditions, one or two terms, judged on left-out groups.
+The scaling exponent b belongs to residual ~ c x^b on the comparison scale (an additive term) fitted with
+what calibration can imitate projected out; its interval is the profile of the misfit. The law is a hypothesis
+found by exhaustive search over products of powers of at most two conditions, one or two terms, judged on
+left-out groups.
 """
 
 from collections.abc import Iterator
@@ -90,7 +91,7 @@ def scaling(exam: Examination, left: Residuals, rows: Bools, column: Floats) -> 
 
 
 def terms_of(exam: Examination, rows: Bools) -> Iterator[dict[str, float]]:
-    """Products of powers of at most two conditions; only whole positive powers where a condition reaches zero."""
+    """Products of powers of at most two conditions; only whole positive powers where one reaches zero."""
     allowed: dict[str, tuple[float, ...]] = {}
     for name, column in exam.rows.conditions.items():
         values = column[rows]
@@ -144,7 +145,7 @@ def best_law(exam: Examination, left: Residuals, rows: Bools, observable: str) -
         return None
     white = columns[:, chosen] / exam.sd[:, np.newaxis]
     free = white - left.basis @ (left.basis.T @ white)
-    coefficients = np.linalg.lstsq(free, left.free, rcond=None)[0]
+    coefficients = np.asarray(np.linalg.lstsq(free, left.free, rcond=None)[0], dtype=np.float64)
     chosen_terms = tuple(terms[i] for i in chosen)
     return Law(
         observable,

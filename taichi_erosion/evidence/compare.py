@@ -52,25 +52,33 @@ def compare(problem: Problem, progress: Progress = silent) -> Comparison:
 def known_or_guessed(problem: Problem, seed: int, progress: Progress) -> tuple[Examination, Scored, bool]:
     """The calibrated bare model, and whether the noise is known.
 
-    Where neither sd nor repeats are given the sd is guessed from the residuals of the calibrated model itself:
-    then only the shape of a misfit can be tested, never its size.
+    Where neither sd nor repeats are given the sd is guessed from the residuals of the calibrated model
+    itself: then only the shape of a misfit can be tested, never its size.
     """
     progress("calibrating the model", 0.1)
     exam = examine(problem, problem.visible(), seed)
-    known = exam.rows.size > 0
-    if known:
+    if exam.rows.size > 0:
         return *calibrated(exam), True
     scatter = {name: first_guess(problem, name) for name in set(problem.visible().observable)}
-    for _ in range(GUESS_ROUNDS):
-        guessed = replace(problem, measurements=with_scatter(problem, scatter))
-        exam = examine(guessed, guessed.visible(), seed)
-        exam, base = calibrated(exam)
-        residual = exam.rows.z - base.expansion.mean
-        for index, observable in enumerate(exam.rows.observables):
-            own = residual[exam.rows.which == index]
-            if own.size > 1:
-                scatter[observable.name] = max(float(np.std(own)), 1e-9 * scatter[observable.name])
-    return exam, base, False
+    for _ in range(GUESS_ROUNDS - 1):
+        scatter |= residual_scatter(*guessed(problem, scatter, seed), scatter)
+    return *guessed(problem, scatter, seed), False
+
+
+def guessed(problem: Problem, scatter: dict[str, float], seed: int) -> tuple[Examination, Scored]:
+    """The bare model calibrated as if the scatter were known."""
+    supposed = replace(problem, measurements=with_scatter(problem, scatter))
+    return calibrated(examine(supposed, supposed.visible(), seed))
+
+
+def residual_scatter(exam: Examination, base: Scored, scatter: dict[str, float]) -> dict[str, float]:
+    """Scatter of the residuals of every observable with more than one row; never quite zero."""
+    residual, found = exam.rows.z - base.expansion.mean, {}
+    for index, observable in enumerate(exam.rows.observables):
+        own = residual[exam.rows.which == index]
+        if own.size > 1:
+            found[observable.name] = max(float(np.std(own)), 1e-9 * scatter[observable.name])
+    return found
 
 
 def calibrated(exam: Examination) -> tuple[Examination, Scored]:

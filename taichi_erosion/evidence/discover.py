@@ -35,24 +35,18 @@ def discover(problem: Problem, seed: int, budget: Budget, progress: Progress) ->
 
 def worded(found: Autopsy, seed: int, start: float) -> Discovery:
     """Every field of the discovery out of the autopsy."""
-    exam, decision, believed = found.exam, found.decision, found.believed
-    base, final = found.base.scored.expansion, found.final.scored.expansion
+    exam, base, final = found.exam, found.base.scored.expansion, found.final.scored.expansion
     strengths = fitted_strengths(found)
-    effects = effect_table(
-        exam,
-        found.found.signatures,
-        Verdicts(decision, believed, found.seen, final, strengths, found.held_out),
-    )
+    told = Verdicts(found.decision, found.believed, found.seen, final, strengths, found.held_out)
+    effects = effect_table(exam, found.found.signatures, told)
     where = where_it_fails(exam, base)
-    rows_before, rows_after = rows_table(exam, base), rows_table(exam, final)
-    outside = decision.verdict == "outside_library"
-    clues = clues_of(exam, found.base.scored.expansion, where) if outside else ()
+    clues = clues_of(exam, base, where) if found.decision.verdict == "outside_library" else ()
     expected = {name: fitted.value for name, fitted in strengths.items()}
     return Discovery(
-        verdict=decision.verdict,
-        named=decision.named,
-        group=decision.group,
-        probabilities=believed.probability,
+        verdict=found.decision.verdict,
+        named=found.decision.named,
+        group=found.decision.group,
+        probabilities=found.believed.probability,
         effects=effects,
         parameters=parameter_fits(exam, found.final.scored),
         where=where,
@@ -72,8 +66,8 @@ def worded(found: Autopsy, seed: int, start: float) -> Discovery:
         ambiguity=ambiguity(exam, found.found, expected),
         absorbed_by=absorbed_by(exam, found.found),
         survivors=survivors_of(found),
-        rows_before=rows_before,
-        rows_after=rows_after,
+        rows_before=rows_table(exam, base),
+        rows_after=rows_table(exam, final),
         failures=exam.predictor.ledger.failures,
         runs=exam.predictor.ledger.runs,
         wall_s=perf_counter() - start,
@@ -114,7 +108,7 @@ def bound_warnings(found: Autopsy) -> list[str]:
 
 
 def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Discovery:
-    """Nothing is named: the noise is unknown, or there is nothing to name. Only where the model fails is told."""
+    """Nothing is named where the noise is unknown or no candidate is listed; only where the model fails."""
     exam, base, known = known_or_guessed(problem, seed, progress)
     nothing = {
         c.name: EffectFinding(

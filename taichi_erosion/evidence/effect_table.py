@@ -125,5 +125,6 @@ def effect_words(
     if signature.noise > NOISE_LIMIT and signature.norm <= 1.0:
         return f"{name}: its signature is not resolved from the model's own scatter; more seeds would tell"
     if absorption > 0.8:
-        return f"{name}: hardly distinguishable from a change of the calibrated numbers ({absorption:.0%} imitated)"
+        share = f"{absorption:.0%} imitated"
+        return f"{name}: hardly distinguishable from a change of the calibrated numbers ({share})"
     return f"{name}: not testable with these measurements"

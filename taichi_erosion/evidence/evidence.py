@@ -15,7 +15,7 @@ from math import inf
 import numpy as np
 from scipy import interpolate
 
-from taichi_erosion.evidence.algebra import Projection, log_box, log_sum_exp, projection, working
+from taichi_erosion.evidence.algebra import log_box, log_sum_exp, projection, working
 from taichi_erosion.evidence.calibrate import Fit, Objective
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.problem import Floats
@@ -76,8 +76,8 @@ def expand(exam: Examination, fit: Fit) -> Expansion:
 def strength_sd(exam: Examination, slopes: Floats, count: int) -> tuple[Floats, Floats]:
     """Posterior sd of each strength, and how the calibrated numbers give way per unit of it, from the slopes.
 
-    The ridge dx/dpsi = cov(x, psi) / var(psi) is where rivals compete: at fixed numbers a strength far from the
-    best one leaves the range in which slopes mean anything.
+    The ridge dx/dpsi = cov(x, psi) / var(psi) is where rivals compete: at fixed numbers a strength far from
+    the best one leaves the range in which slopes mean anything.
     """
     loose = slopes.shape[1] - count
     if loose == 0:
@@ -95,14 +95,14 @@ def path_of(exam: Examination, fit: Fit, index: int, spread: float, ridge: Float
     candidate, best = exam.candidate(name), float(fit.psi[index])
     spread = min(spread, 0.5 * candidate.maximum)
     wanted = [best + node * spread for node in NODES] + [0.0, candidate.maximum]
-    nodes = np.unique(np.round(np.clip(wanted, 0.0, candidate.maximum), 12))
+    nodes = np.array(sorted({round(min(max(node, 0.0), candidate.maximum), 12) for node in wanted}))
     changes, predictor = [], exam.predictor
     bare = predictor.predict(fit.x, fit.acting(), exam.seeds.signature)
     for node in nodes:
         acting = {**fit.acting(), name: float(node)}
         x = np.clip(fit.x + ridge * (node - best), exam.low, exam.high)
         runs = predictor.predict(x, acting, exam.seeds.signature)
-        changes.append(paired_change(runs, bare, predictor.which, predictor.conditions))
+        changes.append(paired_change(runs, bare, predictor))
     change = np.array(changes)
     good = np.all(np.isfinite(change), axis=1)
     nodes, change = nodes[good], change[good]
@@ -175,27 +175,17 @@ def columns_of(exam: Examination, expansion: Expansion) -> Columns:
 
 
 def surface(exam: Examination, expansion: Expansion, columns: Columns, factor: float) -> Surface:
-    """Evidence along all strengths at one noise factor, where slopes may not promise more than refits found."""
+    """Evidence along all strengths at one noise factor; slopes may not promise more than refits found."""
     sd = factor * exam.sd
     residual = ((exam.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
     jacobian, shared = expansion.jacobian / sd[:, np.newaxis], exam.rows.shared / sd[:, np.newaxis]
-    if exam.rows.censored.any():
-        pieces = [
-            censored_sums(exam, jacobian, shared, column, columns.x[:, [index]])
-            for index, column in enumerate(residual.T)
-        ]
-    else:
-        pieces = [sums(exam, projection(jacobian, shared), residual, columns.x)]
-    misfit = np.concatenate([piece.misfit for piece in pieces])
-    occam = np.concatenate([piece.occam for piece in pieces])
+    found = (censored_sums if exam.rows.censored.any() else sums)(exam, jacobian, shared, residual, columns.x)
     start = started(exam, residual[:, columns.centre], shared, columns.x[:, columns.centre])
     promise = PROMISE_NOISY if exam.noisy else PROMISE
     floor = start + columns.penalty[columns.centre] - promise
-    misfit = np.maximum(misfit + columns.penalty, floor) - columns.penalty
+    misfit = np.maximum(found.misfit + columns.penalty, floor) - columns.penalty
     level = -float(np.sum(np.log(sd[~exam.rows.censored])))
-    position = np.hstack([piece.position for piece in pieces])
-    best = int(np.argmin(misfit)) if len(pieces) > 1 else 0
-    return Surface(level - 0.5 * misfit + occam, position, pieces[best].covariance)
+    return Surface(level - 0.5 * misfit + found.occam, found.position, found.covariance)
 
 
 @dataclass(frozen=True)
@@ -205,32 +195,44 @@ class Sums:
     misfit: Floats  # (columns,)
     occam: Floats  # (columns,), -1/2 ln |A| + ln box
     position: Floats  # (p, columns)
-    covariance: Floats  # (p, p)
+    covariance: Floats  # (p, p), at the best column
 
 
-def sums(exam: Examination, part: Projection, residual: Floats, x: Floats) -> Sums:
-    """Closed form for rows that are all ordinary."""
-    count, shared = len(exam.axes), part.triangle.shape[0] - len(exam.axes)
-    stacked = np.vstack([residual, -x, np.zeros((shared, residual.shape[1]))])
-    free = part.free(stacked)
-    covariance = part.covariance()[:count, :count]
-    change = (
-        np.asarray(part.solve(stacked))[:count] if part.triangle.size else np.zeros((0, residual.shape[1]))
-    )
-    occam = np.full(residual.shape[1], -0.5 * part.log_determinant)
-    if count:
-        low, high = exam.low[:, np.newaxis] - x, exam.high[:, np.newaxis] - x
-        occam = occam + log_box(low, high, change, np.sqrt(np.diag(covariance))[:, np.newaxis])
-    return Sums(np.einsum("ij,ij->j", free, free), occam, x + change, covariance)
+def sums(exam: Examination, jacobian: Floats, shared: Floats, residual: Floats, x: Floats) -> Sums:
+    """Closed form for rows that are all ordinary: one projection serves every column."""
+    count, part = len(exam.axes), projection(jacobian, shared)
+    stacked = np.vstack([residual, -x, np.zeros((shared.shape[1], residual.shape[1]))])
+    free, covariance = part.free(stacked), part.covariance()[:count, :count]
+    change, sd = part.solve(stacked)[:count], np.sqrt(np.diag(covariance))[:, np.newaxis]
+    box = boxed(exam, x, change, sd)
+    misfit = np.einsum("ij,ij->j", free, free)
+    return Sums(misfit, box - 0.5 * part.log_determinant, x + change, covariance)
 
 
 def censored_sums(exam: Examination, jacobian: Floats, shared: Floats, residual: Floats, x: Floats) -> Sums:
-    """One column with censored rows, in its own working weights."""
+    """Every column in the working weights that its own censored rows have, all columns at once."""
+    count, columns = len(exam.axes), x.shape[1]
     work = working(residual, exam.rows.censored)
-    weight = work.weight[:, np.newaxis]
-    found = sums(exam, projection(jacobian * weight, shared * weight), work.residual[:, np.newaxis], x)
-    above = work.deviance - float(work.residual @ work.residual)
-    return Sums(found.misfit + above, found.occam, found.position, found.covariance)
+    design = (
+        np.hstack([jacobian, shared])[np.newaxis] * work.weight.T[:, :, np.newaxis]
+    )  # (columns, n, p + q)
+    matrix = np.einsum("cni,cnj->cij", design, design) + np.eye(design.shape[2])
+    below = np.vstack([x, np.zeros((shared.shape[1], columns))]).T
+    pull = np.einsum("cni,nc->ci", design, work.residual) - below
+    inverse = np.linalg.inv(matrix)
+    step = np.einsum("cij,cj->ci", inverse, pull)
+    left = work.residual - np.einsum("cni,ci->nc", design, step)
+    above = work.deviances - np.einsum("nc,nc->c", work.residual, work.residual)
+    misfit = np.einsum("nc,nc->c", left, left) + np.sum((below + step) ** 2, axis=1) + above
+    change = step[:, :count].T
+    sd = np.sqrt(np.einsum("cii->ic", inverse)[:count])
+    occam = boxed(exam, x, change, sd) - 0.5 * np.linalg.slogdet(matrix)[1]
+    return Sums(misfit, occam, x + change, inverse[int(np.argmin(misfit)), :count, :count])
+
+
+def boxed(exam: Examination, x: Floats, change: Floats, sd: Floats) -> Floats:
+    """Ln of the share of the posterior within the bounds of the calibrated numbers, column by column."""
+    return log_box(exam.low[:, np.newaxis] - x, exam.high[:, np.newaxis] - x, change, sd)
 
 
 def started(exam: Examination, residual: Floats, shared: Floats, x: Floats) -> float:

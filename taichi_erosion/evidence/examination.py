@@ -4,7 +4,7 @@ Seeds for fitting, for signatures and for judging are disjoint: a residual and a
 noise of one run correlate by chance, and an effect that does nothing looks present.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -113,9 +113,7 @@ def examine(problem: Problem, table: Measurements, seed: int) -> Examination:
             f"the model fails at {int(failed.sum())} of {rows.size} conditions; they are left out"
         )
         rows, variance = rows.rows(usable), variance[usable]
-        predictor = replace(
-            predictor, which=rows.which, conditions=rows.conditions, observables=rows.observables, seen={}
-        )
+        predictor = predictor.over(rows.observables, rows.which, rows.conditions)
     return judged(problem, rows, predictor, seeds, variance, tuple(warnings))
 
 
@@ -130,7 +128,7 @@ def judged(
     """Rows with known noise, and the variance of their judged residuals."""
     known = rows.known
     kept = rows.rows(known)
-    kept_predictor = replace(predictor, which=kept.which, conditions=kept.conditions, seen={})
+    kept_predictor = predictor.over(kept.observables, kept.which, kept.conditions)
     total = kept.variance + variance[known] / seeds.judging.size + UNKNOWN_NOISE
     return Examination(
         problem, kept, kept_predictor, seeds, variance[known], total, noise_doubt(rows.freedom), warnings

@@ -22,7 +22,7 @@ def at_strength(signature: Signature, strength: float) -> Floats:
 def separations(exam: Examination, found: Screen, strengths: Mapping[str, float]) -> tuple[list[str], Floats]:
     """Delta_ab = min over strengths of |g_a - psi g_b|, the sd between two effects when the rival may adapt.
 
-    For straight paths this is |g_a| sin phi_ab; an effect and its opposite are no twins, strengths being >= 0.
+    For straight paths this is |g_a| sin phi_ab; an effect and its opposite are no twins: strengths are >= 0.
     """
     acting = [s for s in found.signatures if s.resolved]
     names = [s.name for s in acting]

@@ -65,9 +65,8 @@ def moderated(variance: Floats, freedom: Floats, size: Floats) -> Floats:
     centre = np.full(level.size, level.mean())
     used = 1
     if level.size >= TREND_ROWS and np.ptp(size) > 0.0:
-        line = stats.linregress(size, level)
-        if line.pvalue < TREND_P:
-            centre, used = line.intercept + line.slope * size, 2
+        if np.asarray(stats.pearsonr(size, level))[1] < TREND_P:
+            centre, used = np.polyval(np.polyfit(size, level, 1), size), 2
     if level.size <= used:
         return floored
     excess = np.sum((level - centre) ** 2) / (level.size - used) - float(
@@ -114,7 +113,7 @@ def between_repeats(scaled: Floats, variance: Floats, repeats: Floats, cell: Flo
 
 
 def checked(variance: Floats, squares: float, between: int, freedom: float) -> Scatter:
-    """Stated variances, scaled by what repeated rows say of them; SS_pe ~ chi^2(nu) if the statement is right."""
+    """Stated variances, scaled by what repeated rows say of them: SS_pe ~ chi^2(nu) if they are right."""
     if between == 0:
         return Scatter(variance, freedom, np.nan, np.nan)
     factor = sqrt(squares / between)
@@ -126,8 +125,8 @@ def checked(variance: Floats, squares: float, between: int, freedom: float) -> S
 def likely_factor(squares: float, between: int) -> float:
     """True over stated sd, given the scatter between repeated rows: exp E[ln f].
 
-    Most statements are right to a few percent, some are wrong by a factor (an instrument's error given for the
-    scatter of samples, a standard error for an sd); the mixture keeps eight repeats from overruling a
+    Most statements are right to a few percent, some are wrong by a factor (an instrument's error given for
+    the scatter of samples, a standard error for an sd); the mixture keeps eight repeats from overruling a
     good statement by their own chance, and lets them overrule a bad one.
     """
     grid = np.linspace(-1.2, 1.6, 281)  # ln f
@@ -149,8 +148,8 @@ class Doubt:
 def noise_doubt(freedom: float) -> Doubt:
     """How far the noise level may be wrong, given the degrees of freedom that measure it.
 
-    Without repeats a stated sd can only be understated: ln f ~ exponential with mean DOUBT. With nu degrees of
-    freedom ln f ~ N(0, 1 / (2 nu)), never wider than DOUBT.
+    Without repeats a stated sd can only be understated: ln f ~ exponential with mean DOUBT. With nu degrees
+    of freedom ln f ~ N(0, 1 / (2 nu)), never wider than DOUBT.
     """
     if freedom < LEAST_FREEDOM:
         grid = np.linspace(0.0, 6.0 * DOUBT, 10)

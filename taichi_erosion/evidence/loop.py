@@ -2,13 +2,21 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from time import perf_counter
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence import results
 from taichi_erosion.evidence.adopt import adopt
+from taichi_erosion.evidence.answering import (
+    BudgetName,
+    about_adoption,
+    about_comparison,
+    about_discovery,
+    answered,
+    last_budget,
+)
 from taichi_erosion.evidence.compare import compare
 from taichi_erosion.evidence.discover import discover
 from taichi_erosion.evidence.documents import (
@@ -19,38 +27,19 @@ from taichi_erosion.evidence.documents import (
     next_document,
     plain,
 )
-from taichi_erosion.evidence.findings import Adoption, HypothesisFit
+from taichi_erosion.evidence.findings import Adoption, Comparison, Discovery, Experiment, HypothesisFit
 from taichi_erosion.evidence.problem import Laboratory, Progress
 from taichi_erosion.evidence.propose import next_experiments, propose
 from taichi_erosion.evidence.study import Study, load_study
 from taichi_erosion.evidence.successor import write_successor
+from taichi_erosion.evidence.surface_plan import Explanation
 from taichi_erosion.evidence.vault import openings, record_opening
-
-BudgetName = Literal["quick", "full"]
-
-
-@dataclass
-class Voice:
-    """One line of progress for two tellers: the statistics, and the simulations that they wait for."""
-
-    progress: Progress
-    words: str = ""
-    share: float = 0.0
-
-    def tell(self, words: str, share: float) -> None:
-        """What the statistics are doing, and how far they are."""
-        self.words, self.share = words, share
-        self.progress(words, share)
-
-    def tell_runs(self, _share: float, words: str) -> None:
-        """How far the simulations of the present step are."""
-        self.progress(f"{self.words}: {words}", self.share)
 
 
 @contextmanager
-def opened(path: Path, voice: Voice, budget: BudgetName | None = None) -> Iterator[Study]:
+def opened(path: Path, budget: BudgetName | None = None) -> Iterator[Study]:
     """A study whose runs are safe in its store when the block is left, however it is left."""
-    study = load_study(path, budget, voice.tell_runs)
+    study = load_study(path, budget)
     try:
         yield study
     finally:
@@ -59,55 +48,84 @@ def opened(path: Path, voice: Voice, budget: BudgetName | None = None) -> Iterat
 
 def compare_study(path: Path, progress: Progress) -> Document:
     """Where the model fails."""
-    voice = Voice(progress)
-    with opened(path, voice) as study:
-        document = compare_document(study, compare(study.problem, voice.tell))
-        results.keep(study.results, path.stem, "compare", document)
-        return document
+    start = perf_counter()
+    with opened(path) as study:
+        budget = last_budget(study)
+
+        def question(ready: Study) -> Comparison:
+            return compare(ready.problem, progress)
+
+        found, ready = answered(study, (), budget, progress, question, about_comparison)
+        return kept(ready, "compare", compare_document(ready, found), start)
 
 
 def discover_study(path: Path, budget: BudgetName | None, progress: Progress) -> Document:
     """Which effect is missing."""
-    voice = Voice(progress)
-    with opened(path, voice, budget) as study:
-        found = discover(study.problem, study.file.study.seed, study.problem.budget, voice.tell)
-        if study.file.study.model is not None:  # a scene would have to be simulated under every condition
-            experiments = next_experiments(study.problem, found, laboratory_of(study))
+    start = perf_counter()
+    with opened(path, budget) as study:
+        seed, spent = study.file.study.seed, study.problem.budget.name
+
+        def question(ready: Study) -> Discovery:
+            return discover(ready.problem, seed, ready.problem.budget, progress)
+
+        found, ready = answered(study, names_of(study), spent, progress, question, about_discovery)
+        if study.file.study.model is not None or not study.file.laboratory.ranges:
+            experiments = next_experiments(ready.problem, found, laboratory_of(ready))
             found = replace(found, next_experiments=tuple(experiments))
         adopted = results.recall(study.results, path.stem, "adopt")
         seen = adopted["vault"] if adopted and adopted.get("digest") == study.digest[:12] else None
-        document = discover_document(study, found, seen)
-        document["budget"] = study.problem.budget.name
-        results.keep(study.results, path.stem, "discover", document)
-        return document
+        document = discover_document(ready, found, seen) | {"budget": spent}
+        return kept(ready, "discover", document, start)
 
 
 def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
     """The error before and after an effect is added, on data that no fit has seen; writes the new study."""
-    voice = Voice(progress)
-    with opened(path, voice) as study:
-        names = [candidate.name for candidate in study.problem.candidates]
+    start = perf_counter()
+    with opened(path) as study:
+        names, seed = names_of(study), study.file.study.seed
         if effect not in names:
             raise BadInput(f"{path}: {effect} is no candidate; there are: {', '.join(names) or 'none'}")
-        found = adopt(study.problem, effect, study.file.study.seed, voice.tell)
+
+        def question(ready: Study) -> Adoption:
+            return adopt(ready.problem, effect, seed, progress)
+
+        found, ready = answered(study, names, last_budget(study), progress, question, about_adoption)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, effect)
         successor = write_successor(study, found)
-        document = adopt_document(study, found, count, str(successor))
-        results.keep(study.results, path.stem, "adopt", document)
+        document = adopt_document(ready, found, count, str(successor))
         climb(study, found)
-        return document
+        return kept(ready, "adopt", document, start)
 
 
 def next_study(path: Path, progress: Progress) -> Document:
     """The experiments that would decide."""
-    voice = Voice(progress)
-    with opened(path, voice) as study:
-        _, experiments = propose(study.problem, laboratory_of(study), study.file.study.seed, voice.tell)
-        document = next_document(study, experiments)
-        results.keep(study.results, path.stem, "next", document)
-        return document
+    start = perf_counter()
+    with opened(path) as study:
+        seed, budget = study.file.study.seed, last_budget(study)
+
+        def question(ready: Study) -> tuple[Discovery, list[Experiment]]:
+            return propose(ready.problem, laboratory_of(ready), seed, progress)
+
+        def about(found: tuple[Discovery, list[Experiment]]) -> list[Explanation]:
+            return about_discovery(found[0])
+
+        found, ready = answered(study, names_of(study), budget, progress, question, about, ahead=True)
+        return kept(ready, "next", next_document(ready, found[1]), start)
+
+
+def kept(study: Study, question: results.Question, document: Document, start: float) -> Document:
+    """A document in the results folder, with what all of it has cost."""
+    if study.simulations is not None:
+        document |= {"runs": study.simulations, "wall_s": perf_counter() - start}
+    results.keep(study.results, study.path.stem, question, document)
+    return document
+
+
+def names_of(study: Study) -> list[str]:
+    """Candidates of a study."""
+    return [candidate.name for candidate in study.problem.candidates]
 
 
 def laboratory_of(study: Study) -> Laboratory:

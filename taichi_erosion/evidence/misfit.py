@@ -71,7 +71,7 @@ def structure_p(left: Residuals, factor: Floats) -> tuple[float, float]:
     eigenvalues = np.linalg.eigvalsh(factor.T @ free)
     projected = factor.T @ left.free
     value = float(projected @ projected)
-    return value, chance_of_quadratic(value, eigenvalues[eigenvalues > 1e-12])
+    return value, chance_of_quadratic(value, np.maximum(eigenvalues, 0.0))
 
 
 def where_it_fails(exam: Examination, expansion: Expansion) -> tuple[Where, ...]:

@@ -1,6 +1,7 @@
 """The model behind one counter: predictions on the comparison scale, remembered, failures counted."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from taichi_erosion.evidence.problem import Candidate, Conditions, Floats, Integ
 from taichi_erosion.evidence.scales import Axis, split_setting, strengths, to_scale
 
 Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
+Spectrum = tuple[Floats, Floats]  # eigenvalues and eigenvectors of a kernel
 
 
 @dataclass
@@ -30,6 +32,18 @@ class Predictor:
     candidates: tuple[Candidate, ...]
     ledger: Ledger = field(default_factory=Ledger)
     seen: dict[Key, Floats] = field(default_factory=dict)
+    spectra: dict[bytes, Spectrum] = field(default_factory=dict)  # of smooth functions over some rows
+
+    def over(
+        self, observables: tuple[Observable, ...], which: Integers, conditions: Conditions
+    ) -> "Predictor":
+        """The same model, at the same cost counter, over other rows."""
+        return replace(self, observables=observables, which=which, conditions=conditions, seen={}, spectra={})
+
+    @cached_property
+    def rows(self) -> tuple[Integers, ...]:
+        """Rows of every observable."""
+        return tuple(np.flatnonzero(self.which == index) for index in range(len(self.observables)))
 
     def predict(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
         """Values (r, n) on the comparison scale at calibrated numbers x, with some effects acting."""
@@ -46,15 +60,15 @@ class Predictor:
         parameters, adopted = split_setting(self.axes, x)
         effects = {**strengths(self.candidates, acting), **adopted}
         result = np.empty((seeds.size, self.which.size))
-        for index, observable in enumerate(self.observables):
-            rows = np.flatnonzero(self.which == index)
+        for observable, rows in zip(self.observables, self.rows, strict=True):
             if rows.size:
                 chosen = {name: column[rows] for name, column in self.conditions.items()}
                 answer = self.model(observable.name, chosen, dict(parameters), dict(effects), seeds)
-                values = np.broadcast_to(np.asarray(answer, dtype=float), (seeds.size, rows.size))
-                result[:, rows] = to_scale(observable, np.where(np.isfinite(values), values, np.nan))
+                result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
+        failed = ~np.isfinite(result)
         self.ledger.runs += int(seeds.size)
-        self.ledger.failures += int(np.sum(~np.isfinite(result)))
+        self.ledger.failures += int(failed.sum())
+        result[failed] = np.nan
         return result
 
 

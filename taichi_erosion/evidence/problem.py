@@ -86,6 +86,8 @@ class Observable:
     floor: float = 0.0  # in the unit of the observable
     sd_shared: float = 0.0  # systematic sd common to all rows of one instrument, in the observable's unit
     sd_numerical: float = 0.0  # deliberate tolerance for box, time step, coarse graining; 0 is reported as 0
+    sd_shared_relative: float = 0.0  # systematic error that grows with the value, over the value [1]
+    variance_model: float = 0.0  # of the model's mean, on the comparison scale: a surface in its place
 
 
 @dataclass(frozen=True)

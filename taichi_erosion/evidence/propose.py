@@ -6,10 +6,11 @@ maximises
 
     U(x) = sum_{a<b} q_a q_b (mu_a - mu_b)^2 / (s^2 + v_a + v_b) / cost(x)
 
-(the rivals get to refit: v), everything is updated, and so on. The chance that the whole set decides comes from
-simulated outcomes, not from U.
+(the rivals get to refit: v), everything is updated, and so on. The chance that the whole set decides comes
+from simulated outcomes, not from U.
 
-Reference: Buzzi-Ferraris & Forzatti (1983), Chem. Eng. Sci. 38, 225, after Box & Hill (1967), Technometrics 9, 57.
+Reference: Buzzi-Ferraris & Forzatti (1983), Chem. Eng. Sci. 38, 225, after Box & Hill (1967), Technometrics
+9, 57.
 """
 
 from dataclasses import dataclass, replace
@@ -125,14 +126,17 @@ def pool_of(exam: Examination, laboratory: Laboratory) -> Pool:
     present = [int(index) for index in np.unique(exam.rows.which)]
     which = np.repeat(present, share.shape[0]).astype(np.int64)
     conditions = {name: np.tile(column, len(present)) for name, column in settings.items()}
-    single = {index: float(np.median(exam.rows.variance[exam.rows.which == index])) for index in present}
-    seeds = {index: float(np.median(exam.seed_variance[exam.rows.which == index])) for index in present}
-    predictor = replace(exam.predictor, which=which, conditions=conditions, seen={})
+    noise = np.full(len(exam.rows.observables), np.nan)
+    for index in present:
+        own = exam.rows.which == index
+        single, simulated = np.median(exam.rows.variance[own]), np.median(exam.seed_variance[own])
+        noise[index] = single / laboratory.repeats + simulated / exam.seeds.fitting.size
+    predictor = exam.predictor.over(exam.predictor.observables, which, conditions)
     return Pool(
         predictor,
         which,
         conditions,
-        np.array([single[i] / laboratory.repeats + seeds[i] / exam.seeds.fitting.size for i in which]),
+        noise[which],
         np.array([laboratory.costs.get(exam.rows.observables[i].name, 1.0) for i in which]),
     )
 

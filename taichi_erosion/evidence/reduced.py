@@ -5,9 +5,11 @@
     a   = arctan(mu_s) + 15 mu_r                                                [deg]
 
 times what the effects of `reduced_effects.py` add. It teaches what an evidence study is, and tests the
-statistics; use it as `model = "taichi_erosion.evidence.reduced:predict"`. Observables: threshold_u_star, flux,
-repose_angle. Parameters: threshold_coefficient A, flux_coefficient C, friction_sliding mu_s, friction_rolling
-mu_r. Conditions: the keys of DEFAULTS, which also say what is assumed when one is not given.
+statistics; use it as `model = "taichi_erosion.evidence.reduced:predict"`.
+
+Observables: threshold_u_star, flux, repose_angle. Parameters: threshold_coefficient A, flux_coefficient C,
+friction_sliding mu_s, friction_rolling mu_r. Conditions: the keys of DEFAULTS, which also say what is assumed
+when one is not given.
 
 Reference: Bagnold (1941) for the threshold, Ungar & Haff (1987), Sedimentology 34, 289, for the flux.
 """
@@ -31,6 +33,7 @@ SCATTER = {
     "flux": 0.08,
     "repose_angle": 0.5,
 }  # of one seed: relative, relative, deg
+DEFAULT_COLUMNS: Conditions = {name: np.asarray(value) for name, value in DEFAULTS.items()}
 DEGREES_PER_ROLLING = 15.0  # deg per unit of rolling friction, from heaps of spheres
 
 
@@ -72,7 +75,7 @@ def expected(
 
 def complete_conditions(conditions: Conditions) -> Conditions:
     """Conditions with the default where one is not given or not known; a default alone stays one number."""
-    complete: Conditions = {name: np.asarray(value) for name, value in DEFAULTS.items()}
+    complete = dict(DEFAULT_COLUMNS)
     for name, column in conditions.items():
         known = np.isfinite(column)
         complete[name] = column if known.all() else np.where(known, column, DEFAULTS.get(name, 0.0))
@@ -101,8 +104,7 @@ def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Flo
 
 def scrambled(state: np.ndarray) -> np.ndarray:
     """One step of splitmix64: every bit of the result depends on every bit of the state."""
-    with np.errstate(over="ignore"):
-        state = state + np.uint64(0x9E3779B97F4A7C15)
-        state = (state ^ np.right_shift(state, np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        state = (state ^ np.right_shift(state, np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    state = state + np.uint64(0x9E3779B97F4A7C15)
+    state = (state ^ np.right_shift(state, np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    state = (state ^ np.right_shift(state, np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return state ^ np.right_shift(state, np.uint64(31))

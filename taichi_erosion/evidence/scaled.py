@@ -1,4 +1,4 @@
-"""Measurements as the statistics see them: on the comparison scale, repeats merged, every error source known."""
+"""Measurements as the statistics see them: on the comparison scale, repeats merged, error sources known."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -117,10 +117,11 @@ def merged_rows(
     first, total = first[order], total[order]
     mean = (np.bincount(inverse, weight * z)[order] / total) if z.size else z
     steep = steepness[first]
-    numerical = (observable.sd_numerical * steep) ** 2
+    numerical = (observable.sd_numerical * steep) ** 2 + observable.variance_model
     unknown = ~np.isfinite(scatter.variance[first])
     shared = np.zeros((first.size, width))
-    shared[:, index] = observable.sd_shared * steep
+    growing = observable.sd_shared_relative * value[usable][first]
+    shared[:, index] = np.hypot(observable.sd_shared, growing) * steep
     piece = Piece(
         which=np.full(first.size, index),
         z=mean,

@@ -1,4 +1,4 @@
-"""Scales on which noise is near-normal: observables through their transform, parameters through their prior."""
+"""Scales with near-normal noise: observables through their transform, parameters through their prior."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,8 +17,9 @@ def to_scale(observable: Observable, value: Floats) -> Floats:
     if observable.transform == "identity":
         return np.asarray(value, dtype=float)
     raised = np.asarray(value, dtype=float) + offset(observable)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(raised > 0.0, np.log(np.where(raised > 0.0, raised, 1.0)), np.nan)
+    if raised.size and raised.min() > 0.0:
+        return np.log(raised)
+    return np.where(raised > 0.0, np.log(np.where(raised > 0.0, raised, 1.0)), np.nan)
 
 
 def from_scale(observable: Observable, scaled: Floats) -> Floats:
@@ -29,7 +30,7 @@ def from_scale(observable: Observable, scaled: Floats) -> Floats:
 
 
 def slope(observable: Observable, value: Floats) -> Floats:
-    """Derivative of the comparison scale, dz/dy: turns an sd in the observable's unit into one on the scale."""
+    """Derivative dz/dy of the comparison scale, by which an sd in the observable's unit is multiplied."""
     if observable.transform == "identity":
         return np.ones_like(np.asarray(value, dtype=float))
     raised = np.asarray(value, dtype=float) + offset(observable)
@@ -57,7 +58,7 @@ class Axis:
 
 
 def parameter_axis(parameter: Parameter) -> Axis:
-    """Axis of a parameter; a start that is not positive cannot have a lognormal prior and gets a normal one."""
+    """Axis of a parameter; a start that is not positive gets a normal prior instead of a lognormal one."""
     if parameter.start <= 0.0:
         scale = max(0.25 * (parameter.high - parameter.low), 1e-300)  # the range as +-2 sd
         low, high = (parameter.low - parameter.start) / scale, (parameter.high - parameter.start) / scale

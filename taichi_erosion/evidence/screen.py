@@ -11,12 +11,13 @@ import numpy as np
 from taichi_erosion.evidence.algebra import log_sum_exp, projection, stack, stack_signature, working
 from taichi_erosion.evidence.evidence import Expansion, log_prior, smooth_path
 from taichi_erosion.evidence.examination import Examination
-from taichi_erosion.evidence.problem import Candidate, Floats
+from taichi_erosion.evidence.problem import Bools, Candidate, Floats
 from taichi_erosion.evidence.smooth import paired_change
 
 STEPS = (0.25, 0.5, 1.0, 2.0)  # strengths of a path, in units of the expected one
 QUICK_STEPS = (0.5, 1.0)
-GRID = 13  # strengths at which a candidate is compared with the residual
+GRID = 25  # strengths at which a candidate is compared with chance, closest near 0
+PEAK = np.linspace(-4.0, 4.0, 9)  # further strengths, in sd about the one that fits the residual best
 UNRESOLVED = 0.7  # share of noise from which a signature is not used at all
 NOISE_LIMIT = 0.1  # share of a signature's energy that replicate noise may make up
 
@@ -67,65 +68,110 @@ def screen(exam: Examination, base: Expansion) -> Screen:
     scale = work.weight / exam.sd
     part = projection(base.jacobian * scale[:, np.newaxis], exam.rows.shared * scale[:, np.newaxis])
     residual = part.free(stack(work.residual, base.fit.x, exam.rows.shared.shape[1]))
-    signatures, correlations = [], []
+    signatures = []
+    pairs: list[Floats] = []
     for candidate in exam.problem.candidates:
-        found, correlation = signature(exam, base, candidate, scale, part.basis)
-        signatures.append(found)
-        correlations.append(correlation)
-    pooled = np.full(exam.rows.size, np.nan)
-    if correlations:
-        table = np.array(correlations)
-        seen = np.isfinite(table)
-        total, count = np.where(seen, table, 0.0).sum(axis=0), seen.sum(axis=0)
-        pooled = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return Screen(base, residual, tuple(signatures), pooled, part.basis)
+        path = runs_along(exam, base, candidate)
+        signatures.append(signature(exam, candidate, path, Whitening(scale, part.basis, residual)))
+        pairs.append(path.correlation)
+    return Screen(base, residual, tuple(signatures), known_mean(np.array(pairs), exam.rows.size), part.basis)
 
 
-def signature(
-    exam: Examination, base: Expansion, candidate: Candidate, scale: Floats, basis: Floats
-) -> tuple[Signature, Floats]:
-    """Path of one candidate, and the measured correlation of its paired runs."""
-    x, mask = base.fit.x, exam.mask(candidate.name)
-    steps = QUICK_STEPS if exam.problem.budget.name == "quick" else STEPS
-    unit = expected_strength(candidate)
-    nodes = np.unique(
-        np.clip([0.0, *(step * unit for step in steps), candidate.maximum], 0.0, candidate.maximum)
-    )
-    if not mask.any() or unit <= 0.0:
-        nodes = nodes[:1]
-    bare = exam.predictor.predict(x, {}, exam.seeds.signature)
-    runs = [bare] + [
-        exam.predictor.predict(x, {candidate.name: float(v)}, exam.seeds.signature) for v in nodes[1:]
-    ]
-    predictor = exam.predictor
-    change = np.array([paired_change(run, bare, predictor.which, predictor.conditions) for run in runs])
+def known_mean(table: Floats, width: int) -> Floats:
+    """Mean of every column's finite entries; NaN where there are none."""
+    table = table.reshape(-1, width)
+    seen = np.isfinite(table)
+    count = seen.sum(axis=0)
+    return np.where(count > 0, np.where(seen, table, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """What one candidate does to the mean at a few strengths, from paired runs."""
+
+    nodes: Floats  # strengths
+    change: Floats  # (nodes, n)
+    failed: int  # strengths at which the model failed
+    correlation: Floats  # (n,), of paired runs; NaN without noise
+    variance: Floats | None  # (n,), of the change at the largest strength; None without noise
+
+
+def runs_along(exam: Examination, base: Expansion, candidate: Candidate) -> Runs:
+    """Paired runs of one candidate from strength 0 to its maximum."""
+    x, mask, predictor = base.fit.x, exam.mask(candidate.name), exam.predictor
+    nodes = strength_nodes(exam, candidate, mask)
+    bare = predictor.predict(x, {}, exam.seeds.signature)
+    acting = [predictor.predict(x, {candidate.name: float(v)}, exam.seeds.signature) for v in nodes[1:]]
+    change = np.array([paired_change(run, bare, predictor) for run in (bare, *acting)])
     change[:, ~mask] = 0.0
     good = np.all(np.isfinite(change), axis=1)
-    correlation, extra = (
-        paired_noise(exam, bare, runs[-1]) if nodes.size > 1 else (np.full(mask.size, np.nan), None)
-    )
-    nodes, failed, change = nodes[good], int(np.sum(~good)), change[good]
-    top = float(nodes[-1])
-    grid = np.unique(np.concatenate([np.linspace(0.0, top, GRID), [min(unit, top)]]))
-    raw = smooth_path(exam, nodes, change, 0.0, grid) * scale
-    below = stack_signature(raw.T, x.size, exam.rows.shared.shape[1])
-    free = (below - basis @ (basis.T @ below)).T
-    at = int(np.argmin(np.abs(grid - unit)))
-    norm, absorption, noise = cleaned_norm(
-        exam, raw[at], free[at], basis, None if extra is None else extra * scale**2
-    )
-    found = Signature(
-        candidate.name,
-        grid,
-        log_prior(grid, candidate.prior_scale),
-        raw,
-        free,
-        norm,
-        absorption,
-        noise,
-        failed,
-    )
-    return found, correlation
+    correlation, variance = np.full(mask.size, np.nan), None
+    if acting:
+        correlation, variance = paired_noise(exam, bare, acting[-1])
+    return Runs(nodes[good], change[good], int(np.sum(~good)), correlation, variance)
+
+
+def strength_nodes(exam: Examination, candidate: Candidate, mask: Bools) -> Floats:
+    """Strengths at which the model is run; 0 alone for a candidate that cannot act."""
+    steps = QUICK_STEPS if exam.problem.budget.name == "quick" else STEPS
+    unit = expected_strength(candidate)
+    if not mask.any() or unit <= 0.0:
+        return np.zeros(1)
+    wanted = np.array([0.0, *(step * unit for step in steps), candidate.maximum])
+    return np.unique(np.clip(wanted, 0.0, candidate.maximum))
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """From changes of the mean to free signatures, and the free residual they are compared with."""
+
+    scale: Floats  # (n,)
+    basis: Floats
+    residual: Floats
+
+    def raw(self, exam: Examination, path: Runs, grid: Floats) -> Floats:
+        """Whitened signature along a grid of strengths."""
+        return smooth_path(exam, path.nodes, path.change, 0.0, grid) * self.scale
+
+    def free(self, raw: Floats) -> Floats:
+        """What calibration cannot imitate of it."""
+        below = stack_signature(raw.T, self.residual.size - raw.shape[1], 0)
+        return (below - self.basis @ (self.basis.T @ below)).T
+
+
+def strength_grid(
+    exam: Examination, candidate: Candidate, path: Runs, white: Whitening
+) -> tuple[Floats, Floats]:
+    """Strengths of a path, and the whitened signature there.
+
+    Chance makes weak effects, of strength about 1 / |M g|, so that the grid is closest near 0. A strong
+    effect is known to a small part of its strength, so that the grid is fine about the best one too.
+    """
+    top = float(path.nodes[-1])
+    unit = min(expected_strength(candidate), top)
+    coarse = np.unique(np.append(top * np.linspace(0.0, 1.0, GRID) ** 2, unit))
+    raw = white.raw(exam, path, coarse)
+    if coarse.size < 3:
+        return coarse, raw
+    free = white.free(raw)
+    best = int(np.argmax(2.0 * free @ white.residual - np.einsum("ij,ij->i", free, free)))
+    near = free[min(best + 1, coarse.size - 1)] - free[max(best - 1, 0)]
+    step = coarse[min(best + 1, coarse.size - 1)] - coarse[max(best - 1, 0)]
+    spread = step / max(float(np.linalg.norm(near)), 1e-300)
+    peak = coarse[best] + min(spread, 0.25 * step) * PEAK
+    grid = np.unique(np.concatenate([coarse, np.clip(peak, 0.0, top)]))
+    return grid, white.raw(exam, path, grid)
+
+
+def signature(exam: Examination, candidate: Candidate, path: Runs, white: Whitening) -> Signature:
+    """One candidate's path on the grid of strengths, with what it amounts to at its expected strength."""
+    grid, raw = strength_grid(exam, candidate, path, white)
+    free = white.free(raw)
+    at = int(np.argmin(np.abs(grid - expected_strength(candidate))))
+    variance = None if path.variance is None else path.variance * white.scale**2
+    norm, absorption, noise = cleaned_norm(raw[at], free[at], white.basis, variance)
+    prior = log_prior(grid, candidate.prior_scale)
+    return Signature(candidate.name, grid, prior, raw, free, norm, absorption, noise, path.failed)
 
 
 def paired_noise(exam: Examination, bare: Floats, acting: Floats) -> tuple[Floats, Floats | None]:
@@ -147,7 +193,7 @@ def paired_noise(exam: Examination, bare: Floats, acting: Floats) -> tuple[Float
 
 
 def cleaned_norm(
-    exam: Examination, raw: Floats, free: Floats, basis: Floats, noise: Floats | None
+    raw: Floats, free: Floats, basis: Floats, noise: Floats | None
 ) -> tuple[float, float, float]:
     """|M g| without the part that replicate noise adds, absorption 1 - |M g| / |g|, and that noise's share.
 

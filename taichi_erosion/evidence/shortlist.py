@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from taichi_erosion.evidence.algebra import log_sum_exp
-from taichi_erosion.evidence.calibrate import GOOD_ENOUGH, Fit, fit
+from taichi_erosion.evidence.calibrate import GOOD_ENOUGH, STEPS, STEPS_QUICK, Fit, fit
 from taichi_erosion.evidence.evidence import Scored, expand, score
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.misfit import misfit_p, residuals_of
@@ -23,7 +23,6 @@ MOST = 8
 LEAST_QUICK, MOST_QUICK = 2, 4
 PAIR_GAIN = 0.5  # ln Bayes factor by which a pair must beat its better member in the screen
 PAIRS, PAIRS_QUICK = 6, 3
-STEPS, STEPS_QUICK = 10, 4
 LEAST_SHARE = 0.85  # of the misfit, from which an effect with a smooth remainder is still named
 WELL = 0.01  # chance of a misfit above which a hypothesis is taken to explain the measurements
 
@@ -73,14 +72,14 @@ def judge_singles(
 ) -> list[Judged]:
     """All shortlisted singles; every candidate from a second start too where none of them fits.
 
-    The screen stands on the slopes at the bare model's best fit. A large missing effect drives that fit to where
-    slopes mean little, and the screen may then dismiss the very effect that is missing.
+    The screen stands on the slopes at the bare model's best fit. A large missing effect drives that fit to
+    where slopes mean little, and the screen may then dismiss the very effect that is missing.
     """
     judged: dict[str, Judged] = {}
     for index, name in enumerate(names):
         progress(f"refitting with {name}", 0.2 + 0.4 * index / max(len(names), 1))
         start = np.append(found.base.fit.x, likely_strength(found.signature(name), found.residual))
-        judged[name] = judge(exam, refit(exam, (name,), [start]), family)
+        judged[name] = judge(exam, nested(exam, found.base.fit, refit(exam, (name,), [start])), family)
     if quick(exam) or explained_well(exam, list(judged.values())):
         return list(judged.values())
     for signature in found.signatures:
@@ -88,6 +87,13 @@ def judge_singles(
             progress(f"refitting with {signature.name} from another start", 0.6)
             rejudge(exam, judged, found, signature, family)
     return list(judged.values())
+
+
+def nested(exam: Examination, base: Fit, best: Fit) -> Fit:
+    """A fit that is no worse than the bare model, which it holds at strength 0: from there where it is."""
+    if best.misfit <= base.misfit:
+        return best
+    return refit(exam, best.names, [np.append(base.x, np.zeros(len(best.names)))])
 
 
 def rejudge(
@@ -200,16 +206,18 @@ def hypotheses(
 def unrefitted(base: Judged, seen: Significance, judged: list[Judged], found: Screen, index: int) -> Floats:
     """Evidence of a candidate that the screen dismissed: as far behind the best refitted one as it was there.
 
-    A screen over a large misfit promises more than a refit can keep, to all candidates alike.
+    A screen over a large misfit promises more than a refit can keep, to all candidates alike. None is worse
+    than the base by more than the prior of its weakest strengths, where it is the base.
     """
-    own = float(seen.observed[index])
+    own, least = float(seen.observed[index]), float(found.signatures[index].log_prior[0])
     rank = {signature.name: k for k, signature in enumerate(found.signatures)}
     singles = [item for item in judged if len(item.names) == 1]
     if not singles or own <= 0.0:
         return base.scored.log_evidence + min(own, 0.0)
     best = max(singles, key=lambda item: float(seen.observed[rank[item.names[0]]]))
     behind = max(float(seen.observed[rank[best.names[0]]]) - own, 0.0)
-    return np.minimum(best.scored.log_evidence - behind, base.scored.log_evidence + own)
+    bare = base.scored.log_evidence
+    return np.clip(best.scored.log_evidence - behind, bare + min(least, own), bare + own)
 
 
 def explained_share(exam: Examination, base: Judged, item: Judged) -> float:

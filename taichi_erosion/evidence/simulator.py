@@ -17,7 +17,7 @@ import numpy as np
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.campaign.store import Store, open_store
-from taichi_erosion.core.effect import Effect
+from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.units import conversion, parse_unit
@@ -84,7 +84,7 @@ class Simulator:
         acting = {
             name: psi for name, psi in effects.items() if psi != 0.0 and self.can_act(name, answer.scene, at)
         }
-        present = {*acting, *read_scene_once(answer.scene, ()).effects}
+        present = {*acting, *effects_of(answer.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
         kept = {path: value for path, value in at.items() if isfinite(value) and enters(path, read)}
         numbers = {
@@ -111,6 +111,12 @@ class Simulator:
 def read_scene_once(path: Path, overrides: tuple[str, ...]) -> Scene:
     """A validated scene; the observables of one scene ask for the same ones."""
     return read_scene(path, overrides)
+
+
+def effects_of(scene: Path) -> set[str]:
+    """Effects that act in a scene as it stands; one of strength 0 only states its parameters."""
+    entries = read_scene_once(scene, ()).effects
+    return {name for name, entry in entries.items() if entry.get(STRENGTH, 1.0) > 0.0}
 
 
 def enters(path: str, read: set[str]) -> bool:

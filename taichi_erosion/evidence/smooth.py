@@ -4,17 +4,17 @@ A slope or signature changes smoothly with the conditions; replicate noise does 
 
     d = c + K a (K a + s^2)^-1 (d_raw - c)
 
-with K a squared-exponential kernel over the conditions, s^2 the measured variance of the mean difference, c the
-mean and the amplitude a the likeliest one. Two calibrated numbers that move a heap alike stay indistinguishable
-then; raw noise would tell them apart. A model without noise is left as it is.
+with K a squared-exponential kernel over the conditions, s^2 the measured variance of the mean difference, c
+the mean and the amplitude a the likeliest one. Two calibrated numbers that move a heap alike stay
+indistinguishable then; raw noise would tell them apart. A model without noise is left as it is.
 """
 
 from math import sqrt
 
 import numpy as np
 
-from taichi_erosion.evidence.predictor import seed_mean
-from taichi_erosion.evidence.problem import Bools, Conditions, Floats, Integers
+from taichi_erosion.evidence.predictor import Predictor, Spectrum, seed_mean
+from taichi_erosion.evidence.problem import Bools, Floats, Integers
 
 LENGTH = 1.5  # of the kernel, in sd of a condition
 AMPLITUDES = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 25)])  # of the smooth part, over the noise
@@ -46,32 +46,39 @@ def pooled_noise(differences: Floats, which: Integers) -> Floats:
     return pooled
 
 
-def paired_change(after: Floats, before: Floats, which: Integers, conditions: Conditions) -> Floats:
-    """Mean change between paired runs, smoothed as far as their noise demands."""
+def paired_change(after: Floats, before: Floats, predictor: Predictor) -> Floats:
+    """Mean change between paired runs of a predictor, smoothed as far as their noise demands."""
     change = seed_mean(after) - seed_mean(before)
-    noise = pooled_noise(after - before, which)
+    noise = pooled_noise(after - before, predictor.which)
     if not np.any(noise > 0.0):
         return change
-    for index in np.unique(which):
-        rows = (which == index) & np.isfinite(change) & (change != 0.0)
+    for index in np.unique(predictor.which):
+        rows = (predictor.which == index) & np.isfinite(change) & (change != 0.0)
         if rows.sum() > 2 and noise[rows].max() > 0.0:
-            change[rows] = smoothed(change[rows], float(noise[rows].mean()), conditions, rows)
+            change[rows] = smoothed(change[rows], float(noise[rows].mean()), spectrum(predictor, rows))
     return change
 
 
-def smoothed(values: Floats, variance: Floats | float, conditions: Conditions, rows: Bools) -> Floats:
+def spectrum(predictor: Predictor, rows: Bools) -> Spectrum:
+    """Eigenvalues and eigenvectors of the kernel over some rows; remembered, no run changes them."""
+    key = rows.tobytes()
+    if key not in predictor.spectra:
+        axes = [standard_axis(column[rows]) for column in predictor.conditions.values()]
+        varied = [axis for axis in axes if axis is not None]
+        square = np.zeros((int(rows.sum()), int(rows.sum())))
+        for axis in varied:
+            square += ((axis[:, np.newaxis] - axis[np.newaxis, :]) / LENGTH) ** 2
+        values, vectors = np.linalg.eigh(np.exp(-0.5 * square / max(sqrt(len(varied)), 1.0)))
+        predictor.spectra[key] = np.maximum(values, 0.0), vectors
+    return predictor.spectra[key]
+
+
+def smoothed(values: Floats, variance: float, kernel: Spectrum) -> Floats:
     """Posterior mean of a smooth function of the conditions, at its likeliest amplitude."""
-    square = np.zeros((values.size, values.size))
-    axes = [
-        axis for axis in (standard_axis(column[rows]) for column in conditions.values()) if axis is not None
-    ]
-    for axis in axes:
-        square += ((axis[:, np.newaxis] - axis[np.newaxis, :]) / LENGTH) ** 2
-    spectrum, vectors = np.linalg.eigh(np.exp(-0.5 * square / max(sqrt(len(axes)), 1.0)))
-    spectrum = np.maximum(spectrum, 0.0)
+    eigenvalues, vectors = kernel
     centre = values.mean()
     parts = vectors.T @ (values - centre)
-    total = variance * (1.0 + AMPLITUDES[:, np.newaxis] * spectrum)
+    total = variance * (1.0 + AMPLITUDES[:, np.newaxis] * eigenvalues)
     fit = -0.5 * np.sum(np.log(total) + parts**2 / total, axis=1)
-    best = AMPLITUDES[int(np.argmax(fit))] * spectrum
+    best = AMPLITUDES[int(np.argmax(fit))] * eigenvalues
     return centre + vectors @ (best / (1.0 + best) * parts)

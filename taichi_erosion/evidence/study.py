@@ -51,6 +51,7 @@ class Study:
     model: str  # what answers, and its version
     store: Store
     notes: tuple[str, ...]  # what the report has to say about the table and the vault
+    simulations: int | None = None  # behind the surfaces that answer; None where a function answers
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,8 @@ def scene_answers(
     """A study that scenes answer; their runs are kept in the ledger of a campaign."""
     from taichi_erosion.evidence import scene_study
 
-    simulator = scene_study.simulator_of(path, file, measurements, results)
+    runs = results if file.study.runs is None else path.parent / file.study.runs
+    simulator = scene_study.simulator_of(path, file, measurements, runs)
     simulator.report = report
     candidates = scene_study.library_candidates(file, simulator, str(path))
     adopted = tuple(
@@ -162,7 +164,14 @@ def budget_of(file: StudyFile, name: Literal["quick", "full"] | None) -> Budget:
 
 def observable_of(name: str, entry: ObservableEntry) -> Observable:
     """How an observable is compared."""
-    return Observable(name, entry.transform, entry.floor or 0.0, entry.sd_shared, entry.sd_numerical)
+    return Observable(
+        name,
+        entry.transform,
+        entry.floor or 0.0,
+        entry.sd_shared,
+        entry.sd_numerical,
+        entry.sd_shared_relative,
+    )
 
 
 def candidates_of(file: StudyFile, name: str) -> Sequence[Candidate]:

@@ -27,6 +27,7 @@ class Head(Part):
     title: str = Field("", max_length=200, description="one line for people")
     notes: str = Field("", max_length=20_000, description="assumptions and sources")
     seed: int = number(1, "1", "first seed of the simulations", 0, 2**31)
+    runs: str | None = Field(None, min_length=1, description="folder of runs that several studies share")
     follows: str | None = Field(None, min_length=1, description="study from which `adopt` made this one")
 
 
@@ -43,6 +44,7 @@ class ObservableEntry(Part):
     sd_shared: float = number(
         0.0, "unit of the observable", "systematic sd common to all rows of one instrument", 0.0, LARGEST
     )
+    sd_shared_relative: float = number(0.0, "1", "the same, as a share of the value", 0.0, 10.0)
     sd_numerical: float = number(
         0.0, "unit of the observable", "tolerance for box, time step, coarse graining", 0.0, LARGEST
     )

@@ -11,8 +11,8 @@ from taichi_erosion.evidence.problem import Floats
 from taichi_erosion.evidence.scales import from_scale
 
 ASK_REPEATS = (
-    "Neither an sd nor repeated measurements are given, so no effect can be named. Repeat at least 4 conditions "
-    "3 times or more, or state the sd of a single measurement."
+    "Neither an sd nor repeated measurements are given, so no effect can be named. Repeat at least 4 "
+    "conditions 3 times or more, or state the sd of a single measurement."
 )
 SUSPECT = 0.05  # probability below which stated and found scatter disagree
 

@@ -101,7 +101,7 @@ def discrepancy_gain(exam: Examination, expansion: Expansion, family: list[Kerne
 
 
 def free_residual(exam: Examination, expansion: Expansion) -> tuple[Floats, Floats]:
-    """Residual rows that neither calibration nor the hypothesis' effects can remove, and the basis removed."""
+    """Residual rows that neither calibration nor the effects can remove, and the basis removed."""
     work = working((exam.rows.z - expansion.mean) / exam.sd, exam.rows.censored)
     scale = (work.weight / exam.sd)[:, np.newaxis]
     columns = np.hstack([expansion.local, expansion.jacobian]) * scale

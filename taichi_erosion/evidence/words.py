@@ -31,8 +31,8 @@ def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
     if decision.verdict in ("none_detected", "not_testable"):
         return silence_words(effects)
     if decision.verdict == "outside_library":
-        share = probability[OUTSIDE]
-        return f"Something is missing and it is not in the list (probability {share:.2g}, p = {found.p_misfit:.2g})."
+        numbers = f"probability {probability[OUTSIDE]:.2g}, p = {found.p_misfit:.2g}"
+        return f"Something is missing and it is not in the list ({numbers})."
     if decision.verdict == "unstable":
         return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
     if decision.verdict == "group":
@@ -71,6 +71,7 @@ def change_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
     )
     weak = sum(effect.status == "not_testable" for effect in effects.values())
     return (
-        f"The next best explanation is {called} (probability {rival[1]:.2g}); {weak} of {len(effects)} candidates "
-        "are not testable with these measurements, and data that test them could change the conclusion."
+        f"The next best explanation is {called} (probability {rival[1]:.2g}); {weak} of {len(effects)} "
+        "candidates are not testable with these measurements, and data that test them could change the "
+        "conclusion."
     )

@@ -1,10 +1,14 @@
 """Forces between grains: each partition walks its half list and adds to both partners in its own buffer."""
 
-from taichi_erosion.core.effect import pull_of
+from taichi_erosion.core.effect import passes, pull_of
 from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.contact import contact_force, describe_contact
 from taichi_erosion.grains.pairs import ENGAGED, MET, ROW_SHIFT
 from taichi_erosion.grains.state import force_block, partition_first, side_block
+
+MULTIPLIER = 0x9E3779B1  # golden ratio of 32 bits, odd (Knuth 1998, Art of Computer Programming 3, sec. 6.4)
+STIR, UNIT = 0x85EBCA6B, 2.0**-32  # odd, from the finaliser of MurmurHash3; of a 32-bit number
 
 
 @ti.func
@@ -108,6 +112,43 @@ def pull_pair(world_out: ti.template(), r, e, places, normal, gap):
 
 
 @ti.func
+def chance_of(first, second):
+    """Number between 0 and 1 that two grains always have together, in either order."""
+    low, high = ti.cast(ti.min(first, second), ti.u32), ti.cast(ti.max(first, second), ti.u32)
+    key = (low * ti.u32(MULTIPLIER) + high) * ti.u32(STIR)
+    key = (key ^ (key >> ti.u32(15))) * ti.u32(MULTIPLIER)
+    return ti.cast(key ^ (key >> ti.u32(16)), float) * UNIT
+
+
+@ti.func
+def passing(world: ti.template(), r, members, e, overlap):
+    """Whether two grains, (i, j), pass through each other."""
+    grains, replicas = ti.static((world.grains, world.replicas))
+    i, j = members
+    first, second = position_of(grains, replicas, r, i), position_of(grains, replicas, r, j)
+    meeting = world.meeting_type(
+        height=ti.cast(ti.min(first[2], second[2]), float),
+        depth=overlap / world.pairs.root_radius[e] ** 2,
+        chance=chance_of(grains.ident[i], grains.ident[j]),
+    )
+    return passes(world.meeting_effects, r, meeting)
+
+
+@ti.func
+def overlap_felt(world: ti.template(), r, members, e, overlap):
+    """Overlap of two grains [m]; where they pass through each other, a gap out of reach.
+
+    Those that touch go on touching until they part.
+    """
+    felt = overlap
+    if ti.static(world.meeting_effects.any):
+        if world.pairs.label[e] & ENGAGED == 0 and overlap > 0.0:
+            if passing(world, r, members, e, overlap) == 1:
+                felt = -world.replicas.reach[r]
+    return felt
+
+
+@ti.func
 def pair_force(world_out: ti.template(), r, p, base, i, e):
     """Force [N] and torque [N m] that entry e exerts on its owner at place i."""
     grains, pairs_out, replicas_out = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
@@ -125,7 +166,7 @@ def pair_force(world_out: ti.template(), r, p, base, i, e):
     if distance_squared < reach * reach:
         distance = ti.sqrt(distance_squared)
         root = pairs_out.root_radius[e]
-        overlap = contact_distance - distance
+        overlap = overlap_felt(world_out, r, (i, j), e, contact_distance - distance)
         report_overlap(replicas_out, r, p, i - base, rank, overlap / (2.0 * root * root))
         label = pairs_out.label[e]
         row, engaged = label >> ROW_SHIFT, label & ENGAGED

@@ -32,5 +32,7 @@ class World:
     clumps: Clumps
     pair_effects: Bound
     pair_type: Any  # struct type of a pair as its effects see it, in the run's precision
+    meeting_effects: Bound
+    meeting_type: Any  # likewise, of two grains that begin to overlap
     driven: bool  # compiled in: whether air or grain effects act between contacts
     held: Held

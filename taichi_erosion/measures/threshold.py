@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import exp, log, pi, sqrt
 
 import numpy as np
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize, root_scalar
 from scipy.stats import t as student
 
 from taichi_erosion.core.setup import Floats
@@ -15,6 +15,8 @@ UNIT = "m s-1"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
 SCALES = np.geomspace(1e-4, 1.0, 200)  # of the law, in logarithms: from next to none to any [1]
+CARRIED = 0.1  # of the largest flux [1]
+LEAST_PAIRS = 4  # two more than a line needs
 REACH = 1.5  # logarithms on either side of the brackets in which the ends of the interval are looked for
 
 KARMAN = 0.4  # [1]
@@ -60,6 +62,28 @@ def bracketed(name: str, bracket: Bracket | None) -> Measurement:
     return Measurement(name, bracket.middle, bracket.sd, UNIT, details=details)
 
 
+def flux_intercept(trials: Sequence[tuple[float, float]]) -> Bracket | None:
+    """Friction velocity at which the flux Q = a (u*^2 - u_t^2) of slowed-down transport would vanish.
+
+    Least squares through pairs (u* [m s-1], Q) that carry at least `CARRIED` of the largest flux: below that
+    the bed is close to rest, and Q is the tail of what blew before. The bracket is u_t with its standard
+    error on either side; None where fewer than four pairs are left or the line meets zero at no wind.
+
+    Reference: Creyssels et al. (2009), J. Fluid Mech. 625, 47, section 3.
+    """
+    table = np.array(trials, dtype=np.float64).reshape(-1, 2)
+    table = table[table[:, 1] > CARRIED * table[:, 1].max(initial=0.0)]
+    if len(table) < LEAST_PAIRS:
+        return None
+    stress, flux = table[:, 0] ** 2, table[:, 1]
+    # of u*^2 on Q: the intercept is what is asked for, and its error comes with it
+    (slope, start), covariance = np.polyfit(flux, stress, 1, cov=True)
+    error = sqrt(float(covariance[1, 1]))
+    if not (slope > 0.0 and start > error):
+        return None
+    return Bracket(sqrt(start - error), sqrt(start + error))
+
+
 def ratio(name: str, impact: Bracket | None, fluid: Bracket | None) -> Measurement:
     """Impact over fluid threshold of one bed [1]."""
     if impact is None or fluid is None:
@@ -85,7 +109,7 @@ def wind_speed(friction: float, tunnel: Tunnel) -> float:
         depth = GROWTH * tunnel.fetch * (speed * tunnel.fetch / tunnel.viscosity) ** -0.2
         return friction / KARMAN * (log(depth / roughness) + 2.0 * WAKE) - speed
 
-    return float(brentq(excess, friction, FASTEST_TUNNEL))
+    return root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
 
 
 def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurement:
@@ -158,6 +182,8 @@ def interval(ends: Floats) -> tuple[float, float]:
     def excess(m: float) -> float:
         return most - best_scale(ends, m)[1] - limit
 
-    low = brentq(excess, middle - REACH, middle) if excess(middle - REACH) > 0.0 else middle - REACH
-    high = brentq(excess, middle, middle + REACH) if excess(middle + REACH) > 0.0 else middle + REACH
-    return float(low), float(high)
+    def end(outer: float) -> float:
+        bracket = (min(outer, middle), max(outer, middle))
+        return root_scalar(excess, bracket=bracket).root if excess(outer) > 0.0 else outer
+
+    return end(middle - REACH), end(middle + REACH)

@@ -1,9 +1,11 @@
 """The hunt for thresholds in one bed: which wind blows next, and what the bed does in it.
 
     ramp    u* grows in small steps over the bed as it is: where the first grains roll, and leave
-    hold    from rest, at winds around the one at which they left, until the last step has been bisected
+    hold    from rest, at winds between those two, bisected until the last step has been halved often enough
     start   from rest, well above the fluid threshold, until transport has developed
     fall    u* falls in small steps over moving grains, until they come to rest
+
+Where the scene names the wind of the transport, the hunt begins with the start, over grains as they blow.
 
 At every change of u* the air takes its steady profile at once. Below the threshold nothing happens for long:
 where the wind is steady, a bed that no longer stirs is called at rest before its time is up.
@@ -18,7 +20,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.threshold import Bracket
+from taichi_erosion.measures.threshold import Bracket, flux_intercept
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.sizes import nominal_diameter
 from taichi_erosion.simulation import Simulation, develop_wind, export_bed, import_bed, snapshot
@@ -26,10 +28,11 @@ from taichi_erosion.simulation import Simulation, develop_wind, export_bed, impo
 FIRST = 0.08  # of sqrt((s - 1) g d): below all thresholds of dry grains in air, with drag alone [1]
 QUIET = 1e-4  # of a diameter, between two checks: a bed that stirs less is at rest in a steady wind [1]
 STIR = 0.2  # of a trial that a bed is given before it may be called at rest [1]
-ROUNDING = 1e-9  # of an interval: a moment that lies on it counts as reached [1]
+ROUNDING = 1e-9  # of an interval: what lies on its end counts as reached [1]
 DURATION = {"ramp": "rise_hold", "hold": "hold", "start": "spin_up", "fall": "fall_hold"}  # by phase
 FROM_REST = ("hold", "start")  # phases whose winds find the bed as it was at rest
-IMPACT = ("impact_threshold", "threshold_ratio")  # measures that ask for the start and the fall
+# measures that ask for the start and the fall
+IMPACT = ("impact_threshold", "impact_threshold_linear", "threshold_ratio")
 
 Phase = Literal["ramp", "hold", "start", "fall"]
 
@@ -63,7 +66,6 @@ class Hunt:
     phase: Phase = "ramp"
     low: float | None = None  # m s-1, highest wind from rest that the bed withstood
     high: float | None = None  # m s-1, lowest wind from rest that moved it
-    halved: int = 0
     full: float = 0.0  # kg m-1 s-1, flux from which the fall begins
     found: dict[str, Bracket] = field(default_factory=dict)
     trials: list[dict[str, Any]] = field(default_factory=list)
@@ -86,14 +88,20 @@ class Hunt:
 
 
 def begin_hunt(sim: Simulation, scene: Scene, replica: int, time: float) -> Hunt:
-    """Start with the ramp; the bed as it lies is what later winds find."""
-    assert scene.wind is not None
-    diameter, density = nominal_diameter(scene.grains.size), scene.materials[scene.grains.material].density
-    weight = (density / scene.wind.density - 1.0) * scene.gravity.magnitude * diameter
-    first = scene.threshold.first or FIRST * sqrt(weight)
+    """Start with the ramp, or with transport; the bed as it lies is what later winds from rest find."""
+    transport = scene.threshold.transport
+    first = transport or scene.threshold.first or FIRST * weight_velocity(scene)
     hunt = Hunt(scene, export_bed(sim, replica), new_trial(sim, replica, first, time))
+    hunt.phase = "start" if transport else "ramp"
     develop_wind(sim, replica, first)
     return hunt
+
+
+def weight_velocity(scene: Scene) -> float:
+    """sqrt((s - 1) g d) of the scene's grains [m s-1], the velocity that friction velocities scale with."""
+    assert scene.wind is not None
+    diameter, density = nominal_diameter(scene.grains.size), scene.materials[scene.grains.material].density
+    return sqrt((density / scene.wind.density - 1.0) * scene.gravity.magnitude * diameter)
 
 
 def new_trial(sim: Simulation, replica: int, friction_velocity: float, time: float) -> Trial:
@@ -187,19 +195,22 @@ def after_ramp(hunt: Hunt, moved: bool) -> float:
 
 
 def after_hold(hunt: Hunt, moved: bool) -> float | None:
-    """The next wind from rest: until one moves the bed and one does not, then between the two."""
+    """The next wind from rest: between the weakest that moved the bed and the strongest that did not.
+
+    Until one has not moved it, grains that roll in the ramp stand for that one.
+    """
     order, now = hunt.scene.threshold, hunt.trial.friction_velocity
     if moved:
         hunt.high = now
     else:
         hunt.low = now
-    if hunt.low is None:
-        return now / (1.0 + order.rise)
     if hunt.high is None:
         return now * (1.0 + order.rise)
+    if hunt.low is None:
+        rolling = hunt.found["rolling_onset"].low
+        return min(sqrt(now * rolling), now / (1.0 + order.rise))
     bracket = Bracket(hunt.low, hunt.high)
-    if hunt.halved < order.levels:
-        hunt.halved += 1
+    if bracket.high > bracket.low * (1.0 + order.rise) ** (0.5**order.levels) * (1.0 + ROUNDING):
         return bracket.middle
     hunt.found["fluid_threshold"] = bracket
     if not set(IMPACT) & set(hunt.scene.measure):
@@ -223,6 +234,10 @@ def after_fall(hunt: Hunt, moved: bool) -> float | None:
     if moved:
         return now * factor
     hunt.found["impact_threshold"] = Bracket(now, now / factor)
+    blown = [trial for trial in hunt.trials if trial["phase"] in ("start", "fall")]
+    line = flux_intercept([(trial["friction_velocity"], trial["flux"]) for trial in blown])
+    if line is not None:
+        hunt.found["impact_threshold_linear"] = line
     return None
 
 

@@ -14,7 +14,7 @@ LID_LEAST = 20.0  # diameters between bed and lid where wind blows: below, the l
 LOOK_SHARE = 0.1  # of the response of the smallest grain that may pass between two looks at the air [1]
 HUNTED = (
     *("rolling_onset", "fluid_threshold", "threshold_u_star", "threshold_wind_speed"),
-    *("impact_threshold", "threshold_ratio"),
+    *("impact_threshold", "impact_threshold_linear", "threshold_ratio"),
 )
 BLOWN = ("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress")  # read from many moments
 PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image

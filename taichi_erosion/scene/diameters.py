@@ -3,12 +3,15 @@
 The suffix serves every quantity in m or s of the sections below; a time then reads in s per m of diameter.
 """
 
-from typing import Any
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.override import DIAMETERS
+from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_field import Part, unit_of
 from taichi_erosion.scene.schema_grains import Size
 from taichi_erosion.scene.sizes import nominal_diameter
@@ -20,10 +23,27 @@ Path = tuple[str | int, ...]
 Given = dict[Path, tuple[str, Any]]  # what the user wrote, key and value, by the path that it became
 
 
-def scaling_names(part: type[Part] = Part) -> set[str]:
-    """Names of all quantities in m or s that any section declares."""
-    own = {name for name, field in part.model_fields.items() if unit_of(field) in SCALING_UNITS}
-    return own.union(*(scaling_names(sub) for sub in part.__subclasses__()))
+def parts_of(part: type[Part]) -> Iterator[type[Part]]:
+    """A part of a scene and all parts that it holds."""
+    yield part
+    for field in part.model_fields.values():
+        for sub in parts_in(field.annotation):
+            yield from parts_of(sub)
+
+
+def parts_in(annotation: Any) -> Iterator[type[Part]]:
+    """Parts that a type annotation names, however deep in unions, lists and tables."""
+    if isinstance(annotation, type) and not get_args(annotation) and issubclass(annotation, Part):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from parts_in(inner)
+
+
+@cache
+def scaling_names() -> frozenset[str]:
+    """Names of all quantities in m or s that a scene declares."""
+    fields = (entry for part in parts_of(Scene) for entry in part.model_fields.items())
+    return frozenset(name for name, field in fields if unit_of(field) in SCALING_UNITS)
 
 
 def expand_diameters(table: dict[str, Any]) -> Given | None:
@@ -48,7 +68,7 @@ def readable_diameter(table: dict[str, Any]) -> float | None:
         return None
 
 
-def expand(part: Any, path: Path, diameter: float, names: set[str], found: Given) -> None:
+def expand(part: Any, path: Path, diameter: float, names: frozenset[str], found: Given) -> None:
     """Expand one table or list in place."""
     if isinstance(part, tuple):
         for place, entry in enumerate(part):

@@ -26,9 +26,16 @@ class Threshold(Part):
     rise: float = number(0.04, "1", "share by which u* grows from step to step", 1e-3, 1.0)
     rise_hold: float = number(0.02, "s", "duration of a step of the ramp", 1e-6, LONGEST_HOLD)
     hold: float = number(0.3, "s", "time from rest in which grains must leave the bed", 1e-6, LONGEST_HOLD)
-    levels: int = number(2, "1", "bisections of the last step", 0, 20)
+    levels: int = number(2, "1", "halvings of a step of the ramp to which winds are bisected", 0, 20)
     excess: float = number(
         1.2, "1", "u* of the transport that is slowed down, over the fluid threshold", 1.0, 10.0
+    )
+    transport: float | None = number(
+        None,
+        "m s-1",
+        "u* of that transport; given: nothing is looked for but where it ceases",
+        1e-3,
+        FASTEST_FRICTION,
     )
     spin_up: float = number(0.3, "s", "time in which that transport develops", 1e-6, LONGEST_HOLD)
     fall: float = number(0.07, "1", "share by which u* falls from step to step", 1e-3, 0.5)

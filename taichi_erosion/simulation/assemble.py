@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from taichi_erosion.core.device import start_device
-from taichi_erosion.core.effect import bind, pair_type
+from taichi_erosion.core.effect import bind, meeting_type, pair_type
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.coupling.surroundings import Surroundings, surround
@@ -64,6 +64,8 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
         clumps=allocate_clumps(sizes.replicas, sizes.bodies, sizes.grains),
         pair_effects=bind("pair", [s.effects for s in setups]),
         pair_type=pair_type(),
+        meeting_effects=bind("meeting", [s.effects for s in setups]),
+        meeting_type=meeting_type(),
         driven=driven,
         held=allocate_held(sizes.replicas if driven else 1, sizes.grains if driven else 1),
     )

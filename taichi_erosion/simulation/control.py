@@ -85,7 +85,11 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[Acting]) -> boo
     before = sim.setups[replica].effects
     if max((e.reach for e in effects), default=0.0) > max((e.reach for e in before), default=0.0):
         return False
-    bounds = {"pair": sim.world.pair_effects, "grain": sim.around.effects}
+    bounds = {
+        "pair": sim.world.pair_effects,
+        "meeting": sim.world.meeting_effects,
+        "grain": sim.around.effects,
+    }
     if any(not bounds[e.effect.place].holds(e.effect) for e in effects):
         return False
     for place, bound in bounds.items():

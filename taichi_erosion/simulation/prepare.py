@@ -7,8 +7,10 @@ from taichi_erosion.core.effect import Acting, Conditions, Effect, acting, read_
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
+from taichi_erosion.scene.sizes import nominal_diameter
+from taichi_erosion.scene.wind import surface_height
 
-ON_DEVICE = ("pair", "grain")
+ON_DEVICE = ("pair", "meeting", "grain")
 
 Library = Mapping[str, Effect]
 
@@ -16,6 +18,14 @@ Library = Mapping[str, Effect]
 def conditions_of(scene: Scene) -> dict[str, float]:
     """What the scene states of its conditions, in SI units."""
     return {name: float(value) for name, value in scene.conditions.model_dump(exclude_none=True).items()}
+
+
+def circumstances_of(scene: Scene) -> dict[str, float]:
+    """What effects on the device may know: the stated conditions, the grains' size, and the bed [m]."""
+    known = {"grain_diameter": nominal_diameter(scene.grains.size)}
+    if scene.wind is not None:
+        known["bed_height"] = surface_height(scene, scene.wind)
+    return conditions_of(scene) | known
 
 
 def effective_scene(scene: Scene, library: Library) -> Scene:
@@ -53,13 +63,13 @@ def prepare(scene: Scene, seed: int, library: Library) -> Setup:
 
 
 def device_effects(scene: Scene, library: Library, radius: float) -> list[Acting]:
-    """Pair and grain effects of non-zero strength, in the order of their names."""
-    found = []
+    """Effects on the device that have a strength, in the order of their names."""
+    found, circumstances = [], circumstances_of(scene)
     for name in sorted(scene.effects):
         effect = library[name]
         params, strength = checked_params(scene, effect)
         if effect.place in ON_DEVICE and strength > 0.0:
-            found.append(acting(effect, params, strength, conditions_of(scene), radius))
+            found.append(acting(effect, params, strength, circumstances, radius))
     return found
 
 

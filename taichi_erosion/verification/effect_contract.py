@@ -51,7 +51,7 @@ def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
         yield f"its table has {len(table)} lines; at least {LEAST_CHECKS} are needed"
     for check in table:
         if not holds(check):
-            yield f"{check.claim}: got {check.got:.9g}, want {check.want:.9g}"
+            yield f"{check.claim}: got {check.got:.6g}, want {check.want:.6g}"
 
 
 def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:

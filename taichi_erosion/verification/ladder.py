@@ -25,6 +25,7 @@ from taichi_erosion.verification import (
     parallel_flow,
     precision,
     rolling,
+    saltation,
     settling,
     sliding,
     spin_impact,
@@ -72,6 +73,7 @@ LADDER: dict[str, Check] = {
     "V32": exchange.action_and_reaction,
     "V33": discharge.orifice_flow,
     "V34": heaps.repose_trends,
+    "V36": saltation.saltation,
     "V37": designed_effects.recovered_effects,
 }
 

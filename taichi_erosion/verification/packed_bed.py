@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from taichi_erosion.core.setup import Coupling, Laws, Setup
 from taichi_erosion.simulation import Simulation, advance, air_profile, set_through_flow, snapshot
@@ -94,7 +94,6 @@ def pressure_drop(sim: Simulation, replica: int = 0) -> float:
 def fixed_bed() -> Iterator[Outcome]:
     """Pressure of the regular bed, and the force that its grains feel."""
     sim = bench([lattice_setup(velocity) for velocity in PUBLISHED], "f64", LAWS)
-    # the first look finds grains that do not know the air yet, the second one the drag
     advance(sim, [2.0 * INSTANT] * len(PUBLISHED))
     before = snapshot(sim, LAST)
     advance(sim, [3.0 * INSTANT] * len(PUBLISHED))
@@ -125,7 +124,7 @@ class Bed:
     @property
     def fluidising(self) -> float:
         """Superficial velocity at which Ergun's pressure carries the bed [m s-1]."""
-        return float(brentq(lambda u: self.ergun(u) - self.pressure, 0.0, 1.0, xtol=1e-9))
+        return root_scalar(lambda u: self.ergun(u) - self.pressure, bracket=(0.0, 1.0), xtol=1e-9).root
 
 
 def poured_bed(sim: Simulation) -> Bed:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from grain_worlds import GRAVITY, MASS, PLATE, RADIUS, grains, setup
+from grain_worlds import GRAVITY, MASS, NONE, PLATE, RADIUS, grains, setup
 
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Setup
@@ -36,22 +36,25 @@ def under(table: Setup, over: AirSetup, **coupling: Any) -> Setup:
     return replace(table, air=over, domain=(low, high), period=period, coupling=Coupling(**coupling))
 
 
-def bed(seed: int, layers: int = 3, friction_velocity: float = 0.0) -> Setup:
-    """Loose layers of grains that fall on a plate under wind."""
+def bed(seed: int, layers: int = 3, speed: float = 0.05) -> Setup:
+    """Loose layers of grains, of random velocities [m s-1], that fall on a plate under wind."""
     rng = np.random.default_rng(seed)
     across = (np.arange(7) + 0.5) * SIDE / 7.0
     x, y = (grid.ravel() for grid in np.meshgrid(across, across, indexing="ij"))
     rows = [np.column_stack([x, y, np.full(49, (1.0 + 2.1 * k) * RADIUS)]) for k in range(layers)]
     place = np.concatenate(rows) + rng.uniform(-0.04, 0.04, (49 * layers, 3)) * RADIUS
-    table = setup(grains(place, rng.normal(0.0, 0.05, place.shape)), PLATE)
+    table = setup(grains(place, speed * rng.standard_normal(place.shape)), PLATE)
     faces = bed_faces(0.0, SURFACE + 2.0 * RADIUS, LID, 0.5 * RADIUS, 1.3)
-    over = air(faces, friction_velocity=friction_velocity)
-    return under(table, over, look_steps=5, surface=SURFACE, seed=seed)
+    return under(table, air(faces), look_steps=5, surface=SURFACE, seed=seed)
 
 
 def weightless(place: Any, velocity: Any, over: AirSetup, **coupling: Any) -> Setup:
-    """Grains without weight, far from each other, in a column of air."""
-    return under(setup(grains(place, velocity), gravity=(0.0, 0.0, 0.0)), over, **coupling)
+    """Grains without weight, far from each other and from walls, in a column of air.
+
+    No plate lies under them: one grain is centred on the floor of the air, where a plate would have no
+    direction to push it.
+    """
+    return under(setup(grains(place, velocity), NONE, gravity=(0.0, 0.0, 0.0)), over, **coupling)
 
 
 __all__ = ["DENSITY", "GRAVITY", "MASS", "RADIUS", "SIDE", "VISCOSITY", "air", "bed", "under", "weightless"]

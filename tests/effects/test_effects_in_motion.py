@@ -15,6 +15,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import Acting, acting
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement, no_measurement
 from taichi_erosion.run.instruments import as_read
@@ -45,73 +46,103 @@ def with_effects(bare: Setup, **strengths: float) -> Setup:
     return replace(bare, effects=tuple(found))
 
 
-def motion(setups: list[Setup], until: float) -> list[str]:
-    sim = assemble(setups, LAWS, Numerics("cpu", 1))
-    advance(sim, [until] * len(setups))
-    return [fingerprint(snapshot(sim, r)) for r in range(len(setups))]
-
-
-def test_a_replica_without_effects_moves_as_the_bare_model_beside_replicas_with_them():
+def fallen() -> dict[str, Setup]:
+    """A heap bare, and with effects that make grains stick."""
     bare = heap(60, 1)
-    (alone,) = motion([bare], 0.02)
     sticky = {"dry_adhesion": 100.0, "liquid_bridge": 30.0, "restitution_speed": 1.0}
-    wet, dry, again, half = motion(
-        [
-            with_effects(bare, **sticky),
-            with_effects(bare, liquid_bridge=0.0),
-            with_effects(bare, **sticky),
-            with_effects(bare, liquid_bridge=15.0),
-        ],
-        0.02,
-    )
-    assert dry == alone
-    assert wet == again
-    assert len({alone, wet, half}) == 3
+    return {
+        "wet heap": with_effects(bare, **sticky),
+        "dry heap": with_effects(bare, liquid_bridge=0.0),
+        "wet heap again": with_effects(bare, **sticky),
+        "damp heap": with_effects(bare, liquid_bridge=15.0),
+    }
 
 
-def test_grains_that_pull_each_other_keep_their_momentum():
-    # unequal grains meet, graze each other and part again, which every effect of pairs feels somewhere
+def met() -> Setup:
+    """Unequal grains meet, graze each other and part again, which every effect of pairs feels somewhere."""
     place = [[0.0, 0.0, 0.0], [2.1 * RADIUS, 0.3 * RADIUS, 0.0]]
     table = grains(place, [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.02]])
     table = replace(table, radius=np.array([RADIUS, 1.1 * RADIUS]), mass=np.array([MASS, 1.3 * MASS]))
-    bare = setup(table, NONE, gravity=(0.0, 0.0, 0.0), law=contacts(0.5))
-    names = [name for name, effect in LIBRARY.items() if effect.place == "pair" and name != "image_charge"]
-    each = [with_effects(bare, **{name: 50.0}) for name in names]
-    sim = assemble([bare, *each], LAWS, Numerics("cpu", 1, "f64"))
-    advance(sim, [5e-3] * (1 + len(names)))
-    bare_velocity, *velocities = (snapshot(sim, r).velocity for r in range(1 + len(names)))
-    momentum = table.mass @ table.velocity
-    for name, velocity in zip(names, velocities, strict=True):
-        assert not np.allclose(velocity, bare_velocity, rtol=1e-9), f"{name} must have acted"
-        # f64 sums of 500 steps
-        assert table.mass @ velocity == pytest.approx(momentum, abs=1e-12 * MASS), name
+    return setup(table, NONE, gravity=(0.0, 0.0, 0.0), law=contacts(0.5))
 
 
-def test_a_grain_of_restitution_one_loses_what_kuwabara_and_kono_say():
-    params = LIBRARY["restitution_speed"].params(loss=0.02, speed=0.1)
-    table = grains([[0.0, 0.0, 0.0], [2.001 * RADIUS, 0.0, 0.0]], [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]])
+def bounced() -> Setup:
+    """Two grains of restitution 1 that lose the fiftieth part of their speed to the contact."""
+    params = LIBRARY["restitution_speed"].params(loss=LOSS, speed=SPEED)
+    table = grains([[0.0, 0.0, 0.0], [2.001 * RADIUS, 0.0, 0.0]], [[0.5 * SPEED, 0, 0], [-0.5 * SPEED, 0, 0]])
     bare = setup(table, NONE, gravity=(0.0, 0.0, 0.0), law=contacts(0.0, restitution=1.0))
-    lossy = replace(bare, effects=(acting(LIBRARY["restitution_speed"], params, 1.0, {}, RADIUS),))
-    fine = replace(lossy, time_step=0.1 * TIME_STEP)
-    sim = assemble([fine], LAWS, Numerics("cpu", 1, "f64"))
-    advance(sim, [2e-3])
-    rebound = np.diff(snapshot(sim, 0).velocity[:, 0])[0] / 0.1
+    lossy = (acting(LIBRARY["restitution_speed"], params, 1.0, {}, RADIUS),)
+    return replace(bare, effects=lossy, time_step=0.1 * TIME_STEP)
+
+
+def crossing(high: float) -> Setup:
+    """Two grains that fly towards each other, pass in mid-air, and a bed's surface at a height [m]."""
+    table = grains([[-2.0 * RADIUS, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0]], [[0.2, 0.0, 0.0], [-0.2, 0.0, 0.0]])
+    effect = LIBRARY["midair_passing"]
+    switched = acting(effect, effect.params(), 1.0, {"bed_height": high, "grain_diameter": RADIUS}, RADIUS)
+    return replace(setup(table, NONE, gravity=(0.0, 0.0, 0.0)), effects=(switched,))
+
+
+def hanging(weight: float) -> Setup:
+    """A grain that sticks to a ceiling: the floor of a world whose gravity points up.
+
+    It starts where the repulsion is the excess of the pull over a weight of 0.8 of it.
+    """
+    overlap = (0.2 * PULL / (4.0 / 3.0 * YOUNG * sqrt(RADIUS))) ** (2.0 / 3.0)
+    bare = setup(grains([0.0, 0.0, RADIUS - overlap]), gravity=(0.0, 0.0, weight * PULL / MASS))
+    return with_effects(bare, constant_pull=1.0)
+
+
+LOSS, SPEED = 0.02, 0.1  # of restitution [1], at an impact at this speed [m s-1]
+PULL = LIBRARY["constant_pull"].params().pull_off  # N
+MEETING = [name for name, effect in LIBRARY.items() if effect.place == "pair" and name != "image_charge"]
+
+
+@pytest.fixture(scope="module")
+def worlds() -> dict[str, Snapshot]:
+    """How all these worlds end; one ensemble, because every set of effects is compiled anew."""
+    setups = fallen() | {"met": met(), "bounced": bounced(), "held": hanging(0.8), "lost": hanging(1.2)}
+    setups |= {"in the air": crossing(-0.1), "in the bed": crossing(0.0)}
+    setups |= {f"met with {name}": with_effects(met(), **{name: 50.0}) for name in MEETING}
+    sim = assemble(list(setups.values()), LAWS, Numerics("cpu", 1, "f64"))
+    advance(sim, [5e-3 if name.startswith("met") else 0.02 for name in setups])
+    ends = {name: snapshot(sim, r) for r, name in enumerate(setups)}
+    stop_device()
+    return ends
+
+
+def test_a_replica_without_effects_moves_as_the_bare_model_beside_replicas_with_them(worlds):
+    sim = assemble([heap(60, 1)], LAWS, Numerics("cpu", 1, "f64"))
+    advance(sim, [0.02])
+    alone = fingerprint(snapshot(sim, 0))
+    wet, dry, again, damp = (fingerprint(worlds[name]) for name in fallen())
+    assert dry == alone
+    assert wet == again
+    assert len({alone, wet, damp}) == 3
+
+
+@pytest.mark.parametrize("name", MEETING)
+def test_grains_that_pull_each_other_keep_their_momentum(name, worlds):
+    table, velocity = met().grains, worlds[f"met with {name}"].velocity
+    assert not np.allclose(velocity, worlds["met"].velocity, rtol=1e-9), "must have acted"
+    # f64 sums of 500 steps
+    assert table.mass @ velocity == pytest.approx(table.mass @ table.velocity, abs=1e-12 * MASS)
+
+
+def test_a_grain_of_restitution_one_loses_what_kuwabara_and_kono_say(worlds):
+    rebound = np.diff(worlds["bounced"].velocity[:, 0])[0] / SPEED
     # the next order of e(v) is 3/5 loss^2: 1 % of the loss
-    assert 1.0 - rebound == pytest.approx(0.02, rel=0.02)
+    assert 1.0 - rebound == pytest.approx(LOSS, rel=0.02)
 
 
-def test_a_grain_hangs_from_a_ceiling_up_to_its_pull_off_force():
-    # the floor is a ceiling when gravity points up; the grain starts where pull and repulsion balance
-    pull = LIBRARY["constant_pull"].params().pull_off
-    overlap = (pull / (4.0 / 3.0 * YOUNG * sqrt(RADIUS))) ** (2.0 / 3.0)
-    table = grains([0.0, 0.0, RADIUS - overlap])
-    weights = [0.8 * pull, 1.2 * pull]
-    setups = [
-        with_effects(setup(table, gravity=(0.0, 0.0, weight / MASS)), constant_pull=1.0) for weight in weights
-    ]
-    sim = assemble(setups, LAWS, Numerics("cpu", 1, "f64"))
-    advance(sim, [0.02, 0.02])
-    held, lost = (snapshot(sim, r).position[0, 2] for r in range(2))
+def test_grains_pass_through_each_other_in_the_air_and_collide_in_the_bed(worlds):
+    flown, bounced = (worlds[name].velocity[:, 0] for name in ("in the air", "in the bed"))
+    assert list(flown) == [0.2, -0.2]
+    assert bounced[0] < 0.0 < bounced[1]
+
+
+def test_a_grain_hangs_from_a_ceiling_up_to_its_pull_off_force(worlds):
+    held, lost = (worlds[name].position[0, 2] for name in ("held", "lost"))
     assert held < RADIUS < lost
 
 
@@ -138,12 +169,21 @@ def scene_file(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_file_from_outside_the_package_acts_in_a_run_and_an_instrument_is_noted(scene_file, capsys):
-    on = ["effects.constant_pull.strength=1.0", "effects.repose_method.strength=1.0"]
-    words = ["run", str(scene_file), "--no-record", "--json", *(w for order in on for w in ("--set", order))]
+ON = ["effects.constant_pull.strength=1.0", "effects.repose_method.strength=1.0"]
+SWITCHES = [word for order in ON for word in ("--set", order)]
+
+
+def test_an_effect_from_a_file_is_known_only_where_the_file_is_named(scene_file, capsys):
+    words = ["run", str(scene_file), "--check", *SWITCHES]
     assert main(words) == 2
     assert "effects.constant_pull is unknown" in capsys.readouterr().err
     assert main([*words, "--effect", str(THIRD_PARTY)]) == 0
+
+
+@pytest.mark.slow
+def test_a_file_from_outside_the_package_acts_in_a_run(scene_file, capsys):
+    words = ["run", str(scene_file), "--no-record", "--json", *SWITCHES, "--effect", str(THIRD_PARTY)]
+    assert main(words) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["resolved"]["effects"]["constant_pull"] == {"strength": 1.0}
     assert "before repose_method" not in str(document["measures"]["pile_height"]["notes"])
@@ -169,7 +209,7 @@ def test_effects_that_contradict_each_other_are_refused_in_one_line():
 def test_a_scene_that_its_effects_make_impossible_is_refused_like_a_file():
     tiny = parse_scene(SAMPLE | {"effects": {"grain_shape": {"strength": 1.0}, "side_walls": {"width": 3.0}}})
     lost = parse_scene(
-        SAMPLE | {"run": {"time_step": 9e-6}, "effects": {"size_distribution": {"spread": 3.0}}}
+        SAMPLE | {"run": {"time_step": 9e-6}, "effects": {"size_distribution": {"spread": 3.0, "cut": 3.0}}}
     )
     assert prepare(tiny, 1, LIBRARY).clumps is not None
     with pytest.raises(BadInput, match="with its effects"):

@@ -6,7 +6,15 @@ from scipy.stats import t as student
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures import wind_bed
-from taichi_erosion.measures.threshold import Bracket, Tunnel, bracketed, pool_beds, ratio, wind_speed
+from taichi_erosion.measures.threshold import (
+    Bracket,
+    Tunnel,
+    bracketed,
+    flux_intercept,
+    pool_beds,
+    ratio,
+    wind_speed,
+)
 
 PATCH = wind_bed.Patch(area=2e-5, surface=1e-3, diameter=2.5e-4, density=1.2, viscosity=1.5e-5)
 
@@ -57,6 +65,26 @@ def test_impact_over_fluid_threshold():
     both = ratio("threshold_ratio", Bracket(0.19, 0.21), Bracket(0.24, 0.26))
     assert both.value == pytest.approx(0.8, rel=0.01)
     assert ratio("threshold_ratio", None, Bracket(0.24, 0.26)).n == 0
+
+
+def test_the_line_of_flux_against_stress_ends_at_the_threshold_within_its_own_error():
+    random = np.random.default_rng(4)
+    winds = np.array([0.5, 0.46, 0.42, 0.38, 0.34, 0.3])
+    inside = 0
+    for _ in range(200):
+        blown = 0.2 * (winds**2 - 0.2**2) * (1.0 + random.normal(0.0, 0.03, 6))
+        found = flux_intercept(list(zip(winds, blown, strict=True)))
+        assert found is not None
+        inside += found.low < 0.2 < found.high
+    # one standard error on four degrees of freedom holds 63 % of 200 with a standard deviation of 3.4 %
+    assert 0.52 < inside / 200 < 0.74
+
+
+def test_a_line_needs_four_winds_that_blow_and_a_threshold():
+    tail = [(0.5, 1.0), (0.4, 0.6), (0.3, 0.3), (0.25, 0.01), (0.2, 0.001)]
+    assert flux_intercept(tail) is None
+    assert flux_intercept([(u, u**2) for u in (0.5, 0.4, 0.3, 0.2)]) is None
+    assert flux_intercept([]) is None
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,10 @@ from scene_tables import changed, good_table
 
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.scene import build_setup, explain, load_scene, parse_scene
-from taichi_erosion.scene.diameters import scaling_names
+from taichi_erosion.scene.diameters import parts_of, scaling_names
 from taichi_erosion.scene.json_schema import schema_text
-from taichi_erosion.scene.schema_field import Part, unit_of
+from taichi_erosion.scene.schema import Scene
+from taichi_erosion.scene.schema_field import unit_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 NAMES = ("column_collapse", "funnel_repose", "incline", "lifting_cylinder", "rotating_drum")
@@ -87,15 +88,10 @@ def test_every_number_of_the_schema_has_a_unit():
 
 
 def test_a_name_that_may_be_given_in_diameters_has_one_kind_of_unit():
-    def parts(part: type[Part]):
-        yield part
-        for sub in part.__subclasses__():
-            yield from parts(sub)
-
     scaled = scaling_names()
     units = {
         (name, unit_of(field))
-        for part in parts(Part)
+        for part in parts_of(Scene)
         for name, field in part.model_fields.items()
         if name in scaled and part.__name__ != "ClumpSphere"  # [grains] is never expanded
     }

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 
 @dataclass(frozen=True)
@@ -92,4 +92,4 @@ def terminal_velocity(diameter: float, solid: float, air: Stream, gravity: float
     def excess(speed: float) -> float:
         return schiller_naumann(Stream(speed, diameter, air.density, air.viscosity)) - weight
 
-    return float(brentq(excess, 1e-9, 1e3, xtol=1e-14))
+    return root_scalar(excess, bracket=(1e-9, 1e3), xtol=1e-14).root

@@ -1,0 +1,68 @@
+"""Cell-steps per second of air: a box of wind over a rough floor, on grids of growing size."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.air.assemble import allocate_air
+from taichi_erosion.air.step import advance_air
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, log_profile, stretched_faces
+from taichi_erosion.core.device import start_device
+from taichi_erosion.core.setup import Numerics
+
+AIR = {  # of the box of wind, SI units
+    "height": 0.4,
+    "lowest": 2e-3,
+    "roughness": 1e-4,
+    "friction_velocity": 0.3,
+    "density": 1.2,
+    "viscosity": 1.5e-5,
+    "courant": 1.0,
+}
+AIR_LAYERS, AIR_COLUMNS = 32, (16, 32, 64)
+AIR_UNTIMED, AIR_STEPS = 2, 5  # steps before the clock starts, and timed ones
+AIR_STAGES = 3  # pressure solves a step
+
+
+def air_setup(columns: int) -> AirSetup:
+    """A square box of wind over a rough floor, under a lid that drives it; cells widen upwards."""
+    faces = stretched_faces(0.0, AIR["height"], AIR_LAYERS, AIR["lowest"])
+    ends = {"z_low": AirSide("rough", roughness=AIR["roughness"]), "z_high": AirSide("stress")}
+    wind = log_profile(0.5 * (faces[1:] + faces[:-1]), AIR["friction_velocity"], AIR["roughness"], 0.4)
+    rng = np.random.Generator(np.random.Philox(columns))
+    stirred = rng.normal(0.0, AIR["friction_velocity"], (3, columns, columns, AIR_LAYERS))
+    stirred[0] += wind
+    side = AIR["height"]
+    return AirSetup(
+        cells=(columns, columns, AIR_LAYERS),
+        low=(0.0, 0.0, 0.0),
+        high=(side, side, side),
+        faces_z=faces,
+        sides={name: ends.get(name, AirSide()) for name in SIDES},
+        density=AIR["density"],
+        viscosity=AIR["viscosity"],
+        time_step=AIR["courant"] * side / columns / float(wind.max()),
+        model=AirModel(closure="smagorinsky"),
+        friction_velocity=AIR["friction_velocity"],
+        start=stirred,
+    )
+
+
+def air_case(columns: int, threads: int) -> dict[str, Any]:
+    """Cells advanced by one step a second, and iterations of a pressure solve, on one grid of air."""
+    workers = start_device(Numerics("cpu", threads, "f64"))
+    air = allocate_air([air_setup(columns)])
+    advance_air(air, AIR_UNTIMED)
+    start = time.perf_counter()
+    iterations = advance_air(air, AIR_STEPS)
+    seconds = time.perf_counter() - start
+    rate_of_cells = air.cells[0] * air.cells[1] * air.cells[2] * AIR_STEPS / seconds
+    return {
+        "case": f"air, {columns} x {columns} x {AIR_LAYERS} cells",
+        "threads": threads,
+        "precision": "f64",
+        "M cell-steps/s": 1e-6 * rate_of_cells,
+        "per core": 1e-6 * rate_of_cells / min(threads, workers),
+        "pressure iterations": iterations / (AIR_STAGES * AIR_STEPS),
+    }

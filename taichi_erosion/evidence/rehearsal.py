@@ -1,0 +1,277 @@
+"""A study of scenes made ready for questions: its runs planned, simulated or found, and turned into surfaces.
+
+The first plan follows from the study alone. What the statistics then make of it says where the surfaces must be
+surer: further rounds simulate about the explanations that are left, with fresh seeds, and the question is put
+again. All runs stand in a ledger; a command that was stopped goes on where it was.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import isfinite
+
+import numpy as np
+
+from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.problem import Budget, Candidate, Problem
+from taichi_erosion.evidence.scales import Axis, parameter_axis
+from taichi_erosion.evidence.simulator import Answer, Simulator, paths_in, read_scene_once
+from taichi_erosion.evidence.study import Spoken, Study
+from taichi_erosion.evidence.surface_plan import (
+    AMOUNTS,
+    Amount,
+    Bench,
+    Explanation,
+    Row,
+    Setting,
+    bare_plan,
+    effect_plan,
+    round_plan,
+)
+from taichi_erosion.evidence.surfaces import Answered, Ground, Surfaces, rulers_of, train
+
+Tell = Callable[[str, float], None]
+LEVELS = 3  # of every condition that could be set
+SURE = 3.0  # sd of a left-out value beyond which it counts as missed
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """Everything simulated for a study so far."""
+
+    study: Study
+    simulator: Simulator
+    benches: tuple[Bench, ...]
+    amount: Amount
+    settings: tuple[Setting, ...]
+    about: tuple[Explanation, ...] = ()  # explanations of the last round
+    rounds: int = 0
+
+
+def rehearsal_of(study: Study, effects: Sequence[str], budget: str, ahead: bool = False) -> Rehearsal | None:
+    """The first plan of a study with some of its effects; None for a study that no scene answers.
+
+    `ahead` adds conditions that the laboratory could measure.
+    """
+    model = study.problem.model
+    simulator = model.model if isinstance(model, Spoken) else model
+    if not isinstance(simulator, Simulator):
+        return None
+    benches = benches_of(study, simulator)
+    if ahead:
+        benches = tuple(replace(bench, ahead=rows_ahead(study, bench)) for bench in benches)
+    start = Rehearsal(study, simulator, benches, AMOUNTS[budget], ())
+    settings = first_plan(start, effects)
+    most = affordable(study, benches)
+    if len(settings) > most:
+        start = replace(start, amount=reduced(start.amount, most / len(settings)))
+        settings = first_plan(start, effects)
+    return replace(start, settings=tuple(settings))
+
+
+def benches_of(study: Study, simulator: Simulator) -> tuple[Bench, ...]:
+    """Scenes of a study with the conditions of its measurements, those of the vault included."""
+    table, said = study.problem.measurements, study.file.conditions
+    grouped: dict[str, list[str]] = {}
+    for name, answer in simulator.answers.items():
+        grouped.setdefault(str(answer.scene), []).append(name)
+    found = []
+    for names in grouped.values():
+        rows: dict[tuple[tuple[str, float], ...], Row] = {}
+        for i in range(table.size):
+            if table.observable[i] in names:
+                row = {
+                    path: float(column[i])
+                    for name, column in table.conditions.items()
+                    for path in paths_in(said[name])
+                    if isfinite(column[i])
+                }
+                rows.setdefault(tuple(sorted(row.items())), row)
+        found.append(Bench(simulator.answers[names[0]], tuple(names), tuple(rows.values())))
+    return tuple(found)
+
+
+def rows_ahead(study: Study, bench: Bench) -> tuple[Row, ...]:
+    """Conditions that the laboratory could set: ends and middles of its ranges, all else as measured first."""
+    said, ranges = study.file.conditions, study.file.laboratory.ranges
+    levels = [
+        [(name, value) for value in np.linspace(low, high, LEVELS)] for name, (low, high) in ranges.items()
+    ]
+    first = bench.rows[0] if bench.rows else {}
+    return tuple(
+        first | {path: float(value) for name, value in chosen for path in paths_in(said[name])}
+        for chosen in product(*levels)
+        if chosen
+    )
+
+
+def affordable(study: Study, benches: Sequence[Bench]) -> int:
+    """Single simulations within the study's budget; one run there is all conditions at one setting."""
+    runs = study.file.budget.runs
+    return 10**9 if runs is None else runs * sum(len(bench.rows) for bench in benches)
+
+
+def reduced(amount: Amount, share: float) -> Amount:
+    """A smaller plan of the same shape."""
+    return replace(
+        amount,
+        bare=max(3, int(amount.bare * share)),
+        effect=max(3, int(amount.effect * share)),
+        condition=int(amount.condition * share),
+        round=max(2, int(amount.round * share)),
+    )
+
+
+def known_effects(problem: Problem) -> dict[str, Candidate]:
+    """Candidates and adopted effects by name."""
+    return {candidate.name: candidate for candidate in (*problem.candidates, *problem.adopted)}
+
+
+def axes_of(problem: Problem) -> tuple[Axis, ...]:
+    """Calibrated numbers that are no strengths."""
+    return tuple(parameter_axis(parameter) for parameter in problem.parameters)
+
+
+def first_plan(rehearsal: Rehearsal, effects: Sequence[str]) -> list[Setting]:
+    """Runs of the bare model and of every effect, of adopted ones too."""
+    problem, simulator = rehearsal.study.problem, rehearsal.simulator
+    axes, known = axes_of(problem), known_effects(problem)
+    names = dict.fromkeys([*effects, *(candidate.name for candidate in problem.adopted)])
+    settings: list[Setting] = []
+    for bench in rehearsal.benches:
+        settings += bare_plan(bench, simulator, axes, rehearsal.amount)
+        for name in names:
+            settings += effect_plan(bench, simulator, axes, known[name], rehearsal.amount)
+        if bench.ahead:
+            wider = replace(bench, rows=bench.ahead, ahead=())
+            settings += bare_plan(wider, simulator, axes, rehearsal.amount, "ahead")
+            for name in names:
+                settings += effect_plan(wider, simulator, axes, known[name], rehearsal.amount, "ahead")
+    return settings
+
+
+def next_round(rehearsal: Rehearsal, about: Sequence[Explanation]) -> Rehearsal:
+    """A further round about some explanations."""
+    problem = rehearsal.study.problem
+    key = f"round {rehearsal.rounds + 1}"
+    more: list[Setting] = []
+    for bench in rehearsal.benches:
+        for explanation in about:
+            more += round_plan(
+                bench,
+                rehearsal.simulator,
+                axes_of(problem),
+                known_effects(problem),
+                explanation,
+                rehearsal.amount.round,
+                key,
+            )
+    settings = (*rehearsal.settings, *more)
+    return replace(rehearsal, settings=settings, about=tuple(about), rounds=rehearsal.rounds + 1)
+
+
+def requested(
+    simulator: Simulator, benches: Sequence[Bench], settings: Sequence[Setting]
+) -> tuple[list[Setting], list[RunRequest], dict[str, str]]:
+    """Runs that scenes accept, their requests, and why effects were refused."""
+    answers = {bench.answer.scene: bench.answer for bench in benches}
+    kept, requests, refused = [], [], {}
+    for setting in settings:
+        answer = answers[setting.scene]
+        words = simulator.overrides(answer, setting.at, setting.parameters, setting.effects)
+        try:
+            requests.append(request_of(read_scene_once(setting.scene, words), setting.seed))
+        except BadInput as error:
+            if not setting.effects:
+                raise
+            refused["+".join(setting.effects)] = str(error)
+            continue
+        kept.append(setting)
+    return kept, requests, refused
+
+
+def on_surfaces(rehearsal: Rehearsal, tell: Tell) -> Study:
+    """The study with surfaces in place of its scenes; simulates what is not in the ledger."""
+    study, simulator = rehearsal.study, rehearsal.simulator
+    settings, requests, refused = requested(simulator, rehearsal.benches, rehearsal.settings)
+    results = execute(
+        requests, simulator.opened(), progress=lambda share, words: tell(f"simulating: {words}", share)
+    )
+    answered: dict[str, Answered] = {}
+    for bench in rehearsal.benches:
+        own = [k for k, setting in enumerate(settings) if setting.scene == bench.answer.scene]
+        answered |= train(
+            bench,
+            ground_of(rehearsal, bench),
+            [settings[k] for k in own],
+            [results[k] for k in own],
+            study.problem.observables,
+            simulator.answers,
+        )
+    surfaces = Surfaces(answered)
+    notes = (*study.notes, *run_notes(results, requests), *refusal_notes(refused), *surface_notes(answered))
+    count = len({request.key for request in requests})
+    return replace(study, problem=surfaced(rehearsal, surfaces), notes=notes, simulations=count)
+
+
+def ground_of(rehearsal: Rehearsal, bench: Bench) -> Ground:
+    """Coordinates of one scene's surfaces."""
+    problem, answer = rehearsal.study.problem, bench.answer
+    return Ground(
+        answer=answer,
+        axes=tuple(axis for axis in axes_of(problem) if axis.name in answer.understood),
+        rulers=rulers_of((*bench.rows, *bench.ahead), answer.understood),
+        candidates=tuple(known_effects(problem).values()),
+        simulator=rehearsal.simulator,
+    )
+
+
+def surfaced(rehearsal: Rehearsal, surfaces: Surfaces) -> Problem:
+    """The problem with surfaces for a model, their own uncertainty counted as a tolerance."""
+    problem = rehearsal.study.problem
+    model = problem.model
+    assert isinstance(model, Spoken)
+    spoken = replace(model, model=surfaces)
+    start = Explanation({p.path: p.start for p in problem.parameters}, {})
+    observables = {}
+    for name, observable in problem.observables.items():
+        own = [i for i in range(problem.measurements.size) if problem.measurements.observable[i] == name]
+        table = problem.measurements.rows(np.array(own, dtype=np.int64))
+        at = {spoken.names[c]: v for c, v in table.conditions.items() if not bool(np.isnan(v).all())}
+        doubts = [
+            surfaces.doubt(observable, at, dict(e.parameters), dict(e.effects))
+            for e in (rehearsal.about or (start,))
+        ]
+        observables[name] = replace(observable, variance_model=float(np.mean(doubts)))
+    # a surface costs nothing: its calibration need not be frugal
+    return replace(problem, model=spoken, observables=observables, budget=Budget("full", 10**6))
+
+
+def run_notes(results: Sequence[RunResult], requests: Sequence[RunRequest]) -> list[str]:
+    """How many runs there were, and what became of those that failed."""
+    count = len({request.key for request in requests})
+    failures = [result.failure for result in results if result.failure]
+    notes = [f"{count} simulations stand behind the surfaces that answer."]
+    if failures:
+        notes.append(f"{len(failures)} of them stopped and are left out; the first: {failures[0]}")
+    return notes
+
+
+def refusal_notes(refused: Mapping[str, str]) -> list[str]:
+    """Effects that a scene cannot hold."""
+    return [f"{name} cannot act here: {reason}" for name, reason in refused.items()]
+
+
+def surface_notes(answered: Mapping[str, Answered]) -> list[str]:
+    """Whether runs that a surface has not seen lie where it says."""
+    notes = []
+    for name, found in answered.items():
+        off = found.surface.left_out()
+        spread, missed = float(np.sqrt(np.mean(off**2))), int(np.sum(np.abs(off) > SURE))
+        notes.append(
+            f"{name}: {off.size} runs, each predicted from the others within {spread:.2f} of its standard "
+            f"error; {missed} beyond {SURE:g}."
+        )
+    return notes

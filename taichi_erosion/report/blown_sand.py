@@ -1,0 +1,229 @@
+"""Sand under wind against measurements: impact thresholds of many diameters, flux at many winds."""
+
+import csv
+from collections.abc import Sequence
+from math import isfinite, nan, sqrt
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+from taichi_erosion.campaign.cases import Row, read_rows
+from taichi_erosion.measures.threshold import flux_intercept
+from taichi_erosion.report.page import markdown_table
+
+IMPACT = {"impact_threshold": "flux below 1 %", "impact_threshold_linear": "line to no flux"}
+# relative differences up to which a model holds: those between laboratories
+HOLDS = {"impact": 0.10, "flux": 0.20}
+QUARTZ, AIR = 2650.0, 1.225  # kg m-3, of the simulated grains and their air
+GRAVITY = 9.81  # m s-2
+CUBE = 1e3  # kg m-3 of g cm-3
+MILLI = 1e-3  # of a metre, a kilogram
+OURS, THEIRS = "#1f4e79", "#c0392b"
+MARKERS = "osv^D"
+
+Found = dict[tuple[str, str], dict[str, Row]]  # rows by group and label, then by observable
+Table = Sequence[dict[str, str]]
+
+
+def by_case(rows: Sequence[Row]) -> Found:
+    """Rows of each case."""
+    cases: Found = {}
+    for row in rows:
+        cases.setdefault((row.group, row.label), {})[row.observable] = row
+    return cases
+
+
+def found_in(table: Path) -> Found:
+    """Rows of a table; none where it has not been made yet."""
+    return by_case(read_rows(table)) if table.exists() else {}
+
+
+def lines_of(table: Path) -> Table:
+    """Lines of a CSV file."""
+    with table.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def shown(value: float, half: float = nan, digits: int = 3) -> str:
+    """A number with half of its interval."""
+    if not isfinite(value):
+        return "none"
+    return f"{value:.{digits}g}" + (f" ± {half:.1g}" if isfinite(half) else "")
+
+
+def simulated_thresholds(found: Found, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Diameters [m] and thresholds [m s-1] of one way to read them, in order."""
+    pairs = sorted(
+        (MILLI * float(label), case[name].value)
+        for (_, label), case in found.items()
+        if name in case and isfinite(case[name].value)
+    )
+    table = np.array(pairs).reshape(-1, 2)
+    return table[:, 0], table[:, 1]
+
+
+def predicted(diameter: float, density: float, sand: tuple[np.ndarray, np.ndarray]) -> float:
+    """Threshold of a measured sand [m s-1]: between simulated diameters, with the root of the density.
+
+    u* / sqrt((s - 1) g d) is interpolated in ln d; NaN outside the simulated diameters.
+    """
+    simulated, thresholds = sand
+    if len(simulated) < 2 or not simulated[0] * 0.99 <= diameter <= simulated[-1] * 1.01:
+        return nan
+    scale = np.sqrt((QUARTZ / AIR - 1.0) * GRAVITY * simulated)
+    ratio = float(np.interp(np.log(diameter), np.log(simulated), thresholds / scale))
+    return ratio * sqrt((density / AIR - 1.0) * GRAVITY * diameter)
+
+
+def density_of(line: dict[str, str]) -> float:
+    """Density of a measured sand [kg m-3]; quartz where none is stated."""
+    stated = line["grain_density [g/cm3]"]
+    return CUBE * float(stated) if stated else QUARTZ
+
+
+def verdict(error: float, limit: float) -> str:
+    """Whether a relative difference is one between laboratories."""
+    if not isfinite(error):
+        return "not simulated"
+    return "holds" if abs(error) <= limit else "**fails**"
+
+
+def impact_table(found: Found, measured: Table) -> str:
+    """Every measured impact threshold beside the simulated ones."""
+    header = (
+        *("source", "d [mm]", "density [kg/m3]", "measured u* [m/s]"),
+        *(f"simulated, {words}" for words in IMPACT.values()),
+        *("difference of the first", "model"),
+    )
+    sands = [simulated_thresholds(found, name) for name in IMPACT]
+    rows = []
+    for line in sorted(measured, key=lambda line: float(line["diameter [mm]"])):
+        size, density, value = (
+            float(line["diameter [mm]"]),
+            density_of(line),
+            float(line["value"]),
+        )
+        guesses = [predicted(MILLI * size, density, sand) for sand in sands]
+        error = guesses[0] / value - 1.0
+        rows.append(
+            (
+                *(line["source"], f"{size:g}", f"{density:.0f}", f"{value:.3f} ± {float(line['sd']):.3f}"),
+                *(shown(guess) if isfinite(guess) else "" for guess in guesses),
+                f"{100.0 * error:+.0f} %" if isfinite(error) else "",
+                verdict(error, HOLDS["impact"]),
+            )
+        )
+    return markdown_table(header, rows)
+
+
+def scaling_table(found: Found) -> str:
+    """Simulated thresholds against the root of the diameter."""
+    header = ("d [mm]", *(f"u* [m/s], {w}" for w in IMPACT.values()), "u* / sqrt((s - 1) g d) of the first")
+    rows = []
+    for (_, label), case in sorted(found.items(), key=lambda item: float(item[0][1])):
+        values = [case[name].value if name in case else nan for name in IMPACT]
+        scale = sqrt((QUARTZ / AIR - 1.0) * GRAVITY * MILLI * float(label))
+        rows.append((label, *map(shown, values), shown(values[0] / scale)))
+    return markdown_table(header, rows)
+
+
+def flux_pairs(found: Found, measured: Table) -> list[tuple[float, float, float, Row | None]]:
+    """Friction velocity [m s-1], measured flux and its sd [kg m-1 s-1], simulated row."""
+    by_wind = {float(label): case.get("flux") for (_, label), case in found.items()}
+    return [
+        (wind, MILLI * float(line["value"]), MILLI * float(line["sd"]), by_wind.get(wind))
+        for line in measured
+        if (wind := float(line["u_star [m/s]"])) > 0.0
+    ]
+
+
+def flux_table(found: Found, measured: Table) -> str:
+    """Measured and simulated flux at every wind."""
+    header = (
+        *("u* [m/s]", "measured [g/(m s)]", "simulated [g/(m s)]", "difference", "model"),
+        *("height of the flux [mm]", "stress of the air at the bed [Pa]", "of the grains [Pa]", "remark"),
+    )
+    rows = []
+    for wind, value, sd, row in flux_pairs(found, measured):
+        if row is None:
+            rows.append((f"{wind:g}", f"{value / MILLI:.1f} ± {sd / MILLI:.1f}", *[""] * 7))
+            continue
+        case = found["flux", f"{wind:g}"]
+        error = row.value / value - 1.0
+        rows.append(
+            (
+                *(f"{wind:g}", f"{value / MILLI:.1f} ± {sd / MILLI:.1f}", shown(row.value / MILLI)),
+                *(f"{100.0 * error:+.0f} %", verdict(error, HOLDS["flux"])),
+                shown(case["flux_height"].value / MILLI),
+                *(shown(case[name].value) for name in ("bed_stress", "grain_stress")),
+                row.note,
+            )
+        )
+    return markdown_table(header, rows)
+
+
+def line_table(found: Found, measured: Table) -> str:
+    """Straight lines of flux against stress: where they start, how steep they are, how straight."""
+    header = ("flux", "u* of no flux [m/s]", "stress there [Pa]", "dQ/dtau [s]", "share off the line, R^2")
+    pairs = flux_pairs(found, measured)
+    series = {
+        "measured": [(wind, value) for wind, value, _, _ in pairs],
+        "simulated": [(wind, row.value) for wind, _, _, row in pairs if row is not None],
+    }
+    rows = []
+    for name, points in series.items():
+        if len(points) < 3:
+            continue
+        stress, flux = AIR * np.array(points)[:, 0] ** 2, np.array(points)[:, 1]
+        straight = float(np.corrcoef(stress, flux)[0, 1]) ** 2
+        start = flux_intercept(points)
+        middle = start.middle if start is not None else nan
+        slope = float(np.polyfit(stress, flux, 1)[0])
+        rows.append((name, shown(middle), shown(AIR * middle**2), shown(slope), f"{straight:.3f}"))
+    return markdown_table(header, rows)
+
+
+def draw_impact(found: Found, measured: Table, file: Path) -> None:
+    """Thresholds against diameter, both axes logarithmic."""
+    figure, frame = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+    sources = list(dict.fromkeys(line["source"] for line in measured))
+    for source, marker in zip(sources, MARKERS, strict=False):
+        points = [line for line in measured if line["source"] == source]
+        frame.errorbar(
+            [float(line["diameter [mm]"]) for line in points],
+            [float(line["value"]) for line in points],
+            [float(line["sd"]) for line in points],
+            fmt=marker,
+            color=THEIRS,
+            mfc="none",
+            label=source,
+        )
+    for name, style in zip(IMPACT, ("o-", "s--"), strict=True):
+        sizes, values = simulated_thresholds(found, name)
+        frame.plot(sizes / MILLI, values, style, color=OURS, label=f"simulated, {IMPACT[name]}")
+    frame.set(xscale="log", yscale="log", xlabel="diameter [mm]", ylabel="impact threshold u* [m/s]")
+    frame.legend(frameon=False, fontsize=8)
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
+def draw_flux(found: Found, measured: Table, file: Path) -> None:
+    """Flux against the stress of the wind."""
+    figure, frame = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+    pairs = flux_pairs(found, measured)
+    wind, value, sd = (np.array([pair[k] for pair in pairs]) for k in range(3))
+    frame.errorbar(
+        AIR * wind**2, value / MILLI, sd / MILLI, fmt="o", color=THEIRS, mfc="none", label="measured"
+    )
+    ours = [(AIR * u**2, row.value / MILLI, row.sd / MILLI) for u, _, _, row in pairs if row is not None]
+    if ours:
+        stress, flux, spread = np.array(ours).T
+        frame.errorbar(stress, flux, spread, fmt="s", color=OURS, label="simulated")
+    frame.set(xlabel="stress of the wind [Pa]", ylabel="flux [g/(m s)]", xlim=(0.0, None), ylim=(0.0, None))
+    frame.legend(frameon=False)
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
