@@ -47,14 +47,17 @@ def wet(moisture: float) -> Case:
     return Case("liquid_bridge", label=f"moisture {moisture:g}", circumstances=orders)
 
 
+IN_THE_TUBE = ("stages.1.remove=[]", "measure.column_height.stage=collapse")  # height before and after taps
+
 COLUMN_CASES = [
     Case("rolling_resistance"),
     Case("liquid_bridge", circumstances=("conditions.moisture=0.0165",)),
     Case("dry_adhesion"),
     Case("grain_shape"),
-    Case("size_distribution"),
+    Case("size_distribution", circumstances=("run.overlap_limit=0.45",)),  # its finest grains fall from high
     Case("packing_preparation"),
-    Case("side_walls"),
+    Case("packing_preparation", label="in the tube", circumstances=IN_THE_TUBE, parameters=("taps=20",)),
+    Case("side_walls", parameters=("width=11",)),  # the bare heap reaches 15 diameters across
     wet(0.002),
     wet(0.1),
     rolling(1.0),

@@ -1,13 +1,13 @@
 """Sealed cases on the reduced model: draws, solves and opens them, writes results.csv, fills the page.
 
 python doe/t0/run.py --cases 3000 --seed 1 --processes 2     goes on where it was stopped
-python doe/t0/run.py --page                                  only the table, from results.csv
+python doe/t0/run.py --cases 3000 --seed 1 --score           opens what is answered
+python doe/t0/run.py --page                                  only the page, from results.csv
 """
 
 import csv
 import io
 import os
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
 from multiprocessing import get_context
@@ -30,27 +30,34 @@ def main(
     cases: int = 3000,
     seed: Annotated[int, typer.Option(help="Family of cases; each is used once.")] = 1,
     processes: int = 1,
+    score: Annotated[bool, typer.Option("--score", help="Open what is answered, solve no more.")] = False,
     page: Annotated[bool, typer.Option("--page", help="Only fill the page from results.csv.")] = False,
 ) -> None:
     """Whatever was asked for, then the page."""
+    trial = Trial(seed, cases, WORK / f"{seed}-{cases}")
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read by the processes when they start
     if not page:
-        write_table(list(tried(Trial(seed, cases, WORK / f"{seed}-{cases}"), processes)))
+        seal(trial)
+        if not score:
+            solve(trial, processes)
+        write_table(scored(trial, processes))
     publish(FOLDER / "results.csv", FOLDER / "README.md")
 
 
-def tried(trial: Trial, processes: int) -> Iterator[dict[str, str]]:
-    """Rows of all cases, in order; solving processes are given problem files only."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read by the processes when they start
-    seal(trial)
-    numbers = range(trial.count)
-    problems, answers = [trial.problem(k) for k in numbers], [trial.answer(k) for k in numbers]
-    digests = sealed(trial)
+def solve(trial: Trial, processes: int) -> None:
+    """Answer every problem that has no answer yet; solving processes are given problem files only."""
+    paths = [(trial.problem(number), trial.answer(number)) for number in range(trial.count)]
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for done, _ in enumerate(pool.map(solve_file, problems, answers), 1):
+        for done, _ in enumerate(pool.map(solve_file, *zip(*paths, strict=True)), 1):
             if done % TOLD == 0 or done == trial.count:
                 typer.echo(f"{done} of {trial.count} solved")
+
+
+def scored(trial: Trial, processes: int) -> list[dict[str, str]]:
+    """Rows of all answered cases, in order."""
+    answered = {k: digest for k, digest in sealed(trial).items() if trial.answer(k).exists()}
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(opened, repeat(trial), numbers, [digests[k] for k in numbers])
+        return list(pool.map(opened, repeat(trial), answered.keys(), answered.values()))
 
 
 def write_table(rows: list[dict[str, str]]) -> None:

@@ -28,12 +28,12 @@ DIAMETERS = (0.24e-3, 0.5e-3, 0.15e-3, 1.0e-3, 0.1e-3, 0.7e-3)  # m
 SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of the diameter
 MODULUS = 1e5  # Pa, at the reference: stiffness goes with d
 TIMES = {  # s, at the reference: they go with the root of d
-    "stages.0.duration_max": 0.3,
-    "stages.1.duration_max": 0.12,
-    "threshold.spin_up": 0.25,
+    "stages.0.duration_max": 0.15,
+    "stages.1.duration_max": 0.1,
+    "threshold.spin_up": 0.2,
     "threshold.fall_hold": 0.2,
 }
-WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.35}  # m s-1, likewise
+WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}  # m s-1, likewise
 
 BEDS = 3  # of a threshold that is compared with the reference
 COUNT, SIDE = 1200, 14.0  # grains, and diameters, of the patch of scenes/wind_threshold.toml

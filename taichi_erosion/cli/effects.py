@@ -1,22 +1,19 @@
 """The command `effects`: the library of optional physics as a list, one effect as a page, or a new file."""
 
 import csv
-import re
 from dataclasses import fields
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from taichi_erosion.cli import output
+from taichi_erosion.cli.effect_files import NEW, begin_file
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Check, Effect
 
-NEW = "new"  # first word that asks for a new file, so no effect can be called so
-FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
 SIGNIFICANT = 2.0  # standard errors from 0 at which a shift counts as measured [1]
 SIGNS = {1: "up", -1: "down"}
 
@@ -32,17 +29,29 @@ EffectFile = Annotated[
     list[Path] | None,
     typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
 ]
+Discovery = Annotated[
+    Path | None,
+    typer.Option(
+        "--from-discovery",
+        metavar="FILE",
+        help="Begin the file with the law that a discovery proposed (STUDY.discover.json).",
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
 @app.command()
-def effects(words: Words = None, effect: EffectFile = None, as_json: AsJson = False) -> None:
+def effects(
+    words: Words = None, effect: EffectFile = None, discovery: Discovery = None, as_json: AsJson = False
+) -> None:
     """Optional physics that a scene can switch on: all of it, one effect with its numbers, or a new file."""
     from taichi_erosion.effects import load_library
 
+    if discovery is not None and (words or [""])[0] != NEW:
+        raise BadInput("effects --from-discovery: goes with new NAME")
     match words or []:
         case ["new", name]:
-            typer.echo(str(begin_file(name)))
+            typer.echo(str(begin_file(name, discovery)))
         case []:
             show_library(list(load_library(effect or ()).values()), as_json)
         case [name]:
@@ -52,20 +61,6 @@ def effects(words: Words = None, effect: EffectFile = None, as_json: AsJson = Fa
             show_effect(library[name], as_json)
         case _:
             raise BadInput(f"effects {' '.join(words or [])}: give one NAME, or new NAME")
-
-
-def begin_file(name: str) -> Path:
-    """Write a file that already keeps the contract of effects, for the user to change."""
-    from taichi_erosion.effects import load_library
-
-    path = Path(f"{name}.py")
-    if not FILE_NAME.fullmatch(name) or name == NEW or name in load_library():
-        raise BadInput(f"effects new {name}: give a new name of small letters, digits and _")
-    if path.exists():
-        raise BadInput(f"{path}: exists already")
-    scaffold = (files("taichi_erosion.cli") / "scaffold" / "effect.txt").read_text(encoding="utf-8")
-    path.write_text(scaffold.replace("NAME", name), encoding="utf-8")
-    return path
 
 
 def show_library(library: "list[Effect]", as_json: bool) -> None:
@@ -160,7 +155,7 @@ def first_reference(effect: "Effect") -> str:
 
 
 def measured_shifts() -> dict[str, list[dict[str, str]]]:
-    """Rows of the table of measured signatures whose shift is told from 0, by effect; none without the table."""
+    """Rows of the table of signatures whose shift is told from 0, by effect; none without the table."""
     from taichi_erosion.campaign.cases import ROOT
 
     path = ROOT / "doe" / "effect_signatures" / "signatures.csv"

@@ -15,6 +15,9 @@ INTERRUPTED = 130  # exit code of a program ended by Ctrl-C, 128 + SIGINT
 app = typer.Typer()
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Evidence study (TOML).")]
+ReportSource = Annotated[
+    Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd that a run left.")
+]
 EffectName = Annotated[str, typer.Argument(metavar="EFFECT", help="Candidate of the study.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 BudgetName = Annotated[
@@ -93,8 +96,8 @@ def next_(study: StudyFile, as_json: AsJson = False) -> None:
 
 
 @app.command()
-def report(study: StudyFile, to: PageFile = None) -> None:
-    """One self-contained HTML page of everything that was found about a study."""
-    from taichi_erosion.report.evidence_page import write_report
+def report(source: ReportSource, to: PageFile = None) -> None:
+    """One self-contained HTML page: of a run, of a calibration, or of everything found about a study."""
+    from taichi_erosion.report.any_page import write_report
 
-    typer.echo(str(write_report(study, to)))
+    typer.echo(str(write_report(source, to)))

@@ -6,8 +6,9 @@
 
 with w the spin relative to the air [rad s-1], v - u the velocity of the grain relative to the air [m s-1],
 d the diameter [m], rho and mu density [kg m-3] and viscosity [Pa s] of the air; c = pi/8 for creeping flow
-(C = 1). In a wind along x that grows upwards, curl u is (0, G, 0) with the shear G [s-1]. Back spin lifts.
-Strength multiplies the force. Holds for Re < 2000 and W < 10.
+(C = 1). In a wind along x that grows upwards, curl u is (0, G, 0) with the shear G [s-1]. Back spin lifts a
+grain that is faster than the air, forward spin one that the wind overtakes. Strength multiplies the force.
+Holds for Re < 2000 and W < 10.
 
 Reference: Rubinow & Keller (1961), J. Fluid Mech. 11, 447 (creeping flow); Loth (2008), AIAA J. 46, 801,
 eqs (24)-(25).

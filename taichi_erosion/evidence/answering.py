@@ -1,7 +1,13 @@
-"""A question put to a study: at once where a function answers, in rounds of simulations where scenes do."""
+"""A question put to a study: at once where a function answers, in rounds of simulations where scenes do.
+
+What a round was about is kept beside the results: a command that is given again, or was stopped, makes the
+same rounds without asking, and later questions use the runs of earlier ones.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal, TypeVar
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from typing import Generic, Literal, TypeVar
 
 from taichi_erosion.evidence import results
 from taichi_erosion.evidence.findings import Adoption, Comparison, Discovery, HypothesisFit
@@ -10,34 +16,80 @@ from taichi_erosion.evidence.rehearsal import next_round, on_surfaces, rehearsal
 from taichi_erosion.evidence.scales import EFFECTS, STRENGTH
 from taichi_erosion.evidence.study import Study
 from taichi_erosion.evidence.surface_plan import Explanation
+from taichi_erosion.scene.load import file_text
 
 MOST_EXPLANATIONS = 3  # about which a round simulates
 BudgetName = Literal["quick", "full"]
 Found = TypeVar("Found")
+Rounds = dict[str, list[list[Explanation]]]  # question -> its rounds
+
+
+@dataclass(frozen=True)
+class Asked(Generic[Found]):
+    """A question, and what it makes worth a closer look."""
+
+    name: str
+    question: Callable[[Study], Found]
+    about: Callable[[Found], list[Explanation]]
+    effects: Sequence[str] = ()  # that it needs to know
+    ahead: bool = False  # whether it looks at conditions that were not measured but could be
 
 
 def answered(
-    study: Study,
-    effects: Sequence[str],
-    budget: BudgetName,
-    progress: Progress,
-    question: Callable[[Study], Found],
-    about: Callable[[Found], list[Explanation]],
-    ahead: bool = False,
+    study: Study, budget: BudgetName, asked: Asked[Found], progress: Progress
 ) -> tuple[Found, Study]:
     """The answer, and the study as it was when it was given.
 
-    Scenes are simulated about what each answer leaves standing, and the question is put again. `ahead` also
-    simulates conditions that were not measured but could be.
+    Scenes are simulated about what each answer leaves standing, and the question is put again.
     """
-    rehearsal = rehearsal_of(study, effects, budget, ahead)
+    rehearsal = rehearsal_of(study, asked.effects, budget, asked.ahead)
     if rehearsal is None:
-        return question(study), study
-    for _ in range(rehearsal.amount.rounds):
-        ready = on_surfaces(rehearsal, progress)
-        rehearsal = next_round(rehearsal, about(question(ready)))
+        return asked.question(study), study
+    past, key = read_rounds(study), f"{asked.name} {budget}"
+    own = past.pop(key, [])
+    for name, rounds in past.items():
+        for number, about in enumerate(rounds):
+            rehearsal = next_round(rehearsal, about, f"{name}|{number}")
+    alike = [rounds for name, rounds in past.items() if name.endswith(budget)]
+    seen = {set_of(explanation) for rounds in alike for about in rounds for explanation in about}
+    for number in range(rehearsal.amount.rounds):
+        if number >= len(own):
+            ready = on_surfaces(rehearsal, progress)
+            own.append([e for e in asked.about(asked.question(ready)) if set_of(e) not in seen])
+            keep_rounds(study, {**past, key: own})
+        rehearsal = next_round(rehearsal, own[number], f"{key}|{number}")
     ready = on_surfaces(rehearsal, progress)
-    return question(ready), ready
+    return asked.question(ready), ready
+
+
+def set_of(explanation: Explanation) -> frozenset[str]:
+    """Effects that act in an explanation."""
+    return frozenset(name for name, strength in explanation.effects.items() if strength > 0.0)
+
+
+def read_rounds(study: Study) -> Rounds:
+    """What earlier rounds were about; none where the study or its table has changed since."""
+    document = results.recall(study.results, study.path.stem, results.ROUNDS)
+    if document is None or document.get("of") != state_of(study):
+        return {}
+    return {
+        name: [[Explanation(**entry) for entry in about] for about in rounds]
+        for name, rounds in document["rounds"].items()
+    }
+
+
+def keep_rounds(study: Study, rounds: Rounds) -> None:
+    """Keep what the rounds were about."""
+    plain = {
+        name: [[asdict(explanation) for explanation in about] for about in parts]
+        for name, parts in rounds.items()
+    }
+    results.keep(study.results, study.path.stem, results.ROUNDS, {"of": state_of(study), "rounds": plain})
+
+
+def state_of(study: Study) -> str:
+    """Digest of a study file and its measurements."""
+    return sha256(f"{study.digest}|{file_text(study.path, str(study.path))}".encode()).hexdigest()[:16]
 
 
 def last_budget(study: Study) -> BudgetName:

@@ -33,6 +33,7 @@ from taichi_erosion.evidence.reduced_effects import EFFECTS
 
 KINDS = ("null", "single", "pair", "outside", "impossible")
 SHARES = (0.50, 0.22, 0.10, 0.12, 0.06)
+VARIED = {"impossible": (0, 1), "pair": (5, 9)}  # conditions besides the wind; else 2 to 6
 PRIOR_SD = 0.3  # of ln of every calibrated number
 WEAKEST, STRONGEST = 0.3, 3.0  # strength of a hidden effect
 UNDERSTATED, SHARE_UNDERSTATED = 1.5, 0.1  # true over stated sd, and how many laboratories have it
@@ -116,8 +117,9 @@ def chosen_observables(generator: np.random.Generator) -> tuple[str, ...]:
 def chosen_conditions(
     generator: np.random.Generator, kind: str, observables: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Conditions that the laboratory varied: one to six, none or one where the design shall be impossible."""
-    count = int(generator.integers(0, 2)) if kind == "impossible" else int(generator.integers(2, 7))
+    """Conditions that the laboratory varied."""
+    least, most = VARIED.get(kind, (2, 6))
+    count = int(generator.integers(least, most + 1))
     names = [name for name in RANGES if name != "u_star"]
     varied = [str(name) for name in generator.choice(names, count, replace=False)]
     return (*varied, "u_star") if "flux" in observables else tuple(varied)

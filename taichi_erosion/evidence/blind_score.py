@@ -174,19 +174,22 @@ def pair_scores(pairs: list[Marked]) -> Iterator[Metric]:
 
 
 def likeliest(cases: Sequence[Marked]) -> tuple[np.ndarray, np.ndarray]:
-    """Probability of the likeliest explanation of every case, and whether it is the truth.
+    """Probability of the likeliest claim of every case, and whether it is true.
 
-    Impossible designs are left out: a twin of the truth, or none of its traces, cannot be told from it.
+    The claims are: nothing is missing; something outside the list is; these effects act, alone or with
+    others. Impossible designs are left out: a twin of the truth cannot be told from it.
     """
     given, true = [], []
-    for case in cases:
-        if case.truth.kind == "impossible":
-            continue
-        key = max(case.answer.probabilities, key=lambda name: case.answer.probabilities[name])
-        given.append(case.answer.probabilities[key])
-        kind = case.truth.kind
-        truth = NONE if kind == "null" else OUTSIDE if kind == "outside" else set(case.truth.effects)
-        true.append((key if key in (NONE, OUTSIDE) else set(key.split("+"))) == truth)
+    for case in (case for case in cases if case.truth.kind != "impossible"):
+        probability = case.answer.probabilities
+        top = max(probability, key=lambda name: probability[name])
+        if top in (NONE, OUTSIDE):
+            given.append(probability[top])
+            true.append(case.truth.kind == ("null" if top == NONE else "outside"))
+        else:
+            acting = set(top.split("+"))
+            given.append(sum(p for names, p in probability.items() if acting <= set(names.split("+"))))
+            true.append(acting <= set(case.truth.effects))
     return np.array(given), np.array(true, dtype=float)
 
 

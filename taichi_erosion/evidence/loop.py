@@ -10,6 +10,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence import results
 from taichi_erosion.evidence.adopt import adopt
 from taichi_erosion.evidence.answering import (
+    Asked,
     BudgetName,
     about_adoption,
     about_comparison,
@@ -53,9 +54,9 @@ def compare_study(path: Path, progress: Progress) -> Document:
         budget = last_budget(study)
 
         def question(ready: Study) -> Comparison:
-            return compare(ready.problem, progress)
+            return compare(ready.problem, progress, ready.file.study.seed)
 
-        found, ready = answered(study, (), budget, progress, question, about_comparison)
+        found, ready = answered(study, budget, Asked("compare", question, about_comparison), progress)
         return kept(ready, "compare", compare_document(ready, found), start)
 
 
@@ -68,7 +69,8 @@ def discover_study(path: Path, budget: BudgetName | None, progress: Progress) ->
         def question(ready: Study) -> Discovery:
             return discover(ready.problem, seed, ready.problem.budget, progress)
 
-        found, ready = answered(study, names_of(study), spent, progress, question, about_discovery)
+        asked = Asked("discover", question, about_discovery, names_of(study))
+        found, ready = answered(study, spent, asked, progress)
         if study.file.study.model is not None or not study.file.laboratory.ranges:
             experiments = next_experiments(ready.problem, found, laboratory_of(ready))
             found = replace(found, next_experiments=tuple(experiments))
@@ -89,7 +91,8 @@ def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
         def question(ready: Study) -> Adoption:
             return adopt(ready.problem, effect, seed, progress)
 
-        found, ready = answered(study, names, last_budget(study), progress, question, about_adoption)
+        asked = Asked(f"adopt {effect}", question, about_adoption, names)
+        found, ready = answered(study, last_budget(study), asked, progress)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, effect)
@@ -111,7 +114,8 @@ def next_study(path: Path, progress: Progress) -> Document:
         def about(found: tuple[Discovery, list[Experiment]]) -> list[Explanation]:
             return about_discovery(found[0])
 
-        found, ready = answered(study, names_of(study), budget, progress, question, about, ahead=True)
+        asked = Asked("next", question, about, names_of(study), ahead=True)
+        found, ready = answered(study, budget, asked, progress)
         return kept(ready, "next", next_document(ready, found[1]), start)
 
 

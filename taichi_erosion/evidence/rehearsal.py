@@ -1,8 +1,8 @@
-"""A study of scenes made ready for questions: its runs planned, simulated or found, and turned into surfaces.
+"""A study of scenes made ready for questions: runs planned, simulated or found, and turned into surfaces.
 
-The first plan follows from the study alone. What the statistics then make of it says where the surfaces must be
-surer: further rounds simulate about the explanations that are left, with fresh seeds, and the question is put
-again. All runs stand in a ledger; a command that was stopped goes on where it was.
+The first plan follows from the study alone. What the statistics then make of it says where the surfaces must
+be surer: further rounds simulate about the explanations that are left, with fresh seeds, and the question is
+put again. All runs stand in a ledger; a command that was stopped goes on where it was.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.problem import Budget, Candidate, Problem
 from taichi_erosion.evidence.scales import Axis, parameter_axis
-from taichi_erosion.evidence.simulator import Answer, Simulator, paths_in, read_scene_once
+from taichi_erosion.evidence.simulator import Simulator, paths_in, read_scene_once
 from taichi_erosion.evidence.study import Spoken, Study
 from taichi_erosion.evidence.surface_plan import (
     AMOUNTS,
@@ -47,7 +47,6 @@ class Rehearsal:
     amount: Amount
     settings: tuple[Setting, ...]
     about: tuple[Explanation, ...] = ()  # explanations of the last round
-    rounds: int = 0
 
 
 def rehearsal_of(study: Study, effects: Sequence[str], budget: str, ahead: bool = False) -> Rehearsal | None:
@@ -94,7 +93,7 @@ def benches_of(study: Study, simulator: Simulator) -> tuple[Bench, ...]:
 
 
 def rows_ahead(study: Study, bench: Bench) -> tuple[Row, ...]:
-    """Conditions that the laboratory could set: ends and middles of its ranges, all else as measured first."""
+    """Conditions that the laboratory could set: ends and middles of its ranges, else as measured first."""
     said, ranges = study.file.conditions, study.file.laboratory.ranges
     levels = [
         [(name, value) for value in np.linspace(low, high, LEVELS)] for name, (low, high) in ranges.items()
@@ -152,24 +151,16 @@ def first_plan(rehearsal: Rehearsal, effects: Sequence[str]) -> list[Setting]:
     return settings
 
 
-def next_round(rehearsal: Rehearsal, about: Sequence[Explanation]) -> Rehearsal:
-    """A further round about some explanations."""
+def next_round(rehearsal: Rehearsal, about: Sequence[Explanation], key: str) -> Rehearsal:
+    """A further round about some explanations; rounds of other keys have other seeds."""
     problem = rehearsal.study.problem
-    key = f"round {rehearsal.rounds + 1}"
+    axes, known = axes_of(problem), known_effects(problem)
     more: list[Setting] = []
     for bench in rehearsal.benches:
-        for explanation in about:
-            more += round_plan(
-                bench,
-                rehearsal.simulator,
-                axes_of(problem),
-                known_effects(problem),
-                explanation,
-                rehearsal.amount.round,
-                key,
-            )
-    settings = (*rehearsal.settings, *more)
-    return replace(rehearsal, settings=settings, about=tuple(about), rounds=rehearsal.rounds + 1)
+        for number, explanation in enumerate(about):
+            share = (known, explanation, rehearsal.amount.round, f"{key}|{number}")
+            more += round_plan(bench, rehearsal.simulator, axes, *share)
+    return replace(rehearsal, settings=(*rehearsal.settings, *more), about=tuple(about) or rehearsal.about)
 
 
 def requested(

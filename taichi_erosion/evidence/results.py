@@ -7,8 +7,9 @@ from typing import Any, Literal
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.whole_file import write_whole
 
-Question = Literal["compare", "discover", "adopt", "next"]
+Question = Literal["compare", "discover", "adopt", "next", "rounds"]
 LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
+ROUNDS: Question = "rounds"  # no question: what the rounds of simulations were about
 
 
 def result_file(folder: Path, stem: str, question: str) -> Path:

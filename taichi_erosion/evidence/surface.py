@@ -134,7 +134,7 @@ def fit_surface(known: Points, values: Floats, reads: Reads) -> Surface:
         options={"maxiter": STEPS_MOST},
     )
     amplitude = np.exp(found.x)
-    factor = np.linalg.cholesky(whole(parts, amplitude))
+    factor = np.asarray(np.linalg.cholesky(whole(parts, amplitude)), dtype=np.float64)
     weights = linalg.cho_solve((factor, True), standard)
     return Surface(known, reads, amplitude, centre, width, factor, weights)
 

@@ -1,7 +1,7 @@
 """Surfaces that answer in place of scenes: simulate a plan of runs once, then ask as often as one likes.
 
-The statistics ask a model thousands of questions; a scene takes seconds for one. Surfaces through some hundred
-runs answer them all, without scatter, and their own uncertainty counts as a tolerance of the model.
+The statistics ask a model thousands of questions, and a scene takes seconds for one. Surfaces through some
+hundred runs answer them all without scatter; their own uncertainty counts as a tolerance of the model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -163,13 +163,11 @@ def train(
     answers: Mapping[str, Answer],
 ) -> dict[str, Answered]:
     """Surfaces of all observables of one scene."""
-    paths = list(ground.rulers)
     at = {path: np.array([s.at.get(path, np.nan) for s in settings]) for path in every_path(settings)}
     at = at or {"": np.full(len(settings), np.nan)}
     numbers = {axis.name: np.array([s.parameters[axis.name] for s in settings]) for axis in ground.axes}
     names = [candidate.name for candidate in ground.candidates]
     effects = {name: np.array([s.effects.get(name, 0.0) for s in settings]) for name in names}
-    assert set(paths) <= set(at) or not paths
     points, reads = ground.points(at, numbers, effects), ground.reads()
     found = {}
     for name in bench.observables:

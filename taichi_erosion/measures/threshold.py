@@ -15,7 +15,7 @@ UNIT = "m s-1"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
 SCALES = np.geomspace(1e-4, 1.0, 200)  # of the law, in logarithms: from next to none to any [1]
-CARRIED = 0.1  # of the largest flux [1]
+CARRIED = 0.05  # of the largest flux [1]
 LEAST_PAIRS = 4  # two more than a line needs
 REACH = 1.5  # logarithms on either side of the brackets in which the ends of the interval are looked for
 

@@ -28,6 +28,11 @@ class Patch:
     density: float  # kg m-3, of the air
     viscosity: float  # m2 s-1, kinematic
 
+    @property
+    def clear(self) -> float:
+        """Height from which on only flying grains are met [m]."""
+        return self.surface + FLIGHT * self.diameter
+
 
 def settling_velocity(state: Snapshot) -> Measurement:
     """Mean downward velocity of all grains [m s-1]; `sd` is that of single grains."""
@@ -122,17 +127,20 @@ def air_stress(air: AirProfile, patch: Patch) -> Floats:
 
 
 def bed_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
-    """Stress that the air itself still carries at the height of the undisturbed bed [Pa]."""
+    """Stress that the air itself still carries just above the grains of the undisturbed bed [Pa].
+
+    Below that height, one diameter over the bed, grains at rest take it all within a layer or two.
+    """
     series = []
     for air in airs:
-        series.append(float(np.interp(patch.surface, air.face[1:-1], air_stress(air, patch))))
+        series.append(float(np.interp(patch.clear, air.face[1:-1], air_stress(air, patch))))
     return blocked("bed_stress", series, "Pa")
 
 
 def grain_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
-    """Stress that grains carry across the height of the undisturbed bed [Pa]: taken from the air above."""
+    """Stress that grains carry across the height of `bed_stress` [Pa]: what they take from the air above."""
     series = []
     for air in airs:
-        share = np.clip((air.face[1:] - patch.surface) / np.diff(air.face), 0.0, 1.0)
+        share = np.clip((air.face[1:] - patch.clear) / np.diff(air.face), 0.0, 1.0)
         series.append(-float((air.drag[:, 0] * np.diff(air.face) * share).sum()))
     return blocked("grain_stress", series, "Pa")

@@ -1,10 +1,7 @@
 """Figures of an evidence study, each an SVG picture that a page can hold, drawn from kept documents alone."""
 
-import base64
-import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import ceil, isfinite, nan
+from math import isfinite, nan
 from typing import Any
 
 import matplotlib as mpl
@@ -13,53 +10,17 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
+
+from taichi_erosion.report.picture import STYLE, Picture, panels, picture
 
 Record = Mapping[str, Any]
 Floats = NDArray[np.float64]
 
 BEFORE, AFTER, CONTROL, FINE = "#b4553d", "#1f4e79", "#9aa3ab", "#d9dde1"
-COLUMNS = 3  # panels side by side
-PANEL = (3.0, 2.7)  # in
 WIDE_RANGE = 20.0  # largest over smallest value from which an axis is logarithmic
 TICKS = 4  # most intervals on the axis of a condition
-STYLE: dict[Any, Any] = {
-    "font.size": 8.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "evidence",
-}
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A drawn figure: its address for an `img`, and what it shows for those who cannot see it."""
-
-    address: str
-    description: str
-
-
-def picture(figure: Figure, description: str) -> Picture:
-    """The figure as a data address; equal figures give equal bytes."""
-    page = io.BytesIO()
-    figure.savefig(page, format="svg", metadata={"Date": None})
-    plt.close(figure)
-    return Picture("data:image/svg+xml;base64," + base64.b64encode(page.getvalue()).decode(), description)
-
-
-def panels(count: int) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` panels."""
-    columns = min(count, COLUMNS)
-    size = (PANEL[0] * columns, PANEL[1] * ceil(count / columns))
-    figure, frames = plt.subplots(
-        ceil(count / columns), columns, figsize=size, squeeze=False, layout="constrained"
-    )
-    for frame in frames.flat[count:]:
-        frame.set_visible(False)
-    return figure, list(frames.flat[:count])
 
 
 def numbers(values: Sequence[float | None]) -> Floats:

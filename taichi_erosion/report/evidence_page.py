@@ -2,11 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence import results
@@ -15,6 +12,8 @@ from taichi_erosion.evidence.study_file import read_study_file
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report import evidence_figures as figures
 from taichi_erosion.report.evidence_doubts import doubts
+from taichi_erosion.report.html import render
+from taichi_erosion.report.picture import Picture
 
 Document = Mapping[str, Any]
 
@@ -64,19 +63,7 @@ def write_report(study: Path, to: Path | None = None) -> Path:
     )
     if found.comparison is None and found.discovery is None:
         raise BadInput(f"{study}: nothing has been found yet; run compare or discover on it first")
-    return write_whole(to or folder / f"{study.stem}.report.html", render(found).encode())
-
-
-def render(found: Found) -> str:
-    """The page."""
-    environment = Environment(
-        loader=PackageLoader("taichi_erosion.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.filters |= {"figure": figure, "share": share}
-    return environment.get_template(TEMPLATE).render(**words(found))
+    return write_whole(to or folder / f"{study.stem}.report.html", render(TEMPLATE, words(found)).encode())
 
 
 def words(found: Found) -> dict[str, Any]:
@@ -105,7 +92,7 @@ def words(found: Found) -> dict[str, Any]:
     }
 
 
-def pictures(found: Found) -> dict[str, figures.Picture | None]:
+def pictures(found: Found) -> dict[str, Picture | None]:
     """All figures; None where there is nothing to draw."""
     comparison, discovery, adoption = found.comparison, found.discovery, found.adoption
     before = comparison["rows"] if comparison else discovery["rows_before"] if discovery else None
@@ -182,15 +169,3 @@ def facts(found: Found) -> Iterator[tuple[str, str]]:
         if "runs" in document:
             yield f"cost of {command}", f"{document['runs']} runs, {document['wall_s']:.1f} s"
     yield "versions", ", ".join(f"{name} {number}" for name, number in first["versions"].items())
-
-
-def figure(value: float | None) -> str:
-    """A number to three significant digits."""
-    return "-" if value is None or not isfinite(value) else f"{value:.3g}"
-
-
-def share(value: float | None) -> str:
-    """A share in percent."""
-    if value is None:
-        return "-"
-    return f"{100.0 * value:.0f} %" if value >= 0.1 else f"{100.0 * value:.1f} %"

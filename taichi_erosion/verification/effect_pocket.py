@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import Effect, read_params
@@ -47,7 +47,7 @@ PATCH = 150.0  # length and width of the patch in diameters [1]
 LID = 60.0  # height of the lid in diameters [1]
 RESTITUTION = 0.01  # nearly critical damping: a wind that begins at once does not shake the grain off [1]
 CALM = 0.02  # s, in which the grain finds its place
-SOFTLY, SOFT_START = 0.9, 0.01  # share of the wind that blows first [1], and how long [s]
+SOFTLY, SOFT_START = 0.95, 0.01  # share of the wind that blows first [1], and how long [s]
 YOUNG = 1e6  # Pa: the grain sinks in by less than 1e-3 radii
 SLOWEST, FASTEST = 0.02, 3.0  # winds that are bisected [m s-1]
 HALVINGS = 12  # so that a threshold is known to 0.12 %
@@ -133,7 +133,7 @@ def blow(sim: Simulation, beds: Sequence[dict[str, Any]], winds: Floats, began: 
         if look == 0:
             for replica, wind in enumerate(winds):
                 develop_wind(sim, replica, float(wind))
-        for replica in np.flatnonzero(~left):
+        for replica in map(int, np.flatnonzero(~left)):
             if has_left(sim, replica):
                 left[replica] = True
                 import_bed(sim, replica, beds[replica])
@@ -157,7 +157,7 @@ def expected_threshold(case: Pocket) -> float:
     def excess(wind: float) -> float:
         return excess_force(case, after, wind, library)
 
-    return float(brentq(excess, SLOWEST, FASTEST, xtol=1e-7))
+    return float(root_scalar(excess, bracket=(SLOWEST, FASTEST), xtol=1e-7).root)
 
 
 def excess_force(case: Pocket, scene: Scene, wind: float, library: dict[str, Effect]) -> float:

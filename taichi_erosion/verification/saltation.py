@@ -43,7 +43,14 @@ def sand(diameter: float, stages: list[dict[str, Any]], more: dict[str, Any]) ->
     touch = {"restitution": 0.7, "friction_sliding": 0.5}
     solid = {"density": 2650.0, "shear_modulus": MODULUS * size, "poisson_ratio": 0.25}
     softening = {"softening": {"rule": "bond_number", "true_modulus": 3e10}}
-    column = {"length_d": LENGTH, "width_d": WIDTH, "height_d": 300.0, "density": AIR, "growth": 1.2}
+    column = {
+        "length_d": LENGTH,
+        "width_d": WIDTH,
+        "height_d": 300.0,
+        "density": AIR,
+        "growth": 1.2,
+        "look_steps": 20,
+    }
     table = {
         "scene": {"kind": "saltation"},
         "run": {"time_step_fraction": 0.25, "check_interval": 5e-3, "overlap_limit": 0.9},

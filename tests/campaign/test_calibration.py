@@ -14,6 +14,7 @@ from taichi_erosion.campaign.study import read_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.design_file import read_design
+from taichi_erosion.report.any_page import write_report
 from taichi_erosion.report.calibration import publish
 
 TARGET = 31.0  # deg
@@ -151,3 +152,16 @@ def test_a_study_without_its_own_sections_is_told_what_is_missing(tmp_path):
 def test_sections_of_the_evidence_commands_are_left_to_them(tmp_path):
     path = write_study(tmp_path, candidates={"effects": "all"}, vault={"fraction": 0.3})
     assert read_study(path).study.targets["repose_angle"].value == TARGET
+
+
+def test_the_report_is_the_page_with_its_pictures_inside(found):
+    publish(found)
+    page = write_report(found.file.path).read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == len(list((found.file.folder / "pictures").glob("*.png")))
+    assert "<table>" in page
+    assert 'src="pictures' not in page
+
+
+def test_a_report_before_the_calibration_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="not calibrated yet"):
+        write_report(write_study(tmp_path))

@@ -4,8 +4,11 @@ The 3000 cases behind the published table are solved by doe/t0/run.py; here 150 
 bounds lie three binomial sd beyond the targets, so that chance alone seldom breaks them.
 """
 
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from hashlib import sha256
+from itertools import repeat
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -27,10 +30,15 @@ SINGLE, NULL = (7, 15), (7, 4)  # family and number of a case with one strong ef
 def cases(tmp_path_factory) -> list[Marked]:
     trial = Trial(FAMILY, COUNT, tmp_path_factory.mktemp("trial"))
     seal(trial)
-    for number in range(COUNT):
-        solve_file(trial.problem(number), trial.answer(number))
-    digests = sealed(trial)
-    return marked([opened(trial, number, digests[number]) for number in range(COUNT)])
+    numbers = range(COUNT)
+    problems, answers = [trial.problem(k) for k in numbers], [trial.answer(k) for k in numbers]
+    with (
+        pytest.MonkeyPatch.context() as around,
+        ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool,
+    ):
+        around.setenv("OPENBLAS_NUM_THREADS", "1")  # read by the processes when they start
+        list(pool.map(solve_file, problems, answers, repeat(False), chunksize=5))
+        return marked(list(pool.map(opened, repeat(trial), numbers, sealed(trial).values(), chunksize=5)))
 
 
 def below(share: float, count: int) -> float:

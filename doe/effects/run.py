@@ -1,0 +1,31 @@
+"""What each effect does where the answer is known, and what it costs; writes tables and the page of effects.
+
+python doe/effects/run.py              all groups, then the page
+python doe/effects/run.py GROUP...     some of: pocket flight bounce rolling reading cost
+python doe/effects/run.py --page       only the figure and the tables of the page
+"""
+
+import sys
+from pathlib import Path
+
+from taichi_erosion.campaign.cases import ROOT
+from taichi_erosion.report.effects import publish
+from taichi_erosion.verification.effect_answers import GROUPS, write_answers
+from taichi_erosion.verification.effect_cost import costs, write_costs
+
+FOLDER = Path(__file__).parent
+ANSWERS, COSTS = FOLDER / "answers.csv", FOLDER / "cost.csv"
+
+
+def main(words: list[str]) -> None:
+    """Simulate what was asked for, then publish the tables."""
+    if words != ["--page"]:
+        for group in (name for name in GROUPS if not words or name in words):
+            write_answers(ANSWERS, list(GROUPS[group]()))
+        if not words or "cost" in words:
+            write_costs(COSTS, list(costs()))
+    publish(FOLDER.parent, ROOT / "docs")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

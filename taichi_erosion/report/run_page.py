@@ -1,0 +1,147 @@
+"""The report of a run: one HTML page that needs nothing else, made from the document beside its recording."""
+
+import json
+from collections.abc import Iterator, Mapping
+from math import nan, sqrt
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.recording.whole_file import write_whole
+from taichi_erosion.report.html import render
+from taichi_erosion.report.page import with_spread
+from taichi_erosion.report.picture import STYLE, Picture, address_of, panels, picture
+
+Document = Mapping[str, Any]
+
+TEMPLATE = "run.html"
+NEEDED = ("scene", "hash", "seed", "replicas", "measures", "measured", "versions")
+OURS, THEIRS = "#1f4e79", "#b4553d"
+LARGEST_FILM = 8_000_000  # bytes; a larger film stays a file
+
+
+def write_report(run: Path, to: Path | None = None) -> Path:
+    """Write the page of a run from its document or recording; raises BadInput where there is none."""
+    source = run.with_suffix(".json")
+    document = read_document(source)
+    return write_whole(
+        to or run.with_suffix(".report.html"), render(TEMPLATE, words(document, source)).encode()
+    )
+
+
+def read_document(path: Path) -> Document:
+    """The document of a run."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such document; a recorded run leaves one beside its recording") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: not the document of a run ({error})") from None
+    missing = [name for name in NEEDED if not isinstance(document, dict) or name not in document]
+    if missing:
+        raise BadInput(f"{path}: not the document of a run; {missing[0]} is missing")
+    return document
+
+
+def words(document: Document, source: Path) -> dict[str, Any]:
+    """What the template is given."""
+    return {
+        "title": document.get("title") or Path(document["scene"]).stem,
+        "about": f"{document['scene']}, {len(document['replicas'])} repeats",
+        "summary": list(sentences(document)) or ["This scene names no measured value to compare with."],
+        "measures": {name: told(record) for name, record in document["measures"].items()},
+        "measured": document["measured"],
+        "figure_of_measures": draw_measures(document),
+        "pictures": list(pictures(document, source)),
+        "replicas": document["replicas"],
+        "warnings": list(warnings(document)),
+        "facts": list(facts(document)),
+        "resolved": json.dumps(document.get("resolved", {}), indent=1),
+    }
+
+
+def told(record: Document) -> dict[str, Any]:
+    """One pooled measure in words."""
+    value, sd = (nan if record[key] is None else record[key] for key in ("value", "sd"))
+    return {"text": with_spread(value, sd, record["n"]), "unit": record["unit"], "notes": record["notes"]}
+
+
+def sentences(document: Document) -> Iterator[str]:
+    """Every measured value beside the simulated one, with the difference in standard errors.
+
+    z = (x - y) / sqrt(s_x^2 / n_x + s_y^2 / n_y)
+    """
+    for name, wanted in document["measured"].items():
+        found = document["measures"].get(name)
+        if found is None or found["value"] is None:
+            yield f"{name}: no simulated value; {wanted['value']:g} was measured."
+            continue
+        measured_sd, count = wanted.get("sd") or nan, wanted.get("n") or 1
+        simulated = told(found)
+        difference = found["value"] - wanted["value"]
+        error = sqrt((found["sd"] or 0.0) ** 2 / found["n"] + measured_sd**2 / count)
+        far = f", {abs(difference) / error:.1f} standard errors" if error > 0.0 else ""
+        measured = with_spread(wanted["value"], measured_sd, count)
+        yield (
+            f"{name}: {simulated['text']} {simulated['unit']} simulated, {measured} measured; "
+            f"the difference is {difference:+.3g} {simulated['unit']}{far}."
+        )
+
+
+def draw_measures(document: Document) -> Picture:
+    """Every measure by seed, with mean and standard deviation, and what was measured."""
+    names = list(document["measures"])
+    with mpl.rc_context(STYLE):
+        figure, frames = panels(max(len(names), 1))
+        for frame, name in zip(frames, names, strict=False):
+            pooled, wanted = document["measures"][name], document["measured"].get(name)
+            seeds = [one["measures"].get(name, {}).get("value") for one in document["replicas"]]
+            values = [nan if value is None else value for value in seeds]
+            if wanted:
+                sd = wanted.get("sd") or 0.0
+                frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=THEIRS, alpha=0.2, lw=0.0)
+                frame.axhline(wanted["value"], color=THEIRS, lw=1.0)
+            frame.plot([0.0] * len(values), values, "o", ms=3.5, color=OURS, alpha=0.6)
+            if pooled["value"] is not None:
+                frame.errorbar(
+                    [1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=OURS, capsize=3
+                )
+            frame.set(title=f"{name} [{pooled['unit']}]", xlim=(-0.6, 1.6))
+            frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
+        return picture(figure, "Every measure by seed, its mean with one standard deviation; red: measured.")
+
+
+def pictures(document: Document, source: Path) -> Iterator[Picture]:
+    """Silhouettes and film, where the run left them."""
+    for kind, description in (
+        ("silhouettes", "Silhouettes from all azimuths with the fitted flanks."),
+        ("film", "The run, seen from the side."),
+    ):
+        name = document.get(kind)
+        file = source.with_name(Path(name).name) if name else None
+        if file and file.is_file() and file.stat().st_size < LARGEST_FILM:
+            yield Picture(address_of(file), description)
+
+
+def warnings(document: Document) -> Iterator[str]:
+    """Warnings of the scene and of every replica."""
+    yield from document.get("limits", {}).get("warnings", [])
+    for replica in document["replicas"]:
+        yield from (f"seed {replica['seed']}: {warning}" for warning in replica.get("warnings", []))
+
+
+def facts(document: Document) -> Iterator[tuple[str, str]]:
+    """What the numbers rest on, and everything needed to make them again."""
+    limits = document.get("limits", {})
+    if limits:
+        share = limits["time_step_over_rayleigh"]
+        yield "time step", f"{limits['time_step']:.3g} s, {share:.2g} Rayleigh times"
+        yield from (("softening", words) for words in limits.get("softening", []))
+    yield "scene", f"{document['scene']}, hash {document['hash']}"
+    yield "seeds", ", ".join(str(replica["seed"]) for replica in document["replicas"])
+    if "grain_steps" in document:
+        yield "cost", f"{document['grain_steps']:.3g} grain-steps, {document['wall_s']:.1f} s"
+    yield "computed on", ", ".join(f"{key} {value}" for key, value in document.get("numerics", {}).items())
+    yield "versions", ", ".join(f"{name} {number}" for name, number in document["versions"].items())

@@ -1,0 +1,76 @@
+"""Surfaces through scattered values: what they recover, how sure they say they are, where they are exact."""
+
+import numpy as np
+import pytest
+
+from taichi_erosion.evidence.surface import Points, Reads, Surface, fit_surface
+
+READS = Reads(np.array([True, False]), np.array([[True, True], [True, False]]))
+SCATTER = 0.2
+
+
+def law(points: Points) -> np.ndarray:
+    """A value that bends in one number, with one effect that saturates and grows with a condition."""
+    x, c, psi = points.x, points.c, points.psi
+    acting = 1.5 * np.tanh(0.7 * psi[:, 0]) * (1.0 + 0.4 * c[:, 1])
+    return 3.0 + 0.5 * x[:, 0] - 0.8 * x[:, 1] + 0.1 * x[:, 1] ** 2 + 0.3 * c[:, 0] + acting
+
+
+def drawn(generator: np.random.Generator, count: int, effect: int | None) -> Points:
+    psi = np.zeros((count, 2))
+    if effect is not None:
+        psi[:, effect] = generator.uniform(0.3, 2.5, count)
+    c = np.column_stack([generator.choice([-1.0, 1.0], count), generator.uniform(-1.5, 1.5, count)])
+    return Points(generator.uniform(-2.0, 2.0, (count, 2)), c, psi)
+
+
+def joined(*parts: Points) -> Points:
+    return Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("x", "c", "psi")))
+
+
+@pytest.fixture(scope="module")
+def surface() -> Surface:
+    generator = np.random.default_rng(3)
+    known = joined(*(drawn(generator, count, k) for count, k in ((40, None), (30, 0), (30, 1))))
+    return fit_surface(known, law(known) + SCATTER * generator.standard_normal(100), READS)
+
+
+@pytest.mark.parametrize("effect", [None, 0, 1])
+def test_a_surface_is_far_surer_than_a_run_and_says_how_sure(surface, effect):
+    asked = drawn(np.random.default_rng(4), 200, effect)
+    off = surface.mean(asked) - law(asked)
+    sd = np.sqrt(surface.variance(asked))
+    assert np.sqrt(np.mean(off**2)) < 0.8 * SCATTER
+    # 200 errors that hang together through one surface: their mean square is 1 within a factor of three
+    assert 0.3 < np.sqrt(np.mean((off / sd) ** 2)) < 1.7
+
+
+def test_the_scatter_of_runs_is_found(surface):
+    # 100 runs less some twenty numbers that they determine: 1 / sqrt(2 * 80) = 8 %; three times that
+    assert surface.scatter == pytest.approx(SCATTER, rel=0.25)
+
+
+def test_left_out_runs_lie_where_the_others_say(surface):
+    # 100 standard normal numbers: their root mean square is 1 within 7 %; three times that
+    assert np.sqrt(np.mean(surface.left_out() ** 2)) == pytest.approx(1.0, abs=0.21)
+
+
+def test_strength_zero_is_the_bare_model_whatever_the_condition_that_only_an_effect_reads(surface):
+    bare = drawn(np.random.default_rng(5), 20, None)
+    other = Points(bare.x, bare.c * np.array([1.0, -3.0]), bare.psi)
+    assert np.array_equal(surface.mean(bare), surface.mean(other))
+
+
+def test_an_effect_without_any_action_is_read_as_none(surface):
+    still, acting = drawn(np.random.default_rng(6), 50, None), drawn(np.random.default_rng(6), 50, None)
+    acting.psi[:, 1] = 1.0
+    change = surface.mean(acting) - surface.mean(still)
+    # thirty runs settle a constant shift within SCATTER / sqrt(30) times about two, for the strengths differ
+    assert np.abs(change).max() < 6.0 * SCATTER / np.sqrt(30)
+
+
+def test_values_without_scatter_are_met(surface):
+    known = drawn(np.random.default_rng(7), 40, 0)
+    exact = fit_surface(known, law(known), READS)
+    # the scatter's prior keeps a little of it: e^-4 of its usual size at the least
+    assert np.abs(exact.mean(known) - law(known)).max() < 0.05

@@ -1,0 +1,113 @@
+"""Reports are pages that need nothing beside themselves and that a browser opens without a complaint."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.report.any_page import write_report
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+OUTSIDE = re.compile(r"""(?:src|href)=["'](?!data:|#)""")
+
+
+def measure(value: float | None, sd: float | None, count: int) -> dict:
+    return {"name": "repose_angle", "value": value, "sd": sd, "unit": "deg", "n": count, "notes": []}
+
+
+def document(**changes) -> dict:
+    """What a run of three seeds leaves, without its details."""
+    seeds = [
+        {"seed": seed, "measures": {"repose_angle": measure(value, 0.5, 1)}, "warnings": []}
+        for seed, value in ((1, 30.0), (2, 32.0), (3, 31.0))
+    ]
+    seeds[2]["warnings"] = ["flank <not> straight"]
+    whole = {
+        "scene": "scenes/heap.toml",
+        "title": "A heap",
+        "hash": "0123456789ab",
+        "seed": 1,
+        "replicas": seeds,
+        "measures": {"repose_angle": measure(31.0, 1.0, 3)},
+        "measured": {"repose_angle": {"value": 33.0, "sd": 0.9, "n": 9, "source": "a laboratory"}},
+        "versions": {"taichi_erosion": "0.1.0"},
+    }
+    return whole | changes
+
+
+def written(folder: Path, **changes) -> Path:
+    path = folder / "heap.json"
+    path.write_text(json.dumps(document(**changes)), encoding="utf-8")
+    return path
+
+
+def page_of(path: Path) -> str:
+    return write_report(path).read_text(encoding="utf-8")
+
+
+def test_the_measured_value_stands_beside_the_simulated_one_with_their_distance(tmp_path):
+    # (33 - 31) / sqrt(1 / 3 + 0.81 / 9) = 3.07
+    assert "31.0 ± 1.0 (3) deg simulated, 33.00 ± 0.90 (9) measured" in page_of(written(tmp_path))
+    assert "-2 deg, 3.1 standard errors" in page_of(written(tmp_path))
+
+
+def test_pictures_of_the_run_are_inside_the_page(tmp_path):
+    iio.imwrite(tmp_path / "heap.png", np.zeros((4, 4, 3), np.uint8))
+    run = written(tmp_path, silhouettes="recordings/heap.png", film="recordings/gone.gif")
+    page = page_of(run)
+    assert page.count("data:image/png;base64,") == 1
+    assert not OUTSIDE.search(page)
+
+
+def test_words_of_a_run_cannot_become_part_of_the_page(tmp_path):
+    page = page_of(written(tmp_path, title="<script>alert(1)</script>"))
+    assert "<script>" not in page
+    assert "flank &lt;not&gt; straight" in page
+
+
+def test_a_recording_leads_to_the_document_beside_it(tmp_path):
+    written(tmp_path)
+    assert "A heap" in page_of(tmp_path / "heap.rrd")
+
+
+def test_a_measure_without_a_value_is_told(tmp_path):
+    page = page_of(written(tmp_path, measures={"repose_angle": measure(None, None, 0)}))
+    assert "no simulated value; 33 was measured" in page
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", "[1", '{"scene": "a"}', "\x00"])
+def test_what_is_no_document_of_a_run_is_told_in_one_line(text: str, tmp_path):
+    path = tmp_path / "run.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput, match="not the document of a run") as refused:
+        write_report(path)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["gone.json", "gone.rrd", "gone.toml"])
+def test_a_file_that_is_not_there_is_told(name: str, tmp_path):
+    with pytest.raises(BadInput, match="no such"):
+        write_report(tmp_path / name)
+
+
+def test_a_browser_opens_the_page_without_a_complaint(tmp_path):
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        pytest.skip("no browser is installed")
+    page = write_report(written(tmp_path))
+    options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    told = subprocess.run(
+        [browser, *options, "--enable-logging=stderr", "--dump-dom", page.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert "<h1>A heap</h1>" in told.stdout
+    assert "CONSOLE" not in told.stderr  # how it reports errors of a page

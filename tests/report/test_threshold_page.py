@@ -1,0 +1,73 @@
+"""The page on sand under wind: what its tables say about simulations whose answers are known."""
+
+from math import isnan, nan, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_erosion.campaign.cases import Row
+from taichi_erosion.report import blown_sand, threshold
+from taichi_erosion.report.page import MARKED
+
+ROOT = Path(__file__).parents[2]
+TUNNEL = [
+    {"speed": f"{u:g}", "friction_velocity": f"{0.04 * u:g}", "friction_velocity_sd": "0.01"}
+    for u in (5.0, 6.0, 7.0)
+]
+
+
+def row(group: str, label: str, observable: str, value: float, sd: float = nan, n: int = 1) -> Row:
+    return Row(group, label, observable, value, sd, n, "m s-1", "hash", 1, 1e-5, 0.1, 100, 1.0, "run", "0")
+
+
+def impact(ratio: float) -> blown_sand.Found:
+    """Sands whose thresholds go with the root of the diameter."""
+    found = []
+    for size in (0.1, 0.25, 1.0):
+        scale = sqrt((blown_sand.QUARTZ / blown_sand.AIR - 1.0) * blown_sand.GRAVITY * 1e-3 * size)
+        found += [row("impact", f"{size:g}", name, ratio * scale) for name in blown_sand.IMPACT]
+    return blown_sand.by_case(found)
+
+
+def test_a_threshold_that_goes_with_the_root_is_predicted_between_diameters_and_for_other_densities():
+    sand = blown_sand.simulated_thresholds(impact(0.08), "impact_threshold")
+    for size, density in ((0.1e-3, 2650.0), (0.4e-3, 2650.0), (0.7e-3, 1800.0)):
+        want = 0.08 * sqrt((density / blown_sand.AIR - 1.0) * blown_sand.GRAVITY * size)
+        assert blown_sand.predicted(size, density, sand) == pytest.approx(want, rel=1e-9)
+    assert isnan(blown_sand.predicted(0.02e-3, 2650.0, sand))
+
+
+def test_a_model_that_differs_by_more_than_laboratories_do_is_said_to_fail():
+    line = {"diameter [mm]": "0.25", "grain_density [g/cm3]": "", "sd": "0.006", "source": "Somebody 1950"}
+    scale = sqrt((blown_sand.QUARTZ / blown_sand.AIR - 1.0) * blown_sand.GRAVITY * 0.25e-3)
+    near, far, fine = (line | {"value": f"{ratio * scale:g}"} for ratio in (0.083, 0.06, 0.08))
+    table = blown_sand.impact_table(impact(0.08), [near, far, fine | {"diameter [mm]": "0.02"}])
+    assert table.count("holds") == 1
+    assert table.count("**fails**") == 1
+    assert table.count("not simulated") == 1
+
+
+def test_the_speed_in_the_tunnel_is_read_off_its_map_and_not_beyond():
+    speed, half = threshold.tunnel_speed(0.26, 0.006, TUNNEL)
+    assert speed == pytest.approx(6.5)
+    # two standard deviations of the map and half of the interval, as squares, over u* / U = 0.04
+    assert half == pytest.approx(np.hypot(0.006, 0.02) / 0.04)
+    assert all(map(isnan, threshold.tunnel_speed(0.4, 0.01, TUNNEL)))
+
+
+def test_the_line_of_a_linear_flux_starts_at_its_threshold():
+    winds = (0.25, 0.35, 0.45, 0.55)
+    measured = [
+        {"u_star [m/s]": f"{u:g}", "value": f"{1e3 * 0.2 * (u**2 - 0.04):.9g}", "sd": "0.5"} for u in winds
+    ]
+    found = blown_sand.by_case([row("flux", f"{u:g}", "flux", 0.3 * (u**2 - 0.04)) for u in winds])
+    lines = blown_sand.line_table(found, measured).splitlines()[2:]
+    assert [line.split("|")[2].strip() for line in lines] == ["0.2", "0.2"]
+    assert [line.split("|")[5].strip() for line in lines] == ["1.000", "1.000"]
+
+
+def test_the_page_marks_a_place_for_every_table():
+    page = (ROOT / "docs" / threshold.PAGE).read_text(encoding="utf-8")
+    marks = {found["name"] for found in MARKED.finditer(page)}
+    assert marks == {"fluid", "map", "impact", "scaling", "flux", "lines", "cost"}
