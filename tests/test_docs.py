@@ -2,8 +2,11 @@
 
 import re
 import shlex
+import shutil
 from pathlib import Path
 
+import imageio.v3 as iio
+import numpy as np
 import pytest
 import typer
 
@@ -16,6 +19,8 @@ FENCE = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 INLINE = re.compile(r"`\./erosion ([^`]+)`")
 LAUNCHER_WORDS = {"test"}  # what the launcher does by itself
 PLACEHOLDER = re.compile(r"^[A-Z][A-Z=]*$")
+EXECUTED = {"audit", "compare", "discover", "adopt", "next", "report", "effects", "measure", "schema"}
+OF_A_RUN = "FILE."  # a file that the reader's own run has left
 
 
 def fenced_commands() -> list[tuple[str, str]]:
@@ -44,6 +49,36 @@ def test_a_scene_that_a_page_runs_is_valid(page: str, line: str, monkeypatch: py
         assert main([*words, "--check"]) == 0, f"{page}: {line}"
     else:
         assert words[0] in LAUNCHER_WORDS | command_names(), f"{page}: {line}"
+
+
+def draw_heap(path: Path) -> None:
+    """A dark heap of 30 degrees on a light ground."""
+    across, down = np.meshgrid(np.arange(600), np.arange(300))
+    inside = down > 40 + np.tan(np.radians(30.0)) * np.abs(across - 300)
+    iio.imwrite(path, np.where(inside | (down > 190), 40, 220).astype(np.uint8))
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what the pages' commands read, in which they may write."""
+    folder = tmp_path_factory.mktemp("copy")
+    for name in ("scenes", "doe"):
+        kept_out = shutil.ignore_patterns("*-results", "ledger.sqlite*")
+        shutil.copytree(ROOT / name, folder / name, ignore=kept_out)
+    draw_heap(folder / "IMAGE.png")
+    return folder
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_commands_of_a_page_run_one_after_another(
+    page: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = [line for name, line in fenced_commands() if name == page.name and OF_A_RUN not in line]
+    monkeypatch.chdir(copy)
+    for line in lines:
+        words = ["IMAGE.png" if word == "IMAGE" else word for word in shlex.split(line, comments=True)]
+        if words[0] in EXECUTED:
+            assert main(words) == 0, line
 
 
 @pytest.mark.parametrize(("page", "words"), named_commands())

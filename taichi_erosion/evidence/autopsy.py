@@ -9,11 +9,12 @@ from taichi_erosion.evidence.evidence import expand, score
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.held_out import HeldOut, held_out
 from taichi_erosion.evidence.misfit import misfit_p, residuals_of
+from taichi_erosion.evidence.pairs import judge_pairs
 from taichi_erosion.evidence.posterior import Posterior, label, posterior
 from taichi_erosion.evidence.predictor import seed_mean
 from taichi_erosion.evidence.problem import Floats, Progress
 from taichi_erosion.evidence.screen import Screen, screen
-from taichi_erosion.evidence.shortlist import Judged, chosen_singles, hypotheses, judge_pairs, judge_singles
+from taichi_erosion.evidence.shortlist import Judged, chosen_singles, hypotheses, judge_singles
 from taichi_erosion.evidence.significance import DRAWS, Significance, power, significance
 from taichi_erosion.evidence.unknown import Kernel, discrepancy_gain, kernels
 from taichi_erosion.evidence.verdict import Decision, best_hypothesis, decide

@@ -18,6 +18,8 @@ TRIALS = 5  # of the damping, per step
 GOOD_ENOUGH, GOOD_NOISY = 0.02, 0.1  # fall of the misfit below which no further step is made [1]
 STEPS, STEPS_QUICK = 25, 5  # at most; kinks at the threshold of transport make some fits slow
 SEARCH_POINTS = 10  # per calibrated number
+STARTS, MOST_STARTS = 3, 7  # of the bare model; beyond the first only while the misfit is poor
+POOR = 4.0  # misfit per row of a fit that may have gone astray, or whose model lacks much
 SEARCH_WIDTH = 2.0  # prior sd to either side
 NEAR = 2.0  # sd within which a fitted value may stand for the measured one
 SAME = 0.005  # relative spread of the sd below which it is called constant
@@ -193,7 +195,7 @@ def fit(
 
 
 def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
-    """The bare model, calibrated honestly: a search of the prior, then two starts that must agree.
+    """The bare model, calibrated honestly: a search of the prior, then several starts that should agree.
 
     Comes with the examination whose weights no longer depend on the noise of the values themselves.
     """
@@ -202,8 +204,11 @@ def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
     quick = exam.problem.budget.name == "quick"
     starts = [prior_mean] if quick or count == 0 else [prior_mean, *searched(exam)]
     objective = Objective(exam, (), exam.seeds.fitting)
-    steps = STEPS_QUICK if quick else STEPS
-    results = sorted((refine(objective, start, steps) for start in starts), key=lambda result: result[1])
+    results: list[tuple[Floats, float]] = []
+    for number, start in enumerate(starts):
+        if number < STARTS or results[0][1] > POOR * exam.rows.size:
+            results.append(refine(objective, start, STEPS_QUICK if quick else STEPS))
+            results.sort(key=lambda result: result[1])
     warnings = []
     if len(results) > 1 and results[1][1] < inf:
         gap = np.abs(results[0][0] - results[1][0]).max()
@@ -236,7 +241,7 @@ def reweighted(exam: Examination, mean: Floats) -> Examination:
 
 
 def searched(exam: Examination) -> list[Floats]:
-    """Best two of a Sobol' sample of the prior, one seed each."""
+    """Best points of a Sobol' sample of the prior, one seed each."""
     count = len(exam.axes)
     low = np.maximum(exam.low, -SEARCH_WIDTH)
     high = np.minimum(exam.high, SEARCH_WIDTH)
@@ -244,4 +249,4 @@ def searched(exam: Examination) -> list[Floats]:
     points = low + (high - low) * sampler.random_base2(int(np.ceil(np.log2(SEARCH_POINTS * count))))
     objective = Objective(exam, (), exam.seeds.fitting[:1])
     values = [misfit_of(objective, point, objective.residual(point)) for point in points]
-    return [points[int(k)] for k in np.argsort(values)[:2]]
+    return [points[int(k)] for k in np.argsort(values)[:MOST_STARTS]]

@@ -107,15 +107,16 @@ def bound_warnings(found: Autopsy) -> list[str]:
     ]
 
 
+def untested(name: str) -> EffectFinding:
+    """Row of a candidate that nothing was asked about."""
+    words = f"{name}: not testable"
+    return EffectFinding("not_testable", nan, nan, nan, 0.0, 0.0, nan, nan, 0.0, 1.0, nan, nan, words)
+
+
 def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Discovery:
     """Nothing is named where the noise is unknown or no candidate is listed; only where the model fails."""
     exam, base, known = known_or_guessed(problem, seed, progress)
-    nothing = {
-        c.name: EffectFinding(
-            "not_testable", nan, nan, nan, 0.0, 0.0, nan, nan, 0.0, 1.0, nan, nan, f"{c.name}: not testable"
-        )
-        for c in problem.candidates
-    }
+    nothing = {candidate.name: untested(candidate.name) for candidate in problem.candidates}
     share = 1.0 / (len(nothing) + 2)
     noise = noise_table(exam, None)
     rows = rows_table(exam, base.expansion)

@@ -115,7 +115,7 @@ def path_of(exam: Examination, fit: Fit, index: int, spread: float, ridge: Float
 def strength_grid(low: float, high: float, best: float, spread: float, count: int) -> Floats:
     """Fine about the best strength, coarse over the rest of the allowed range."""
     fine = np.linspace(max(low, best - WIDTH * spread), min(high, best + WIDTH * spread), (2 * count) // 3)
-    return np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine]))
+    return np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [best]]))
 
 
 def smooth_path(exam: Examination, nodes: Floats, change: Floats, best: float, grid: Floats) -> Floats:

@@ -13,8 +13,11 @@ RIGHT_SHARE = 0.8  # of stated sd that are right [1]
 RIGHT_SD = 0.05  # of ln(true / stated sd) where it is right
 WRONG_MEAN, WRONG_SD = 0.2, 0.4  # of ln(true / stated sd) where it is not
 LEAST_FREEDOM = 3  # degrees of freedom from which repeats alone are believed
-TREND_ROWS = 8  # rows from which a trend of the scatter with the value is looked for
-TREND_P = 0.01  # significance that such a trend must have
+UNEVEN = 0.01  # chance below which sample variances are taken to differ in truth
+LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken to be
+SHAPE_GAIN = 1.0  # ln likelihood by which another way of the scatter must be better
+LEAST_SHAPE = 0.5  # of the typical sd
+LEAST_PRIOR = 4.0  # degrees of freedom that the other rows lend to each at least
 DOUBT = 0.2  # mean of ln(true sd / stated sd) where nothing checks it: exponential above 1
 
 
@@ -23,7 +26,8 @@ class Scatter:
     """Variance of single repeats, row by row, on the comparison scale; NaN where nothing tells it."""
 
     variance: Floats
-    freedom: float  # degrees of freedom behind it
+    freedom: float  # degrees of freedom by which repeated rows check it
+    own_freedom: float  # degrees of freedom of the sample variances that it is made of
     factor: float  # scatter between repeated rows over stated scatter; NaN without repeated rows
     p: float
 
@@ -47,55 +51,89 @@ def trigamma_inverse(value: float) -> float:
     return y
 
 
-def moderated(variance: Floats, freedom: Floats, size: Floats) -> Floats:
-    """Sample variances of few repeats, drawn towards their common level (or trend with the value's size).
+def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats, float]:
+    """Variances of few repeats, drawn towards their common level, and the degrees of freedom behind that.
 
-        s~_i^2 = (nu_0 s_0i^2 + nu_i s_i^2) / (nu_0 + nu_i)
+        s~_i^2 = (nu_0 s_0i^2 + nu_i s_i^2) / (nu_0 + nu_i) (nu_0 + nu_i) / (nu_0 + nu_i - 2)
 
-    with nu_0 and s_0 estimated from the spread of all s_i^2: three repeats give an sd that is wrong by half,
-    and weights made of it give false alarms.
+    Three repeats give an sd that is wrong by half, and weights made of it give false alarms. So rows share
+    one level unless they differ by more than chance, when nu_0 comes from the spread of all s_i^2; the last
+    factor is the variance of the t distribution that a residual over such an s~_i has.
 
     Reference: Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3(1), 3, section 6.2.
     """
     positive = variance[variance > 0.0]
     if positive.size == 0:
-        return np.full(variance.size, np.nan)
-    floored = np.maximum(variance, 1e-3 * float(np.median(positive)))
-    level = np.log(floored) - special.digamma(freedom / 2.0) + np.log(freedom / 2.0)
-    centre = np.full(level.size, level.mean())
-    used = 1
-    if level.size >= TREND_ROWS and np.ptp(size) > 0.0:
-        if np.asarray(stats.pearsonr(size, level))[1] < TREND_P:
-            centre, used = np.polyval(np.polyfit(size, level, 1), size), 2
-    if level.size <= used:
-        return floored
-    excess = np.sum((level - centre) ** 2) / (level.size - used) - float(
-        np.mean(special.polygamma(1, freedom / 2.0))
+        return np.full(variance.size, np.nan), 0.0
+    shape = likely_shape(variance, freedom, shapes) ** 2
+    relative = np.maximum(
+        variance / shape, LEAST_VARIANCE * float(np.median(positive / shape[variance > 0.0]))
     )
+    pooled = float(np.sum(freedom * variance / shape) / np.sum(freedom))
+    whole = float(np.sum(freedom))
+    even = pooled * shape * whole / max(whole - 2.0, 1.0), whole
+    if variance.size < 2 or uneven_p(relative, freedom) > UNEVEN:
+        return even
+    level = np.log(relative) - special.digamma(freedom / 2.0) + np.log(freedom / 2.0)
+    spread = float(np.var(level, ddof=1))
+    excess = spread - float(np.mean(special.polygamma(1, freedom / 2.0)))
     if excess <= 0.0:
-        return np.exp(centre)
-    prior = 2.0 * trigamma_inverse(float(excess))
-    common = np.exp(centre + special.digamma(prior / 2.0) - log(prior / 2.0))
-    return (prior * common + freedom * floored) / (prior + freedom)
+        return even
+    prior = max(2.0 * trigamma_inverse(excess), LEAST_PRIOR)
+    total = prior + freedom
+    common = np.exp(level.mean() + special.digamma(prior / 2.0) - log(prior / 2.0))
+    mixed = (prior * common + freedom * relative) / total
+    return shape * mixed * total / (total - 2.0), 2.0 * variance.size / spread
 
 
-def lab_scatter(scaled: Floats, sd: Floats, repeats: Floats, cell: Floats) -> Scatter:
-    """Scatter of the rows of one observable; `cell` numbers the conditions, equal for repeated rows."""
+def likely_shape(variance: Floats, freedom: Floats, shapes: Floats) -> Floats:
+    """How the scatter goes with the rows: the first of the shapes (k, n) unless another is much likelier.
+
+        ln L = -1/2 sum nu_i ln(s_0^2 h_i^2),    s_0^2 = sum nu_i s_i^2 / h_i^2 / sum nu_i
+
+    No row is given less than LEAST_SHAPE of the typical sd: a value near zero has more than a relative error.
+    """
+    usual = np.median(shapes, axis=1, keepdims=True)
+    bounded = np.maximum(shapes / np.where(usual > 0.0, usual, 1.0), LEAST_SHAPE)
+    pooled = np.sum(freedom * variance / bounded**2, axis=1) / np.sum(freedom)
+    fit = -0.5 * (np.sum(freedom) * np.log(pooled) + np.sum(freedom * np.log(bounded**2), axis=1))
+    best = int(np.argmax(fit))
+    return bounded[best if fit[best] > fit[0] + SHAPE_GAIN else 0]
+
+
+def uneven_p(variance: Floats, freedom: Floats) -> float:
+    """Chance that sample variances of equal scatters differ as much.
+
+    Reference: Bartlett (1937), Proc. R. Soc. A 160, 268.
+    """
+    total = float(np.sum(freedom))
+    pooled = log(float(np.sum(freedom * variance)) / total)
+    statistic = total * pooled - float(np.sum(freedom * np.log(variance)))
+    correction = 1.0 + (float(np.sum(1.0 / freedom)) - 1.0 / total) / (3.0 * (variance.size - 1))
+    return float(stats.chi2.sf(statistic / correction, variance.size - 1))
+
+
+def lab_scatter(scaled: Floats, sd: Floats, repeats: Floats, cell: Floats, shapes: Floats) -> Scatter:
+    """Scatter of the rows of one observable.
+
+    `cell` numbers the conditions, equal for repeated rows; `shapes` are the ways in which sd may go with the
+    rows, on the comparison scale, the likeliest first.
+    """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
-    freedom = float(np.sum(repeats[sampled] - 1.0))
+    own = 0.0
     if sampled.any():
-        size = np.log(np.abs(scaled[sampled]) + 1e-300)
-        variance[sampled] = moderated(variance[sampled], repeats[sampled] - 1.0, size)
+        variance[sampled], own = moderated(variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled])
     squares, between = between_repeats(scaled, variance, repeats, cell)
     if np.isfinite(variance).any():
         variance = np.where(np.isfinite(variance), variance, np.nanmedian(variance))
-        return checked(variance, squares, between, freedom)
+        return checked(variance, squares, between, own)
+    freedom = 0.0
     raw, raw_freedom = between_repeats(scaled, np.ones(scaled.size), repeats, cell)
     if raw_freedom >= LEAST_FREEDOM and raw > 0.0:
         variance = np.full(scaled.size, raw / raw_freedom)
-        freedom += raw_freedom
-    return Scatter(variance, freedom, np.nan, np.nan)
+        freedom = float(raw_freedom)
+    return Scatter(variance, freedom, 0.0, np.nan, np.nan)
 
 
 def between_repeats(scaled: Floats, variance: Floats, repeats: Floats, cell: Floats) -> tuple[float, int]:
@@ -112,14 +150,14 @@ def between_repeats(scaled: Floats, variance: Floats, repeats: Floats, cell: Flo
     return total, freedom
 
 
-def checked(variance: Floats, squares: float, between: int, freedom: float) -> Scatter:
+def checked(variance: Floats, squares: float, between: int, own: float) -> Scatter:
     """Stated variances, scaled by what repeated rows say of them: SS_pe ~ chi^2(nu) if they are right."""
     if between == 0:
-        return Scatter(variance, freedom, np.nan, np.nan)
+        return Scatter(variance, 0.0, own, np.nan, np.nan)
     factor = sqrt(squares / between)
     tail = float(stats.chi2.sf(squares, between))
     scale = likely_factor(squares, between) ** 2
-    return Scatter(variance * scale, freedom + between, factor, min(1.0, 2.0 * min(tail, 1.0 - tail)))
+    return Scatter(variance * scale, float(between), own, factor, min(1.0, 2.0 * min(tail, 1.0 - tail)))
 
 
 def likely_factor(squares: float, between: int) -> float:

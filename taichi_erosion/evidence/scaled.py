@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 
@@ -70,16 +69,27 @@ def scaled_measurements(problem: Problem, table: Measurements) -> Scaled:
     """The rows of a table on their comparison scales, with repeated rows merged."""
     names = sorted(set(table.observable))
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
-    pieces, noise, warnings, freedom = [], {}, [], 0.0
+    pieces, noise, warnings, scatters = [], {}, [], []
     for index, observable in enumerate(observables):
         rows = np.array([i for i, name in enumerate(table.observable) if name == observable.name])
         piece, scatter, notes = merged_rows(observable, table.rows(rows), index, len(observables))
         pieces.append(piece)
         noise[observable.name] = noise_budget(piece, scatter)
         warnings += notes
-        freedom += scatter.freedom
+        scatters.append(scatter)
+    freedom = joint_freedom(scatters)
     note = doubt_sentence(freedom)
     return joined(observables, pieces, freedom, noise, [*warnings, *([note] if note else [])])
+
+
+def joint_freedom(scatters: list[Scatter]) -> float:
+    """Degrees of freedom behind the noise level as a whole.
+
+    Repeated rows check the same thing everywhere, what a stated sd is worth. Sample variances tell the level
+    of their own observable and of no other, so that the level is known as well as on average in one of them.
+    """
+    own = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
+    return sum(scatter.freedom for scatter in scatters) + (sum(own) / len(own) if own else 0.0)
 
 
 @dataclass(frozen=True)
@@ -108,7 +118,8 @@ def merged_rows(
     table, z, steepness = table.rows(usable), z[usable], steepness[usable]
     cell = cell_numbers(table)
     repeats = np.where(table.n >= 1.0, table.n, 1.0)
-    scatter = lab_scatter(z, np.abs(table.sd * steepness), repeats, cell)
+    shapes = scatter_shapes(observable, value[usable], steepness)
+    scatter = lab_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     merge_key = np.array([f"{c}|{g}|{b}" for c, g, b in zip(cell, table.group, table.censored, strict=True)])
     _, first, inverse = np.unique(merge_key, return_index=True, return_inverse=True)
@@ -134,6 +145,12 @@ def merged_rows(
         numerical=float(np.sqrt(np.median(numerical))) if first.size else 0.0,
     )
     return piece, scatter, notes
+
+
+def scatter_shapes(observable: Observable, value: Floats, steepness: Floats) -> Floats:
+    """Ways in which sd may go with the value, on the comparison scale: what the scale implies first."""
+    relative, absolute = np.abs(value) * steepness, steepness
+    return np.array([absolute, relative] if observable.transform == "identity" else [relative, absolute])
 
 
 def cell_numbers(table: Measurements) -> Floats:
@@ -167,7 +184,7 @@ def noise_budget(piece: Piece, scatter: Scatter) -> ObservableNoise:
     known = piece.variance[np.isfinite(piece.variance)]
     lab = float(np.sqrt(max(np.median(known) - piece.numerical**2, 0.0))) if known.size else np.nan
     shared = float(np.median(np.abs(piece.shared).sum(axis=1))) if piece.z.size else 0.0
-    repeats = int(scatter.freedom) if isfinite(scatter.freedom) else 0
+    repeats = int(scatter.freedom + scatter.own_freedom)
     return ObservableNoise(
         lab, 0.0, shared, piece.numerical, repeats, scatter.factor, scatter.p, float("nan")
     )

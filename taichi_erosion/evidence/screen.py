@@ -44,7 +44,7 @@ class Signature:
 
 @dataclass(frozen=True)
 class Screen:
-    """All candidates against the calibrated base model."""
+    """All candidates against a calibrated hypothesis."""
 
     base: Expansion
     residual: Floats  # (n + p + q), free
@@ -63,17 +63,20 @@ def expected_strength(candidate: Candidate) -> float:
 
 
 def screen(exam: Examination, base: Expansion) -> Screen:
-    """Signatures of all candidates at the base fit."""
+    """Signatures of all other candidates on top of a fitted hypothesis, mostly the bare model."""
     work = working((exam.rows.z - base.mean) / exam.sd, exam.rows.censored)
-    scale = work.weight / exam.sd
-    part = projection(base.jacobian * scale[:, np.newaxis], exam.rows.shared * scale[:, np.newaxis])
-    residual = part.free(stack(work.residual, base.fit.x, exam.rows.shared.shape[1]))
+    scale, loose = work.weight / exam.sd, base.local.shape[1]
+    slopes = np.hstack([base.local, base.jacobian]) * scale[:, np.newaxis]
+    part = projection(slopes, exam.rows.shared * scale[:, np.newaxis], loose)
+    x = np.concatenate([np.zeros(loose), base.fit.x])
+    residual = part.free(stack(work.residual, x, exam.rows.shared.shape[1]))
     signatures = []
     pairs: list[Floats] = []
     for candidate in exam.problem.candidates:
-        path = runs_along(exam, base, candidate)
-        signatures.append(signature(exam, candidate, path, Whitening(scale, part.basis, residual)))
-        pairs.append(path.correlation)
+        if candidate.name not in base.fit.names:
+            path = runs_along(exam, base, candidate)
+            signatures.append(signature(exam, candidate, path, Whitening(scale, part.basis, residual)))
+            pairs.append(path.correlation)
     return Screen(base, residual, tuple(signatures), known_mean(np.array(pairs), exam.rows.size), part.basis)
 
 
@@ -100,8 +103,9 @@ def runs_along(exam: Examination, base: Expansion, candidate: Candidate) -> Runs
     """Paired runs of one candidate from strength 0 to its maximum."""
     x, mask, predictor = base.fit.x, exam.mask(candidate.name), exam.predictor
     nodes = strength_nodes(exam, candidate, mask)
-    bare = predictor.predict(x, {}, exam.seeds.signature)
-    acting = [predictor.predict(x, {candidate.name: float(v)}, exam.seeds.signature) for v in nodes[1:]]
+    present, seeds = base.fit.acting(), exam.seeds.signature
+    bare = predictor.predict(x, present, seeds)
+    acting = [predictor.predict(x, {**present, candidate.name: float(v)}, seeds) for v in nodes[1:]]
     change = np.array([paired_change(run, bare, predictor) for run in (bare, *acting)])
     change[:, ~mask] = 0.0
     good = np.all(np.isfinite(change), axis=1)

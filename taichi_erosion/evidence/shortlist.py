@@ -1,11 +1,9 @@
 """The candidates that the screen cannot dismiss, refitted in the model itself and judged with fresh seeds."""
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
-from taichi_erosion.evidence.algebra import log_sum_exp
 from taichi_erosion.evidence.calibrate import GOOD_ENOUGH, STEPS, STEPS_QUICK, Fit, fit
 from taichi_erosion.evidence.evidence import Scored, expand, score
 from taichi_erosion.evidence.examination import Examination
@@ -21,8 +19,6 @@ WITHIN = 8.0  # ln Bayes factor behind the best at which a candidate is still re
 LEAST = 3
 MOST = 8
 LEAST_QUICK, MOST_QUICK = 2, 4
-PAIR_GAIN = 0.5  # ln Bayes factor by which a pair must beat its better member in the screen
-PAIRS, PAIRS_QUICK = 6, 3
 LEAST_SHARE = 0.85  # of the misfit, from which an effect with a smooth remainder is still named
 WELL = 0.01  # chance of a misfit above which a hypothesis is taken to explain the measurements
 
@@ -118,65 +114,6 @@ def explained_well(exam: Examination, judged: list[Judged]) -> bool:
         for item in judged
         if item.scored.surfaces
     )
-
-
-def pair_screen(found: Screen) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """Ln Bayes factor and likely strengths of every pair, by algebra on the paths alone.
-
-    D(a, b) = D_a + D_b - 2 g_a g_b for effects that act independently on the comparison scale.
-    """
-    acting = [s for s in found.signatures if s.resolved]
-    falls = [2.0 * s.free @ found.residual - np.einsum("ij,ij->i", s.free, s.free) for s in acting]
-    results = {}
-    for i, j in combinations(range(len(acting)), 2):
-        first, second = acting[i], acting[j]
-        fall = falls[i][:, np.newaxis] + falls[j][np.newaxis, :] - 2.0 * first.free @ second.free.T
-        value = 0.5 * fall + first.log_prior[:, np.newaxis] + second.log_prior[np.newaxis, :]
-        at = np.unravel_index(int(np.argmax(value)), value.shape)
-        results[(first.name, second.name)] = (
-            float(log_sum_exp(value)),
-            float(first.grid[at[0]]),
-            float(second.grid[at[1]]),
-        )
-    return results
-
-
-def judge_pairs(
-    exam: Examination, found: Screen, singles: list[Judged], family: list[Kernel], progress: Progress
-) -> list[Judged]:
-    """The pairs that the screen ranks best, refitted; none where one effect says as much as two."""
-    screened = pair_screen(found)
-    if not screened:
-        return []
-    observed = {s.name: log_fall(s, found.residual) for s in found.signatures}
-    promising = {
-        pair: value
-        for pair, value in screened.items()
-        if value[0] > max(observed[pair[0]], observed[pair[1]]) + PAIR_GAIN
-    }
-    best = max((value[0] for value in screened.values()), default=0.0)
-    order = sorted(promising, key=lambda pair: -promising[pair][0])
-    order = [pair for pair in order if promising[pair][0] > best - WITHIN]
-    by_name = {judged.names[0]: judged for judged in singles}
-    judged = []
-    for index, pair in enumerate(order[: PAIRS_QUICK if quick(exam) else PAIRS]):
-        progress(f"refitting with {pair[0]} and {pair[1]}", index / max(len(order), 1))
-        _, first, second = promising[pair]
-        starts = [np.concatenate([found.base.fit.x, [first, second]])]
-        for place, name in enumerate(pair):
-            if name in by_name:
-                single = by_name[name].scored.expansion.fit
-                other = second if place == 0 else first
-                strengths = [float(single.psi[0]), other] if place == 0 else [other, float(single.psi[0])]
-                starts.append(np.concatenate([single.x, strengths]))
-        judged.append(judge(exam, refit(exam, pair, starts[:2]), family))
-    return judged
-
-
-def log_fall(signature: Signature, residual: Floats) -> float:
-    """Ln Bayes factor of one signature in the screen."""
-    fall = 2.0 * signature.free @ residual - np.einsum("ij,ij->i", signature.free, signature.free)
-    return float(log_sum_exp(0.5 * fall + signature.log_prior))
 
 
 def hypotheses(

@@ -5,14 +5,10 @@ from dataclasses import asdict
 from functools import cache
 from typing import Any
 
-from taichi_erosion.core.effect import STRENGTH
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.effects import load_library
 from taichi_erosion.scene import Scene, laws
-from taichi_erosion.simulation.prepare import effective_scene
 
-COMPILED = ("grain", "meeting")  # places of effects that a replica without them is not mixed with
-library = cache(load_library)
+MIXED = ("pair", "scene", "instrument")  # places of effects beside which replicas without them can run
 
 
 def shared_choices(scene: Scene) -> str:
@@ -21,25 +17,37 @@ def shared_choices(scene: Scene) -> str:
     Replicas with and without a pull between grains, or a change of the scene or of what is read, run beside
     each other and come out bit for bit as alone.
     """
-    changed = changed_scene(scene)
-    effects = sorted(
-        (name, entry.get(STRENGTH, 1.0) > 0.0)
-        for name, entry in scene.effects.items()
-        if name not in library() or library()[name].place in COMPILED
-    )
+    changed, effects = after_effects(scene)
     clumped = changed.grains.clump is not None
     choices = [scene.scene.kind, asdict(laws(changed)), scene.run.precision, clumped, effects]
     return json.dumps([*choices, scene.run.check_interval, layers_of_air(changed)], sort_keys=True)
 
 
-def changed_scene(scene: Scene) -> Scene:
-    """The scene after its effects; as it stands where one of them refuses it or is not in the library."""
-    if not scene.effects or not library().keys() >= scene.effects.keys():
-        return scene
+def after_effects(scene: Scene) -> tuple[Scene, list[tuple[str, bool]]]:
+    """The scene after its effects, and those that have to be compiled in, with whether they act.
+
+    Where one of them is not in the library or refuses the scene, all count as compiled in: its replica then
+    fails by itself.
+    """
+    said = sorted((name, entry.get("strength", 1.0) > 0.0) for name, entry in scene.effects.items())
+    if not said:
+        return scene, said
+    from taichi_erosion.simulation.prepare import effective_scene
+
+    library = effects_of_package()
     try:
-        return effective_scene(scene, library())
-    except BadInput:
-        return scene
+        compiled = [(name, acts) for name, acts in said if library[name].place not in MIXED]
+        return effective_scene(scene, library), compiled
+    except (BadInput, KeyError):
+        return scene, said
+
+
+@cache
+def effects_of_package() -> dict[str, Any]:
+    """The library, read once and only where a scene names effects."""
+    from taichi_erosion.effects import load_library
+
+    return load_library()
 
 
 def layers_of_air(scene: Scene) -> Any:

@@ -48,7 +48,8 @@ LID = 60.0  # height of the lid in diameters [1]
 RESTITUTION = 0.01  # nearly critical damping: a wind that begins at once does not shake the grain off [1]
 CALM = 0.02  # s, in which the grain finds its place
 SOFTLY, SOFT_START = 0.95, 0.01  # share of the wind that blows first [1], and how long [s]
-YOUNG = 1e6  # Pa: the grain sinks in by less than 1e-3 radii
+YOUNG = 3e6  # Pa: the grain at rest sinks in by less than 1e-3 radii
+OVERLAP = 0.9  # of the radius: a grain that a storm throws against the plane is of no interest [1]
 SLOWEST, FASTEST = 0.02, 3.0  # winds that are bisected [m s-1]
 HALVINGS = 12  # so that a threshold is known to 0.12 %
 HOLD = 0.2  # s from rest in which the grain must leave
@@ -85,6 +86,7 @@ def pocket_scene(case: Pocket) -> Scene:
     table: dict[str, Any] = {
         "scene": {"kind": "threshold", "title": "a grain in a pocket"},
         "conditions": dict(case.conditions),
+        "run": {"overlap_limit": OVERLAP},
         "grains": {"count": 1, "material": "sand", "size": {"law": "monodisperse", "diameter": d}},
         "materials": {"sand": {"density": case.density, "young_modulus": YOUNG, "poisson_ratio": 0.25}},
         "contact": {"sand-sand": {"restitution": RESTITUTION, "friction_sliding": 0.0}},
@@ -193,9 +195,9 @@ def adhesion(params: Any, conditions: dict[str, float], mass: float, stream: Str
 
 def bridge(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:
     """Smooth bridge of a sphere and a plane, 4 pi R gamma cos(theta), times the share of rough grains."""
-    free = conditions.get("moisture", 0.0) > params.adsorbed
+    free = max(conditions.get("moisture", 0.0) - params.adsorbed, 0.0)
     smooth = 2.0 * pi * stream.diameter * params.surface_tension * cos(params.contact_angle)
-    return (params.wet_fraction * smooth if free else 0.0), 0.0
+    return smooth * min(params.wet_fraction * (100.0 * free) ** params.exponent, 1.0), 0.0
 
 
 def image(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:
