@@ -35,7 +35,7 @@ TIMES = {  # s, at the reference: they go with the root of d
 }
 WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}  # m s-1, likewise
 
-BEDS = 3  # of a threshold that is compared with the reference
+BEDS = 2  # of a threshold that is compared with the reference
 COUNT, SIDE = 1200, 14.0  # grains, and diameters, of the patch of scenes/wind_threshold.toml
 SIDES = (20.0,)  # of other patches; much smaller ones hold too few of the largest grains
 

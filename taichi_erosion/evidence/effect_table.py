@@ -29,8 +29,14 @@ class Remaining:
 
 
 def remaining(exam: Examination, final: Expansion, signature: Signature) -> Remaining:
-    """Signature projected on what neither calibration nor the named effects can imitate."""
+    """Signature projected on what neither calibration nor the named effects can imitate.
+
+    What the model leaves unexplained beyond noise could hide an effect too: the noise is taken to be as large
+    as the misfit per degree of freedom.
+    """
     residual, basis = free_residual(exam, final)
+    freedom = exam.rows.size - float(np.sum(basis[: exam.rows.size] ** 2))
+    excess = max(1.0, float(residual @ residual) / max(freedom, 1.0))
     whole = stack_signature(signature.raw.T, basis.shape[0] - exam.rows.size, 0)
     free = (whole - basis @ (basis.T @ whole)).T
     at = int(np.argmin(np.abs(signature.grid - expected_strength(exam.candidate(signature.name)))))
@@ -38,10 +44,10 @@ def remaining(exam: Examination, final: Expansion, signature: Signature) -> Rema
     norm, size = float(np.linalg.norm(free[at])), float(np.linalg.norm(whole[:, at]))
     fall = 2.0 * free[:, : exam.rows.size] @ residual - np.einsum("ij,ij->i", free, free)
     return Remaining(
-        norm * kept,
+        norm * kept / excess**0.5,
         1.0 - norm / size if size > 0.0 else 0.0,
         float(signature.grid[int(np.argmax(fall))]),
-        upper_strength(signature.grid, 0.5 * fall),
+        upper_strength(signature.grid, 0.5 * fall / excess),
     )
 
 

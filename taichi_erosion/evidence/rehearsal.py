@@ -34,6 +34,7 @@ from taichi_erosion.evidence.surfaces import Answered, Ground, Surfaces, rulers_
 
 Tell = Callable[[str, float], None]
 LEVELS = 3  # of every condition that could be set
+LEAST_BARE, LEAST_EFFECT = 4, 4  # runs that a small budget leaves, per number and of every effect
 SURE = 3.0  # sd of a left-out value beyond which it counts as missed
 
 
@@ -62,12 +63,10 @@ def rehearsal_of(study: Study, effects: Sequence[str], budget: str, ahead: bool 
     if ahead:
         benches = tuple(replace(bench, ahead=rows_ahead(study, bench)) for bench in benches)
     start = Rehearsal(study, simulator, benches, AMOUNTS[budget], ())
-    settings = first_plan(start, effects)
-    most = affordable(study, benches)
-    if len(settings) > most:
-        start = replace(start, amount=reduced(start.amount, most / len(settings)))
-        settings = first_plan(start, effects)
-    return replace(start, settings=tuple(settings))
+    whole, most = len(first_plan(start, list(known_effects(study.problem)))), affordable(study, benches)
+    if whole > most:  # every question of a study has the same bare runs, whatever effects it asks for
+        start = replace(start, amount=reduced(start.amount, most / whole))
+    return replace(start, settings=tuple(first_plan(start, effects)))
 
 
 def benches_of(study: Study, simulator: Simulator) -> tuple[Bench, ...]:
@@ -113,13 +112,13 @@ def affordable(study: Study, benches: Sequence[Bench]) -> int:
 
 
 def reduced(amount: Amount, share: float) -> Amount:
-    """A smaller plan of the same shape."""
+    """A smaller plan of the same shape, on which all of a budget is spent: no rounds follow."""
     return replace(
         amount,
-        bare=max(3, int(amount.bare * share)),
-        effect=max(3, int(amount.effect * share)),
+        bare=max(LEAST_BARE, int(amount.bare * share)),
+        effect=max(LEAST_EFFECT, int(amount.effect * share)),
         condition=int(amount.condition * share),
-        round=max(2, int(amount.round * share)),
+        rounds=0,
     )
 
 

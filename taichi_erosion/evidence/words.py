@@ -8,6 +8,8 @@ from taichi_erosion.evidence.misfit import TOLD
 from taichi_erosion.evidence.posterior import NONE, OUTSIDE
 from taichi_erosion.evidence.tables import noise_table
 
+TOLD_RIVAL = 1e-3  # probability from which another explanation is told
+
 
 def summary(
     found: Autopsy, effects: Mapping[str, EffectFinding], where: tuple[Where, ...], clues: tuple[Clue, ...]
@@ -64,7 +66,7 @@ def change_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
     if found.decision.verdict == "outside_library":
         accepted.add(OUTSIDE)
     rival = next((item for item in ranked if not accepted & set(item[0].split("+"))), None)
-    if rival is None:
+    if rival is None or rival[1] < TOLD_RIVAL:
         return "No other explanation is left with a probability worth naming."
     called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}.get(
         rival[0], rival[0]

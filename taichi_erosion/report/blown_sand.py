@@ -13,7 +13,7 @@ import numpy as np
 
 from taichi_erosion.campaign.cases import Row, read_rows
 from taichi_erosion.measures.threshold import flux_intercept
-from taichi_erosion.report.page import markdown_table
+from taichi_erosion.report.page import magnitude, markdown_table
 
 IMPACT = {"impact_threshold": "flux below 1 %", "impact_threshold_linear": "line to no flux"}
 # relative differences up to which a model holds: those between laboratories
@@ -49,10 +49,13 @@ def lines_of(table: Path) -> Table:
 
 
 def shown(value: float, half: float = nan, digits: int = 3) -> str:
-    """A number with half of its interval."""
+    """A number, cut at the second figure of half of its interval where that is known."""
     if not isfinite(value):
         return "none"
-    return f"{value:.{digits}g}" + (f" ± {half:.1g}" if isfinite(half) else "")
+    if not isfinite(half) or half <= 0.0:
+        return f"{value:.{digits}g}"
+    places = max(0, 1 - magnitude(half))
+    return f"{value:.{places}f} ± {half:.{places}f}"
 
 
 def simulated_thresholds(found: Found, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -85,39 +88,28 @@ def density_of(line: dict[str, str]) -> float:
     return CUBE * float(stated) if stated else QUARTZ
 
 
-def verdict(error: float, limit: float) -> str:
-    """Whether a relative difference is one between laboratories."""
-    if not isfinite(error):
-        return "not simulated"
-    return "holds" if abs(error) <= limit else "**fails**"
-
-
 def impact_table(found: Found, measured: Table) -> str:
-    """Every measured impact threshold beside the simulated ones."""
-    header = (
-        *("source", "d [mm]", "density [kg/m3]", "measured u* [m/s]"),
-        *(f"simulated, {words}" for words in IMPACT.values()),
-        *("difference of the first", "model"),
-    )
+    """Every measured impact threshold beside the simulated ones, read in two ways."""
+    header = ["source", "d [mm]", "density [kg/m3]", "measured u* [m/s]"]
+    for words in IMPACT.values():
+        header += [f"simulated, {words}", "difference", "model"]
     sands = [simulated_thresholds(found, name) for name in IMPACT]
     rows = []
     for line in sorted(measured, key=lambda line: float(line["diameter [mm]"])):
-        size, density, value = (
-            float(line["diameter [mm]"]),
-            density_of(line),
-            float(line["value"]),
-        )
-        guesses = [predicted(MILLI * size, density, sand) for sand in sands]
-        error = guesses[0] / value - 1.0
-        rows.append(
-            (
-                *(line["source"], f"{size:g}", f"{density:.0f}", f"{value:.3f} ± {float(line['sd']):.3f}"),
-                *(shown(guess) if isfinite(guess) else "" for guess in guesses),
-                f"{100.0 * error:+.0f} %" if isfinite(error) else "",
-                verdict(error, HOLDS["impact"]),
-            )
-        )
+        size, density, value = float(line["diameter [mm]"]), density_of(line), float(line["value"])
+        cells = [line["source"], f"{size:g}", f"{density:.0f}", f"{value:.3f} ± {float(line['sd']):.3f}"]
+        for sand in sands:
+            cells += judged(predicted(MILLI * size, density, sand), value, HOLDS["impact"])
+        rows.append(cells)
     return markdown_table(header, rows)
+
+
+def judged(simulated: float, measured: float, limit: float) -> list[str]:
+    """A simulated number, how it differs, and whether a model holds that differs so."""
+    error = simulated / measured - 1.0
+    if not isfinite(error):
+        return ["", "", "not simulated"]
+    return [shown(simulated), f"{100.0 * error:+.0f} %", "holds" if abs(error) <= limit else "**fails**"]
 
 
 def scaling_table(found: Found) -> str:
@@ -142,28 +134,27 @@ def flux_pairs(found: Found, measured: Table) -> list[tuple[float, float, float,
 
 
 def flux_table(found: Found, measured: Table) -> str:
-    """Measured and simulated flux at every wind."""
+    """Measured and simulated flux at every wind, and how far the transient has gone."""
     header = (
         *("u* [m/s]", "measured [g/(m s)]", "simulated [g/(m s)]", "difference", "model"),
-        *("height of the flux [mm]", "stress of the air at the bed [Pa]", "of the grains [Pa]", "remark"),
+        *("height of the flux [mm]", "stress of the air over the bed [Pa]", "of the grains [Pa]"),
+        *("both over that of the wind", "remark"),
     )
     rows = []
     for wind, value, sd, row in flux_pairs(found, measured):
-        if row is None:
-            rows.append((f"{wind:g}", f"{value / MILLI:.1f} ± {sd / MILLI:.1f}", *[""] * 7))
-            continue
-        case = found["flux", f"{wind:g}"]
-        error = row.value / value - 1.0
-        rows.append(
-            (
-                *(f"{wind:g}", f"{value / MILLI:.1f} ± {sd / MILLI:.1f}", shown(row.value / MILLI)),
-                *(f"{100.0 * error:+.0f} %", verdict(error, HOLDS["flux"])),
-                shown(case["flux_height"].value / MILLI),
-                *(shown(case[name].value) for name in ("bed_stress", "grain_stress")),
-                row.note,
-            )
-        )
+        cells = [f"{wind:g}", f"{value / MILLI:.1f} ± {sd / MILLI:.1f}"]
+        if row is not None:
+            cells += [shown(row.value / MILLI), *judged(row.value, value, HOLDS["flux"])[1:]]
+            cells += [*stress_cells(found["flux", f"{wind:g}"], AIR * wind**2), row.note]
+        rows.append(cells + [""] * (len(header) - len(cells)))
     return markdown_table(header, rows)
+
+
+def stress_cells(case: dict[str, Row], stress: float) -> list[str]:
+    """Height of the flux, the stresses of air and grains, and their sum over that of the wind [Pa]."""
+    parts = [case[name].value for name in ("bed_stress", "grain_stress")]
+    height = case["flux_height"].value / MILLI
+    return [shown(height), *map(shown, parts), f"{sum(parts) / stress:.2f}"]
 
 
 def line_table(found: Found, measured: Table) -> str:

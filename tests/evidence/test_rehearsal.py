@@ -1,6 +1,9 @@
-"""The loop on scenes, the campaign behind it replaced by a stand-in: rounds of runs, shared and never made twice."""
+"""The loop on scenes, the campaign behind it replaced by a stand-in: rounds of runs, shared, never made twice."""
 
 import json
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
 from math import tanh
 from pathlib import Path
 
@@ -55,10 +58,8 @@ def simulated(payload: dict) -> tuple[float, float]:
     return pair[0] * np.exp(noise[0]), pair[1] * np.exp(noise[1])
 
 
-@pytest.fixture
-def asked(monkeypatch):
-    """Keys of the runs that reach the campaign, batch by batch."""
-    batches = []
+def executing(batches: list[list[str]]):
+    """A campaign that notes the keys of the runs it is asked for and makes their results up."""
 
     def execute(wanted, store, progress=None):
         batches.append([request.key for request in wanted])
@@ -70,7 +71,14 @@ def asked(monkeypatch):
             results.append(RunResult(request.key, {"measures": measures}))
         return results
 
-    monkeypatch.setattr(rehearsal, "execute", execute)
+    return execute
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Keys of the runs that reach the campaign, batch by batch."""
+    batches: list[list[str]] = []
+    monkeypatch.setattr(rehearsal, "execute", executing(batches))
     return batches
 
 
@@ -92,69 +100,90 @@ def write(folder: Path, strength: float, name: str = "heap.toml", text: str = ST
     return path
 
 
-def ask(capsys, *words: str) -> dict:
-    capsys.readouterr()
-    assert main([*words, "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
+def ask(*words: str) -> dict:
+    """What a command prints."""
+    told = StringIO()
+    with redirect_stdout(told):
+        assert main([*words, "--json"]) == 0
+    return json.loads(told.getvalue())
 
 
-def test_the_loop_names_what_acts_and_the_held_out_error_falls(tmp_path, capsys, asked):
-    path = write(tmp_path, strength=1.5)
-    assert ask(capsys, "compare", str(path))["p"] < 1e-3
-    found = ask(capsys, "discover", str(path), "--budget", "quick")
-    assert (found["verdict"], found["named"]) == ("present", ["rolling_resistance"])
-    assert found["runs"] < 120
-    adopted = ask(capsys, "adopt", str(path), "rolling_resistance")
-    assert adopted["vault"]["chi2_after"] < 0.5 * adopted["vault"]["chi2_before"]
-    fitted = adopted["added"]["strengths"]["rolling_resistance"]
+@dataclass(frozen=True)
+class Loop:
+    """The whole loop on one study, with the runs that every command asked for."""
+
+    compared: dict
+    found: dict
+    again: dict
+    adopted: dict
+    after: dict
+    runs: dict[str, list[list[str]]]
+
+
+@pytest.fixture(scope="module")
+def loop(tmp_path_factory) -> Loop:
+    folder = tmp_path_factory.mktemp("loop")
+    path = write(folder, strength=1.5)
+    runs: dict[str, list[list[str]]] = {}
+
+    def told(name: str, *words: str) -> dict:
+        runs[name] = []
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(rehearsal, "execute", executing(runs[name]))
+            return ask(*words)
+
+    return Loop(
+        told("compare", "compare", str(path)),
+        told("discover", "discover", str(path), "--budget", "quick"),
+        told("again", "discover", str(path), "--budget", "quick"),
+        told("adopt", "adopt", str(path), "rolling_resistance"),
+        told("after", "compare", str(folder / "heap_with_rolling_resistance.toml")),
+        runs,
+    )
+
+
+def keys(batches: list[list[str]]) -> set[str]:
+    return {key for batch in batches for key in batch}
+
+
+def test_the_loop_names_what_acts_and_the_held_out_error_falls(loop):
+    assert loop.compared["p"] < 1e-3
+    assert (loop.found["verdict"], loop.found["named"]) == ("present", ["rolling_resistance"])
+    vault = loop.adopted["vault"]
+    assert vault["chi2_after"] < 0.5 * vault["chi2_before"]
+    fitted = loop.adopted["added"]["strengths"]["rolling_resistance"]
     # the 90 % interval misses one time in ten, three times its half-width once in a million
     assert abs(fitted["value"] - 1.5) < 1.5 * (fitted["high"] - fitted["low"])
 
 
-def test_a_null_stays_a_null(tmp_path, capsys, asked):
-    path = write(tmp_path, strength=0.0)
-    found = ask(capsys, "discover", str(path), "--budget", "quick")
+def test_a_quick_discovery_over_three_effects_takes_about_a_hundred_runs(loop):
+    # 16 bare, 3 x 10 and 2 more for angularity, and 8 about each of three explanations
+    assert loop.found["runs"] == len(keys(loop.runs["discover"])) <= 16 + 32 + 4 * 8
+
+
+def test_a_command_given_again_asks_for_the_same_runs_and_says_the_same(loop):
+    assert keys(loop.runs["again"]) == keys(loop.runs["discover"])
+    assert len(loop.runs["again"]) == 1, "its rounds are known"
+    assert loop.again["probabilities"] == loop.found["probabilities"]
+
+
+def test_what_compare_has_run_is_not_run_again_for_discover(loop):
+    assert keys(loop.runs["compare"]) <= keys(loop.runs["discover"])
+
+
+def test_the_study_that_adopt_writes_goes_on_from_the_same_runs(loop):
+    first = set(loop.runs["after"][0])
+    assert first <= keys(loop.runs["discover"]), "bare runs and those of the adopted effect are there"
+    assert loop.after["p"] > 0.01
+
+
+def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked):
+    found = ask("discover", str(write(tmp_path, strength=0.0)), "--budget", "quick")
     assert found["verdict"] in ("none_detected", "not_testable")
     assert found["named"] == []
+    assert set(asked[0]) <= keys(loop.runs["discover"]), "a plan never follows from a measured value"
 
 
-def test_a_command_given_again_asks_for_the_same_runs_and_says_the_same(tmp_path, capsys, asked):
-    path = write(tmp_path, strength=1.5)
-    first = ask(capsys, "discover", str(path), "--budget", "quick")
-    made = {key for batch in asked for key in batch}
-    asked.clear()
-    again = ask(capsys, "discover", str(path), "--budget", "quick")
-    assert {key for batch in asked for key in batch} == made
-    assert again["probabilities"] == first["probabilities"]
-
-
-def test_the_first_runs_follow_from_the_study_and_not_from_what_was_measured(tmp_path, capsys, asked):
-    ask(capsys, "discover", str(write(tmp_path, 1.5)), "--budget", "quick")
-    hidden = asked[0]
-    asked.clear()
-    ask(capsys, "discover", str(write(tmp_path, 0.0, "other.toml")), "--budget", "quick")
-    assert asked[0] == hidden
-
-
-def test_the_study_that_adopt_writes_goes_on_from_the_same_runs(tmp_path, capsys, asked):
-    path = write(tmp_path, strength=1.5)
-    ask(capsys, "discover", str(path), "--budget", "quick")
-    first = set(asked[0])
-    ask(capsys, "adopt", str(path), "rolling_resistance")
-    asked.clear()
-    compared = ask(capsys, "compare", str(tmp_path / "heap_with_rolling_resistance.toml"))
-    assert set(asked[0]) <= first, "bare runs and those of the adopted effect are there"
-    assert compared["p"] > 0.01
-
-
-def test_a_small_budget_is_kept(tmp_path, capsys, asked):
-    path = write(tmp_path, 1.5, text=STUDY + "[budget]\nruns = 2\n")
-    ask(capsys, "compare", str(path))
-    assert len(asked[0]) <= 2 * len(ANGULARITIES) * len(DIAMETERS)
-
-
-def test_an_effect_that_a_scene_refuses_is_told_and_the_others_are_tried(tmp_path, capsys, asked):
-    text = STUDY.replace('"restitution_speed"', '"restitution_speed", "surface_crust"')
-    found = ask(capsys, "discover", str(write(tmp_path, 1.5, text=text)), "--budget", "quick")
-    assert found["named"] == ["rolling_resistance"]
-    assert found["effects"]["surface_crust"]["status"] != "present"
+def test_a_small_budget_is_kept(tmp_path, asked):
+    ask("compare", str(write(tmp_path, 1.5, text=STUDY + "[budget]\nruns = 2\n")))
+    assert keys(asked) and len(keys(asked)) <= 2 * len(ANGULARITIES) * len(DIAMETERS)

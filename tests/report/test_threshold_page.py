@@ -43,9 +43,10 @@ def test_a_model_that_differs_by_more_than_laboratories_do_is_said_to_fail():
     scale = sqrt((blown_sand.QUARTZ / blown_sand.AIR - 1.0) * blown_sand.GRAVITY * 0.25e-3)
     near, far, fine = (line | {"value": f"{ratio * scale:g}"} for ratio in (0.083, 0.06, 0.08))
     table = blown_sand.impact_table(impact(0.08), [near, far, fine | {"diameter [mm]": "0.02"}])
-    assert table.count("holds") == 1
-    assert table.count("**fails**") == 1
-    assert table.count("not simulated") == 1
+    # the sands were given the same threshold by either way to read it
+    assert table.count("holds") == 2
+    assert table.count("**fails**") == 2
+    assert table.count("not simulated") == 2
 
 
 def test_the_speed_in_the_tunnel_is_read_off_its_map_and_not_beyond():

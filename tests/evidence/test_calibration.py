@@ -1,0 +1,57 @@
+"""Calibration and the search for effects on closed-form studies whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_erosion.evidence.blind_cases import Case, draw_case
+from taichi_erosion.evidence.blind_laboratory import CaseModel
+from taichi_erosion.evidence.calibrate import GOOD_ENOUGH, Objective, fit_base, misfit_of
+from taichi_erosion.evidence.compare import silent
+from taichi_erosion.evidence.discover import discover
+from taichi_erosion.evidence.evidence import expand
+from taichi_erosion.evidence.examination import examine
+from taichi_erosion.evidence.scales import position_of
+from taichi_erosion.evidence.screen import screen
+from taichi_erosion.evidence.shortlist import judge_singles
+
+FAMILY = 5000
+
+
+def without_scatter(case: Case) -> Case:
+    model = case.problem.model
+    assert isinstance(model, CaseModel)
+    return replace(case, problem=replace(case.problem, model=CaseModel(0.0, 0.0, model.aliases)))
+
+
+SINGLES = [c for c in (draw_case(FAMILY, number) for number in range(40)) if c.truth.kind == "single"]
+
+
+@pytest.mark.parametrize(
+    "case", [without_scatter(case) for case in SINGLES[:6]], ids=lambda case: str(case.number)
+)
+def test_a_recalibration_with_the_true_effect_is_no_worse_than_the_truth(case):
+    exam = examine(case.problem, case.problem.visible(), 1)
+    exam, fitted, _ = fit_base(exam)
+    found = screen(exam, expand(exam, fitted))
+    (name,) = case.truth.effects
+    (judged,) = judge_singles(exam, found, [name], [], silent)[:1]
+    objective = Objective(exam, (name,), exam.seeds.fitting)
+    truth = np.append(position_of(exam.axes, case.truth.parameters, {}), case.truth.effects[name])
+    assert judged.names == (name,)
+    at_truth = misfit_of(objective, truth, objective.residual(truth))
+    assert judged.scored.expansion.fit.misfit <= at_truth + GOOD_ENOUGH
+
+
+def test_an_absent_strong_effect_is_excluded_down_to_a_small_strength():
+    case = without_scatter(next(case for case in SINGLES if case.truth.understated == 1.0))
+    found = discover(case.problem, 1, case.problem.budget, silent)
+    bounds = {
+        name: effect.strength_high * effect.signature_norm
+        for name, effect in found.effects.items()
+        if effect.status == "excluded" and effect.signature_norm > 30.0
+    }
+    assert bounds
+    # 95 % of a half-normal likelihood of unit sd lie below 2; a chance pull of 2 sd doubles that
+    assert all(bound < 4.5 for bound in bounds.values())
