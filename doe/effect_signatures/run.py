@@ -1,8 +1,7 @@
-"""What each effect moves, measured with paired seeds; writes signatures.csv and draws the page of effects.
+"""What each effect moves, measured with paired seeds; writes signatures.csv.
 
 python doe/effect_signatures/run.py              all cases of all scenes
 python doe/effect_signatures/run.py EFFECT...    the cases of some effects
-python doe/effect_signatures/run.py --page       only the figure and the tables of the page
 """
 
 import sys
@@ -41,25 +40,30 @@ def rolling(angularity: float) -> Case:
     return Case("rolling_resistance", label=f"angularity {angularity:g}", circumstances=orders)
 
 
-def wet(moisture: float) -> Case:
-    """Bridges at another moisture."""
+def wet(moisture: float, *parameters: str) -> Case:
+    """Bridges at a moisture, with numbers of their own; without any at 1.65 % the case of the effect."""
     orders = (f"conditions.moisture={moisture:g}",)
-    return Case("liquid_bridge", label=f"moisture {moisture:g}", circumstances=orders)
+    words = [f"moisture {moisture:g}"] if moisture != MEASURED else []
+    words += ["share 0.01"] if parameters else []
+    return Case("liquid_bridge", label=", ".join(words), circumstances=orders, parameters=parameters)
 
 
+MEASURED = 0.0165  # moisture of the published soil [kg kg-1]
+FIXED_SHARE = ("wet_fraction=0.01", "exponent=0")  # a pull that does not know how much water there is
 IN_THE_TUBE = ("stages.1.remove=[]", "measure.column_height.stage=collapse")  # height before and after taps
 
 COLUMN_CASES = [
     Case("rolling_resistance"),
-    Case("liquid_bridge", circumstances=("conditions.moisture=0.0165",)),
+    wet(MEASURED),
+    wet(MEASURED, *FIXED_SHARE),
     Case("dry_adhesion"),
     Case("grain_shape"),
     Case("size_distribution", circumstances=("run.overlap_limit=0.45",)),  # its finest grains fall from high
     Case("packing_preparation"),
     Case("packing_preparation", label="in the tube", circumstances=IN_THE_TUBE, parameters=("taps=20",)),
     Case("side_walls", parameters=("width=11",)),  # the bare heap reaches 15 diameters across
-    wet(0.002),
-    wet(0.1),
+    wet(0.002, *FIXED_SHARE),
+    wet(0.1, *FIXED_SHARE),
     rolling(1.0),
     Case("dry_adhesion", 10.0, label="strength 10"),
     Case("grain_shape", 2.0, label="strength 2"),

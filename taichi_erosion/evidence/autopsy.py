@@ -59,6 +59,8 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
     seen = significance(exam, found, noise_draws(exam, believed, seed), seed)
     powers = [power(signature.norm, seen.threshold) for signature in found.signatures]
     decision = decide(believed, judged, seen.p, p_misfit, powers)
+    if too_few_rows(exam):
+        decision = Decision("not_testable", (), ())
     gains = {item.names[0]: held_out(exam, expansion, item.scored.expansion) for item in usable(judged)}
     stability, decision = settled(exam, base, found, rough, judged, family, decision)
     names = best_hypothesis(believed, judged, decision)
@@ -78,6 +80,11 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
         stability,
         tuple(warnings),
     )
+
+
+def too_few_rows(exam: Examination) -> bool:
+    """Whether there are no more rows than calibrated numbers: almost anything would explain them."""
+    return exam.rows.size <= len(exam.axes)
 
 
 def usable(judged: list[Judged]) -> list[Judged]:

@@ -70,11 +70,10 @@ def noise_free(case: Case) -> tuple[Examination, Floats]:
 
 
 def least_misfit(exam: Examination, x: Floats, acting: dict[str, float]) -> float:
-    """Misfit + prior of a hypothesis after recalibration, from the truth and from the prior's middle."""
+    """Misfit + prior of a hypothesis after recalibration, from the true numbers."""
     names = tuple(acting)
     psi = np.array([acting[name] for name in names])
-    starts = [np.concatenate([x, psi]), np.concatenate([np.zeros(x.size), psi])]
-    return fit(exam, names, starts, STEPS).misfit
+    return fit(exam, names, [np.concatenate([x, psi])], STEPS).misfit
 
 
 def root(misfit: float) -> float:

@@ -93,6 +93,8 @@ def standing(exam: Examination, found: Discovery) -> list[Survivor]:
     bare = next((survivor for survivor in found.survivors if not survivor.names), None)
     named = {*found.named, *found.group}
     kept = [survivor for survivor in found.survivors if not survivor.names or named & set(survivor.names)]
+    if not kept:  # nothing was named, and yet the bare model has fallen: all that are left compete
+        kept = list(found.survivors)
     have = {name for survivor in kept for name in survivor.names}
     for name, effect in found.effects.items():
         if bare is not None and effect.status == "not_testable" and name not in have:

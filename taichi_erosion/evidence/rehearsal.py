@@ -15,6 +15,7 @@ import numpy as np
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.idle import why_idle
 from taichi_erosion.evidence.problem import Budget, Candidate, Problem
 from taichi_erosion.evidence.scales import Axis, parameter_axis
 from taichi_erosion.evidence.simulator import Simulator, paths_in, read_scene_once
@@ -139,14 +140,12 @@ def first_plan(rehearsal: Rehearsal, effects: Sequence[str]) -> list[Setting]:
     names = dict.fromkeys([*effects, *(candidate.name for candidate in problem.adopted)])
     settings: list[Setting] = []
     for bench in rehearsal.benches:
-        settings += bare_plan(bench, simulator, axes, rehearsal.amount)
-        for name in names:
-            settings += effect_plan(bench, simulator, axes, known[name], rehearsal.amount)
-        if bench.ahead:
-            wider = replace(bench, rows=bench.ahead, ahead=())
-            settings += bare_plan(wider, simulator, axes, rehearsal.amount, "ahead")
+        wider = [(replace(bench, rows=bench.ahead, ahead=()), "ahead")] if bench.ahead else []
+        for there, tag in [(bench, ""), *wider]:
+            settings += bare_plan(there, simulator, axes, rehearsal.amount, tag)
             for name in names:
-                settings += effect_plan(wider, simulator, axes, known[name], rehearsal.amount, "ahead")
+                if why_idle(simulator, there, known[name]) is None:
+                    settings += effect_plan(there, simulator, axes, known[name], rehearsal.amount, tag)
     return settings
 
 
@@ -201,7 +200,8 @@ def on_surfaces(rehearsal: Rehearsal, tell: Tell) -> Study:
             simulator.answers,
         )
     surfaces = Surfaces(answered)
-    notes = (*study.notes, *run_notes(results, requests), *refusal_notes(refused), *surface_notes(answered))
+    told = (*run_notes(results, requests), *idle_notes(rehearsal), *refusal_notes(refused))
+    notes = (*study.notes, *told, *surface_notes(answered))
     count = len({request.key for request in requests})
     return replace(study, problem=surfaced(rehearsal, surfaces), notes=notes, simulations=count)
 
@@ -246,6 +246,16 @@ def run_notes(results: Sequence[RunResult], requests: Sequence[RunRequest]) -> l
     notes = [f"{count} simulations stand behind the surfaces that answer."]
     if failures:
         notes.append(f"{len(failures)} of them stopped and are left out; the first: {failures[0]}")
+    return notes
+
+
+def idle_notes(rehearsal: Rehearsal) -> list[str]:
+    """Candidates that no scene of the study can show."""
+    notes = []
+    for candidate in rehearsal.study.problem.candidates:
+        reasons = [why_idle(rehearsal.simulator, bench, candidate) for bench in rehearsal.benches]
+        if all(reason is not None for reason in reasons):
+            notes.append(f"{candidate.name} was not simulated: {reasons[0]}.")
     return notes
 
 

@@ -1,15 +1,17 @@
 """A smooth surface through simulated values, over calibrated numbers, conditions and strengths of effects.
 
-    z = m + t(x, c) + b(x, c) + sum_k h_k(psi_k, x, c) + s eps
+    z = m + t(x, c) + b(x, c) + sum_k h_k(psi_k, x, c) + i(psi, x, c) + s eps
 
 with x the calibrated numbers in prior sd, c the standardised conditions, psi_k the strength of effect k over
-its expected one, t a plane, b a bend away from it and s the scatter of one run. All are Gaussian processes:
+its expected one, t a plane, b a bend away from it, i what two effects do together beyond what each does by
+itself, and s the scatter of one run. All are Gaussian processes:
 
     t: T^2 (1 + x x' + c c')        b: B^2 k(x; L) k(c; L_c)
     h_k: H_k^2 psi psi' k(psi; L_psi) k(x; 2 L) k(c; L_c)
+    i: I^2 sum_{j<k} psi_j psi_j' psi_k psi_k' k(x; 2 L) k(c; L_c)
 
 with k squared-exponential kernels. Each h_k vanishes at strength 0, so the bare model is one surface whatever
-effects there are. B, H_k and s are the likeliest ones, held by broad priors. A surface spends every run on
+effects there are. B, H_k, I and s are the likeliest ones, held by broad priors. A surface spends every run on
 every question: its mean is far surer than that of the few runs at any one setting.
 
 Reference: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, ch. 2, 5.4.2 (leave-one-out);
@@ -27,7 +29,12 @@ TREND = 2.0  # T, sd of the plane's slopes over that of the values [1]
 LENGTH = 2.5  # L, in prior sd: priors are mostly left linear, their ends may bend
 LENGTH_CONDITION = 2.0  # L_c, in sd of a condition
 LENGTH_STRENGTH = 2.0  # L_psi, in expected strengths: effects saturate over a few
-PRIOR_LOG = {"bend": (-1.2, 1.0), "effect": (-1.0, 1.5), "scatter": (-1.6, 1.0)}  # of ln(amplitude / sd z)
+PRIOR_LOG = {
+    "bend": (-1.2, 1.0),
+    "effect": (-1.0, 1.5),
+    "together": (-1.6, 1.0),
+    "scatter": (-1.6, 1.0),
+}  # of ln(amplitude / sd z)
 JITTER = 1e-8  # keeps matrices regular
 STEPS_MOST = 200  # of the search for amplitudes
 
@@ -55,7 +62,7 @@ class Surface:
 
     known: Points
     reads: Reads
-    amplitude: Floats  # (effects + 2,): of the bend, of every effect, of the scatter; over `width`
+    amplitude: Floats  # (effects + 3,): bend, every effect, two together, scatter; over `width`
     centre: float
     width: float
     factor: Floats  # lower Cholesky factor of the covariance of the known values
@@ -100,19 +107,24 @@ def closeness(one: Floats, other: Floats, length: float) -> Floats:
 
 
 def kernels(one: Points, other: Points, reads: Reads) -> Floats:
-    """Plane, bend and every effect at amplitude 1: (effects + 2, n, m)."""
+    """Plane, bend, every effect and two together at amplitude 1: (effects + 3, n, m)."""
     bare_one, bare_other = one.c[:, reads.bare], other.c[:, reads.bare]
     shape = (one.x.shape[0], other.x.shape[0])
-    parts = np.zeros((reads.effects.shape[0] + 2, *shape))
+    parts = np.zeros((reads.effects.shape[0] + 3, *shape))
     parts[0] = TREND**2 * (1.0 + one.x @ other.x.T + bare_one @ bare_other.T)
     parts[1] = closeness(one.x, other.x, LENGTH) * closeness(bare_one, bare_other, LENGTH_CONDITION)
     wide = closeness(one.x, other.x, 2.0 * LENGTH)
+    total, squares = np.zeros(shape), np.zeros(shape)
     for k, read in enumerate(reads.effects):
         product = np.outer(one.psi[:, k], other.psi[:, k])
         if not product.any():
             continue
+        total, squares = total + product, squares + product**2
         near = closeness(one.psi[:, [k]], other.psi[:, [k]], LENGTH_STRENGTH)
         parts[k + 2] = product * near * wide * closeness(one.c[:, read], other.c[:, read], LENGTH_CONDITION)
+    pairs = 0.5 * (total**2 - squares)  # sum over j < k of products
+    if pairs.any():
+        parts[-1] = pairs * wide * closeness(one.c, other.c, LENGTH_CONDITION)
     return parts
 
 
@@ -123,7 +135,9 @@ def fit_surface(known: Points, values: Floats, reads: Reads) -> Surface:
     standard = (values - centre) / width
     parts = kernels(known, known, reads)
     count = reads.effects.shape[0]
-    middle, spread = np.array([PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["scatter"]]).T
+    middle, spread = np.array(
+        [PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["together"], PRIOR_LOG["scatter"]]
+    ).T
     found = optimize.minimize(
         misfit,
         middle,

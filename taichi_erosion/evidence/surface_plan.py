@@ -114,7 +114,8 @@ def effect_plan(
 ) -> list[Setting]:
     """Runs with one effect, at strengths from weak to strong."""
     rows = cells(bench, simulator, (candidate.name,))
-    varying = {path for row in rows for path in row if len({other.get(path) for other in rows}) > 1}
+    columns = {tuple(row.get(path) for row in rows) for path in dict.fromkeys(p for row in rows for p in row)}
+    varying = [column for column in columns if len(set(column)) > 1]
     count = amount.effect + amount.condition * len(varying) if rows else 0
     return list(planned(bench, simulator, axes, candidate, count, tag))
 

@@ -204,11 +204,14 @@ def even_scale(observable: Observable, values: Floats) -> Observable:
 
 def rulers_of(rows: Sequence[Mapping[str, float]], understood: frozenset[str]) -> dict[str, Ruler]:
     """Rulers of the conditions that vary and that the scene knows."""
-    found = {}
+    found: dict[str, Ruler] = {}
+    seen: set[tuple[float, ...]] = set()
     for path in dict.fromkeys(path for row in rows for path in row):
-        values = np.array(sorted({row[path] for row in rows if isfinite(row.get(path, np.nan))}))
-        if values.size < 2 or path not in understood:
+        column = tuple(row.get(path, np.nan) for row in rows)
+        values = np.array(sorted({value for value in column if isfinite(value)}))
+        if values.size < 2 or path not in understood or column in seen:
             continue
+        seen.add(column)  # one column of a table may set several paths
         logarithmic = bool(values[0] > 0.0 and values[-1] > LOG_SPAN * values[0])
         values = np.log(values) if logarithmic else values
         found[path] = Ruler(float(values.mean()), float(values.std()), logarithmic)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from taichi_erosion.evidence.autopsy import Autopsy
+from taichi_erosion.evidence.autopsy import Autopsy, too_few_rows
 from taichi_erosion.evidence.findings import Clue, EffectFinding, Where
 from taichi_erosion.evidence.misfit import TOLD
 from taichi_erosion.evidence.posterior import NONE, OUTSIDE
@@ -30,6 +30,12 @@ def summary(
 def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
     """One sentence for the verdict."""
     decision, probability = found.decision, found.believed.probability
+    if too_few_rows(found.exam):
+        rows, numbers = found.exam.rows.size, len(found.exam.axes)
+        return (
+            f"{rows} rows of known scatter cannot decide where {numbers} numbers are calibrated; nothing is "
+            f"named. Could be hiding: {', '.join(effects)}."
+        )
     if decision.verdict in ("none_detected", "not_testable"):
         return silence_words(effects)
     if decision.verdict == "outside_library":

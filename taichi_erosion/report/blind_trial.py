@@ -5,7 +5,15 @@ from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 
-from taichi_erosion.evidence.blind_score import Marked, Metric, calibration_bins, scores
+from taichi_erosion.evidence.blind_cases import KINDS
+from taichi_erosion.evidence.blind_score import (
+    IDENTIFIABLE,
+    STRONG,
+    Marked,
+    Metric,
+    calibration_bins,
+    scores,
+)
 from taichi_erosion.evidence.blind_trial import marked
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.page import fill_tables, markdown_table
@@ -16,8 +24,24 @@ def publish(table: Path, page: Path) -> None:
     csv.field_size_limit(1_000_000)
     with table.open(encoding="utf-8", newline="") as file:
         cases = marked(list(csv.DictReader(file)))
-    tables = {"metrics": metric_table(list(scores(cases))), "calibration": calibration_table(cases)}
+    tables = {
+        "cases": case_table(cases),
+        "metrics": metric_table(list(scores(cases))),
+        "calibration": calibration_table(cases),
+    }
     write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
+
+
+def case_table(cases: Sequence[Marked]) -> str:
+    """How many cases of every kind were solved, and how many of them could be seen at all."""
+    rows = []
+    for kind in KINDS:
+        ratios = [case.hard.ratio for case in cases if case.truth.kind == kind]
+        seen = [sum(ratio >= least for ratio in ratios) for least in (IDENTIFIABLE, STRONG)]
+        rows.append((kind, str(len(ratios)), *("" if kind == "null" else str(count) for count in seen)))
+    total = ("all", str(len(cases)), "", "")
+    header = ("kind", "cases", f"ratio >= {IDENTIFIABLE:g}", f"ratio >= {STRONG:g}")
+    return markdown_table(header, [*rows, total])
 
 
 def metric_table(metrics: Sequence[Metric]) -> str:

@@ -1,6 +1,6 @@
-"""The figure of the page of effects: one panel a question."""
+"""The figures of the page of effects."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,6 @@ CURVES = (  # effects of one panel, and whether its axis is logarithmic
 )
 MARKS = "os"
 HEAPS = ("angle_of_repose", "pile_height")  # observables of the panels of shifts
-SHOWN = 2.0  # largest shift that is drawn, over the bare value [1]
 
 
 def curve(frame: Any, answers: Sequence[Answer], names: Sequence[str], logarithmic: bool) -> None:
@@ -53,6 +52,7 @@ def curve(frame: Any, answers: Sequence[Answer], names: Sequence[str], logarithm
         frame.set_ylabel(rows[0].quantity, fontsize=8)
     if logarithmic:
         frame.set_xscale("log")
+        frame.xaxis.set_minor_formatter("")
     frame.legend(fontsize=7, frameon=False)
 
 
@@ -71,6 +71,9 @@ def forest(frame: Any, shifts: Sequence[dict[str, str]], observable: str) -> Non
 
 def bars(frame: Any, costs: Sequence[Cost]) -> None:
     """Cost of each effect; the grey band is the scatter of the bare model."""
+    if not costs:
+        frame.set_axis_off()
+        return
     rows = sorted((cost for cost in costs if cost.effect), key=lambda cost: cost.ratio)
     bare = [cost.ratio for cost in costs if not cost.effect]
     frame.axvspan(min(bare), max(bare), color=LAW, alpha=0.4, lw=0)
@@ -79,20 +82,21 @@ def bars(frame: Any, costs: Sequence[Cost]) -> None:
     frame.set_xlabel("time of a step over bare", fontsize=8)
 
 
-def draw(
-    answers: Sequence[Answer], shifts: Sequence[dict[str, str]], costs: Sequence[Cost], file: Path
-) -> None:
-    """All panels."""
-    panels: list[Callable[[Any], None]] = [
-        lambda frame, names=names, log=log: curve(frame, answers, names, log) for names, log in CURVES
-    ]
-    panels += [lambda frame, name=name: forest(frame, shifts, name) for name in HEAPS]
-    panels.append(lambda frame: bars(frame, costs))
-    figure, frames = plt.subplots(4, 4, figsize=(14.0, 12.0), layout="constrained")
-    for frame in frames.flat[len(panels) :]:
-        frame.set_axis_off()
-    for panel, frame in zip(panels, frames.flat, strict=False):
-        panel(frame)
+def draw_curves(answers: Sequence[Answer], file: Path) -> None:
+    """Effects whose answer is known along an axis."""
+    figure, frames = plt.subplots(2, 5, figsize=(15.0, 6.0), layout="constrained")
+    for (names, logarithmic), frame in zip(CURVES, frames.flat, strict=True):
+        curve(frame, answers, names, logarithmic)
         frame.tick_params(labelsize=7)
+    figure.savefig(file, dpi=DOTS_PER_INCH)
+    plt.close(figure)
+
+
+def draw_bars(shifts: Sequence[dict[str, str]], costs: Sequence[Cost], file: Path) -> None:
+    """What effects do to a heap, and what they cost."""
+    figure, frames = plt.subplots(1, 3, figsize=(15.0, 4.5), layout="constrained")
+    for observable, frame in zip(HEAPS, frames, strict=False):
+        forest(frame, shifts, observable)
+    bars(frames[-1], costs)
     figure.savefig(file, dpi=DOTS_PER_INCH)
     plt.close(figure)

@@ -9,12 +9,13 @@ from typing import Any
 
 from taichi_erosion.campaign.signatures import read_shifts
 from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.report.effect_figures import draw
+from taichi_erosion.report.effect_figures import draw_bars, draw_curves
 from taichi_erosion.report.page import fill_tables, markdown_table
 from taichi_erosion.verification.effect_answers import Answer, read_answers
 from taichi_erosion.verification.effect_cost import Cost, read_costs
 
-PAGE, PICTURE = "effects.md", "pictures/effects.png"
+PAGE = "effects.md"
+CURVES, BARS = "pictures/effects.png", "pictures/effects_heaps.png"
 TOLD = 2.0  # standard errors from nought at which a shift counts [1]
 NEAR = 0.02  # of its answer within which a simple scene must lie [1]
 SHARED = 0.1  # of a law of whole beds within which a simple scene shares it [1]
@@ -45,6 +46,7 @@ class Verdict:
     kept: str
 
 
+NOT_MEASURED = "Not measured yet.\n"
 NOT_RUN = Verdict("not simulated", "open")
 
 
@@ -79,7 +81,7 @@ def judged_answers(saying: Saying, rows: Sequence[Answer]) -> Verdict:
     known = [abs(row.value / row.expected - 1.0) for row in rows if isfinite(row.expected)]
     laws = [row.value / row.law - 1.0 for row in rows if isfinite(row.law)]
     if known:
-        parts.append(f"at most {max(known):.1%} from its answer")
+        parts.append(f"at most {100.0 * max(known):.1g} % from its answer")
     ranged = isfinite(saying.low)
     if laws and not ranged:
         parts.append(f"up to {max(laws, key=abs):+.0%} from the law of beds")
@@ -136,8 +138,9 @@ def verdict_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: 
     lines = []
     for saying in sayings:
         verdict = judged(saying, answers, shifts, beds)
-        what = f"{saying.quantity}: " if saying.table else ""
-        says = f"{saying.says} ({saying.source})"
+        case = f" ({saying.label})" if saying.label else ""
+        what = f"{saying.quantity}{case}: " if saying.table else ""
+        says = f"{saying.says}; {saying.source}"
         lines.append((f"`{saying.effect}`", says, f"{what}{verdict.came}", verdict.kept))
     return markdown_table(header, lines)
 
@@ -150,7 +153,9 @@ def count_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Sh
 
 
 def shift_table(shifts: Shifts) -> str:
-    """What every effect moves in a heap."""
+    """What every effect moves."""
+    if not shifts:
+        return NOT_MEASURED
     header = ("effect", "case", "observable", "bare", "shift", "standard errors", "pairs")
     lines = []
     for row in shifts:
@@ -166,6 +171,8 @@ def shift_table(shifts: Shifts) -> str:
 
 def cost_table(costs: Sequence[Cost]) -> str:
     """Time of a grain's step; the scatter of the bare model says what a ratio is worth."""
+    if not costs:
+        return NOT_MEASURED
     bare = [cost.ratio for cost in costs if not cost.effect]
     header = ("effect", "acts on", "ns per grain-step", "over bare")
     first = (
@@ -189,8 +196,9 @@ def publish(doe: Path, docs: Path) -> None:
     beds = read_shifts(doe / "effects" / "beds.csv")
     sayings = read_sayings(doe / "effects" / "literature.csv")
     costs = read_costs(doe / "effects" / "cost.csv")
-    (docs / PICTURE).parent.mkdir(parents=True, exist_ok=True)
-    draw(answers, shifts, costs, docs / PICTURE)
+    (docs / CURVES).parent.mkdir(parents=True, exist_ok=True)
+    draw_curves(answers, docs / CURVES)
+    draw_bars(shifts, costs, docs / BARS)
     tables = {
         "count": count_table(sayings, answers, shifts, beds),
         "verdicts": verdict_table(sayings, answers, shifts, beds),

@@ -101,7 +101,9 @@ def write_costs(path: Path, rows: Sequence[Cost]) -> None:
 
 
 def read_costs(path: Path) -> list[Cost]:
-    """The table."""
+    """The table; no rows where there is no file."""
+    if not path.is_file():
+        return []
     with path.open(encoding="utf-8", newline="") as table:
         return [
             Cost(line["effect"], line["place"], float(line["nanoseconds"]), float(line["ratio"]))

@@ -46,7 +46,7 @@ def sand(diameter: float, stages: list[dict[str, Any]], more: dict[str, Any]) ->
     column = {
         "length_d": LENGTH,
         "width_d": WIDTH,
-        "height_d": 300.0,
+        "height_d": 200.0,
         "density": AIR,
         "growth": 1.2,
         "look_steps": 20,

@@ -10,6 +10,7 @@ import random
 import sys
 from hashlib import sha256
 from pathlib import Path
+from typing import Literal
 
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.run.check import read_scene
@@ -96,7 +97,9 @@ def replaced(scene: Path, changes: dict[str, str]) -> str:
     return text
 
 
-def measured(scene: Path, precision: str, asked: list[tuple[tuple[str, ...], int]]) -> list[dict[str, float]]:
+def measured(
+    scene: Path, precision: Literal["f32", "f64"], asked: list[tuple[tuple[str, ...], int]]
+) -> list[dict[str, float]]:
     """Values of every run that is asked for, with its orders and seed."""
     found: dict[int, dict[str, float]] = {}
 

@@ -1,4 +1,4 @@
-"""The loop on scenes, the campaign behind it replaced by a stand-in: rounds of runs, shared, never made twice."""
+"""The loop on scenes, its campaign replaced by a stand-in: rounds of runs, shared and never made twice."""
 
 import json
 from contextlib import redirect_stdout
@@ -14,7 +14,7 @@ from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence import rehearsal
 
-ROOT = Path(__file__).parents[2]
+SCENE = Path(__file__).parents[2] / "scenes" / "column_collapse.toml"
 FRICTION = "contact.grain-grain.friction_rolling"
 ANGULARITIES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 DIAMETERS = (1.5, 3.0)  # mm
@@ -23,10 +23,10 @@ STUDY = f"""
 [study]
 measurements = "heap.csv"
 [observables.pile_height]
-scene = "{ROOT}/scenes/column_collapse.toml"
+scene = "column_collapse.toml"
 transform = "log"
 [observables.centroid_height]
-scene = "{ROOT}/scenes/column_collapse.toml"
+scene = "column_collapse.toml"
 transform = "log"
 [conditions]
 angularity = "conditions.angularity"
@@ -95,6 +95,7 @@ def write(folder: Path, strength: float, name: str = "heap.toml", text: str = ST
                     for _ in range(3)
                 ]
     (folder / "heap.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / SCENE.name).write_text(SCENE.read_text("utf-8"), encoding="utf-8")
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
@@ -186,4 +187,27 @@ def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked
 
 def test_a_small_budget_is_kept(tmp_path, asked):
     ask("compare", str(write(tmp_path, 1.5, text=STUDY + "[budget]\nruns = 2\n")))
-    assert keys(asked) and len(keys(asked)) <= 2 * len(ANGULARITIES) * len(DIAMETERS)
+    assert keys(asked)
+    assert len(keys(asked)) <= 2 * len(ANGULARITIES) * len(DIAMETERS)
+
+
+def test_an_effect_that_a_scene_cannot_show_costs_no_run_and_is_told_why(tmp_path, asked):
+    text = STUDY.replace('"restitution_speed"', '"trap_efficiency"') + "[budget]\nruns = 3\n"
+    found = ask("discover", str(write(tmp_path, 1.5, text=text)), "--budget", "quick")
+    assert found["effects"]["trap_efficiency"]["status"] == "not_testable"
+    told = [note for note in found["notes"] if note.startswith("trap_efficiency was not simulated")]
+    assert told == ["trap_efficiency was not simulated: column_collapse.toml does not depend on it."]
+
+
+def test_two_numbers_decide_nothing_and_the_experiments_that_would_are_told(tmp_path, asked):
+    sliding = STUDY[STUDY.index("[parameters.") : STUDY.index("[candidates]")].replace("rolling", "sliding")
+    ranges = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n[budget]\nruns = 40\n"
+    path = write(tmp_path, 1.5, text=STUDY + sliding + ranges)
+    lines = (tmp_path / "heap.csv").read_text("utf-8").splitlines()
+    one_heap = [line.replace(",1,m,", ",0.0001,3,m,", 1) for line in lines if ",a1,1,1.5," in line]
+    head = "observable,value,sd,n,unit,group,angularity,diameter [mm],source"
+    (tmp_path / "heap.csv").write_text("\n".join([head, one_heap[0], one_heap[3]]) + "\n", encoding="utf-8")
+    found = ask("discover", str(path), "--budget", "quick")
+    assert found["verdict"] == "not_testable"
+    assert "2 rows of known scatter cannot decide" in found["sentences"][0]
+    assert ask("next", str(path))["next_experiments"]

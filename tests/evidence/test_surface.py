@@ -74,3 +74,19 @@ def test_values_without_scatter_are_met(surface):
     exact = fit_surface(known, law(known), READS)
     # the scatter's prior keeps a little of it: e^-4 of its usual size at the least
     assert np.abs(exact.mean(known) - law(known)).max() < 0.05
+
+
+def test_what_two_effects_do_together_is_learnt_from_runs_with_both():
+    generator = np.random.default_rng(8)
+    parts = [drawn(generator, 20, None), drawn(generator, 15, 0), drawn(generator, 15, 1)]
+    both = drawn(generator, 20, 0)
+    both.psi[:, 1] = generator.uniform(0.3, 2.5, 20)
+    asked = Points(both.x + 0.1, both.c, both.psi)
+
+    def world(points: Points) -> np.ndarray:
+        return law(points) - 0.5 * points.psi[:, 0] * points.psi[:, 1]
+
+    blind = fit_surface(joined(*parts), world(joined(*parts)), READS)
+    seeing = fit_surface(joined(*parts, both), world(joined(*parts, both)), READS)
+    errors = [np.sqrt(np.mean((surface.mean(asked) - world(asked)) ** 2)) for surface in (blind, seeing)]
+    assert errors[1] < 0.3 * errors[0]

@@ -1,0 +1,263 @@
+"""Sealed cases on the simulator: heaps made with hidden effects, which the commands then have to find.
+
+    python doe/t1/run.py make       draw the truth, write its digest, simulate the laboratories' tables
+    python doe/t1/run.py solve      discover and adopt, by the commands, without the truth
+    python doe/t1/run.py score      open the truth and write results.csv
+
+Six cases hide nothing, twelve one effect, four two, two something that no candidate describes. A laboratory
+has its own seeds, time step, packing and friction. What is sealed lies in the folder of the campaign; its
+digest stands here before anything is solved. All cases share one campaign: surfaces are simulated once.
+"""
+
+import csv
+import json
+import random
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from hashlib import sha256
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Numerics
+from taichi_erosion.run.check import read_scene
+from taichi_erosion.run.choices import shared_choices
+from taichi_erosion.run.ensemble import Part, play_ensemble
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+CAMPAIGN = ROOT / "campaigns" / "t1"
+SCENE = HERE / "column.toml"
+SEED = 21
+SINGLE = (
+    "liquid_bridge",
+    "dry_adhesion",
+    "rolling_resistance",
+    "restitution_speed",
+    "size_distribution",
+    "packing_preparation",
+    "image_charge",
+    "grain_density",
+)
+AGAIN = ("liquid_bridge", "dry_adhesion", "rolling_resistance", "size_distribution")  # at another strength
+PAIRS = (
+    ("liquid_bridge", "rolling_resistance"),
+    ("dry_adhesion", "rolling_resistance"),
+    ("liquid_bridge", "size_distribution"),
+    ("rolling_resistance", "size_distribution"),
+)
+STRENGTHS = (0.3, 1.0, 2.0)  # over the textbook, times up to 1.3 either way
+MOST = {"size_distribution": 1.0, "grain_density": 1.5, "image_charge": 2.0, "restitution_speed": 2.0}
+OUTSIDE = ("sliding friction that grows with angularity", "restitution that falls with moisture")
+DIAMETERS = (1.5e-3, 3e-3)  # m
+SURFACES = ((0.0, 0.0), (0.01, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
+OBSERVABLES = ("centroid_height", "pile_height", "column_height", "radius_90")
+REPEATS = 2
+SLIDING, ROLLING = "contact.grain-grain.friction_sliding", "contact.grain-grain.friction_rolling"
+PACKING = ("run.time_step_d=2.4e-2", "fill.pitch_d=1.2")
+ENSEMBLE = 200  # replicas that run beside each other
+
+STUDY = """
+[study]
+title = "Sealed case {number}"
+measurements = "case_{number}.csv"
+runs = "runs"
+{observables}
+[conditions]
+moisture = "conditions.moisture"
+angularity = "conditions.angularity"
+diameter = "grains.size.diameter"
+[parameters."{sliding}"]
+start = 0.52
+low = 0.3
+high = 0.8
+prior_sd_log = 0.1
+[parameters."{rolling}"]
+start = 0.15
+low = 0.02
+high = 0.6
+prior_sd_log = 0.5
+[candidates]
+effects = {candidates}
+[vault]
+fraction = 0.3
+"""
+
+
+def draw() -> list[dict[str, Any]]:
+    """The truth of every case, in an order that tells nothing."""
+    generator = random.Random(SEED)
+    hidden = [((), None)] * 6 + [((name,), None) for name in (*SINGLE, *AGAIN)]
+    hidden += [(pair, None) for pair in PAIRS] + [((), outside) for outside in OUTSIDE]
+    generator.shuffle(hidden)
+    cases = []
+    for number, (names, outside) in enumerate(hidden):
+        effects = {name: drawn_strength(generator, name, len(names)) for name in names}
+        sliding = 0.52 * generator.lognormvariate(0.0, 0.08)
+        rolling = 0.15 * generator.lognormvariate(0.0, 0.3)
+        numbers = {SLIDING: sliding, ROLLING: rolling}
+        cases.append({"number": number, "effects": effects, "outside": outside, "numbers": numbers})
+    return cases
+
+
+def drawn_strength(generator: random.Random, name: str, together: int) -> float:
+    """A strength near one of three levels; effects of a pair are not weak."""
+    level = generator.choice(STRENGTHS[1:] if together > 1 else STRENGTHS)
+    return min(level * generator.uniform(0.77, 1.3), MOST.get(name, 3.0))
+
+
+def orders(case: dict[str, Any], diameter: float, moisture: float, angularity: float) -> tuple[str, ...]:
+    """Settings of one laboratory run."""
+    numbers = dict(case["numbers"])
+    if case["outside"] == OUTSIDE[0]:
+        numbers[SLIDING] *= 1.0 + 0.8 * angularity
+    if case["outside"] == OUTSIDE[1]:
+        numbers["contact.grain-grain.restitution"] = 0.5 / (1.0 + 150.0 * moisture)
+    words = {"grains.size.diameter": diameter, "conditions.moisture": moisture, **numbers}
+    words |= {"conditions.angularity": angularity}
+    words |= {f"effects.{name}.strength": value for name, value in case["effects"].items()}
+    return (*PACKING, *(f"{path}={value!r}" for path, value in words.items()))
+
+
+def make() -> None:
+    """Truth, digest, studies and tables."""
+    cases, salt = draw(), random.SystemRandom().random()
+    sealed = json.dumps({"cases": cases, "salt": salt})
+    (HERE / "truth.sha256").write_text(sha256(sealed.encode()).hexdigest() + "\n")
+    (CAMPAIGN / "sealed").mkdir(parents=True, exist_ok=True)
+    (CAMPAIGN / "sealed" / "truth.json").write_text(sealed)
+    (CAMPAIGN / "column.toml").write_text(SCENE.read_text("utf-8"), encoding="utf-8")
+    rows = [(case, d, w, a) for case in cases for d in DIAMETERS for w, a in SURFACES for _ in range(REPEATS)]
+    tables: dict[int, list[str]] = {case["number"]: [] for case in cases}
+    for (case, d, w, a), values in zip(rows, simulated(rows), strict=True):
+        for name in OBSERVABLES:
+            if values.get(name) is not None:
+                line = f"{name},{values[name]:.6g},1,m,w{w:g} a{a:g} d{d:g},{w:g},{a:g},{d:g},made"
+                tables[case["number"]].append(line)
+    for number, lines in tables.items():
+        head = "observable,value,n,unit,group,moisture,angularity,diameter,source"
+        (CAMPAIGN / f"case_{number}.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+        (CAMPAIGN / f"case_{number}.toml").write_text(study_text(number), encoding="utf-8")
+
+
+def study_text(number: int) -> str:
+    """The study of one case."""
+    entries = "".join(
+        f'[observables.{name}]\nscene = "column.toml"\ntransform = "log"\nsd_shared_relative = 0.02\n'
+        for name in OBSERVABLES
+    )
+    names = json.dumps(list(SINGLE))
+    return STUDY.format(
+        number=number, observables=entries, sliding=SLIDING, rolling=ROLLING, candidates=names
+    )
+
+
+def simulated(rows: list[tuple[dict[str, Any], float, float, float]]) -> list[dict[str, float]]:
+    """Values of every laboratory run; a run that stopped has none."""
+    generator = random.Random(SEED + 1)
+    found: dict[int, dict[str, float]] = {k: {} for k in range(len(rows))}
+    groups: dict[str, list[tuple[int, Part]]] = {}
+    for k, (case, *at) in enumerate(rows):
+        scene = read_scene(SCENE, orders(case, *at))
+        part = Part(scene, generator.randrange(2**30, 2**31))
+        groups.setdefault(shared_choices(scene), []).append((k, part))
+    for members in groups.values():
+        for start in range(0, len(members), ENSEMBLE):
+            batch = members[start : start + ENSEMBLE]
+
+            def tell(place: int, record: dict[str, Any], batch: list[tuple[int, Part]] = batch) -> None:
+                measures = record.get("measures") or {}
+                found[batch[place][0]] = {name: measure["value"] for name, measure in measures.items()}
+
+            play_ensemble([part for _, part in batch], Numerics("cpu", 1, "f32"), tell)
+            typer.echo(f"{start + len(batch)} of {len(members)} runs")
+    return [found[k] for k in range(len(rows))]
+
+
+def solve() -> None:
+    """Every case through the commands; what has been solved is not solved again."""
+    for study in sorted(CAMPAIGN.glob("case_*.toml"), key=lambda path: int(path.stem.split("_")[1])):
+        if "_with_" in study.stem or study.with_suffix(".solved.json").exists():
+            continue
+        found = command("discover", study, "--budget", "quick")
+        names = found["named"] or found["group"]
+        adopted = command("adopt", study, names[0]) if names else None
+        vault = adopted["vault"] if adopted else None
+        study.with_suffix(".solved.json").write_text(json.dumps({"found": found, "vault": vault}))
+        typer.echo(f"{study.stem}: {found['verdict']} {' '.join(names)}")
+
+
+def command(word: str, study: Path, *rest: str) -> dict[str, Any]:
+    """One command of the program, with its document."""
+    told = StringIO()
+    with redirect_stdout(told):
+        code = main([word, str(study), *rest, "--json"])
+    if code:
+        raise BadInput(f"{study}: {word} ended with {code}")
+    return json.loads(told.getvalue())
+
+
+def scored() -> Iterator[dict[str, Any]]:
+    """Truth beside answer, case by case."""
+    sealed = (CAMPAIGN / "sealed" / "truth.json").read_text("utf-8")
+    if sha256(sealed.encode()).hexdigest() != (HERE / "truth.sha256").read_text().strip():
+        raise BadInput("the truth is not the one that was sealed")
+    for case in json.loads(sealed)["cases"]:
+        file = CAMPAIGN / f"case_{case['number']}.solved.json"
+        if not file.exists():
+            continue
+        solved = json.loads(file.read_text("utf-8"))
+        found, vault = solved["found"], solved["vault"] or {}
+        names = sorted(case["effects"])
+        answer = sorted({*found["named"], *found["group"]})
+        yield {
+            "case": case["number"],
+            "truth": "+".join(names) or case["outside"] or "nothing",
+            "strengths": " ".join(f"{case['effects'][name]:.2f}" for name in names),
+            "verdict": found["verdict"],
+            "named": "+".join(sorted(found["named"])),
+            "group": "+".join(sorted(found["group"])),
+            "judged": judged(case, found["verdict"], answer),
+            "p_misfit": f"{found['p_misfit']:.2g}",
+            "vault_before": vault.get("chi2_before"),
+            "vault_after": vault.get("chi2_after"),
+            "vault_wrong": vault.get("chi2_wrong_effect"),
+            "strength_found": " ".join(
+                f"{found['effects'][name]['strength']:.2f}" for name in names if name in found["effects"]
+            ),
+            "runs": found["runs"],
+        }
+
+
+def judged(case: dict[str, Any], verdict: str, answer: list[str]) -> str:
+    """One word on an answer: right, partly, silent, wrong, false alarm."""
+    truth = set(case["effects"])
+    if not truth and not case["outside"]:
+        return "right" if not answer and verdict != "outside_library" else "false alarm"
+    if case["outside"]:
+        return "right" if verdict == "outside_library" else "wrong" if answer else "silent"
+    if not answer:
+        return "silent" if verdict != "outside_library" else "wrong"
+    return "right" if truth <= set(answer) else "partly" if truth & set(answer) else "wrong"
+
+
+def score() -> None:
+    """Write results.csv."""
+    rows = list(scored())
+    with (HERE / "results.csv").open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+    counts: dict[str, int] = {}
+    for row in rows:
+        counts[row["judged"]] = counts.get(row["judged"], 0) + 1
+    typer.echo(f"{len(rows)} cases: " + ", ".join(f"{count} {word}" for word, count in counts.items()))
+
+
+if __name__ == "__main__":
+    {"make": make, "solve": solve, "score": score}[sys.argv[1]]()

@@ -1,0 +1,92 @@
+"""The simple scenes of the page of effects, and how their answers are judged."""
+
+from dataclasses import replace
+from math import nan, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_erosion.effects import load_library
+from taichi_erosion.report.effects import Saying, judged, read_sayings
+from taichi_erosion.verification.effect_answers import Answer, pocket_cases, read_answers, write_answers
+from taichi_erosion.verification.effect_pocket import Pocket, expected_threshold, measured_thresholds
+
+TABLES = Path(__file__).parents[2] / "doe" / "effects"
+BARE = Pocket()
+SAYING = Saying("dry_adhesion", "lifts", "x", "answers", "u*_t over bare", "", nan, nan, nan, 1)
+ANSWER = Answer("dry_adhesion", "u*_t over bare", "diameter [mm]", 0.1, 0.25, 1.5, 0.001, 1.501, 1, "pocket")
+SHIFT = {
+    "effect": "dry_adhesion",
+    "label": "",
+    "observable": "pile_height",
+    "unit": "m",
+    "bare": "0.5",
+    "shift": "0.1",
+    "standard_error": "0.02",
+    "note": "",
+}
+
+
+def test_drag_at_the_balance_of_a_bare_grain_is_its_weight_over_two_roots_of_two():
+    from taichi_erosion.verification.reference.drag import Stream, two_limits
+
+    wind = expected_threshold(BARE)
+    slip = wind**2 * 0.5 * BARE.diameter / 1.46e-5
+    drag = two_limits(Stream(slip, BARE.diameter, 1.225, 1.225 * 1.46e-5))
+    weight = np.pi / 6.0 * BARE.diameter**3 * (BARE.density - 1.225) * 9.81
+    assert drag == pytest.approx(weight / (2.0 * sqrt(2.0)), rel=1e-4)
+
+
+def test_shelter_raises_the_balance_by_just_its_factor():
+    between = replace(BARE, effect="drag_partition", conditions=(("roughness_density", 0.02),))
+    ratio = expected_threshold(between) / expected_threshold(BARE)
+    # the two factors of the page for m = 0.5, s = 1, b = 100
+    assert ratio == pytest.approx(sqrt(0.99 * 2.0), rel=1e-5)
+
+
+def test_every_effect_of_the_library_has_a_sentence_to_be_held_to():
+    assert {saying.effect for saying in read_sayings(TABLES / "literature.csv")} == set(load_library())
+
+
+def test_a_table_of_answers_is_read_as_it_was_written_and_a_group_is_replaced(tmp_path):
+    table = tmp_path / "answers.csv"
+    write_answers(table, [ANSWER, replace(ANSWER, place=0.2)])
+    write_answers(table, [replace(ANSWER, value=1.6)])
+    (row,) = read_answers(table)
+    assert (row.effect, row.value, row.n) == ("dry_adhesion", 1.6, 1)
+
+
+@pytest.mark.parametrize(
+    ("answer", "saying", "kept"),
+    [
+        (ANSWER, SAYING, "yes"),
+        (replace(ANSWER, value=1.45), SAYING, "no"),  # 3.4 % from its answer
+        (replace(ANSWER, value=0.9, expected=0.9), SAYING, "no"),  # the wrong way
+        (replace(ANSWER, law=1.2), SAYING, "in sign"),
+        (replace(ANSWER, law=1.4), SAYING, "yes"),
+        (ANSWER, replace(SAYING, low=1.0, high=1.1), "in sign"),
+        (ANSWER, replace(SAYING, low=1.0, high=1.1, sign=0), "no"),
+        (ANSWER, replace(SAYING, place=0.5), "open"),
+        (ANSWER, replace(SAYING, table=""), "open"),
+    ],
+)
+def test_an_answer_is_judged_by_way_by_nearness_and_by_law(answer, saying, kept):
+    assert judged(saying, [answer], [], []).kept == kept
+
+
+@pytest.mark.parametrize(
+    ("shift", "sign", "kept"),
+    [("0.1", 1, "yes"), ("0.1", -1, "no"), ("0.03", 1, "not told"), ("nan", 1, "open")],
+)
+def test_a_shift_within_two_standard_errors_is_not_told(shift, sign, kept):
+    saying = replace(SAYING, table="shifts", quantity="pile_height", sign=sign)
+    assert judged(saying, [], [SHIFT | {"shift": shift}], []).kept == kept
+
+
+@pytest.mark.slow
+def test_grains_leave_their_pockets_where_their_forces_balance():
+    cases = [BARE, *(case for _, _, case in pocket_cases() if case.diameter == BARE.diameter)]
+    measured = measured_thresholds(cases)
+    # 0.12 % of the bisection, and contacts that yield; an adhesion of short range is shaken off 1 % earlier
+    assert measured == pytest.approx([expected_threshold(case) for case in cases], rel=0.015)
