@@ -146,6 +146,8 @@ def flux_table(found: Found, measured: Table) -> str:
         if row is not None:
             cells += [shown(row.value / MILLI), *judged(row.value, value, HOLDS["flux"])[1:]]
             cells += [*stress_cells(found["flux", f"{wind:g}"], AIR * wind**2), row.note]
+        else:
+            cells.append("not run")
         rows.append(cells + [""] * (len(header) - len(cells)))
     return markdown_table(header, rows)
 
@@ -159,7 +161,7 @@ def stress_cells(case: dict[str, Row], stress: float) -> list[str]:
 
 def line_table(found: Found, measured: Table) -> str:
     """Straight lines of flux against stress: where they start, how steep they are, how straight."""
-    header = ("flux", "u* of no flux [m/s]", "stress there [Pa]", "dQ/dtau [s]", "share off the line, R^2")
+    header = ("flux", "u* of no flux [m/s]", "stress there [Pa]", "dQ/dtau [s]", "R^2 of the line")
     pairs = flux_pairs(found, measured)
     series = {
         "measured": [(wind, value) for wind, value, _, _ in pairs],
