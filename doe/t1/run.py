@@ -33,7 +33,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 CAMPAIGN = ROOT / "campaigns" / "t1"
 SCENE = HERE / "column.toml"
-SEED = 21
+SEED = 22
 SINGLE = (
     "liquid_bridge",
     "dry_adhesion",

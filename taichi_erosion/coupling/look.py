@@ -196,22 +196,29 @@ def advance_air(world: ti.template(), around_out: ti.template(), r):
 
 
 @ti.func
+def exchange(world_out: ti.template(), around_out: ti.template(), r, member, size, turn, advances):
+    """Sum up the grains, layer by layer, and let the air move on where it `advances`; the next meeting."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    for p in range(replicas_out.partitions[r]):
+        if is_mine(replicas_out, r, p, member, size):
+            give_partition(world_out, around_out, r, p)
+    turn = wait_for_team(replicas_out, r, size, turn)
+    if member == 0:
+        settle(world_out, around_out, r)
+        load_air(world_out, around_out, r)
+        if advances:
+            advance_air(world_out, around_out, r)
+    return wait_for_team(replicas_out, r, size, turn)
+
+
+@ti.func
 def look(world_out: ti.template(), around_out: ti.template(), r, member, size, turn):
     """One look of all grains of replica r; returns the next meeting of the team."""
     (replicas_out,) = ti.static((world_out.replicas,))
     before = ti.select(replicas_out.step[r] == 0, 1, 0)
     for passage in range(before + 1):
         if ti.static(around_out.windy):
-            for p in range(replicas_out.partitions[r]):
-                if is_mine(replicas_out, r, p, member, size):
-                    give_partition(world_out, around_out, r, p)
-            turn = wait_for_team(replicas_out, r, size, turn)
-            if member == 0:
-                settle(world_out, around_out, r)
-                load_air(world_out, around_out, r)
-                if passage == before:
-                    advance_air(world_out, around_out, r)
-            turn = wait_for_team(replicas_out, r, size, turn)
+            turn = exchange(world_out, around_out, r, member, size, turn, passage == before)
         for p in range(replicas_out.partitions[r]):
             if is_mine(replicas_out, r, p, member, size):
                 feel_partition(world_out, around_out, r, p)

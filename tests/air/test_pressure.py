@@ -25,6 +25,7 @@ def upward() -> AirSetup:
     )
 
 
+@pytest.mark.slow
 def test_air_rises_faster_between_grains_and_pays_for_their_drag_with_pressure(start_device):
     start_device(Numerics(threads=1))
     air = allocate_air([upward()])

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from small_scene import write_scene
 
 from taichi_erosion.core.setup import Numerics
@@ -45,6 +46,7 @@ def test_clumps_and_forces_on_single_grains_do(tmp_path):
     assert len({choices(scene, orders) for orders in ((), LONG, CHARGED)}) == 3
 
 
+@pytest.mark.slow
 def test_replicas_beside_others_with_effects_come_out_bit_for_bit_as_alone(tmp_path):
     scene = write_scene(tmp_path)
     together = heights(scene, [(), WET, TAPPED])
