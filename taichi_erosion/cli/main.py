@@ -18,6 +18,9 @@ TRACEBACK_SWITCH = (
     "TAICHI_EROSION_TRACEBACK"  # environment variable: "1" shows where an unexpected error arose
 )
 
+# matrices here are small, and threads of a linear algebra library that wait for a busy core cost minutes
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 app.add_typer(evidence.app)
 app.add_typer(effects.app)
 

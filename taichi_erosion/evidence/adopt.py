@@ -47,7 +47,7 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = silent)
     base = expand(exam, base_fit)
     found = screen(exam, base)
     best_wrong, random_wrong = controls(exam, found, effect, seed)
-    vault = vault_side(exam)
+    vault = vault_side(exam, base_fit)
     fits: list[HypothesisFit | None] = [tested(exam, base_fit, vault)]
     for index, name in enumerate((effect, best_wrong, random_wrong)):
         progress(f"recalibrating with {name}", 0.25 * (index + 1))
@@ -88,8 +88,11 @@ def added_fit(exam: Examination, found: Screen, name: str) -> Fit:
     return refit(exam, (name,), [np.append(found.base.fit.x, strength), np.append(middle, unit)])
 
 
-def vault_side(exam: Examination) -> VaultSide | None:
-    """The held-out rows; a missing variance is that of the visible rows of the same observable."""
+def vault_side(exam: Examination, base: Fit) -> VaultSide | None:
+    """The held-out rows; a missing variance is that of the visible rows of the same observable.
+
+    All hypotheses are held against the same variance, the bare model's own errors in it.
+    """
     problem = exam.problem
     if problem.vault.rows.size == 0:
         return None
@@ -105,7 +108,8 @@ def vault_side(exam: Examination) -> VaultSide | None:
     if rows.size == 0:
         return None
     predictor = bound_predictor(problem, rows)
-    variance = rows.variance + simulated_variance(exam, rows)
+    own = predictor.own_errors(base.x, base.acting())
+    variance = rows.variance + simulated_variance(exam, rows) + np.sum(own**2, axis=1)
     return VaultSide(rows, replace(exam, rows=rows, predictor=predictor, variance=variance))
 
 
@@ -132,7 +136,7 @@ def tested(exam: Examination, fitted: Fit, vault: VaultSide | None) -> Hypothesi
         mean = vault.exam.predictor.mean(fitted.x, fitted.acting(), exam.seeds.judging)
         mean = mean + shared_shift(exam, expansion.mean, vault)
         good = np.isfinite(mean)
-        part = replace(expansion, mean=np.where(good, mean, vault.rows.z))
+        part = replace(expansion, mean=np.where(good, mean, vault.rows.z), shared=vault.rows.shared)
         hidden = rows_table(vault.exam, part)
         chi2 = float(np.mean(hidden.residual[good] ** 2)) if good.any() else nan
         rmse = errors_by_observable(hidden)

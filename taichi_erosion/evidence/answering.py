@@ -12,16 +12,22 @@ from typing import Generic, Literal, TypeVar
 from taichi_erosion.evidence import results
 from taichi_erosion.evidence.findings import Adoption, Comparison, Discovery, HypothesisFit
 from taichi_erosion.evidence.problem import Progress
-from taichi_erosion.evidence.rehearsal import next_round, on_surfaces, rehearsal_of
+from taichi_erosion.evidence.rehearsal import next_round, on_surfaces, rehearsal_of, room_for
 from taichi_erosion.evidence.scales import EFFECTS, STRENGTH
 from taichi_erosion.evidence.study import Study
 from taichi_erosion.evidence.surface_plan import Explanation
 from taichi_erosion.scene.load import file_text
 
 MOST_EXPLANATIONS = 3  # about which a round simulates
+MOST_CLOSER = 2  # rounds beyond the planned ones, about what an answer must not pass over
 BudgetName = Literal["quick", "full"]
 Found = TypeVar("Found")
 Rounds = dict[str, list[list[Explanation]]]  # question -> its rounds
+
+
+def nothing_due(_: object) -> list[Explanation]:
+    """Of an answer that counts as it is."""
+    return []
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,7 @@ class Asked(Generic[Found]):
     about: Callable[[Found], list[Explanation]]
     effects: Sequence[str] = ()  # that it needs to know
     ahead: bool = False  # whether it looks at conditions that were not measured but could be
+    due: Callable[[Found], list[Explanation]] = nothing_due  # to be simulated about before the answer counts
 
 
 def answered(
@@ -40,7 +47,8 @@ def answered(
 ) -> tuple[Found, Study]:
     """The answer, and the study as it was when it was given.
 
-    Scenes are simulated about what each answer leaves standing, and the question is put again.
+    Scenes are simulated about what each answer leaves standing and must not pass over, and then the
+    question is put again.
     """
     rehearsal = rehearsal_of(study, asked.effects, budget, asked.ahead)
     if rehearsal is None:
@@ -52,14 +60,22 @@ def answered(
             rehearsal = next_round(rehearsal, about, f"{name}|{number}")
     alike = [rounds for name, rounds in past.items() if name.endswith(budget)]
     seen = {set_of(explanation) for rounds in alike for about in rounds for explanation in about}
-    for number in range(rehearsal.amount.rounds):
-        if number >= len(own):
-            ready = on_surfaces(rehearsal, progress)
-            own.append([e for e in asked.about(asked.question(ready)) if set_of(e) not in seen])
-            keep_rounds(study, {**past, key: own})
-        rehearsal = next_round(rehearsal, own[number], f"{key}|{number}")
-    ready = on_surfaces(rehearsal, progress)
-    return asked.question(ready), ready
+    for number, about in enumerate(own):
+        rehearsal = next_round(rehearsal, about, f"{key}|{number}")
+    while True:
+        ready = on_surfaces(rehearsal, progress)
+        found = asked.question(ready)
+        if len(own) < rehearsal.amount.rounds:
+            about = [e for e in asked.about(found) if set_of(e) not in seen]
+        else:
+            known = seen | {set_of(e) for about in own for e in about}
+            about = [e for e in asked.due(found) if set_of(e) not in known]
+            done = len(own) >= rehearsal.amount.rounds + MOST_CLOSER
+            if done or not about or not room_for(rehearsal, about):
+                return found, ready
+        rehearsal = next_round(rehearsal, about, f"{key}|{len(own)}")
+        own.append(about)
+        keep_rounds(study, {**past, key: own})
 
 
 def set_of(explanation: Explanation) -> frozenset[str]:
@@ -113,6 +129,13 @@ def about_discovery(found: Discovery) -> list[Explanation]:
         explanation(survivor.parameters, survivor.strengths)
         for survivor in [*bare, *others][:MOST_EXPLANATIONS]
     ]
+
+
+def due_before_outside(found: Discovery) -> list[Explanation]:
+    """The closest single effect and pair, before something that no candidate describes is blamed."""
+    if found.verdict != "outside_library":
+        return []
+    return [explanation(survivor.parameters, survivor.strengths) for survivor in found.closest]
 
 
 def about_adoption(found: Adoption) -> list[Explanation]:

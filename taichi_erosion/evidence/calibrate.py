@@ -183,12 +183,31 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
     return position, best
 
 
+def refined(
+    exam: Examination, names: tuple[str, ...], start: Floats, steps: int, seeds: Integers
+) -> tuple[Floats, float]:
+    """Best position from one start, and -2 ln of its likelihood times prior.
+
+    Weights hold while steps are made, or they would lead to where the model knows least. A model that may be
+    off has those of the start first, then those of what was found; the volume ln |1 + F^T V^-1 F| of its
+    errors F tells sure fits from vague ones.
+    """
+    there = exam.about(*posed(names, start, len(exam.axes)))
+    position, misfit = refine(Objective(there, names, seeds), start, steps)
+    if exam.predictor.uncertainty is None:
+        return position, misfit
+    there = exam.about(*posed(names, position, len(exam.axes)))
+    position, misfit = refine(Objective(there, names, seeds), position, steps)
+    own = there.rows.shared[:, exam.rows.shared.shape[1] :] / exam.sd[:, np.newaxis]
+    return position, misfit + float(np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1])
+
+
 def fit(
     exam: Examination, names: tuple[str, ...], starts: list[Floats], steps: int, seeds: Integers | None = None
 ) -> Fit:
     """Best of several starts of one hypothesis."""
-    objective = Objective(exam, names, exam.seeds.fitting if seeds is None else seeds)
-    results = [refine(objective, start, steps) for start in starts]
+    chosen = exam.seeds.fitting if seeds is None else seeds
+    results = [refined(exam, names, start, steps, chosen) for start in starts]
     position, misfit = min(results, key=lambda result: result[1])
     x, acting = posed(names, position, len(exam.axes))
     return Fit(names, x, np.array([acting[name] for name in names]), misfit)
@@ -207,7 +226,7 @@ def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
     results: list[tuple[Floats, float]] = []
     for number, start in enumerate(starts):
         if number < STARTS or results[0][1] > POOR * exam.rows.size:
-            results.append(refine(objective, start, STEPS_QUICK if quick else STEPS))
+            results.append(refined(exam, (), start, STEPS_QUICK if quick else STEPS, exam.seeds.fitting))
             results.sort(key=lambda result: result[1])
     warnings = []
     if len(results) > 1 and results[1][1] < inf:
@@ -215,7 +234,7 @@ def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
         if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > 0.1 * SEARCH_WIDTH:
             warnings.append("two starts of the calibration end at different places; the better one is used")
     exam = reweighted(exam, objective.mean(results[0][0]))
-    position, misfit = refine(Objective(exam, (), exam.seeds.fitting), results[0][0], 2)
+    position, misfit = refined(exam, (), results[0][0], 2, exam.seeds.fitting)
     return exam, Fit((), position, np.zeros(0), misfit), warnings
 
 

@@ -16,6 +16,7 @@ from taichi_erosion.evidence.misfit import where_it_fails
 from taichi_erosion.evidence.posterior import NONE, OUTSIDE, label
 from taichi_erosion.evidence.problem import Budget, Problem, Progress
 from taichi_erosion.evidence.scales import split_setting
+from taichi_erosion.evidence.shortlist import Judged
 from taichi_erosion.evidence.tables import chi_square, noise_table, rows_table
 from taichi_erosion.evidence.words import summary
 
@@ -66,6 +67,7 @@ def worded(found: Autopsy, seed: int, start: float) -> Discovery:
         ambiguity=ambiguity(exam, found.found, expected),
         absorbed_by=absorbed_by(exam, found.found),
         survivors=survivors_of(found),
+        closest=closest_of(found),
         rows_before=rows_table(exam, base),
         rows_after=rows_table(exam, final),
         failures=exam.predictor.ledger.failures,
@@ -84,17 +86,30 @@ def fitted_strengths(found: Autopsy) -> dict[str, Fitted]:
     return strengths | strength_fits(found.exam, found.final.scored)
 
 
+def survivor_of(found: Autopsy, item: Judged) -> Survivor:
+    """One judged hypothesis as something that an experiment or a simulation can be about."""
+    probability = found.believed.probability.get(label(item.names), 0.0)
+    parameters, adopted = split_setting(found.exam.axes, item.scored.expansion.fit.x)
+    strengths = {**adopted, **item.scored.expansion.fit.acting()}
+    return Survivor(item.names, probability, parameters, strengths)
+
+
 def survivors_of(found: Autopsy) -> tuple[Survivor, ...]:
     """Explanations that the next experiment has to tell apart."""
-    survivors = []
-    for item in [found.base, *found.judged]:
-        probability = found.believed.probability.get(label(item.names), 0.0)
-        parameters, adopted = split_setting(found.exam.axes, item.scored.expansion.fit.x)
-        strengths = {**adopted, **item.scored.expansion.fit.acting()}
-        survivors.append(Survivor(item.names, probability, parameters, strengths))
+    survivors = [survivor_of(found, item) for item in [found.base, *found.judged]]
     survivors.sort(key=lambda survivor: -survivor.probability)
     kept = [s for k, s in enumerate(survivors) if k < 2 or s.probability > SURVIVING]
     return tuple(kept[:MOST_SURVIVORS])
+
+
+def closest_of(found: Autopsy) -> tuple[Survivor, ...]:
+    """The single effect and the pair that leave the least misfit, however unlikely."""
+    sizes = [[item for item in found.judged if len(item.names) == count] for count in (1, 2)]
+    return tuple(
+        survivor_of(found, min(items, key=lambda item: item.scored.expansion.fit.misfit))
+        for items in sizes
+        if items
+    )
 
 
 def bound_warnings(found: Autopsy) -> list[str]:
@@ -145,6 +160,7 @@ def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Di
         ambiguity={},
         absorbed_by={},
         survivors=(),
+        closest=(),
         rows_before=rows,
         rows_after=rows,
         failures=exam.predictor.ledger.failures,

@@ -47,6 +47,7 @@ class Expansion:
     jacobian: Floats  # (n, p), of the mean per prior sd
     paths: tuple[Path, ...]
     local: Floats  # (n, effects), derivative of the mean along each strength
+    shared: Floats  # (n, q), errors of one sd that rows share: of instruments, and of the model itself here
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class Surface:
 
 def expand(exam: Examination, fit: Fit) -> Expansion:
     """Slopes and paths of one hypothesis with the signature seeds, its mean with the judging seeds."""
+    exam = exam.about(fit.x, fit.acting())
     position = np.concatenate([fit.x, fit.psi])
     objective = Objective(exam, fit.names, exam.seeds.signature)
     slopes = objective.jacobian(position, central=exam.problem.budget.name == "full")
@@ -70,7 +72,7 @@ def expand(exam: Examination, fit: Fit) -> Expansion:
     paths = tuple(
         path_of(exam, fit, index, float(spread[index]), ridge[:, index]) for index in range(len(fit.names))
     )
-    return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:])
+    return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:], exam.rows.shared)
 
 
 def strength_sd(exam: Examination, slopes: Floats, count: int) -> tuple[Floats, Floats]:
@@ -178,7 +180,7 @@ def surface(exam: Examination, expansion: Expansion, columns: Columns, factor: f
     """Evidence along all strengths at one noise factor; slopes may not promise more than refits found."""
     sd = factor * exam.sd
     residual = ((exam.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
-    jacobian, shared = expansion.jacobian / sd[:, np.newaxis], exam.rows.shared / sd[:, np.newaxis]
+    jacobian, shared = expansion.jacobian / sd[:, np.newaxis], expansion.shared / sd[:, np.newaxis]
     found = (censored_sums if exam.rows.censored.any() else sums)(exam, jacobian, shared, residual, columns.x)
     start = started(exam, residual[:, columns.centre], shared, columns.x[:, columns.centre])
     promise = PROMISE_NOISY if exam.noisy else PROMISE

@@ -4,7 +4,7 @@ Seeds for fitting, for signatures and for judging are disjoint: a residual and a
 noise of one run correlate by chance, and an effect that does nothing looks present.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,6 +63,13 @@ class Examination:
     def noisy(self) -> bool:
         return bool(np.any(self.seed_variance > 0.0))
 
+    def about(self, x: Floats, acting: dict[str, float]) -> "Examination":
+        """The same with the model's own errors at one setting among the shared ones."""
+        own = self.predictor.own_errors(x, acting)
+        if not own.shape[1]:
+            return self
+        return replace(self, rows=replace(self.rows, shared=np.hstack([self.rows.shared, own])))
+
     def candidate(self, name: str) -> Candidate:
         return next(candidate for candidate in self.problem.candidates if candidate.name == name)
 
@@ -84,7 +91,13 @@ def axes_of(problem: Problem) -> tuple[Axis, ...]:
 def bound_predictor(problem: Problem, rows: Scaled) -> Predictor:
     """The model over some rows."""
     return Predictor(
-        problem.model, rows.observables, rows.which, rows.conditions, axes_of(problem), problem.candidates
+        problem.model,
+        rows.observables,
+        rows.which,
+        rows.conditions,
+        axes_of(problem),
+        problem.candidates,
+        problem.uncertainty,
     )
 
 

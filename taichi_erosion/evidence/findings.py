@@ -199,6 +199,7 @@ class Discovery:
     ambiguity: Mapping[str, tuple[str, ...]]  # effect -> effects with which it forms a group
     absorbed_by: Mapping[str, str]  # effect -> parameter that imitates it best
     survivors: tuple[Survivor, ...]
+    closest: tuple[Survivor, ...]  # the single effect and the pair that leave least, however unlikely
     rows_before: Rows
     rows_after: Rows
     failures: int

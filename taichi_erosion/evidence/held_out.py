@@ -40,7 +40,7 @@ def fold_scores(exam: Examination, expansion: Expansion, folds: Integers) -> Flo
     """Log score of every fold, predicted from the others."""
     work = working((exam.rows.z - expansion.mean) / exam.sd, exam.rows.censored)
     scale = (work.weight / exam.sd)[:, np.newaxis]
-    design = np.hstack([expansion.local, expansion.jacobian, exam.rows.shared]) * scale
+    design = np.hstack([expansion.local, expansion.jacobian, expansion.shared]) * scale
     loose, count = expansion.local.shape[1], len(exam.axes)
     prior = np.ones(design.shape[1])
     prior[:loose] = [exam.candidate(name).prior_scale ** -2.0 for name in expansion.fit.names]

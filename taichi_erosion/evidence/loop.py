@@ -16,6 +16,7 @@ from taichi_erosion.evidence.answering import (
     about_comparison,
     about_discovery,
     answered,
+    due_before_outside,
     last_budget,
 )
 from taichi_erosion.evidence.compare import compare
@@ -69,7 +70,7 @@ def discover_study(path: Path, budget: BudgetName | None, progress: Progress) ->
         def question(ready: Study) -> Discovery:
             return discover(ready.problem, seed, ready.problem.budget, progress)
 
-        asked = Asked("discover", question, about_discovery, names_of(study))
+        asked = Asked("discover", question, about_discovery, names_of(study), due=due_before_outside)
         found, ready = answered(study, spent, asked, progress)
         if study.file.study.model is not None or not study.file.laboratory.ranges:
             experiments = next_experiments(ready.problem, found, laboratory_of(ready))

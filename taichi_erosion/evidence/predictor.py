@@ -5,11 +5,20 @@ from functools import cached_property
 
 import numpy as np
 
-from taichi_erosion.evidence.problem import Candidate, Conditions, Floats, Integers, Model, Observable
+from taichi_erosion.evidence.problem import (
+    Candidate,
+    Conditions,
+    Floats,
+    Integers,
+    Model,
+    Observable,
+    Uncertainty,
+)
 from taichi_erosion.evidence.scales import Axis, split_setting, strengths, to_scale
 
 Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
 Spectrum = tuple[Floats, Floats]  # eigenvalues and eigenvectors of a kernel
+NEGLIGIBLE = 1e-6  # share of the largest variance below which a common error is dropped
 
 
 @dataclass
@@ -30,6 +39,7 @@ class Predictor:
     conditions: Conditions
     axes: tuple[Axis, ...]
     candidates: tuple[Candidate, ...]
+    uncertainty: Uncertainty | None = None
     ledger: Ledger = field(default_factory=Ledger)
     seen: dict[Key, Floats] = field(default_factory=dict)
     spectra: dict[bytes, Spectrum] = field(default_factory=dict)  # of smooth functions over some rows
@@ -70,6 +80,27 @@ class Predictor:
         self.ledger.failures += int(failed.sum())
         result[failed] = np.nan
         return result
+
+    def own_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
+        """Errors (n, r) of the model itself at one setting, one sd each: their covariance is F F^T.
+
+        No column for a model that is what it says.
+        """
+        if self.uncertainty is None:
+            return np.zeros((self.which.size, 0))
+        parameters, adopted = split_setting(self.axes, x)
+        effects = {**strengths(self.candidates, acting), **adopted}
+        parts = []
+        for observable, rows in zip(self.observables, self.rows, strict=True):
+            if rows.size:
+                chosen = {name: column[rows] for name, column in self.conditions.items()}
+                own = self.uncertainty(observable, chosen, dict(parameters), dict(effects))
+                values, vectors = np.linalg.eigh(np.nan_to_num(own))
+                kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
+                part = np.zeros((self.which.size, int(kept.sum())))
+                part[rows] = vectors[:, kept] * np.sqrt(values[kept])
+                parts.append(part)
+        return np.hstack(parts)
 
 
 def seed_mean(values: Floats) -> Floats:

@@ -87,7 +87,21 @@ class Observable:
     sd_shared: float = 0.0  # systematic sd common to all rows of one instrument, in the observable's unit
     sd_numerical: float = 0.0  # deliberate tolerance for box, time step, coarse graining; 0 is reported as 0
     sd_shared_relative: float = 0.0  # systematic error that grows with the value, over the value [1]
-    variance_model: float = 0.0  # of the model's mean, on the comparison scale: a surface in its place
+
+
+class Uncertainty(Protocol):
+    """How far off a model may be that stands in for another: covariance (n, n) of its errors over n rows.
+
+    On the comparison scale, at one setting of the calibrated numbers and strengths.
+    """
+
+    def __call__(
+        self,
+        observable: Observable,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+    ) -> Floats: ...
 
 
 @dataclass(frozen=True)
@@ -150,6 +164,7 @@ class Problem:
     budget: Budget = field(default_factory=Budget)
     vault: Vault = field(default_factory=Vault)
     adopted: tuple[Candidate, ...] = ()  # effects already in the model; their strengths are calibrated too
+    uncertainty: Uncertainty | None = None  # of the model itself; None: it is what it says
 
     def visible(self) -> Measurements:
         """The rows outside the vault."""

@@ -151,9 +151,10 @@ def rival_of(exam: Examination, pool: Pool, survivor: Survivor) -> Rival:
     )
     psi = np.array([survivor.strengths[name] for name in survivor.names])
     position = np.concatenate([x, psi])
+    acting = dict(zip(survivor.names, map(float, psi), strict=True))
     objective = Objective(exam, survivor.names, exam.seeds.fitting)
     white = objective.jacobian(position, central=False)
-    shared = exam.rows.shared / exam.sd[:, np.newaxis]
+    shared = exam.about(x, acting).rows.shared / exam.sd[:, np.newaxis]
     design = np.hstack([white, shared])
     covariance = np.linalg.inv(design.T @ design + np.eye(design.shape[1]))[: position.size, : position.size]
     there = replace(
@@ -165,7 +166,8 @@ def rival_of(exam: Examination, pool: Pool, survivor: Survivor) -> Rival:
     root = (
         slopes @ np.linalg.cholesky(covariance + 1e-12 * np.eye(position.size)) if position.size else slopes
     )
-    return Rival(label(survivor.names), survivor.probability, mean, root)
+    own = pool.predictor.own_errors(x, acting)
+    return Rival(label(survivor.names), survivor.probability, mean, np.hstack([root, own]))
 
 
 def pool_rows(exam: Examination, pool: Pool) -> Scaled:

@@ -16,7 +16,7 @@ from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.idle import why_idle
-from taichi_erosion.evidence.problem import Budget, Candidate, Problem
+from taichi_erosion.evidence.problem import Budget, Candidate, Floats, Observable, Problem
 from taichi_erosion.evidence.scales import Axis, parameter_axis
 from taichi_erosion.evidence.simulator import Simulator, paths_in, read_scene_once
 from taichi_erosion.evidence.study import Spoken, Study
@@ -36,6 +36,7 @@ from taichi_erosion.evidence.surfaces import Answered, Ground, Surfaces, rulers_
 Tell = Callable[[str, float], None]
 LEVELS = 3  # of every condition that could be set
 LEAST_BARE, LEAST_EFFECT = 4, 4  # runs that a small budget leaves, per number and of every effect
+KEPT = 0.2  # of a small budget, for a closer look before something outside the list is blamed
 SURE = 3.0  # sd of a left-out value beyond which it counts as missed
 
 
@@ -48,7 +49,6 @@ class Rehearsal:
     benches: tuple[Bench, ...]
     amount: Amount
     settings: tuple[Setting, ...]
-    about: tuple[Explanation, ...] = ()  # explanations of the last round
 
 
 def rehearsal_of(study: Study, effects: Sequence[str], budget: str, ahead: bool = False) -> Rehearsal | None:
@@ -66,7 +66,7 @@ def rehearsal_of(study: Study, effects: Sequence[str], budget: str, ahead: bool 
     start = Rehearsal(study, simulator, benches, AMOUNTS[budget], ())
     whole, most = len(first_plan(start, list(known_effects(study.problem)))), affordable(study, benches)
     if whole > most:  # every question of a study has the same bare runs, whatever effects it asks for
-        start = replace(start, amount=reduced(start.amount, most / whole))
+        start = replace(start, amount=reduced(start.amount, (1.0 - KEPT) * most / whole))
     return replace(start, settings=tuple(first_plan(start, effects)))
 
 
@@ -113,7 +113,7 @@ def affordable(study: Study, benches: Sequence[Bench]) -> int:
 
 
 def reduced(amount: Amount, share: float) -> Amount:
-    """A smaller plan of the same shape, on which all of a budget is spent: no rounds follow."""
+    """A smaller plan of the same shape, for a budget that leaves no rounds to every question."""
     return replace(
         amount,
         bare=max(LEAST_BARE, int(amount.bare * share)),
@@ -158,7 +158,13 @@ def next_round(rehearsal: Rehearsal, about: Sequence[Explanation], key: str) -> 
         for number, explanation in enumerate(about):
             share = (known, explanation, rehearsal.amount.round, f"{key}|{number}")
             more += round_plan(bench, rehearsal.simulator, axes, *share)
-    return replace(rehearsal, settings=(*rehearsal.settings, *more), about=tuple(about) or rehearsal.about)
+    return replace(rehearsal, settings=(*rehearsal.settings, *more))
+
+
+def room_for(rehearsal: Rehearsal, about: Sequence[Explanation]) -> bool:
+    """Whether the study's budget has room for a further round."""
+    more = rehearsal.amount.round * len(about) * len(rehearsal.benches)
+    return len(rehearsal.settings) + more <= affordable(rehearsal.study, rehearsal.benches)
 
 
 def requested(
@@ -219,24 +225,23 @@ def ground_of(rehearsal: Rehearsal, bench: Bench) -> Ground:
 
 
 def surfaced(rehearsal: Rehearsal, surfaces: Surfaces) -> Problem:
-    """The problem with surfaces for a model, their own uncertainty counted as a tolerance."""
+    """The problem with surfaces for a model, and what they do not know."""
     problem = rehearsal.study.problem
     model = problem.model
     assert isinstance(model, Spoken)
     spoken = replace(model, model=surfaces)
-    start = Explanation({p.path: p.start for p in problem.parameters}, {})
-    observables = {}
-    for name, observable in problem.observables.items():
-        own = [i for i in range(problem.measurements.size) if problem.measurements.observable[i] == name]
-        table = problem.measurements.rows(np.array(own, dtype=np.int64))
-        at = {spoken.names[c]: v for c, v in table.conditions.items() if not bool(np.isnan(v).all())}
-        doubts = [
-            surfaces.doubt(observable, at, dict(e.parameters), dict(e.effects))
-            for e in (rehearsal.about or (start,))
-        ]
-        observables[name] = replace(observable, variance_model=float(np.mean(doubts)))
+
+    def uncertainty(
+        observable: Observable,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+    ) -> Floats:
+        at = {spoken.names[c]: v for c, v in conditions.items() if not bool(np.isnan(v).all())}
+        return surfaces.uncertainty(observable, at, parameters, effects)
+
     # a surface costs nothing: its calibration need not be frugal
-    return replace(problem, model=spoken, observables=observables, budget=Budget("full", 10**6))
+    return replace(problem, model=spoken, uncertainty=uncertainty, budget=Budget("full", 10**6))
 
 
 def run_notes(results: Sequence[RunResult], requests: Sequence[RunRequest]) -> list[str]:

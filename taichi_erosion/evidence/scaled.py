@@ -128,7 +128,7 @@ def merged_rows(
     first, total = first[order], total[order]
     mean = (np.bincount(inverse, weight * z)[order] / total) if z.size else z
     steep = steepness[first]
-    numerical = (observable.sd_numerical * steep) ** 2 + observable.variance_model
+    numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
     shared = np.zeros((first.size, width))
     growing = observable.sd_shared_relative * value[usable][first]

@@ -67,9 +67,9 @@ def screen(exam: Examination, base: Expansion) -> Screen:
     work = working((exam.rows.z - base.mean) / exam.sd, exam.rows.censored)
     scale, loose = work.weight / exam.sd, base.local.shape[1]
     slopes = np.hstack([base.local, base.jacobian]) * scale[:, np.newaxis]
-    part = projection(slopes, exam.rows.shared * scale[:, np.newaxis], loose)
+    part = projection(slopes, base.shared * scale[:, np.newaxis], loose)
     x = np.concatenate([np.zeros(loose), base.fit.x])
-    residual = part.free(stack(work.residual, x, exam.rows.shared.shape[1]))
+    residual = part.free(stack(work.residual, x, base.shared.shape[1]))
     signatures = []
     pairs: list[Floats] = []
     for candidate in exam.problem.candidates:

@@ -29,6 +29,8 @@ TREND = 2.0  # T, sd of the plane's slopes over that of the values [1]
 LENGTH = 2.5  # L, in prior sd: priors are mostly left linear, their ends may bend
 LENGTH_CONDITION = 2.0  # L_c, in sd of a condition
 LENGTH_STRENGTH = 2.0  # L_psi, in expected strengths: effects saturate over a few
+LENGTH_MISSED = 0.75  # L_m, in expected strengths: runs as strong as asked tell what is missed there
+RUNS_MISSED = 8.0  # nu_0, runs without excess that are taken for granted: few errors are large by chance
 PRIOR_LOG = {
     "bend": (-1.2, 1.0),
     "effect": (-1.0, 1.5),
@@ -74,9 +76,27 @@ class Surface:
 
     def variance(self, at: Points) -> Floats:
         """Variance of the surface itself, without the scatter of a run."""
+        return np.maximum(np.diag(self.uncertainty(at)), 0.0)
+
+    def uncertainty(self, at: Points) -> Floats:
+        """Covariance of the surface's errors: what the runs leave open, and what they show it to miss."""
         cross = linalg.solve_triangular(self.factor, self.covariance(self.known, at), lower=True)
-        own = np.array([self.covariance(one, one)[0, 0] for one in single(at)])
-        return self.width**2 * np.maximum(own - np.sum(cross**2, axis=0), 0.0)
+        missed = self.missed(at)
+        near = closeness(at.c, at.c, LENGTH_CONDITION)
+        return self.width**2 * (self.covariance(at, at) - cross.T @ cross) + np.outer(missed, missed) * near
+
+    def missed(self, at: Points) -> Floats:
+        """Lack of fit at the strengths asked, as a standard deviation.
+
+            l^2 = max(0, sum_i w_i (e_i^2 - v_i) / (nu_0 + sum_i w_i)),    w_i = k(psi, psi_i; L_m)
+
+        with e_i the error of run i predicted from all others and v_i the variance it should have: errors
+        larger than the surface says of itself come from a shape that its kernels do not hold.
+        """
+        precision = np.diag(linalg.cho_solve((self.factor, True), np.eye(self.weights.size)))
+        excess = self.width**2 * ((self.weights / precision) ** 2 - 1.0 / precision)
+        weight = closeness(at.psi, self.known.psi, LENGTH_MISSED)
+        return np.sqrt(np.maximum(weight @ excess / (RUNS_MISSED + weight.sum(axis=1)), 0.0))
 
     @property
     def scatter(self) -> float:
@@ -91,11 +111,6 @@ class Surface:
     def covariance(self, one: Points, other: Points) -> Floats:
         parts = kernels(one, other, self.reads)
         return parts[0] + np.tensordot(self.amplitude[:-1] ** 2, parts[1:], axes=1)
-
-
-def single(points: Points) -> list[Points]:
-    """Each point by itself."""
-    return [Points(points.x[[i]], points.c[[i]], points.psi[[i]]) for i in range(points.x.shape[0])]
 
 
 def closeness(one: Floats, other: Floats, length: float) -> Floats:

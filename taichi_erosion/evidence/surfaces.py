@@ -1,7 +1,7 @@
 """Surfaces that answer in place of scenes: simulate a plan of runs once, then ask as often as one likes.
 
 The statistics ask a model thousands of questions, and a scene takes seconds for one. Surfaces through some
-hundred runs answer them all without scatter; their own uncertainty counts as a tolerance of the model.
+hundred runs answer them all without scatter; their own uncertainty enters every comparison.
 """
 
 from collections.abc import Mapping, Sequence
@@ -123,20 +123,20 @@ class Surfaces:
         mean = found.surface.mean(asked(found.ground, rows, conditions, parameters, effects))
         return np.tile(from_scale(found.scale, mean), (len(seeds), 1))
 
-    def doubt(
+    def uncertainty(
         self,
         observable: Observable,
         conditions: dict[str, Floats],
         parameters: dict[str, float],
         effects: dict[str, float],
-    ) -> float:
-        """Mean variance of the surface itself over some rows, on the comparison scale."""
+    ) -> Floats:
+        """Covariance of the surface's own errors over some rows, on the comparison scale."""
         found = self.answered[observable.name]
         rows = len(next(iter(conditions.values()))) if conditions else 1
         points = asked(found.ground, rows, conditions, parameters, effects)
         value = from_scale(found.scale, found.surface.mean(points))
         steepness = slope(observable, value) / slope(found.scale, value)
-        return float(np.nanmean(found.surface.variance(points) * steepness**2))
+        return found.surface.uncertainty(points) * np.outer(steepness, steepness)
 
 
 def asked(

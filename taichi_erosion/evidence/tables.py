@@ -27,6 +27,7 @@ def rows_table(exam: Examination, expansion: Expansion) -> Rows:
         predicted[chosen] = from_scale(observable, expansion.mean[chosen])
     steep = np.where(rows.slope > 0.0, rows.slope, np.nan)
     shared = np.sum(rows.shared**2, axis=1)
+    own = np.sum(expansion.shared**2, axis=1) - shared  # of the model itself
     return Rows(
         observable=tuple(rows.observables[i].name for i in rows.which),
         group=rows.group,
@@ -34,7 +35,7 @@ def rows_table(exam: Examination, expansion: Expansion) -> Rows:
         measured=measured,
         measured_sd=np.sqrt(rows.variance + shared) / steep,
         predicted=predicted,
-        predicted_sd=np.sqrt(np.maximum(exam.variance - rows.variance, 0.0)) / steep,
+        predicted_sd=np.sqrt(np.maximum(exam.variance - rows.variance + own, 0.0)) / steep,
         residual=working((rows.z - expansion.mean) / exam.sd, rows.censored).residual,
     )
 
@@ -42,7 +43,7 @@ def rows_table(exam: Examination, expansion: Expansion) -> Rows:
 def chi_square(exam: Examination, expansion: Expansion) -> float:
     """Misfit of the measurements alone, shared errors at their best: r^T V^-1 r."""
     work = working((exam.rows.z - expansion.mean) / exam.sd, exam.rows.censored)
-    shared = exam.rows.shared / exam.sd[:, np.newaxis] * work.weight[:, np.newaxis]
+    shared = expansion.shared / exam.sd[:, np.newaxis] * work.weight[:, np.newaxis]
     part = projection(np.zeros((work.residual.size, 0)), shared)
     stacked = np.concatenate([work.residual, np.zeros(shared.shape[1])])
     free = part.free(stacked)

@@ -13,7 +13,7 @@ simulation. With such a rival probabilities cannot polarise onto a wrong name.
 Reference: Plumlee & Joseph (2018), Stat. Sinica 28, 601 (orthogonal discrepancy).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,8 +81,18 @@ def low_rank(matrix: Floats) -> Floats:
 
 def discrepancy_gain(exam: Examination, expansion: Expansion, family: list[Kernel]) -> Floats:
     """Ln evidence gained by a discrepancy on top of a hypothesis, per noise factor."""
+    factors = exam.doubt.factor
     if not family or not np.all(np.isfinite(expansion.mean)):
-        return np.full(exam.doubt.factor.size, -np.inf)
+        return np.full(factors.size, -np.inf)
+    if expansion.shared.shape[1] == exam.rows.shared.shape[1]:
+        return gains(exam, expansion, family, factors)
+    # errors of the model itself do not grow with those of the laboratory: every factor has its own balance
+    scaled = [replace(exam, variance=factor**2 * exam.variance) for factor in factors]
+    return np.concatenate([gains(each, expansion, family, np.ones(1)) for each in scaled])
+
+
+def gains(exam: Examination, expansion: Expansion, family: list[Kernel], factors: Floats) -> Floats:
+    """Ln evidence gained at every noise factor where one balance of errors serves all of them."""
     residual, basis = free_residual(exam, expansion)
     terms = []
     amplitude = np.array(AMPLITUDES)[:, np.newaxis] ** 2
@@ -95,7 +105,7 @@ def discrepancy_gain(exam: Examination, expansion: Expansion, family: list[Kerne
         loss = -0.5 * np.sum(np.log1p(amplitude * values), axis=1)
         share = amplitude * values / (1.0 + amplitude * values)
         gained = 0.5 * (share @ squares)
-        terms.append(loss[:, np.newaxis] + gained[:, np.newaxis] / exam.doubt.factor**2)
+        terms.append(loss[:, np.newaxis] + gained[:, np.newaxis] / factors**2)
     stacked = np.concatenate(terms, axis=0)
     return log_sum_exp(stacked, axis=0) - np.log(stacked.shape[0])
 
@@ -106,7 +116,7 @@ def free_residual(exam: Examination, expansion: Expansion) -> tuple[Floats, Floa
     scale = (work.weight / exam.sd)[:, np.newaxis]
     columns = np.hstack([expansion.local, expansion.jacobian]) * scale
     loose = expansion.local.shape[1]
-    part = projection(columns, exam.rows.shared * scale, loose)
+    part = projection(columns, expansion.shared * scale, loose)
     x = np.concatenate([np.zeros(loose), expansion.fit.x])
-    stacked = stack(work.residual, x, exam.rows.shared.shape[1])
+    stacked = stack(work.residual, x, expansion.shared.shape[1])
     return part.free(stacked)[: exam.rows.size], part.basis

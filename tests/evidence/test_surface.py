@@ -90,3 +90,37 @@ def test_what_two_effects_do_together_is_learnt_from_runs_with_both():
     seeing = fit_surface(joined(*parts, both), world(joined(*parts, both)), READS)
     errors = [np.sqrt(np.mean((surface.mean(asked) - world(asked)) ** 2)) for surface in (blind, seeing)]
     assert errors[1] < 0.3 * errors[0]
+
+
+def curved(points: Points) -> np.ndarray:
+    """A law that bends in every direction, and whose two effects hinder each other."""
+    hindered = points.psi[:, 0] * points.psi[:, 1]
+    return law(points) + 0.15 * points.x[:, 0] ** 2 - 0.1 * points.psi[:, 1] ** 2 - 0.2 * hindered
+
+
+def test_a_curved_law_lies_within_the_stated_sd_as_often_as_it_should():
+    inside: dict[str, list[np.ndarray]] = {"bare": [], "one": [], "two": []}
+    for seed in range(12):
+        generator = np.random.default_rng(100 + seed)
+        known = joined(*(drawn(generator, count, k) for count, k in ((24, None), (12, 0), (12, 1))))
+        runs = curved(known) + SCATTER * generator.standard_normal(known.x.shape[0])
+        surface = fit_surface(known, runs, READS)
+        asked = {"bare": drawn(generator, 40, None), "one": drawn(generator, 40, 0)}
+        both = drawn(generator, 40, 0)
+        both.psi[:, 1] = generator.uniform(0.3, 2.5, 40)  # far from any run: two effects were never tried
+        for name, points in {**asked, "two": both}.items():
+            off = np.abs(surface.mean(points) - curved(points)) / np.sqrt(surface.variance(points))
+            inside[name].append(off < 1.645)
+    # 90 % are wanted of 12 surfaces, whose own 40 errors hang together: about 60 independent ones, sd 4 %
+    shares = {name: float(np.mean(found)) for name, found in inside.items()}
+    assert all(0.78 < share <= 1.0 for share in shares.values()), shares
+
+
+def test_what_a_surface_misses_widens_it_where_it_is_missed():
+    generator = np.random.default_rng(9)
+    known = joined(drawn(generator, 40, None), drawn(generator, 40, 0))
+    jumps = np.where(known.psi[:, 0] > 0.0, generator.choice([-1.0, 1.0], 80), 0.0)  # no smooth law at all
+    surface = fit_surface(known, law(known) + jumps + 0.05 * generator.standard_normal(80), READS)
+    bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
+    assert surface.missed(acting).mean() > 3.0 * surface.missed(bare).mean()
+    assert surface.missed(acting).mean() > 0.2
