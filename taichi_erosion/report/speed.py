@@ -24,7 +24,7 @@ def grain_table(cases: Sequence[Case]) -> str:
             *(f"{100.0 * case['stages'][stage]:.0f} %" for stage in STAGES),
         )
         for case in cases
-        if "stages" in case
+        if "contacts per grain" in case
     ]
     return markdown_table((*header, *STAGES), rows)
 
