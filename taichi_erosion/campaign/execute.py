@@ -51,6 +51,7 @@ class Campaign:
     beaten: float = field(default_factory=time.monotonic)
     began_with: int = 0  # runs that stood in the ledger
     shares: dict[str, float] = field(default_factory=dict)  # of runs under way here [1]
+    told: float = 0.0  # share that was last told; a batch that ends between two looks does not take it back
 
 
 def execute(
@@ -149,7 +150,7 @@ def tell_progress(campaign: Campaign, left: int) -> None:
         return
     total = len(campaign.requests)
     done = total - left
-    share = (done + sum(campaign.shares.values())) / total
+    share = campaign.told = max(campaign.told, (done + sum(campaign.shares.values())) / total)
     gained, elapsed = share - campaign.began_with / total, time.monotonic() - campaign.started
     words = f"{done} of {total} runs"
     if gained > GAIN_LEAST:
