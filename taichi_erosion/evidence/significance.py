@@ -28,7 +28,7 @@ DECOY_LENGTH = 1.0  # of a made-up effect, in sd of the conditions
 class Significance:
     """Family-wise verdict of the screen."""
 
-    observed: Floats  # (candidates,), ln Bayes factors
+    observed: Floats  # (candidates,), ln Bayes factors; 0 where the signature is not resolved
     p: float  # of the strongest
     step_down: Floats  # (candidates,), adjusted
     threshold: float  # sd that a signature of unit noise must reach at LEVEL
@@ -44,16 +44,15 @@ def significance(exam: Examination, found: Screen, factors: Floats, seed: int) -
         return Significance(np.zeros(0), 1.0, np.zeros(0), 0.0, 1)
     observed = np.array([log_bayes(s, found.residual[:, np.newaxis])[0] for s in signatures])
     drawn = np.array([log_bayes(s, noise) for s in signatures])
-    silent = np.array([not s.resolved for s in signatures])
-    observed[silent], drawn[silent] = 0.0, -np.inf
-    maximum = drawn.max(axis=0)
-    if silent.all():
-        return Significance(observed, 1.0, np.ones(observed.size), 0.0, observed.size + 1)
-    p = (1.0 + np.sum(maximum >= observed.max())) / (1.0 + maximum.size)
+    heard = np.array([s.resolved for s in signatures])
+    observed[~heard], adjusted = 0.0, np.ones(observed.size)
+    if not heard.any():
+        return Significance(observed, 1.0, adjusted, 0.0, observed.size + 1)
+    adjusted[heard] = step_down(observed[heard], drawn[heard])
     return Significance(
         observed,
-        float(p),
-        step_down(observed, drawn),
+        float(adjusted.min()),
+        adjusted,
         max_threshold(found, noise),
         decoy_rank(exam, found, observed, generator),
     )
