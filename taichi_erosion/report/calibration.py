@@ -4,11 +4,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from taichi_erosion.campaign.calibration import Calibration
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report import calibration_figures as figures
+from taichi_erosion.report.design_figures import (
+    contours,
+    perturbation,
+    predicted_against_actual,
+    residuals,
+    response_surfaces,
+)
 from taichi_erosion.report.page import markdown_table, with_spread
 
 PAGE = "README.md"
@@ -56,10 +64,14 @@ def figures_of(found: Calibration, name: str) -> dict[str, Any]:
     document, names, target = found.document, labels(found), found.file.study.targets[name]
     analysed, fit = document["analyse"], found.surface.fits[name]
     best, values = document["optimise"]["optima"][0], document["confirm"]["values"][name]
+    at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
     return {
         "effects": figures.effect_bars(analysed["responses"][name], names, analysed["kept"], target.unit),
-        "surface": figures.contours(fit, names, target, best["settings"]),
-        "fit": figures.predicted_against_actual(fit, name, target.unit),
+        "surface": contours(fit, names, target.unit, at, target.value),
+        "hills": response_surfaces(fit, names, target.unit, at),
+        "perturbation": perturbation(fit, names, target.unit, at),
+        "fit": predicted_against_actual(fit, target.unit),
+        "residuals": residuals(fit, found.surface.design.run_order),
         "confirm": figures.fresh_runs(values, name, target, best["predicted"][name]),
     }
 

@@ -1,7 +1,6 @@
-"""Figures of a calibration: effects, the climb, the surface, and what fresh runs say."""
+"""Figures of a calibration beside those of its designs: effects that go on, the climb, what fresh runs say."""
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from taichi_erosion.campaign.study import Target
-from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.experiments.table import Design, to_natural
+from taichi_erosion.experiments.table import Design
 
 OURS, THEIRS, IDLE = "#1f4e79", "#c0392b", "#b8c1c9"
-TICKS = 41  # points along an edge of a contour plot
 STYLE: dict[Any, Any] = {"font.size": 8.5, "axes.spines.top": False, "axes.spines.right": False}
 RESOLUTION = 130  # dots per inch
 Record = Mapping[str, Any]
@@ -68,44 +65,6 @@ def measured(axes: Any, target: Target) -> None:
     """Band of the laboratory's single repeats."""
     axes.axhspan(target.value - target.sd, target.value + target.sd, color=THEIRS, alpha=0.15, linewidth=0)
     axes.axhline(target.value, color=THEIRS, linewidth=1.0)
-
-
-def contours(fit: Fit, names: Mapping[str, str], target: Target, optimum: Mapping[str, float]) -> Figure:
-    """The fitted surface over every pair of factors, the others at the optimum; the target as a line."""
-    pairs = list(combinations(range(len(fit.factors)), 2))
-    at = np.array([(optimum[f.path] - f.centre) / f.half for f in fit.factors])
-    ticks = np.linspace(-1.0, 1.0, TICKS)
-    with plt.rc_context(STYLE):
-        figure, frames = plt.subplots(
-            1, len(pairs), figsize=(3.1 * len(pairs), 2.8), layout="constrained", squeeze=False
-        )
-        for axes, (i, j) in zip(frames.flat, pairs, strict=True):
-            across, up = np.meshgrid(ticks, ticks)
-            points = np.tile(at, (TICKS * TICKS, 1))
-            points[:, i], points[:, j] = across.ravel(), up.ravel()
-            natural = to_natural(fit.factors, points)
-            grid = [natural[:, k].reshape(TICKS, TICKS) for k in (i, j)]
-            height = fit.predict(points).reshape(TICKS, TICKS)
-            lines = axes.contour(*grid, height, levels=8, colors=OURS, linewidths=0.8)
-            axes.clabel(lines, fontsize=7)
-            if height.min() < target.value < height.max():
-                axes.contour(*grid, height, levels=[target.value], colors=THEIRS, linewidths=1.6)
-            axes.plot(optimum[fit.factors[i].path], optimum[fit.factors[j].path], "x", color=THEIRS)
-            axes.set_xlabel(names[fit.factors[i].path])
-            axes.set_ylabel(names[fit.factors[j].path])
-    return figure
-
-
-def predicted_against_actual(fit: Fit, name: str, unit: str) -> Figure:
-    """Fitted against simulated values of the surface runs."""
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(3.2, 3.0), layout="constrained")
-        ends = [min(fit.values.min(), fit.fitted.min()), max(fit.values.max(), fit.fitted.max())]
-        axes.plot(ends, ends, color="black", linewidth=0.6)
-        axes.plot(fit.values, fit.fitted, "o", color=OURS)
-        axes.set_xlabel(f"simulated {name} [{unit}]")
-        axes.set_ylabel("fitted")
-    return figure
 
 
 def fresh_runs(values: Sequence[float], name: str, target: Target, predicted: Record) -> Figure:

@@ -121,8 +121,11 @@ def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats | None = Non
         for axes, (i, j) in zip(frames, pairs, strict=True):
             across, up, height = grid(fit, i, j, at)
             axes.plot_surface(across, up, height, cmap=MAP, rstride=2, cstride=2, edgecolor="black", lw=0.15)
-            axes.set_xlabel(label(fit.factors[i].path, names))
-            axes.set_ylabel(label(fit.factors[j].path, names))
+            for side, factor in ((axes.xaxis, fit.factors[i]), (axes.yaxis, fit.factors[j])):
+                side.set_label_text(label(factor.path, names).replace(", ", ",\n"), fontsize=7.5)
+                side.labelpad = 6.0
+            axes.tick_params(labelsize=7)
+            axes.set_box_aspect(None, zoom=0.8)  # leaves room for the names
             axes.set_title(f"{fit.response} [{unit}]", fontsize=9)
             axes.view_init(elev=28.0, azim=-125.0)
             axes.locator_params(nbins=4)

@@ -109,7 +109,7 @@ def test_the_page_holds_every_step_and_its_pictures(found, folder):
     for part in ("Screening", "Climb", "Surface", "Optimum", "Confirmation"):
         assert f"## {part}" in text
     pictures = re.findall(r"\]\(([^)]+)\)", text)
-    assert len(pictures) == 5
+    assert len(pictures) == 8
     assert all((folder / "study" / picture).stat().st_size > 1000 for picture in pictures)
 
 
