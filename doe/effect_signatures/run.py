@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from taichi_erosion.campaign.cases import ROOT
-from taichi_erosion.campaign.signatures import Case, measure_shifts, write_shifts
+from taichi_erosion.campaign.signatures import Case, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
 TABLE = Path(__file__).with_name("signatures.csv")
@@ -82,11 +82,9 @@ COLUMN_CASES = [
 def main(words: list[str]) -> None:
     """Simulate what was asked for, telling every effect as it is done."""
     cases = [case for case in COLUMN_CASES if not words or case.effect in words]
-    for rows in measure_shifts(COLUMN, COLUMN_ORDERS, cases, list(SEEDS), Numerics(threads=1)):
-        write_shifts(TABLE, rows)
-        for row in rows:
-            told = f"{row.effect} {row.observable} {row.shift:+.4g} +- {row.standard_error:.2g} {row.unit}"
-            sys.stderr.write(f"{told} (bare {row.bare:.4g}, r {row.correlation:.2f}, n {row.n}) {row.note}\n")
+    tabulate(
+        TABLE, measure_shifts(COLUMN, COLUMN_ORDERS, cases, list(SEEDS), Numerics(threads=1)), sys.stderr
+    )
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from taichi_erosion.campaign.cases import ROOT
-from taichi_erosion.campaign.signatures import Case, measure_shifts, write_shifts
+from taichi_erosion.campaign.signatures import Case, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
 TABLE = Path(__file__).with_name("beds.csv")
@@ -49,11 +49,7 @@ CASES = [
 def main(words: list[str]) -> None:
     """Simulate what was asked for, telling every effect as it is done."""
     cases = [case for case in CASES if not words or case.effect in words]
-    for rows in measure_shifts(SCENE, ORDERS, cases, list(SEEDS), Numerics(threads=1)):
-        write_shifts(TABLE, rows)
-        for row in rows:
-            told = f"{row.effect} {row.observable} {row.shift:+.4g} +- {row.standard_error:.2g} {row.unit}"
-            sys.stderr.write(f"{told} (bare {row.bare:.4g}, n {row.n}) {row.note}\n")
+    tabulate(TABLE, measure_shifts(SCENE, ORDERS, cases, list(SEEDS), Numerics(threads=1)), sys.stderr)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, fields
 from io import StringIO
 from math import isfinite, nan, sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -86,6 +86,15 @@ def measure_shifts(
         yield [
             paired(head | {"observable": name, "unit": units[name]}, before, after, reason) for name in units
         ]
+
+
+def tabulate(table: Path, measured: Iterator[list[Shift]], to: TextIO) -> None:
+    """Write the shifts of case after case into a table, telling each as it is done."""
+    for rows in measured:
+        write_shifts(table, rows)
+        for row in rows:
+            told = f"{row.effect} {row.observable} {row.shift:+.4g} +- {row.standard_error:.2g} {row.unit}"
+            to.write(f"{told} (bare {row.bare:.4g}, r {row.correlation:.2f}, n {row.n}) {row.note}\n")
 
 
 def simulate(scene: Scene, seeds: Sequence[int], numerics: Numerics) -> tuple[Values, dict[str, str], str]:

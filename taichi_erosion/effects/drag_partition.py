@@ -15,11 +15,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import with_section
 from taichi_erosion.scene.sample import sample_scene
+from taichi_erosion.scene.shelter import sheltered_share
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,8 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     density = strength * conditions.get("roughness_density", params.roughness_density)
     if scene.wind is None or density == 0.0:
         return scene
-    open_share = 1.0 - params.worst_spot * params.basal_ratio * density
-    if open_share <= 0.0:
-        raise BadInput(f"effects.drag_partition: obstacles cover the ground at lambda = {density:g}")
-    partition = (open_share * (1.0 + params.worst_spot * params.drag_ratio * density)) ** -0.5
-    return with_section(scene, "wind", partition=scene.wind.partition * min(partition, 1.0))
+    share = sheltered_share(density, params.basal_ratio, params.drag_ratio, params.worst_spot)
+    return with_section(scene, "wind", partition=scene.wind.partition * share)
 
 
 def checks(probe: Probe) -> Iterator[Check]:

@@ -26,6 +26,7 @@ from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import with_section
 from taichi_erosion.scene.sample import sample_scene
+from taichi_erosion.scene.shelter import sheltered_share
 from taichi_erosion.scene.sizes import nominal_diameter
 
 KARMAN = 0.4  # von Karman's constant [1]
@@ -47,17 +48,13 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if scene.wind is None or front == 0.0:
         return scene
     diameter = nominal_diameter(scene.grains.size)
-    open_share = 1.0 - params.worst_spot * front / FRONT
-    if open_share <= 0.0:
-        raise BadInput(f"effects.surface_roughness: stones cover the ground at a frontal area of {front:g}")
     if params.height <= diameter:
         raise BadInput(
             f"effects.surface_roughness.height = {params.height:g} m: not above the {diameter:g} m"
         )
     sand_drag = (KARMAN / log(params.height * GRAINS_PER_LENGTH / diameter)) ** 2
-    shelter = 1.0 + params.worst_spot * params.stone_drag / sand_drag * front
-    partition = scene.wind.partition * min((open_share * shelter) ** -0.5, 1.0)
-    return with_section(scene, "wind", partition=partition)
+    share = sheltered_share(front, 1.0 / FRONT, params.stone_drag / sand_drag, params.worst_spot)
+    return with_section(scene, "wind", partition=scene.wind.partition * share)
 
 
 def checks(probe: Probe) -> Iterator[Check]:

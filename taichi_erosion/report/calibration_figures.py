@@ -1,4 +1,4 @@
-"""Figures of a calibration beside those of its designs: effects that go on, the climb, what fresh runs say."""
+"""Figures of a calibration beside those of its designs: what goes on, the climb, what fresh runs say."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -71,9 +71,6 @@ def forest(frame: Any, shifts: Sequence[dict[str, str]], observable: str) -> Non
 
 def bars(frame: Any, costs: Sequence[Cost]) -> None:
     """Cost of each effect; the grey band is the scatter of the bare model."""
-    if not costs:
-        frame.set_axis_off()
-        return
     rows = sorted((cost for cost in costs if cost.effect), key=lambda cost: cost.ratio)
     bare = [cost.ratio for cost in costs if not cost.effect]
     frame.axvspan(min(bare), max(bare), color=LAW, alpha=0.4, lw=0)
@@ -94,9 +91,11 @@ def draw_curves(answers: Sequence[Answer], file: Path) -> None:
 
 def draw_bars(shifts: Sequence[dict[str, str]], costs: Sequence[Cost], file: Path) -> None:
     """What effects do to a heap, and what they cost."""
-    figure, frames = plt.subplots(1, 3, figsize=(15.0, 4.5), layout="constrained")
+    count = len(HEAPS) + bool(costs)
+    figure, frames = plt.subplots(1, count, figsize=(5.0 * count, 4.5), layout="constrained")
     for observable, frame in zip(HEAPS, frames, strict=False):
         forest(frame, shifts, observable)
-    bars(frames[-1], costs)
+    if costs:
+        bars(frames[-1], costs)
     figure.savefig(file, dpi=DOTS_PER_INCH)
     plt.close(figure)
