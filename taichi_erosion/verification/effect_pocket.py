@@ -10,6 +10,9 @@ what draws it along the downwind plane exceeds what holds it,
 with D the drag [N], L all forces upwards on it, W the weight less buoyancy, t the slope of the bed, uphill
 positive, and P the pull-off force of the upwind plane. D follows from the law with two limits at the mean
 wind over the sphere. What pulls is written here a second time, from the papers.
+
+The wind begins at once with SOFTLY of its speed. A bond that stretches without loss swings then to twice
+its rest length and breaks at half its strength: the work of a constant force F over s is F s = k s^2 / 2.
 """
 
 from collections.abc import Sequence
@@ -56,6 +59,7 @@ HOLD = 0.2  # s from rest in which the grain must leave
 LOOKS = 20  # at each grain during a hold
 GONE = 0.3  # of a diameter that it has then risen or moved [1]
 LAWS = Laws(drag="two_limits")
+SWINGING = ("surface_crust",)  # bonds that stretch without loss
 
 
 @dataclass(frozen=True)
@@ -156,8 +160,10 @@ def expected_threshold(case: Pocket) -> float:
     before = pocket_scene(case)
     after = effective_scene(before, library)
 
+    share = SOFTLY if case.effect in SWINGING else 1.0
+
     def excess(wind: float) -> float:
-        return excess_force(case, after, wind, library)
+        return excess_force(case, after, share * wind, library)
 
     return float(root_scalar(excess, bracket=(SLOWEST, FASTEST), xtol=1e-7).root)
 
@@ -185,7 +191,8 @@ def acting_forces(
     params, strength = read_params(library[case.effect], dict(case.entries))
     pull, lift = FORCES[case.effect](params, dict(case.conditions), mass, stream)
     squared = case.effect == "image_charge"  # whose strength multiplies the charge
-    return strength * (strength if squared else 1.0) * pull, strength * lift
+    share = 0.5 if case.effect in SWINGING else 1.0
+    return share * strength * (strength if squared else 1.0) * pull, strength * lift
 
 
 def adhesion(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:
