@@ -9,22 +9,16 @@ has its own seeds, time step, packing and friction. What is sealed lies in the f
 digest stands here before anything is solved. All cases share one campaign: surfaces are simulated once.
 """
 
-import csv
 import json
 import random
 import sys
-from collections.abc import Iterator
-from contextlib import redirect_stdout
-from hashlib import sha256
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from taichi_erosion.cli.main import main
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
+from taichi_erosion.evidence.sealed_set import SealedSet, seal, solve, write_results
 from taichi_erosion.run.check import read_scene
 from taichi_erosion.run.choices import shared_choices
 from taichi_erosion.run.ensemble import Part, play_ensemble
@@ -33,6 +27,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 CAMPAIGN = ROOT / "campaigns" / "t1"
 SCENE = HERE / "column.toml"
+SET = SealedSet(CAMPAIGN, HERE / "truth.sha256")
 SEED = 22
 SINGLE = (
     "liquid_bridge",
@@ -126,11 +121,8 @@ def orders(case: dict[str, Any], diameter: float, moisture: float, angularity: f
 
 def make() -> None:
     """Truth, digest, studies and tables."""
-    cases, salt = draw(), random.SystemRandom().random()
-    sealed = json.dumps({"cases": cases, "salt": salt})
-    (HERE / "truth.sha256").write_text(sha256(sealed.encode()).hexdigest() + "\n")
-    (CAMPAIGN / "sealed").mkdir(parents=True, exist_ok=True)
-    (CAMPAIGN / "sealed" / "truth.json").write_text(sealed)
+    cases = draw()
+    seal(SET, cases)
     (CAMPAIGN / "column.toml").write_text(SCENE.read_text("utf-8"), encoding="utf-8")
     rows = [(case, d, w, a) for case in cases for d in DIAMETERS for w, a in SURFACES for _ in range(REPEATS)]
     tables: dict[int, list[str]] = {case["number"]: [] for case in cases}
@@ -142,7 +134,7 @@ def make() -> None:
     for number, lines in tables.items():
         head = "observable,value,n,unit,group,moisture,angularity,diameter,source"
         (CAMPAIGN / f"case_{number}.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
-        (CAMPAIGN / f"case_{number}.toml").write_text(study_text(number), encoding="utf-8")
+        SET.study(number).write_text(study_text(number), encoding="utf-8")
 
 
 def study_text(number: int) -> str:
@@ -179,85 +171,15 @@ def simulated(rows: list[tuple[dict[str, Any], float, float, float]]) -> list[di
     return [found[k] for k in range(len(rows))]
 
 
-def solve() -> None:
-    """Every case through the commands; what has been solved is not solved again."""
-    for study in sorted(CAMPAIGN.glob("case_*.toml"), key=lambda path: int(path.stem.split("_")[1])):
-        if "_with_" in study.stem or study.with_suffix(".solved.json").exists():
-            continue
-        found = command("discover", study, "--budget", "quick")
-        names = found["named"] or found["group"]
-        adopted = command("adopt", study, names[0]) if names else None
-        vault = adopted["vault"] if adopted else None
-        study.with_suffix(".solved.json").write_text(json.dumps({"found": found, "vault": vault}))
-        typer.echo(f"{study.stem}: {found['verdict']} {' '.join(names)}")
-
-
-def command(word: str, study: Path, *rest: str) -> dict[str, Any]:
-    """One command of the program, with its document."""
-    told = StringIO()
-    with redirect_stdout(told):
-        code = main([word, str(study), *rest, "--json"])
-    if code:
-        raise BadInput(f"{study}: {word} ended with {code}")
-    return json.loads(told.getvalue())
-
-
-def scored() -> Iterator[dict[str, Any]]:
-    """Truth beside answer, case by case."""
-    sealed = (CAMPAIGN / "sealed" / "truth.json").read_text("utf-8")
-    if sha256(sealed.encode()).hexdigest() != (HERE / "truth.sha256").read_text().strip():
-        raise BadInput("the truth is not the one that was sealed")
-    for case in json.loads(sealed)["cases"]:
-        file = CAMPAIGN / f"case_{case['number']}.solved.json"
-        if not file.exists():
-            continue
-        solved = json.loads(file.read_text("utf-8"))
-        found, vault = solved["found"], solved["vault"] or {}
-        names = sorted(case["effects"])
-        answer = sorted({*found["named"], *found["group"]})
-        yield {
-            "case": case["number"],
-            "truth": "+".join(names) or case["outside"] or "nothing",
-            "strengths": " ".join(f"{case['effects'][name]:.2f}" for name in names),
-            "verdict": found["verdict"],
-            "named": "+".join(sorted(found["named"])),
-            "group": "+".join(sorted(found["group"])),
-            "judged": judged(case, found["verdict"], answer),
-            "p_misfit": f"{found['p_misfit']:.2g}",
-            "vault_before": vault.get("chi2_before"),
-            "vault_after": vault.get("chi2_after"),
-            "vault_wrong": vault.get("chi2_wrong_effect"),
-            "strength_found": " ".join(
-                f"{found['effects'][name]['strength']:.2f}" for name in names if name in found["effects"]
-            ),
-            "runs": found["runs"],
-        }
-
-
-def judged(case: dict[str, Any], verdict: str, answer: list[str]) -> str:
-    """One word on an answer: right, partly, silent, wrong, false alarm."""
-    truth = set(case["effects"])
-    if not truth and not case["outside"]:
-        return "right" if not answer and verdict != "outside_library" else "false alarm"
-    if case["outside"]:
-        return "right" if verdict == "outside_library" else "wrong" if answer else "silent"
-    if not answer:
-        return "silent" if verdict != "outside_library" else "wrong"
-    return "right" if truth <= set(answer) else "partly" if truth & set(answer) else "wrong"
-
-
-def score() -> None:
-    """Write results.csv."""
-    rows = list(scored())
-    with (HERE / "results.csv").open("w", encoding="utf-8", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-    counts: dict[str, int] = {}
-    for row in rows:
-        counts[row["judged"]] = counts.get(row["judged"], 0) + 1
-    typer.echo(f"{len(rows)} cases: " + ", ".join(f"{count} {word}" for word, count in counts.items()))
+def main(word: str) -> None:
+    """Make, solve or score."""
+    if word == "make":
+        make()
+    elif word == "solve":
+        solve(SET, len(draw()), sys.stderr)
+    else:
+        typer.echo(write_results(SET, HERE / "results.csv"))
 
 
 if __name__ == "__main__":
-    {"make": make, "solve": solve, "score": score}[sys.argv[1]]()
+    main(sys.argv[1])

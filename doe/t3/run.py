@@ -1,0 +1,224 @@
+"""Sealed cases of another code: heaps that LAMMPS made with hidden effects, which the commands have to find.
+
+    python doe/t3/run.py make       draw the truth, write its digest, simulate the laboratories' tables
+    python doe/t3/run.py solve      discover and adopt, by the commands, without the truth
+    python doe/t3/run.py score      open the truth and write results.csv
+
+The apparatus is that of the cases of our own simulator (../t1), with which the runs of the model are shared.
+Packings, contact law and every effect are written here a second time, in the ways that LAMMPS has.
+"""
+
+import json
+import random
+import subprocess
+import sys
+import tempfile
+from math import exp, log, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.evidence.sealed_set import SealedSet, seal, solve, write_results
+from taichi_erosion.measures import heap
+
+HERE = Path(__file__).parent
+CAMPAIGN = HERE.parents[1] / "campaigns" / "t3"
+SCENE = HERE.with_name("t1") / "column.toml"
+SET = SealedSet(CAMPAIGN, HERE / "truth.sha256")
+SEED = 1
+CASES = (  # effects, and what no candidate describes
+    *[((), "")] * 2,
+    *[(("rolling_resistance",), "")] * 2,
+    *[(("liquid_bridge",), "")] * 2,
+    (("dry_adhesion",), ""),
+    (("size_distribution",), ""),
+    (("liquid_bridge", "rolling_resistance"), ""),
+    (("rolling_resistance", "size_distribution"), ""),
+    ((), "sliding friction that grows with angularity"),
+    ((), "sliding friction that water lowers"),
+)
+WEAKEST, STRONGEST = 0.5, 2.0  # of a hidden effect, log-uniform
+MOST = {"size_distribution": 1.0}
+CONDITIONS = ((0.0, 0.0), (0.015, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
+DIAMETERS = (1.5e-3, 3e-3)  # m
+REPEATS = 4
+Floats = NDArray[np.float64]
+
+COUNT, DENSITY, GRAVITY = 100, 2500.0, 9.81  # grains, kg m-3, m s-2
+YOUNG, POISSON, RESTITUTION = 5e5, 0.25, 0.5  # Pa, 1, 1
+SLIDING, ROLLING = 0.52, 0.15  # middle of the laboratories
+STEP_D = 2e-2  # time step over diameter [s m-1]
+SPRING_D, DAMPER_DD = 0.005 * YOUNG, 950.0  # rolling spring over d [N m-2], damper over d^2 [kg s-1 m-2]
+TUBE_D, FILL_D, PITCH_D, FIRST_D = 3.5, 3.0, 1.15, 0.7  # over the diameter
+MOST_ANGULAR = 0.28  # rolling friction that the most angular grains add at strength 1
+NECK = 0.3 * pi * 0.072  # pull of water over d at strength 1 [N m-1]: 0.3 of a smooth neck's
+DRY_PULL = 0.03  # pull of dry grains over d at strength 1 [N m-1]
+SPREAD = log(1.5) / 1.2816  # standard deviation of ln d at strength 1: d90 / d50 = 1.5
+CUT = 1.6  # of the sizes, in standard deviations
+DUMP_HEAD = 9  # lines of a dump before the grains
+BOX = 40.0  # half the width of the box in diameters
+HEAD = """rain
+
+{count} atoms
+1 atom types
+
+{low} {high} xlo xhi
+{low} {high} ylo yhi
+{floor} {top} zlo zhi
+
+Atoms # sphere
+
+"""
+
+
+def draw() -> list[dict[str, Any]]:
+    """The truth of every case, in an order that tells nothing."""
+    generator = random.Random(SEED)
+    hidden = list(CASES)
+    generator.shuffle(hidden)
+    cases = []
+    for number, (names, outside) in enumerate(hidden):
+        effects = {}
+        for name in names:
+            strength = WEAKEST * (STRONGEST / WEAKEST) ** generator.random()
+            effects[name] = min(strength, MOST.get(name, STRONGEST))
+        sliding = SLIDING * generator.lognormvariate(0.0, 0.08)
+        rolling = ROLLING * generator.lognormvariate(0.0, 0.3)
+        truth = {"effects": effects, "outside": outside, "sliding": sliding, "rolling": rolling}
+        cases.append({"number": number, **truth})
+    return cases
+
+
+def sizes(generator: np.random.Generator, spread: float, diameter: float) -> Floats:
+    """Diameters of one packing [m]: lognormal about a mass median, as many as weigh the same."""
+    if spread == 0.0:
+        return np.full(COUNT, diameter)
+    middle = diameter * exp(-3.0 * spread**2)
+    drawn = middle * np.exp(spread * np.clip(generator.standard_normal(20 * COUNT), -CUT, CUT))
+    enough = np.searchsorted(np.cumsum(drawn**3), COUNT * diameter**3)
+    return drawn[: int(enough)]
+
+
+def rain(generator: np.random.Generator, diameters: Floats, diameter: float) -> str:
+    """Data file of the start: square nets, each turned and shifted at random, one above the other."""
+    pitch = PITCH_D * float(diameters.max())
+    half = int(FILL_D * diameter / pitch) + 2
+    net = np.array([(i, j) for i in range(-half, half + 1) for j in range(-half, half + 1)]) * pitch
+    places: list[Floats] = []
+    height = FIRST_D * float(diameters.max())
+    while len(places) < diameters.size:
+        angle, shift = generator.uniform(0.0, 2.0 * pi), generator.uniform(-0.5, 0.5, 2) * pitch
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        flat = net @ turn + shift
+        flat = flat[np.hypot(*flat.T) < TUBE_D * diameter - 0.55 * diameters.max()]
+        layer = np.column_stack([flat, np.full(len(flat), height)])
+        layer += generator.uniform(-0.05, 0.05, layer.shape) * diameter
+        places += list(generator.permutation(layer))
+        height += pitch
+    box = {"low": -BOX * diameter, "high": BOX * diameter, "floor": -diameter, "top": height + 5.0 * diameter}
+    speeds = generator.standard_normal((diameters.size, 3)) * 0.5 * (GRAVITY * diameter) ** 0.5
+    text = HEAD.format(count=diameters.size, **box)
+    for number, (size, place) in enumerate(zip(diameters, places, strict=False), 1):
+        text += f"{number} 1 {size:.12g} {DENSITY} {place[0]:.12g} {place[1]:.12g} {place[2]:.12g}\n"
+    text += "\nVelocities\n\n"
+    for number, (x, y, z) in enumerate(speeds, 1):
+        text += f"{number} {x:.12g} {y:.12g} {z:.12g} 0 0 0\n"
+    return text
+
+
+def told(case: dict[str, Any], diameter: float, moisture: float, angularity: float) -> dict[str, Any]:
+    """What stands in the deck: the grains of one laboratory at one condition."""
+    strength = case["effects"]
+    pull = strength.get("dry_adhesion", 0.0) * DRY_PULL
+    pull += strength.get("liquid_bridge", 0.0) * NECK * (moisture > 0.0)  # [N m-1]
+    sliding = case["sliding"]
+    if "angularity" in case["outside"]:
+        sliding *= 1.0 + 0.8 * angularity
+    if "water" in case["outside"]:
+        sliding *= 0.6 if moisture > 0.0 else 1.0
+    bare = f"hertz/material {YOUNG} {RESTITUTION} {POISSON}"
+    # 4 pi gamma R* with R* = d / 4 is the pull of two equal grains, so that gamma = pull / (pi d)
+    sticky = f"dmt {YOUNG} {RESTITUTION} {POISSON} {pull / pi:.8g}"
+    return {
+        "normal": sticky if pull > 0.0 else bare,
+        "bare": bare,
+        "sliding": sliding,
+        "rolling": case["rolling"] + strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity,
+        "spring": SPRING_D * diameter,
+        "damper": DAMPER_DD * diameter**2,
+        "skin": 0.25 * diameter,
+        "tube": TUBE_D * diameter,
+        "step": STEP_D * diameter,
+        "energy": COUNT * DENSITY * pi / 6.0 * diameter**4 * GRAVITY,
+        "settle_least": round(50.0 / STEP_D),
+        "settle": round(300.0 / STEP_D),
+        "collapse": round(430.0 / STEP_D),
+    }
+
+
+def laboratory_run(
+    case: dict[str, Any], at: tuple[float, float, float], generator: np.random.Generator
+) -> dict[str, float]:
+    """Observables of one heap at (diameter, moisture, angularity)."""
+    diameter = at[0]
+    grains = sizes(generator, case["effects"].get("size_distribution", 0.0) * SPREAD, diameter)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "rain.data").write_text(rain(generator, grains, diameter), encoding="utf-8")
+        deck = (HERE / "column.lmp").read_text(encoding="utf-8").format(folder=name, **told(case, *at))
+        (folder / "deck").write_text(deck, encoding="utf-8")
+        words = ["lmp", "-in", str(folder / "deck"), "-log", "none", "-screen", "none"]
+        done = subprocess.run(words, capture_output=True, text=True)
+        if done.returncode:
+            raise BadInput(f"LAMMPS stopped: {done.stderr[-300:]}")
+        column, pile = (read_dump(folder / f"{stage}.dump") for stage in ("column", "pile"))
+    measured = (heap.column_height(column), heap.pile_height(pile), heap.centroid_height(pile))
+    return {found.name: found.value for found in (*measured, heap.radius_90(pile)) if found.value is not None}
+
+
+def read_dump(file: Path) -> Snapshot:
+    """Grains of a dump; only their places and sizes are in it."""
+    table = np.loadtxt(file, skiprows=DUMP_HEAD)
+    count, radius = len(table), table[:, 4]
+    still, none = np.zeros((count, 3)), np.zeros(count, np.int32)
+    mass = DENSITY * 4.0 / 3.0 * pi * radius**3
+    return Snapshot(0.0, 0, table[:, 1:4], still, still, radius, mass, none, none, 0)
+
+
+def make() -> None:
+    """Truth, digest, studies and tables."""
+    cases = draw()
+    seal(SET, cases)
+    (CAMPAIGN / "column.toml").write_text(SCENE.read_text("utf-8"), encoding="utf-8")
+    template = (HERE / "study.toml").read_text("utf-8")
+    for case in cases:
+        generator = np.random.default_rng([SEED, case["number"]])
+        lines = ["observable,value,n,unit,group,moisture,angularity,diameter,source"]
+        for d in DIAMETERS:
+            for w, a in CONDITIONS:
+                for _ in range(REPEATS):
+                    for name, value in laboratory_run(case, (d, w, a), generator).items():
+                        lines.append(f"{name},{value:.6g},1,m,w{w:g} a{a:g} d{d:g},{w:g},{a:g},{d:g},LAMMPS")
+        number = case["number"]
+        (CAMPAIGN / f"case_{number}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        SET.study(number).write_text(template.replace("case_0", f"case_{number}"), encoding="utf-8")
+        typer.echo(f"{number + 1} of {len(cases)} laboratories")
+
+
+def main(word: str) -> None:
+    """Make, solve or score."""
+    if word == "make":
+        make()
+    elif word == "solve":
+        solve(SET, len(CASES), sys.stderr)
+    else:
+        typer.echo(json.dumps(write_results(SET, HERE / "results.csv")))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
