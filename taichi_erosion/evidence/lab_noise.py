@@ -128,12 +128,11 @@ def lab_scatter(scaled: Floats, sd: Floats, repeats: Floats, cell: Floats, shape
     if np.isfinite(variance).any():
         variance = np.where(np.isfinite(variance), variance, np.nanmedian(variance))
         return checked(variance, squares, between, own)
-    freedom = 0.0
-    raw, raw_freedom = between_repeats(scaled, np.ones(scaled.size), repeats, cell)
-    if raw_freedom >= LEAST_FREEDOM and raw > 0.0:
-        variance = np.full(scaled.size, raw / raw_freedom)
-        freedom = float(raw_freedom)
-    return Scatter(variance, freedom, 0.0, np.nan, np.nan)
+    squares, freedom = between_repeats(scaled, np.ones(scaled.size), repeats, cell)
+    if freedom >= LEAST_FREEDOM and squares > 0.0:
+        # the variance of the t distribution that a residual over the measured scatter has
+        variance, own = np.full(scaled.size, squares / (freedom - 2.0)), float(freedom)
+    return Scatter(variance, 0.0, own, np.nan, np.nan)
 
 
 def between_repeats(scaled: Floats, variance: Floats, repeats: Floats, cell: Floats) -> tuple[float, int]:
