@@ -62,20 +62,41 @@ def unit_of(measurements: Measurements, row: int, by_group: bool) -> Unit:
 
 
 def draw(measurements: Measurements, units: Sequence[Unit], rows: Bools, fraction: float) -> set[Unit]:
-    """Units for the vault: of every observable its fraction, as nearly as whole units allow."""
+    """Units for the vault: of every observable its fraction, as nearly as whole units allow.
+
+    A unit stays out of it without which a condition would no longer vary among the rows of an observable that
+    are seen.
+    """
     seen: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(rows).tolist():
         seen.setdefault(units[i], set()).add(measurements.observable[i])
+    numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
+    unit_of_row = np.array([numbers[unit] for unit in units])
+    left, before = rows, varied(measurements, rows)
     counts = Counter(observable for kinds in seen.values() for observable in kinds)
     wanted = {name: round(fraction * n) if n >= FEWEST_UNITS else 0 for name, n in counts.items()}
     drawn: set[Unit] = set()
     salt = content_digest(measurements)
     for unit in sorted(seen, key=lambda u: sha256(f"{salt}|{u}".encode()).hexdigest()):
-        if all(wanted[name] > 0 for name in seen[unit]):
+        without = left & (unit_of_row != numbers[unit])
+        if all(wanted[name] > 0 for name in seen[unit]) and varied(measurements, without) == before:
             drawn.add(unit)
+            left = without
             for name in seen[unit]:
                 wanted[name] -= 1
     return drawn
+
+
+def varied(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
+    """Observables with the conditions that vary among some of their rows."""
+    named = np.array(measurements.observable)
+    found: set[tuple[str, str]] = set()
+    for observable in dict.fromkeys(measurements.observable):
+        own = rows & (named == observable)
+        for name, column in measurements.conditions.items():
+            if np.unique(column[own & np.isfinite(column)]).size > 1:
+                found.add((observable, name))
+    return found
 
 
 def content_digest(measurements: Measurements) -> str:

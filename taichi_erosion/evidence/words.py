@@ -39,8 +39,8 @@ def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
     if decision.verdict in ("none_detected", "not_testable"):
         return silence_words(effects)
     if decision.verdict == "outside_library":
-        numbers = f"probability {probability[OUTSIDE]:.2g}, p = {found.p_misfit:.2g}"
-        return f"Something is missing and it is not in the list ({numbers})."
+        chance = f"by chance p = {found.p_misfit:.2g} for the misfit, {found.seen.p:.2g} for the best candidate"
+        return f"Something is missing and it is not in the list (probability {probability[OUTSIDE]:.2g}; {chance})."
     if decision.verdict == "unstable":
         return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
     if decision.verdict == "group":

@@ -1,6 +1,7 @@
 """The vault: what is held out follows from the table alone, and every look into it is counted."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,6 +47,16 @@ def test_a_group_is_held_out_whole():
     for group in set(table.group):
         members = {i for i in range(table.size) if table.group[i] == group}
         assert members <= hidden or not members & hidden
+
+
+@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 40))
+def test_the_only_moist_heaps_are_never_all_held_out(first):
+    table = measurements(8)
+    wet = np.array([float(name in ("heap 3", "heap 6")) for name in table.group])
+    table = replace(table, value=np.linspace(first, 30.0, table.size), conditions={"moisture": 0.01 * wet})
+    hidden, _ = split(table, 0.4, {})
+    assert len(hidden) == 6  # 0.4 of eight heaps, for both observables
+    assert np.delete(wet, hidden).any()
 
 
 def test_with_too_few_groups_what_was_measured_together_is_held_out_together():
