@@ -39,8 +39,9 @@ def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
     if decision.verdict in ("none_detected", "not_testable"):
         return silence_words(effects)
     if decision.verdict == "outside_library":
-        chance = f"by chance p = {found.p_misfit:.2g} for the misfit, {found.seen.p:.2g} for the best candidate"
-        return f"Something is missing and it is not in the list (probability {probability[OUTSIDE]:.2g}; {chance})."
+        sure = f"probability {probability[OUTSIDE]:.2g}"
+        chance = f"p = {found.p_misfit:.2g} of the misfit, {found.seen.p:.2g} of the best candidate"
+        return f"Something is missing and it is not in the list ({sure}; {chance})."
     if decision.verdict == "unstable":
         return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
     if decision.verdict == "group":
