@@ -1,7 +1,10 @@
 """What every test relies on: quiet libraries, a device started afresh, random cases that repeat."""
 
 import os
+import shutil
+import subprocess
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 os.environ.setdefault("CI", "true")  # the recording viewer then sends no usage statistics
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
@@ -16,6 +19,21 @@ from taichi_erosion.core.setup import Numerics
 # no deadline: the cores are shared; the same cases each time: a red test can be repeated
 settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=False)
 settings.load_profile("repeatable")
+
+
+@pytest.fixture
+def unwritable(tmp_path: Path) -> Iterator[Path]:
+    """A folder in which nobody can write; an administrator, for whom modes mean nothing, mounts one."""
+    folder = tmp_path / "unwritable"
+    folder.mkdir(mode=0o500)
+    if os.geteuid() != 0:
+        yield folder
+        return
+    order = ["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", str(folder)]
+    if shutil.which("mount") is None or subprocess.call(order, stderr=subprocess.DEVNULL) != 0:
+        pytest.skip("nothing is unwritable for an administrator who may not mount")
+    yield folder
+    subprocess.check_call(["umount", "-l", str(folder)])
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from taichi_erosion.cli.commands import app
 from taichi_erosion.cli.main import main
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "recordings" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FENCE = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 INLINE = re.compile(r"`\./erosion ([^`]+)`")
 LAUNCHER_WORDS = {"test"}  # what the launcher does by itself
@@ -23,10 +23,15 @@ EXECUTED = {"audit", "compare", "discover", "adopt", "next", "report", "effects"
 OF_A_RUN = "FILE."  # a file that the reader's own run has left
 
 
+def name_of(page: Path) -> str:
+    """Where a page lies; there is more than one README."""
+    return str(page.relative_to(ROOT))
+
+
 def fenced_commands() -> list[tuple[str, str]]:
     """(page, command line) of every launcher call in a shell block."""
     return [
-        (page.name, line.removeprefix("./erosion "))
+        (name_of(page), line.removeprefix("./erosion "))
         for page in PAGES
         for block in FENCE.findall(page.read_text(encoding="utf-8"))
         for line in block.splitlines()
@@ -37,7 +42,7 @@ def fenced_commands() -> list[tuple[str, str]]:
 def named_commands() -> list[tuple[str, str]]:
     """(page, words) of every launcher call named in running text."""
     return [
-        (page.name, words) for page in PAGES for words in INLINE.findall(page.read_text(encoding="utf-8"))
+        (name_of(page), words) for page in PAGES for words in INLINE.findall(page.read_text(encoding="utf-8"))
     ]
 
 
@@ -62,18 +67,18 @@ def draw_heap(path: Path) -> None:
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of what the pages' commands read, in which they may write."""
     folder = tmp_path_factory.mktemp("copy")
-    for name in ("scenes", "doe"):
+    for name in ("scenes", "doe", "docs", "recordings"):
         kept_out = shutil.ignore_patterns("*-results", "ledger.sqlite*")
         shutil.copytree(ROOT / name, folder / name, ignore=kept_out)
     draw_heap(folder / "IMAGE.png")
     return folder
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: name_of(page))
 def test_the_commands_of_a_page_run_one_after_another(
     page: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lines = [line for name, line in fenced_commands() if name == page.name and OF_A_RUN not in line]
+    lines = [line for name, line in fenced_commands() if name == name_of(page) and OF_A_RUN not in line]
     monkeypatch.chdir(copy)
     for line in lines:
         words = ["IMAGE.png" if word == "IMAGE" else word for word in shlex.split(line, comments=True)]
@@ -91,7 +96,7 @@ def command_names() -> set[str]:
     return set(typer.main.get_command(app).commands)  # pyright: ignore[reportAttributeAccessIssue]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: name_of(page))
 def test_every_picture_and_page_that_is_linked_is_there(page: Path) -> None:
     links = re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
     missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from taichi_erosion.campaign.cases import ROOT, Case, perform, settings
+from taichi_erosion.campaign.cases import ROOT, Case, perform, read_rows, settings, write_rows
 from taichi_erosion.report.threshold import publish
 
 FOLDER = Path(__file__).parent
@@ -22,21 +22,26 @@ TABLES = {
 SALTATION, IMPACT, FLUID = TABLES
 CREYSSELS = ROOT / "doe" / "measured" / "flux_creyssels2009.csv"
 STARTING = 0.6  # m s-1, that starts transport in scenes/saltation.toml
+BLOWING = range(2, 7)  # its stages in which the measured wind blows
 
 REFERENCE = 0.24e-3  # m, diameter of scenes/impact_threshold.toml
-DIAMETERS = (0.24e-3, 0.5e-3, 0.15e-3, 1.0e-3, 0.1e-3, 0.7e-3)  # m
+DIAMETERS = (0.24e-3, 1.0e-3, 0.1e-3, 0.5e-3, 0.15e-3, 0.7e-3)  # m
 SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of the diameter
 MODULUS = 1e5  # Pa, at the reference: stiffness goes with d
-TIMES = {  # s, at the reference: they go with the root of d
+TIMES = {  # s, at the reference: they go with d, as about does the time in which drag gives a grain its speed
     "stages.0.duration_max": 0.15,
     "stages.1.duration_max": 0.1,
-    "threshold.spin_up": 0.2,
-    "threshold.fall_hold": 0.2,
+    "threshold.spin_up": 0.6,
+    "threshold.fall_hold": 0.6,
 }
-WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}  # m s-1, likewise
+WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}  # m s-1, with the root of d
 
-BEDS = 2  # of a threshold that is compared with the reference
-COUNT, SIDE = 1200, 14.0  # grains, and diameters, of the patch of scenes/wind_threshold.toml
+BEDS = 5  # of a threshold
+FEW = 3  # of one that only has to show the way a choice acts
+GUSTS, LIFT = "effects.turbulent_gusts.strength=1", "effects.shear_lift.strength=1"
+DEEPER = ("grains.count=1200", "run.time_step_fraction=0.2", "run.overlap_limit=0.6")
+STATED = "materials.soil.density=2130"  # kg m-3, of the grains as the study states it
+COUNT, SIDE = 900, 14.0  # grains, and diameters, of the patch of scenes/wind_threshold.toml
 SIDES = (20.0,)  # of other patches; much smaller ones hold too few of the largest grains
 
 
@@ -50,7 +55,7 @@ def flux_cases() -> list[Case]:
 
 def flux_orders(wind: float) -> tuple[str, ...]:
     """Settings of one wind [m s-1]."""
-    stages = {1: max(STARTING, wind), 2: wind, 3: wind}
+    stages = {1: max(STARTING, wind)} | dict.fromkeys(BLOWING, wind)
     return tuple(f"stages.{place}.friction_velocity={value}" for place, value in stages.items())
 
 
@@ -60,33 +65,41 @@ def impact_cases() -> list[Case]:
 
 
 def impact_orders(diameter: float) -> tuple[str, ...]:
-    """Settings of one diameter [m]: all ratios of lengths, forces and times but those of the air stay."""
+    """Settings of one diameter [m]: all ratios of lengths and forces but those of the air stay."""
     size = diameter / REFERENCE
     sizes = ", ".join(f"{name} = {share * diameter:.6g}" for name, share in SIZES.items())
-    root = size**0.5
     return (
         f'grains.size={{ law = "lognormal", sigma_log = 0.1, {sizes} }}',
         f"materials.sand.shear_modulus={MODULUS * size:.6g}",
-        *(f"{path}={root * value:.6g}" for path, value in (TIMES | WINDS).items()),
+        *(f"{path}={size * value:.6g}" for path, value in TIMES.items()),
+        *(f"{path}={size**0.5 * value:.6g}" for path, value in WINDS.items()),
     )
 
 
 def fluid_cases() -> list[Case]:
-    """The fluid threshold of the published soil, and what it depends on."""
+    """The fluid threshold of the published soil: what moves the grains, and what else it depends on."""
+    forces = {
+        "drag alone": (),
+        "drag and gusts": (GUSTS,),
+        "drag and lift": (LIFT,),
+        "drag, gusts and lift": (GUSTS, LIFT),
+    }
     return [
-        Case("reference", "scene as it is", (), 5),
-        changed("grain density", "2130 kg/m3", "materials.soil.density=2130"),
-        changed("gusts", "turbulent_gusts = 1", "effects.turbulent_gusts.strength=1"),
-        changed("lift", "shear_lift = 1", "effects.shear_lift.strength=1"),
-        changed("criterion", "a tenth of the time", "threshold.hold=0.03"),
+        *[Case("forces", label, settings(*orders), BEDS) for label, orders in forces.items()],
+        Case("as stated", "2130 kg/m3, drag, gusts and lift", settings(STATED, GUSTS, LIFT), BEDS),
+        changed("grain density", "2130 kg/m3", STATED),
+        changed("criterion", "first grain of a layer", "threshold.share=0.005"),
         changed("criterion", "5 times the grains", "threshold.share=0.05"),
+        changed("criterion", "a tenth of the time", "threshold.hold=0.03"),
+        Case("deeper bed", "drag alone", settings(*DEEPER), BEDS),
+        Case("deeper bed", "drag and gusts", settings(*DEEPER, GUSTS), BEDS),
         *[changed("patch", f"{side:g} diameters", *patch_orders(side)) for side in SIDES],
     ]
 
 
 def changed(group: str, label: str, *orders: str) -> Case:
-    """The reference with some settings changed, on fewer beds."""
-    return Case(group, label, settings(*orders), BEDS)
+    """The scene with some settings changed, on fewer beds."""
+    return Case(group, label, settings(*orders), FEW)
 
 
 def patch_orders(side: float) -> tuple[str, ...]:
@@ -95,12 +108,20 @@ def patch_orders(side: float) -> tuple[str, ...]:
     return (f"grains.count={count}", f"wind.length_d={side}", f"wind.width_d={side}")
 
 
+def put_in_order(table: Path, cases: Sequence[Case]) -> None:
+    """Rows in the order of the cases; those of cases that nobody asks for any more go."""
+    rows = read_rows(table) if table.exists() else []
+    names = [(case.group, case.label) for case in cases]
+    write_rows(table, [row for name in names for row in rows if (row.group, row.label) == name])
+
+
 def main(words: Sequence[str]) -> None:
     """Simulate what was asked for, then publish the tables."""
-    if list(words) != ["--page"]:
-        plans = {SALTATION: flux_cases(), IMPACT: impact_cases(), FLUID: fluid_cases()}
-        for scene, cases in plans.items():
+    plans = {SALTATION: flux_cases(), IMPACT: impact_cases(), FLUID: fluid_cases()}
+    for scene, cases in plans.items():
+        if list(words) != ["--page"]:
             perform(scene, [c for c in cases if not words or c.group in words], TABLES[scene])
+        put_in_order(TABLES[scene], cases)
     publish(ROOT / "doe", ROOT / "docs")
 
 

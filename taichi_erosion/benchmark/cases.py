@@ -9,6 +9,7 @@ from typing import Any
 from taichi_erosion import __version__
 from taichi_erosion.benchmark.air import AIR_COLUMNS, air_case
 from taichi_erosion.benchmark.rates import Precision, numerics, rate
+from taichi_erosion.benchmark.scaling import scaling_cases
 from taichi_erosion.benchmark.setups import LAWS, SOIL, filled_funnel, lattice_bed
 from taichi_erosion.benchmark.threshold import threshold_case
 from taichi_erosion.core.setup import Setup
@@ -69,7 +70,7 @@ def stage_shares(sim: Simulation, rebuilds_per_step: float) -> dict[str, float]:
 
 
 def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
-    """A bed, a funnel, the bed in f64, ensembles of beds on one thread and on all, air, a threshold."""
+    """A bed, a funnel, the bed in f64, ensembles on one thread and on all, air, a threshold, wide beds."""
     cores = len(os.sched_getaffinity(0))
     orders = [
         GrainCase("settled bed", lattice_bed, 1, 1, "f32"),
@@ -78,7 +79,7 @@ def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
         GrainCase("ensemble of beds", lattice_bed, ENSEMBLE, 1, "f32"),
         GrainCase("ensemble of beds", lattice_bed, ENSEMBLE, cores, "f32"),
     ]
-    share = 1.0 / (len(orders) + len(AIR_COLUMNS) + 1)
+    share = 1.0 / (len(orders) + len(AIR_COLUMNS) + 2)
     cases = []
     for index, order in enumerate(orders):
         if progress:
@@ -89,7 +90,10 @@ def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
             progress((len(orders) + index) * share, f"air, {columns} x {columns} columns")
         cases.append(air_case(columns, cores))
     if progress:
-        progress(1.0 - share, "fluid threshold of one bed")
+        progress(1.0 - 2.0 * share, "fluid threshold of one bed")
     cases.append(threshold_case())
+    if progress:
+        progress(1.0 - share, "beds of growing width")
+    cases.extend(scaling_cases())
     versions = {"taichi_erosion": __version__, "taichi": version("taichi")}
     return {"cases": cases, "versions": versions, "cores": cores}

@@ -40,7 +40,7 @@ def rate(sim: Simulation, steps: int, done: int) -> dict[str, float]:
     seconds = timed(sim, steps, done)
     sums = ledger(sim, 0)
     return {
-        "grain_steps_per_s": sim.sizes.replicas * len(sim.setups[0].grains.radius) * steps / seconds,
+        "grain_steps_per_s": len(sim.setups) * len(sim.setups[0].grains.radius) * steps / seconds,
         "contacts_per_grain": 2.0 * sums.contacts / max(sums.released, 1),
         "rebuilds": sums.rebuilds - before,
     }

@@ -5,12 +5,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+import numpy as np
+
 from taichi_erosion.campaign import calibrate, findings
 from taichi_erosion.campaign.execute import SIMULATE, Report
 from taichi_erosion.campaign.laboratory import Laboratory
 from taichi_erosion.campaign.store import close_store, open_store
 from taichi_erosion.campaign.study import StudyFile, read_study
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments.design_file import read_design
 from taichi_erosion.experiments.optimise import Optimisation
+from taichi_erosion.experiments.table import Design
 
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]
 STEPS: tuple[Step, ...] = get_args(Step)
@@ -43,7 +48,8 @@ def calibrated(
     found = Calibration(file)
     planned = calibrate.screening_design(file)
     found.document = {"study": str(path), "until": until, "design": findings.path_document(planned)}
-    findings.write_design_table(file.folder, "screen", planned)
+    if not stands_already(file.folder / "screen.csv", planned):
+        findings.write_design_table(file.folder, "screen", planned)
     if until != "design":
         store = open_store(file.folder)
         place = file.study.campaign
@@ -59,6 +65,17 @@ def calibrated(
         found.document["cpu_s"] = sum(one.result.record.get("cpu_s", 0.0) for one in laboratory.asked)
     found.document["wall_s"] = time.perf_counter() - started
     return found
+
+
+def stands_already(table: Path, planned: Design) -> bool:
+    """Whether a table holds this very design: then its responses are kept."""
+    if not table.is_file():
+        return False
+    try:
+        found = read_design(table)
+    except BadInput:
+        return False
+    return found.factors == planned.factors and np.array_equal(found.coded, planned.coded)
 
 
 def take_steps(found: Calibration, laboratory: Laboratory, steps: tuple[Step, ...]) -> None:

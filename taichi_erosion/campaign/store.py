@@ -1,8 +1,9 @@
 """The ledger of a campaign: one SQLite file in one folder, in which every run stands with its state.
 
 waiting -> leased -> done or failed. Several parents may work on one ledger: each leases runs before it starts
-them, and renews its leases while it lives. A lease that was not renewed for LEASE seconds, or whose owner is
-a dead process of this machine, is free again. The first result of a run stays.
+them, and renews its leases while it lives. A lease whose sign of life has not changed while another parent
+looked on for LEASE seconds, or whose owner is a dead process of this machine, is free again: no two clocks
+are compared, and none is trusted to go on evenly. The first result of a run stays.
 """
 
 import json
@@ -12,7 +13,7 @@ import sqlite3
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ LEASE = 60.0  # s without a sign of life after which a run is given to others
 BUSY = 30.0  # s that a writer waits for another
 DEATHS_MOST = 3  # workers that one run may take with it before it counts as failed
 FORMAT = 1  # of the table below
+COLUMNS = ["key", "payload", "state", "owner", "beat", "deaths", "record", "failure", "wall_s", "ended"]
 
 TABLE = """
 CREATE TABLE IF NOT EXISTS run (
@@ -32,7 +34,7 @@ CREATE TABLE IF NOT EXISTS run (
     payload TEXT NOT NULL,
     state TEXT NOT NULL DEFAULT 'waiting' CHECK (state IN ('waiting', 'leased', 'done', 'failed')),
     owner TEXT,              -- machine:process that holds the lease
-    beat REAL,               -- unix time of its last sign of life
+    beat REAL,               -- unix time of its last sign of life; only its change is read
     deaths INTEGER NOT NULL DEFAULT 0,
     record TEXT,             -- JSON that the run function told
     failure TEXT,            -- why there is no result
@@ -49,6 +51,7 @@ class Store:
     path: Path
     connection: sqlite3.Connection
     owner: str
+    seen: dict[str, tuple[float, float]] = field(default_factory=dict)  # owner: (beat, s when it was new)
 
 
 def open_store(folder: Path) -> Store:
@@ -57,17 +60,23 @@ def open_store(folder: Path) -> Store:
     with spoken(path):
         folder.mkdir(parents=True, exist_ok=True)
         connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None)
+        refuse_foreign(path, connection)
         connection.execute("PRAGMA journal_mode = WAL")
         # a killed process loses nothing; after a power cut the last results may have to be run again
         connection.execute("PRAGMA synchronous = NORMAL")
-        found = connection.execute("PRAGMA user_version").fetchone()[0]
-        if found not in (0, FORMAT):
-            raise BadInput(
-                f"{path}: ledger of format {found}, written by another version; this one is {FORMAT}"
-            )
         connection.execute(f"PRAGMA user_version = {FORMAT}")
         connection.execute(TABLE)
     return Store(path, connection, f"{socket.gethostname()}:{os.getpid()}")
+
+
+def refuse_foreign(path: Path, connection: sqlite3.Connection) -> None:
+    """Raise BadInput for a database that this code did not write, before anything in it is changed."""
+    found = connection.execute("PRAGMA user_version").fetchone()[0]
+    if found not in (0, FORMAT):
+        raise BadInput(f"{path}: ledger of format {found}, written by another version; this one is {FORMAT}")
+    columns = [row[1] for row in connection.execute("PRAGMA table_info(run)")]
+    if columns not in ([], COLUMNS):
+        raise BadInput(f"{path}: a database of another program, not the ledger of a campaign")
 
 
 @contextmanager
@@ -135,15 +144,23 @@ def give_up(store: Store, owner: str) -> None:
 
 
 def free_orphans(store: Store) -> None:
-    """Free the leases of processes that no longer exist, or have not been heard of for LEASE seconds."""
+    """Free the leases of processes that no longer exist, or whose beat stood still for LEASE seconds."""
     question = "SELECT owner, MAX(beat) FROM run WHERE state = 'leased' GROUP BY owner"
     with spoken(store.path):
         owners = store.connection.execute(question).fetchall()
     for owner, last in owners:
         machine, _, process = owner.rpartition(":")
         gone = machine == socket.gethostname() and not is_alive(int(process))
-        if owner != store.owner and (gone or last < time.time() - LEASE):
+        if owner != store.owner and (gone or silence(store, owner, last) > LEASE):
             give_up(store, owner)
+
+
+def silence(store: Store, owner: str, last: float) -> float:
+    """Time for which this parent has seen another's beat stand still [s], by its own steady clock."""
+    now = time.monotonic()
+    beat, since = store.seen.get(owner, (last, now))
+    store.seen[owner] = (last, since if beat == last else now)
+    return now - store.seen[owner][1]
 
 
 def is_alive(process: int) -> bool:

@@ -10,6 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection, wait
@@ -90,7 +91,7 @@ def serve(connection: Connection, name: str) -> None:
     while True:
         try:
             payloads = connection.recv()
-        except EOFError:
+        except (EOFError, OSError):
             return
         try:
             function(
@@ -100,7 +101,8 @@ def serve(connection: Connection, name: str) -> None:
             )
             connection.send(("ended",))
         except Exception as error:
-            connection.send(("broken", f"{type(error).__name__}: {error}"))
+            with suppress(OSError):  # where the parent is gone nobody would hear it
+                connection.send(("broken", f"{type(error).__name__}: {error}"))
 
 
 def end_with_parent() -> None:

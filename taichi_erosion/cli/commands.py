@@ -4,6 +4,7 @@ The rooms below are imported inside the commands, so that help appears at once a
 A word that is left out is not passed on: its default lives where it is used.
 """
 
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -15,6 +16,9 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.audit import audit
 from taichi_erosion.cli.doe import doe
 from taichi_erosion.cli.live import live
+from taichi_erosion.cli.log import LOG, open_log
+from taichi_erosion.cli.look import export, snapshot, view
+from taichi_erosion.cli.pages import EXPLAIN, PLAY, help_of
 from taichi_erosion.cli.progress import reporting
 from taichi_erosion.core.errors import BadInput
 
@@ -31,23 +35,22 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 measure = typer.Typer(help="Measure a photograph as a simulation is measured.", no_args_is_help=True)
-app.add_typer(measure, name="measure")
-app.add_typer(doe, name="doe")
-app.command()(audit)
-app.command()(live)
+app.add_typer(measure, name="measure", rich_help_panel=PLAY)
+app.add_typer(doe, name="doe", rich_help_panel=EXPLAIN)
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
-RecordingFile = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Recording (.rrd).", exists=True, dir_okay=False)
-]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 Override = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the first replica.")]
-Replicas = Annotated[int | None, typer.Option(min=1, help="Number of independent repeats.")]
-Arch = Annotated[Literal["cpu", "cuda", "vulkan", "metal"] | None, typer.Option(help="Device.")]
+Replicas = Annotated[
+    int | None, typer.Option(min=1, help="Number of repeats; those of the scene if left out.")
+]
+Arch = Annotated[
+    Literal["cpu", "cuda", "vulkan", "metal"] | None, typer.Option(help="Device; cpu if left out.")
+]
 Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads; all cores if left out.")]
 Precision = Annotated[Literal["f32", "f64"] | None, typer.Option(help="Floating-point type.")]
 RecordTo = Annotated[Path | None, typer.Option("--record", metavar="FILE", help="Where the recording goes.")]
@@ -81,12 +84,24 @@ def print_version(wanted: bool) -> None:
 
 @app.callback()
 def program(
-    version: Annotated[bool, typer.Option("--version", callback=print_version, is_eager=True)] = False,
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version.")
+    ] = False,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Add command, progress, warnings and end to a log; goes before COMMAND."
+        ),
+    ] = None,
 ) -> None:
     """Options of the program itself."""
+    if log is not None:
+        open_log(log)
+        LOG.info("taichi-erosion %s: %s", __version__, shlex.join(context.obj))
 
 
-@app.command()
+@app.command(**help_of("run"))
 def run(
     scene: SceneFile,
     override: Override = None,
@@ -115,6 +130,7 @@ def run(
     words |= given(checkpoint=checkpoint, every=every, resume=resume)
     words |= {"overrides": overrides, "effect_files": effects}
     document = simulate(scene, no_record=no_record, **words)
+    output.log_run(document)
     (output.print_json if as_json else output.print_run)(document)
     if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(STOPPED)
@@ -155,7 +171,14 @@ def simulate(scene: Path, **words: Any) -> dict[str, Any]:
         raise typer.Exit(INTERRUPTED) from None
 
 
-@measure.command()
+app.command(**help_of("live"))(live)
+app.command(**help_of("view"))(view)
+app.command(**help_of("snapshot"))(snapshot)
+app.command(**help_of("export"))(export)
+app.command(**help_of("audit"))(audit)
+
+
+@measure.command(**help_of("measure repose"))
 def repose(
     image: Annotated[
         Path,
@@ -192,10 +215,10 @@ def rectangle(text: str) -> tuple[int, int, int, int]:
     return left, top, right, bottom
 
 
-@app.command()
+@app.command(**help_of("verify"))
 def verify(
     ids: Annotated[
-        list[str] | None, typer.Argument(metavar="[ID]...", help="Claims such as V02; all if left out.")
+        list[str] | None, typer.Argument(metavar="ID", help="Claims such as V02; all if left out.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -216,7 +239,7 @@ def announce(claim: "Claim") -> None:
     typer.echo(f"{claim.id} {'ok' if claim.passed else 'FAILED'}: {claim.claim}", err=True)
 
 
-@app.command()
+@app.command(**help_of("bench"))
 def bench(as_json: AsJson = False) -> None:
     """Grain-steps per second, per core, with the time split by stage."""
     from taichi_erosion.benchmark import run_benchmarks
@@ -229,7 +252,7 @@ def bench(as_json: AsJson = False) -> None:
         output.print_cases(document["cases"])
 
 
-@app.command()
+@app.command(**help_of("schema"))
 def schema(
     to: Annotated[Path, typer.Option("-o", "--output", metavar="FILE")] = Path("scenes/scene.schema.json"),
 ) -> None:
@@ -240,35 +263,3 @@ def schema(
         raise BadInput(f"{to}: no folder {to.parent}; name the file with -o")
     write_schema(to)
     typer.echo(str(to))
-
-
-@app.command()
-def view(file: RecordingFile) -> None:
-    """Open a recording in the rerun viewer."""
-    from taichi_erosion.recording.viewer import open_viewer
-
-    raise typer.Exit(open_viewer(file))
-
-
-@app.command()
-def snapshot(
-    file: RecordingFile,
-    time: Annotated[float, typer.Option("--time", metavar="T", help="Simulated time [s].")],
-    to: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="Where the picture goes.")],
-) -> None:
-    """Draw one moment of a recording without a screen."""
-    from taichi_erosion.recording.viewer import picture
-
-    picture(file, time, to)
-    typer.echo(str(to))
-
-
-@app.command()
-def export(
-    file: RecordingFile,
-    vtk: Annotated[Path, typer.Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
-) -> None:
-    """Write the grains of a recording for ParaView."""
-    from taichi_erosion.recording.export import export_vtk
-
-    typer.echo(str(export_vtk(file, vtk)))

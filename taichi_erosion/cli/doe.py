@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taichi_erosion.cli import output
+from taichi_erosion.cli.pages import help_of
 from taichi_erosion.cli.progress import reporting
 
 if TYPE_CHECKING:
@@ -30,13 +31,13 @@ Scheduler = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
-@doe.command()
+@doe.command(**help_of("doe design"))
 def design(study: StudyPath, as_json: AsJson = False) -> None:
     """Write the table of the screening: which runs would be made."""
     go("design", study, None, None, as_json)
 
 
-@doe.command()
+@doe.command(**help_of("doe run"))
 def run(
     study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
 ) -> None:
@@ -44,7 +45,7 @@ def run(
     go("run", study, workers, scheduler, as_json)
 
 
-@doe.command()
+@doe.command(**help_of("doe analyse"))
 def analyse(
     study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
 ) -> None:
@@ -52,7 +53,7 @@ def analyse(
     go("analyse", study, workers, scheduler, as_json)
 
 
-@doe.command()
+@doe.command(**help_of("doe climb"))
 def climb(
     study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
 ) -> None:
@@ -60,7 +61,7 @@ def climb(
     go("climb", study, workers, scheduler, as_json)
 
 
-@doe.command()
+@doe.command(**help_of("doe surface"))
 def surface(
     study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
 ) -> None:
@@ -68,7 +69,7 @@ def surface(
     go("surface", study, workers, scheduler, as_json)
 
 
-@doe.command()
+@doe.command(**help_of("doe optimise"))
 def optimise(
     study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
 ) -> None:
@@ -76,7 +77,7 @@ def optimise(
     go("optimise", study, workers, scheduler, as_json)
 
 
-@doe.command()
+@doe.command(**help_of("doe confirm"))
 def confirm(
     study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
 ) -> None:
@@ -84,7 +85,7 @@ def confirm(
     go("confirm", study, workers, scheduler, as_json)
 
 
-@doe.command()
+@doe.command(**help_of("doe calibrate"))
 def calibrate(
     study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
 ) -> None:

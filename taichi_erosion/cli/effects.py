@@ -9,6 +9,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.effect_files import NEW, begin_file
+from taichi_erosion.cli.pages import help_of
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
@@ -21,9 +22,7 @@ app = typer.Typer()
 
 Words = Annotated[
     list[str] | None,
-    typer.Argument(
-        metavar="[NAME] | new NAME", help="Effect to describe, or file to begin; all if left out."
-    ),
+    typer.Argument(metavar="NAME | new NAME", help="Effect to describe, or file to begin; all if left out."),
 ]
 EffectFile = Annotated[
     list[Path] | None,
@@ -40,7 +39,7 @@ Discovery = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
-@app.command()
+@app.command(**help_of("effects"))
 def effects(
     words: Words = None, effect: EffectFile = None, discovery: Discovery = None, as_json: AsJson = False
 ) -> None:
@@ -90,7 +89,7 @@ def show_effect(effect: "Effect", as_json: bool) -> None:
     for breach in breaches:
         typer.echo(f"breaks the contract: {breach}")
     for row in measured.get(effect.name, ()):
-        typer.echo(f"measured: {sentence(row)} ({row['scene']}, n = {row['n']})")
+        typer.echo(f"measured: {sentence(row)} ({circumstances(row)})")
 
 
 def print_parameters(effect: "Effect") -> None:
@@ -167,6 +166,12 @@ def measured_shifts() -> dict[str, list[dict[str, str]]]:
             if abs(float(row["shift"])) > SIGNIFICANT * float(row["standard_error"]):
                 found.setdefault(row["effect"], []).append(row)
     return found
+
+
+def circumstances(row: dict[str, str]) -> str:
+    """`column_collapse.toml, moisture 0.1, strength 1, n = 6`."""
+    label = f"{row['label']}, " if row["label"] else ""
+    return f"{row['scene']}, {label}strength {row['strength']}, n = {row['n']}"
 
 
 def sentence(row: dict[str, str]) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from taichi_erosion.cli import evidence_output, output
+from taichi_erosion.cli.pages import help_of
 from taichi_erosion.cli.progress import reporting
 
 INTERRUPTED = 130  # exit code of a program ended by Ctrl-C, 128 + SIGINT
@@ -39,7 +40,7 @@ def told(title: str) -> Iterator[Callable[[str, float], None]]:
         raise typer.Exit(INTERRUPTED) from None
 
 
-@app.command()
+@app.command(**help_of("compare"))
 def compare(study: StudyFile, as_json: AsJson = False) -> None:
     """Where the model, calibrated as well as it can be, disagrees with the measurements."""
     from taichi_erosion.evidence.documents import without_rows
@@ -53,7 +54,7 @@ def compare(study: StudyFile, as_json: AsJson = False) -> None:
         evidence_output.print_comparison(document)
 
 
-@app.command()
+@app.command(**help_of("discover"))
 def discover(study: StudyFile, budget: BudgetName = None, as_json: AsJson = False) -> None:
     """Which effect is missing: present, excluded, not testable, or not in the list."""
     from taichi_erosion.evidence.documents import without_rows
@@ -67,7 +68,7 @@ def discover(study: StudyFile, budget: BudgetName = None, as_json: AsJson = Fals
         evidence_output.print_discovery(document)
 
 
-@app.command()
+@app.command(**help_of("adopt"))
 def adopt(study: StudyFile, effect: EffectName, as_json: AsJson = False) -> None:
     """Add an effect, calibrate again, and show the error on measurements that no fit has seen."""
     from taichi_erosion.evidence.documents import without_rows
@@ -81,7 +82,7 @@ def adopt(study: StudyFile, effect: EffectName, as_json: AsJson = False) -> None
         evidence_output.print_adoption(document)
 
 
-@app.command("next")
+@app.command("next", **help_of("next"))
 def next_(study: StudyFile, as_json: AsJson = False) -> None:
     """The cheapest experiments that would decide between the effects that are left."""
     from taichi_erosion.evidence.documents import without_rows
@@ -95,7 +96,7 @@ def next_(study: StudyFile, as_json: AsJson = False) -> None:
         evidence_output.print_experiments(document)
 
 
-@app.command()
+@app.command(**help_of("report"))
 def report(source: ReportSource, to: PageFile = None) -> None:
     """One self-contained HTML page: of a run, of a calibration, or of everything found about a study."""
     from taichi_erosion.report.any_page import write_report

@@ -4,6 +4,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -257,14 +258,27 @@ def live(
         str | None,
         typer.Option(metavar="URL", help="Viewer that follows, such as rerun+http://127.0.0.1:9876/proxy."),
     ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve a viewer that follows to a browser.")] = False,
 ) -> None:
     """Play a scene by hand: type `help` at the prompt, or pipe orders in."""
-    from taichi_erosion.recording import stream
-    from taichi_erosion.run import live_view
+    from taichi_erosion.recording.viewer import web_viewer
     from taichi_erosion.run.live import open_session
 
+    if web and viewer:
+        raise BadInput("--web and --viewer exclude each other")
     session = open_session(scene, tuple(override or ()), seed)
     path = record or Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd"
+    with web_viewer() if web else nullcontext() as served:
+        if served:
+            typer.echo(served.words, err=True)
+        converse_recorded(session, path, served.sink if served else viewer)
+
+
+def converse_recorded(session: "Session", path: Path, viewer: str | None) -> None:
+    """Obey until the end of the lines, while a recording grows that a viewer may follow."""
+    from taichi_erosion.recording import stream
+    from taichi_erosion.run import live_view
+
     film = live_view.open_film(session, path, viewer)
     try:
         converse(session, typed_lines(session), is_strict=not sys.stdin.isatty())

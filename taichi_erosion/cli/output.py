@@ -11,6 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from taichi_erosion.cli.log import LOG
+
 Record = Mapping[str, Any]
 
 MARK_MISSING = "-"
@@ -42,6 +44,16 @@ def print_run(document: Record) -> None:
     typer.echo(
         f"{replicas} replica(s) in {seconds:.1f} s, {speed:.3g} {kind}-steps/s, scene {document['hash']}"
     )
+
+
+def log_run(document: Record) -> None:
+    """Measures, warnings and files of a run for the log."""
+    for name, found in document["measures"].items():
+        LOG.info("%s = %s %s", name, spread(found), found["unit"])
+    for sentence in run_warnings(document):
+        LOG.warning(sentence)
+    if document.get("recording"):
+        LOG.info("recording: %s", document["recording"])
 
 
 def run_table(document: Record) -> Table:

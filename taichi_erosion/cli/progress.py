@@ -7,7 +7,12 @@ from time import monotonic
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from taichi_erosion.cli.log import LOG
+
 LINE_INTERVAL = 10.0  # s between two lines where stderr is no terminal
+KNOWN_AFTER = 5.0  # s after which the pace says something about the rest
+KNOWN_FROM = 0.02  # share done from which it does [1]
+MINUTE = 60.0  # s
 
 Report = Callable[[float, str], None]  # (share done [1], what is going on, in a few words)
 
@@ -17,26 +22,43 @@ def reporting(title: str) -> Iterator[Report]:
     """A function to call with the share done and a few words; what it shows ends with the block."""
     console = Console(stderr=True)
     if not console.is_terminal:
-        yield report_by_lines(console, title)
+        yield report_by_lines(
+            title, lambda line: console.print(line, markup=False, highlight=False, soft_wrap=True)
+        )
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    log = report_by_lines(title, lambda _: None)
     with Progress(*columns, console=console, transient=True, redirect_stdout=False) as bar:
         task = bar.add_task(title, total=1.0)
 
         def report(share: float, words: str) -> None:
             bar.update(task, completed=share, description=f"{title}: {words}")
+            log(share, words)
 
         yield report
 
 
-def report_by_lines(console: Console, title: str) -> Report:
-    """Report by a line every LINE_INTERVAL seconds, so that a log shows life and stays short."""
-    last = monotonic()
+def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
+    """Show and log a line every LINE_INTERVAL seconds, so that a log shows life and stays short."""
+    began = last = monotonic()
 
     def report(share: float, words: str) -> None:
         nonlocal last
-        if monotonic() - last >= LINE_INTERVAL:
-            last = monotonic()
-            console.print(f"{title}: {share:.0%}, {words}", markup=False, highlight=False, soft_wrap=True)
+        now = monotonic()
+        if now - last >= LINE_INTERVAL:
+            last = now
+            # a campaign knows better: it counts what its runs have cost so far
+            rest = "" if words.endswith(" left") else time_left(share, now - began)
+            line = f"{title}: {share:.0%}, {words}{rest}"
+            LOG.info(line)
+            show(line)
 
     return report
+
+
+def time_left(share: float, elapsed: float) -> str:
+    """What the rest takes at the pace so far,  t (1 - s) / s;  nothing is said before that pace is known."""
+    if share < KNOWN_FROM or elapsed < KNOWN_AFTER:
+        return ""
+    left = elapsed * (1.0 - share) / share
+    return f", about {left:.0f} s left" if left < MINUTE else f", about {left / MINUTE:.0f} min left"

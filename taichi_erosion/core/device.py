@@ -6,7 +6,6 @@ import os
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
@@ -14,6 +13,7 @@ from taichi_erosion.core.ti import impl, ti
 
 LOCK = "ticache.lock"  # Taichi's own, held while it reads or writes the index of the cache
 LOCK_SECONDS = 30.0  # a lock older than this belongs to nobody
+CACHE_BYTES = 1 << 30  # of compiled kernels, 2 MB a kind of run; beyond it the oldest go
 WITHOUT_DOUBLES = ("vulkan", "metal")  # devices that Taichi compiles for without f64 arithmetic
 
 
@@ -58,7 +58,8 @@ def start_device(numerics: Numerics) -> int:
     cache = cache_folder()
     offline = is_writable(cache)
     remove_stale_lock(cache)
-    options: dict[str, Any] = {"offline_cache_file_path": str(cache)} if offline else {}
+    # Taichi makes this folder at exit even where it keeps nothing there, and crashes where it cannot
+    folder = cache if offline else Path(__file__).parent
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, numerics.arch),
@@ -68,7 +69,8 @@ def start_device(numerics: Numerics) -> int:
             advanced_optimization=False,
             log_level=ti.ERROR,  # a cache that another process holds is no news to the user
             offline_cache=offline,
-            **options,
+            offline_cache_file_path=str(folder),
+            offline_cache_max_size_of_files=CACHE_BYTES,
         )
     refuse_fallback(numerics.arch)
     return threads

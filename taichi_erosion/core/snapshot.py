@@ -16,6 +16,8 @@ class Status(IntEnum):
     NOT_FINITE = 3  # a coordinate is NaN or infinite
     ENERGY = 4  # mechanical energy appeared
     OVERFLOW = 5  # a list was too short; the host grows it and goes on
+    RESTITUTION = 6  # a first impact did not give back what is stated
+    COUNT = 7  # grains or mass are missing
 
 
 @dataclass(frozen=True)

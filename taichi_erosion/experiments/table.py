@@ -153,7 +153,7 @@ def run_order(blocks: Integers, seed: int | None) -> Integers:
 
 def replicate_groups(coded: Floats, blocks: Integers | None = None) -> Integers:
     """Number of the distinct point (and block) at which each row was run, [runs]."""
-    keys = np.round(coded / SAME_POINT).astype(np.int64)
+    keys = np.round(coded / SAME_POINT) + 0.0  # -0.0 is the same point; a misprint may lie beyond integers
     if blocks is not None:
         keys = np.column_stack([keys, blocks])
     return np.unique(keys, axis=0, return_inverse=True)[1].ravel()

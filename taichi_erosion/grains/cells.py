@@ -65,6 +65,16 @@ def nearest_image(difference, period):
 
 
 @ti.func
+def shortest_way(away, period):
+    """The same for distances along the axes between two positions that are wrapped into the period [m]."""
+    nearest = away
+    for k in ti.static(range(3)):
+        if period[k] > 0.0:
+            nearest[k] = ti.min(away[k], period[k] - away[k])
+    return nearest
+
+
+@ti.func
 def cell_coordinates(cells: ti.template(), r, position):
     """Integer coordinates of the cell that holds a position, clamped to the grid."""
     place = ti.floor((position - cells.low[r]) * cells.inverse_width[r], ti.i32)

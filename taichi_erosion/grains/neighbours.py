@@ -1,22 +1,21 @@
 """Rebuilding the neighbour list: sort, move, search, and carry the memory of contacts over.
 
-A grain may move by its own margin before the list is rebuilt: fast grains get a wide margin, resting grains a
-narrow one, so that a few flying grains do not force the settled ones to search again. A pair is listed when
+A grain may move by its own margin h before the list is rebuilt (`grains.margins`). A pair is listed when
 
-    |x_i - x_j| < R_i + R_j + h_i + h_j + reach,    h = clip(|v| t, m R, h_most),
+    |x_i - x_j| < R_i + R_j + h_i + h_j + reach,
 
 and a rebuild is due as soon as any grain has moved by more than its h: no contact can be missed.
 """
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.cells import cell_coordinates, cell_index, cell_start, nearest_image, position_of
+from taichi_erosion.grains.cells import nearest_image, position_of
 from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.held import clear_held, move_held
+from taichi_erosion.grains.margins import margin
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.pairs import MEMORY, ROW_SHIFT, entry_block, partition_entries
+from taichi_erosion.grains.search import search_grain
 from taichi_erosion.grains.state import partition_first, side_block
-
-ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one beside it, three above
 
 
 @ti.func
@@ -45,13 +44,6 @@ def release_grains(world_out: ti.template(), r):
 
 
 @ti.func
-def margin(replicas: ti.template(), r, radius, speed):
-    """Distance that a grain may move before its list is stale [m]."""
-    least = replicas.margin_least[r] * radius
-    return ti.min(ti.max(least, speed * replicas.margin_time[r]), replicas.margin_most[r])
-
-
-@ti.func
 def move_grains(world_out: ti.template(), r, p):
     """Copy partition p to the other side in sorted order, folding the shift into the origin."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
@@ -72,84 +64,11 @@ def move_grains(world_out: ti.template(), r, p):
         grains_out.radius[k] = radius
         grains_out.mass_inverse[k] = grains_out.mass_inverse[i]
         grains_out.travel_squared[k] = allowed * allowed
+        grains_out.margin[k] = allowed
         grains_out.material[k] = grains_out.material[i]
         grains_out.ident[k] = grains_out.ident[i]
         if ti.static(world_out.driven):
             move_held(world_out.held, k, i)
-
-
-@ti.func
-def closeness(world: ti.template(), r, i, j):
-    """How places i and j stand: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
-    grains, replicas = ti.static((world.grains, world.replicas))
-    difference = nearest_image(grains.origin[i] - grains.origin[j], replicas.period[r])
-    contact_distance = grains.radius[i] + grains.radius[j]
-    allowed = ti.sqrt(grains.travel_squared[i]) + ti.sqrt(grains.travel_squared[j]) + replicas.reach[r]
-    distance_squared = ti.cast(difference.norm_sqr(), float)
-    stand = ti.cast(distance_squared < (contact_distance + allowed) ** 2, ti.i32)
-    stand += ti.cast(distance_squared < contact_distance * contact_distance, ti.i32)
-    if ti.static(world.clumped):
-        row = r * grains.capacity
-        if world.source.body[row + grains.ident[i]] == world.source.body[row + grains.ident[j]]:
-            stand = 0
-    return stand
-
-
-@ti.func
-def row_piece(cells: ti.template(), periodic, r, place, row, piece):
-    """Ranks [first, last) of one run of cells in row `row` after the cell `place`; empty outside the grid.
-
-    Piece 0 is the run inside the grid, piece 1 the one cell beyond a periodic edge in x.
-    """
-    number = cells.number[r]
-    y = place[1] + (row == 1) + (row >= 2) * (row - 3)
-    z = place[2] + (row >= 2)
-    if periodic[1] == 1:
-        y = (y + number[1]) % number[1]
-    if periodic[2] == 1:
-        z = z % number[2]
-    left = ti.max(place[0] - (row > 0), 0)
-    right = ti.min(place[0] + 1, number[0] - 1)
-    if piece == 1:
-        left = ti.select(place[0] == 0, number[0] - 1, 0)
-        right = left
-    wanted = piece == 0 or (periodic[0] == 1 and ((place[0] == 0 and row > 0) or place[0] == number[0] - 1))
-    first = 0
-    last = 0
-    if wanted and 0 <= y < number[1] and z < number[2]:
-        first = cell_start(cells, r, cell_index(cells, r, left, y, z))
-        last = cell_start(cells, r, cell_index(cells, r, right, y, z) + 1)
-    return first, last
-
-
-@ti.func
-def search_grain(world_out: ti.template(), r, rank, entry, limit):
-    """List the partners of one grain from `entry` on, touching ones first; returns the number wanted.
-
-    Nothing is written from `limit` on; a number beyond it tells the host to grow the list.
-    """
-    pairs_out, cells = ti.static((world_out.pairs, world_out.cells))
-    base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
-    place = cell_coordinates(cells, r, world_out.grains.origin[base + rank])
-    periodic = ti.cast(world_out.replicas.period[r] > 0.0, ti.i32)
-    wanted = 0
-    touching = 0
-    for run in range(2 * ROWS):
-        first, last = row_piece(cells, periodic, r, place, run // 2, run % 2)
-        if run == 0:
-            first = rank + 1
-        for j in range(first, last):
-            stand = closeness(world_out, r, base + rank, base + j)
-            if stand > 0:
-                if entry + wanted < limit:
-                    slot = entry + wanted
-                    if stand == 2:
-                        pairs_out.neighbour[slot] = pairs_out.neighbour[entry + touching]
-                        slot = entry + touching
-                        touching += 1
-                    pairs_out.neighbour[slot] = j
-                wanted += 1
-    return wanted
 
 
 @ti.func

@@ -28,7 +28,8 @@ class Grains:
     spin: Any  # vec3 [rad s-1], likewise
     radius: Any  # [m]
     mass_inverse: Any  # [kg-1]
-    travel_squared: Any  # squared displacement that calls for a rebuild [m2]
+    margin: Any  # displacement that calls for a rebuild [m]
+    travel_squared: Any  # its square [m2], which moving grains read
     material: Any  # i32
     ident: Any  # i32
     force: Any  # vec3 [N], one buffer a partition: (partition * replicas + replica) * capacity + rank
@@ -72,6 +73,8 @@ class Replicas:
     period: Any  # f64 vec3 [m], 0 where open
     margin_least: Any  # list margin of a resting grain over its radius [1]
     margin_most: Any  # largest list margin [m]
+    grasp_most: Any  # radius and margin of a grain up to which adjacent cells hold all its partners [m]
+    crowded: Any  # i32, 1 where too many grains want to reach further
     margin_time: Any  # time that a moving grain should last on one list [s]
     reach: Any  # gap up to which a contact may act [m]
     wall_travel: Any  # bound on how far any wall has moved since the rebuild [m]
@@ -98,7 +101,7 @@ def allocate_grains(replicas: int, partitions: int, capacity: int) -> Grains:
     hot = {"shift": vector(), "velocity": vector(), "spin": vector(), "radius": ti.field(float)}
     hot |= {"mass_inverse": ti.field(float), "travel_squared": ti.field(float)}
     ti.root.dense(ti.i, places).place(*hot.values())
-    cold = {"origin": vector(ti.f64)}
+    cold = {"origin": vector(ti.f64), "margin": ti.field(float)}
     ti.root.dense(ti.i, places).place(*cold.values())
     labels = {"material": ti.field(ti.i32), "ident": ti.field(ti.i32)}
     ti.root.dense(ti.i, places).place(*labels.values())
@@ -125,8 +128,8 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
     clocks = ("step", "steps_left", "rebuilds", "status", "arrivals")
-    whole = ("side", "partitions", "stale", "released", "total", *clocks)
-    margins = ("margin_least", "margin_most", "margin_time", "reach", "wall_travel")
+    whole = ("side", "partitions", "stale", "crowded", "released", "total", *clocks)
+    margins = ("margin_least", "margin_most", "margin_time", "grasp_most", "reach", "wall_travel")
     reals = ("time_step", *margins, "overlap_limit")
     shared = ("need", "short", "wall_short", "touched_low", "touched_high", "fault_grain", "fault_partner")
     table: dict[str, Any] = {name: ti.field(ti.i32, shape=count) for name in whole}

@@ -12,7 +12,6 @@ from math import log
 from typing import Any
 
 import numpy as np
-from scipy.stats import linregress
 
 from taichi_erosion.core.air_snapshot import AirSnapshot
 from taichi_erosion.core.setup import Floats
@@ -98,6 +97,8 @@ def log_fit(profile: Profile, karman: float) -> LogFit | None:
     inside = (profile.z > low) & (profile.z < LOG_HIGH * thickness(profile))
     if inside.sum() < POINTS_LEAST:
         return None
+    from scipy.stats import linregress  # a second to import, which every run would pay
+
     line: Any = linregress(np.log(profile.z[inside]), profile.speed[inside])
     slope, intercept = float(line.slope), float(line.intercept)
     roughness = float(np.exp(-intercept / slope)) if slope > 0.0 else float("nan")

@@ -6,7 +6,7 @@ from math import exp, log, pi, sqrt
 
 import numpy as np
 from scipy.optimize import minimize, root_scalar
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.result import Measurement, no_measurement, pool
@@ -176,7 +176,7 @@ def interval(ends: Floats) -> tuple[float, float]:
     """Ends of the interval of the middle, in logarithms."""
     count = len(ends)
     middle, _, most = fitted(ends)
-    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1))
+    quantile = float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
     limit = 0.5 * count * log(1.0 + quantile**2 / (count - 1))
 
     def excess(m: float) -> float:

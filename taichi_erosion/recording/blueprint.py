@@ -25,6 +25,9 @@ DISTANCE = (
 )
 VIEW_DIRECTION = (0.30, -1.0, 0.34)  # from the middle towards the eye
 HEAP_KINDS = frozenset({"repose", "collapse", "lifting"})
+WIND_KINDS = frozenset({"threshold", "saltation"})
+SILHOUETTES = "Silhouettes at the end"
+MAGNIFICATION = 1e3  # world units are m, drawn as mm: the viewer hides what is within millimetres of the eye
 FRAMES_PER_SECOND = 30.0  # of the viewer's playback
 
 
@@ -65,14 +68,8 @@ def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
     """Layout for a kind of scene: grains large on the left; on the right measure, series and texts."""
     import rerun.blueprint as rrb
 
-    if kind in HEAP_KINDS or kind == "drum":
-        first = rrb.Spatial2DView(name="Silhouette", origin="/silhouette", background=palette.NIGHT)
-    else:
-        first = series_view("Speed", ["speed_largest"])
     right = rrb.Vertical(
-        first,
-        rrb.TimeSeriesView(name="Energy, decades of J", origin="/decades", plot_legend=rrb.Corner2D.RightTop),
-        series_view("Contacts", ["contacts", "released"]),
+        *kind_views(kind),
         rrb.Tabs(
             rrb.TextDocumentView(name="Scene", origin="/scene"),
             rrb.TextLogView(name="Log", origin="/log"),
@@ -90,18 +87,50 @@ def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
     )
 
 
-def grain_view(focus: Focus) -> "rrb.Spatial3DView":
-    """Grains and walls from the front, a little from above and from the right."""
+def kind_views(kind: str) -> "list[rrb.View]":
+    """What a kind of scene is looked at for: a heap's outline, the wind and what it carries, or a speed."""
+    import rerun.blueprint as rrb
+
+    energy = rrb.TimeSeriesView(
+        name="Energy, decades of J", origin="/decades", plot_legend=rrb.Corner2D.LeftBottom
+    )
+    if kind in WIND_KINDS:
+        profile = rrb.Spatial2DView(
+            name="Wind: height against speed", origin="/profile", background=palette.NIGHT
+        )
+        flux = transport_view("What the wind carries", ["flux"])
+        return [profile, flux, transport_view("Wind and flying grains", ["friction_velocity", "flying"])]
+    contacts = series_view("Contacts", ["contacts", "released"])
+    if kind in HEAP_KINDS:
+        outline = rrb.Spatial2DView(name=SILHOUETTES, origin="/silhouette", background=palette.NIGHT)
+        return [outline, energy, contacts]
+    return [series_view("Speed", ["speed_largest"]), energy, contacts]
+
+
+def transport_view(name: str, series: list[str]) -> "rrb.TimeSeriesView":
+    """Curves of grains under wind."""
+    import rerun.blueprint as rrb
+
+    contents = [f"$origin/{entry}" for entry in series]
+    return rrb.TimeSeriesView(
+        name=name, origin="/transport", contents=contents, plot_legend=rrb.Corner2D.LeftTop
+    )
+
+
+def grain_view(focus: Focus, name: str = "Grains", below: str = "/world") -> "rrb.Spatial3DView":
+    """Grains and walls of an entity from the front, a little from above and from the right."""
     import rerun.blueprint as rrb
 
     towards_eye = np.array(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
-    eye = np.array(focus.centre) + DISTANCE * focus.radius * towards_eye
+    centre = MAGNIFICATION * np.array(focus.centre)
+    eye = centre + MAGNIFICATION * DISTANCE * focus.radius * towards_eye
     return rrb.Spatial3DView(
-        name="Grains",
-        origin="/world",
+        name=name,
+        origin="/",
+        contents=f"{below}/**",
         background=palette.NIGHT,
         line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(position=eye, look_target=focus.centre, eye_up=(0.0, 0.0, 1.0)),
+        eye_controls=rrb.EyeControls3D(position=eye, look_target=centre, eye_up=(0.0, 0.0, 1.0)),
     )
 
 

@@ -1,7 +1,6 @@
 """Checkpoints: all arrays of a simulation in one file, whole or not at all, read back bit for bit."""
 
 import json
-import os
 import zipfile
 import zlib
 from pathlib import Path
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording.whole_file import make_folder, part_path
+from taichi_erosion.recording.whole_file import growing, make_folder
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -33,13 +32,9 @@ def save_checkpoint(path: Path, state: Arrays, meta: dict[str, Any]) -> None:
     head = json.dumps({"schema": SCHEMA, "package_version": __version__, "meta": meta})
     members: Arrays = {HEAD: np.frombuffer(head.encode(), dtype=np.uint8)}
     members.update({STATE + name: values for name, values in state.items()})
-    part = part_path(path)
     try:
-        with part.open("wb") as file:
+        with growing(path) as file:
             np.savez(file, allow_pickle=False, **members)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
     except OSError as error:
         raise BadInput(f"{path}: the checkpoint cannot be written ({error.strerror})") from error
 

@@ -19,7 +19,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import Ledger, Snapshot
 from taichi_erosion.recording import palette
 from taichi_erosion.recording.bed import Bed, lies_in, update_bed
-from taichi_erosion.recording.blueprint import blueprint, choose_focus
+from taichi_erosion.recording.blueprint import MAGNIFICATION, WIND_KINDS, blueprint, choose_focus
+from taichi_erosion.recording.room import call_off_the_wait, claim
 from taichi_erosion.recording.wall_mesh import WallMesh
 from taichi_erosion.recording.whole_file import make_folder, part_path
 
@@ -47,6 +48,11 @@ CURVES = {  # entries of the ledger that are drawn: legend and colour
 }
 # J, drawn as log10: coming to rest is a fall over decades
 DECADES = ("kinetic_translation", "kinetic_rotation", "elastic")
+TRANSPORT = {  # curves of grains under wind
+    "flux": ("flux, kg/(m s)", palette.SAND),
+    "flying": ("share of the grains above the bed", palette.EMBER),
+    "friction_velocity": ("friction velocity, m/s", (120, 220, 255)),
+}
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,7 @@ class Recording:
     path: Path
     stream: "rr.RecordingStream"
     bed: Bed = field(default_factory=Bed.empty)
+    claim: Any = None  # the right to write the part file, held until it is closed
 
 
 @contextmanager
@@ -91,7 +98,7 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     stream = rr.RecordingStream(header.application, recording_id=header.recording_id, batcher_config=batches)
     focus = choose_focus(header.kind, header.radii, header.walls, header.foot)
     try:
-        part_path(path).touch()
+        right = claim(part_path(path))
         sinks = [rr.FileSink(part_path(path)), *([rr.GrpcSink(viewer)] if viewer else [])]
         stream.set_sinks(*sinks, default_blueprint=blueprint(header.kind, focus))
     except OSError as error:
@@ -99,7 +106,7 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(header.name)
-    recording = Recording(path, stream)
+    recording = Recording(path, stream, claim=right)
     log_header(recording, header)
     flush(recording)
     return recording
@@ -110,11 +117,12 @@ def log_header(recording: Recording, header: RunHeader) -> None:
     import rerun as rr
 
     stream = recording.stream
-    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
     text = f"# {header.name}\n\n```toml\n{header.scene_text}\n```\n"
     stream.log("scene", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
-    for entry, (legend, colour) in CURVES.items():
-        folder = "decades" if entry in DECADES else "ledger"
+    for entry, (legend, colour) in (CURVES | (TRANSPORT if header.kind in WIND_KINDS else {})).items():
+        folder = "decades" if entry in DECADES else "transport" if entry in TRANSPORT else "ledger"
         curve = rr.SeriesLines(names=legend, colors=[colour], widths=CURVE_WIDTH)
         stream.log(f"{folder}/{entry}", curve, static=True)
     set_time(recording, 0.0, 0)
@@ -190,11 +198,20 @@ def log_ledger(recording: Recording, ledger: Ledger) -> None:
             recording.stream.log(f"decades/{entry}", rr.Scalars(log10(entries[entry])))
 
 
-def log_image(recording: Recording, entity: str, image: NDArray[np.uint8]) -> None:
-    """Write a colour picture [height, width, 3] at the time of the latest frame or ledger."""
+def log_transport(recording: Recording, values: Mapping[str, float]) -> None:
+    """Write values of TRANSPORT at the time of the latest frame."""
     import rerun as rr
 
-    recording.stream.log(entity, rr.Image(image, color_model="RGB").compress(jpeg_quality=JPEG_QUALITY))
+    for entry, value in values.items():
+        recording.stream.log(f"transport/{entry}", rr.Scalars(value))
+
+
+def log_image(recording: Recording, entity: str, image: NDArray[np.uint8], timeless: bool = False) -> None:
+    """Write a colour picture [height, width, 3], at the time of the latest frame or for all times."""
+    import rerun as rr
+
+    picture = rr.Image(image, color_model="RGB").compress(jpeg_quality=JPEG_QUALITY)
+    recording.stream.log(entity, picture, static=timeless)
 
 
 def log_text(recording: Recording, level: Literal["INFO", "WARN", "ERROR"], text: str) -> None:
@@ -234,8 +251,16 @@ def set_properties(
 
 
 def flush(recording: Recording) -> None:
-    """Hand everything to the operating system: what was logged survives the death of this process."""
-    recording.stream.flush(timeout_sec=FLUSH_LIMIT)
+    """Hand everything to the operating system: what was logged survives the death of this process.
+
+    Raises BadInput where the disk takes nothing more; what it took can be read.
+    """
+    try:
+        recording.stream.flush(timeout_sec=FLUSH_LIMIT)
+    except RuntimeError:
+        call_off_the_wait(recording.stream)
+        kept = f"{part_path(recording.path)} holds the beginning"
+        raise BadInput(f"{recording.path}: cannot be written to its end; {kept}") from None
 
 
 def close(recording: Recording) -> Path:
@@ -245,4 +270,6 @@ def close(recording: Recording) -> Path:
         flush(recording)
         recording.stream.disconnect()
         os.replace(part, recording.path)
+    if recording.claim is not None:
+        recording.claim.close()
     return recording.path

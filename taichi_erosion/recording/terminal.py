@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.recording import palette
+
 Image = NDArray[np.uint8]
 
 SHADES = " .:-=+*#%@"  # from dark to bright
@@ -35,9 +37,8 @@ def in_colour(image: Image, columns: int) -> str:
 
 
 def in_shades(image: Image, columns: int) -> str:
-    """One character a pixel, by brightness: for logs and pipes."""
+    """One character a pixel, by brightness: for logs and pipes; the sky behind the grains stays empty."""
     rows = max(image.shape[0] * columns // image.shape[1] // CELL, 1)
-    grey = shrunk(image, columns, rows).mean(axis=2)
-    span = max(float(np.ptp(grey)), 1.0)
-    place = ((grey - grey.min()) / span * (len(SHADES) - 1)).round().astype(int)
+    above = np.maximum(shrunk(image, columns, rows).mean(axis=2) - np.mean(palette.DUSK), 0.0)
+    place = (above / max(float(above.max()), 1.0) * (len(SHADES) - 1)).round().astype(int)
     return "\n".join("".join(SHADES[k] for k in row).rstrip() for row in place)

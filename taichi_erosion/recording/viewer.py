@@ -6,9 +6,11 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.readback import NANOSECOND, TIMELINE
@@ -24,6 +26,8 @@ LOAD_LIMIT = 60.0  # s until a recording is loaded
 POLL = 0.1  # s between two questions
 DRAW_TIME = 1.5  # s for the software renderer to finish a view after the time was set
 REPORT_SIZE = (1280, 1600)  # px, room for every view
+LATE = "Failed to render screenshot"  # a call that took too long; it was made again
+SHOTS = 5  # calls for a picture before it is given up
 STOP_LIMIT = 10.0  # s until a viewer that was asked to end is killed
 NO_RENDERER = (
     "no software renderer, the viewer did not start: on Debian install mesa-vulkan-drivers and libvulkan1"
@@ -49,6 +53,49 @@ def open_viewer(path: Path) -> int:
         return subprocess.run(command, env=quiet_environment(), check=False).returncode
 
 
+@dataclass(frozen=True)
+class WebViewer:
+    """A viewer for a browser on this machine."""
+
+    page: int  # port of its page
+    port: int  # where recordings are handed over
+
+    @property
+    def sink(self) -> str:
+        """Address for a recording that it is to follow."""
+        return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
+
+    @property
+    def words(self) -> str:
+        """How to open it, from this machine or from another one."""
+        tunnel = " ".join(f"-L {port}:{LOOPBACK}:{port}" for port in (self.page, self.port))
+        address = f"http://{LOOPBACK}:{self.page}/?url={quote(self.sink, safe='')}"
+        return f"viewer: {address}\nfrom another machine: ssh {tunnel} THIS_MACHINE, then the same address"
+
+
+@contextmanager
+def web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
+    """Serve the viewer on the loopback interface, with a recording or waiting for one."""
+    with readable(path) if path else nullcontext() as whole:
+        page, sink = free_port(), free_port()
+        command = [viewer_binary(), "--bind", LOOPBACK, "--serve-web", "--port", str(sink)]
+        command += ["--web-viewer-port", str(page), *([whole.resolve()] if whole else [])]
+        process = subprocess.Popen(
+            command, env=quiet_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        try:
+            wait_until(lambda: answers(page) and answers(sink), START_LIMIT, "the web viewer did not start")
+            yield WebViewer(page, sink)
+        finally:
+            stop(process)
+
+
+def answers(port: int) -> bool:
+    """Whether somebody listens on a port of the loopback interface."""
+    with socket.socket() as probe:
+        return probe.connect_ex((LOOPBACK, port)) == 0
+
+
 def picture(
     path: Path, moment: float | None, out: Path, size: tuple[int, int] = (1280, 800), view: str | None = None
 ) -> Path:
@@ -63,7 +110,7 @@ def picture(
         views = {shown.name: shown.view_id for shown in client.get_state().views}
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")
-        return write_whole(out, client.take_screenshot(views[view] if view else None))
+        return write_whole(out, screenshot(client, views[view] if view else None))
 
 
 def view_reports(path: Path) -> list[str]:
@@ -77,12 +124,23 @@ def view_reports(path: Path) -> list[str]:
         client.set_blueprint(without_tabs(client.get_blueprint("recording").blueprint), "recording")
         client.set_time(TIMELINE, duration=last_moment(client), play_state="paused")
         time.sleep(DRAW_TIME)
-        client.take_screenshot()
+        screenshot(client)
         views = client.get_state().views
         if not views:
             return [f"{path}: the viewer shows no view"]
         reports = [f"{view.name}: {report.summary}" for view in views for report in view.reports]
-        return reports + [f"viewer: {entry.message}" for entry in client.get_logs() if entry.level == "ERROR"]
+        told = [entry.message for entry in client.get_logs() if entry.level == "ERROR"]
+        return reports + [f"viewer: {message}" for message in told if LATE not in message]
+
+
+def screenshot(client: "ViewerClient", view_id: str | None = None) -> bytes:
+    """PNG of the viewer or of one view; on a busy machine the software renderer may need several calls."""
+    for _ in range(SHOTS):
+        try:
+            return client.take_screenshot(view_id)
+        except TimeoutError:  # the client waits for some seconds only
+            continue
+    raise BadInput("the viewer draws nothing: the machine is too busy, or its renderer too slow")
 
 
 def last_moment(client: "ViewerClient") -> float:

@@ -1,7 +1,12 @@
 """Files that exist whole or not at all."""
 
+import fcntl
 import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from taichi_erosion.core.errors import BadInput
 
@@ -21,16 +26,54 @@ def make_folder(path: Path) -> None:
         raise BadInput(f"{path}: its folder cannot be made ({error.strerror})") from error
 
 
+def refuse_unwritable(path: Path) -> None:
+    """Raise BadInput where a file cannot be made: sooner than after hours of work."""
+    make_folder(path)
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            return
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written ({error.strerror})") from None
+
+
+@contextmanager
+def growing(path: Path) -> Iterator[BinaryIO]:
+    """An empty file that takes its place in one step once it is whole and on the disk. Raises OSError.
+
+    A crash at any moment leaves the old file or the new one, never a part. Two processes that write one file
+    do so one after the other.
+    """
+    part = part_path(path)
+    with alone(part) as file:
+        try:
+            file.truncate()
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+            os.replace(part, path)
+        except BaseException:
+            part.unlink(missing_ok=True)  # on a full disk the room it takes is missed elsewhere
+            raise
+
+
+@contextmanager
+def alone(part: Path) -> Iterator[BinaryIO]:
+    """A part file that no other process writes; one that was renamed while we waited for it is not it."""
+    while True:
+        with os.fdopen(os.open(part, os.O_RDWR | os.O_CREAT, 0o666), "r+b") as file:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(file, fcntl.LOCK_EX)
+            if part.exists() and os.path.samestat(os.fstat(file.fileno()), part.stat()):
+                yield file
+                return
+
+
 def write_whole(path: Path, content: bytes) -> Path:
     """Write a file so that a crash at any moment leaves the old file or the new one, never a part."""
     make_folder(path)
-    part = part_path(path)
     try:
-        with part.open("wb") as file:
+        with growing(path) as file:
             file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
     except OSError as error:
         raise BadInput(f"{path}: cannot be written ({error.strerror})") from error
     return path

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taichi_erosion.core.air_snapshot import AirSnapshot
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import palette
+from taichi_erosion.recording.room import claim
 from taichi_erosion.recording.stream import (
     APPLICATION,
     CURVE_WIDTH,
@@ -33,7 +34,8 @@ SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [p
 CALM = np.array(palette.NIGHT)  # colour of still air
 FAST = np.array([(38, 70, 130), (60, 150, 190), (150, 220, 170), (250, 230, 120), (255, 120, 60)])
 PLOT_WIDTH, PLOT_HEIGHT = 100.0, 60.0  # of the profile plot, in its own units
-TICKS = 4  # labelled values of each axis beside 0
+TICKS = 2  # labelled values of each axis beside 0; more would overlap in a small view
+STILL = 0.01  # of the fastest wind: what blows backwards more slowly is drawn as 0 [1]
 FRAMES_PER_SECOND = 10.0  # of the viewer's playback
 
 
@@ -55,7 +57,7 @@ def open_wind_recording(path: Path, header: WindHeader) -> Recording:
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
     stream = rr.RecordingStream(APPLICATION, recording_id=header.recording_id, batcher_config=batches)
     try:
-        part_path(path).touch()
+        right = claim(part_path(path))
         stream.save(part_path(path), default_blueprint=wind_blueprint(header.curves))
     except OSError as error:
         raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
@@ -67,7 +69,7 @@ def open_wind_recording(path: Path, header: WindHeader) -> Recording:
     for curve, legend in header.curves.items():
         lines = rr.SeriesLines(names=legend, colors=[palette.SAND], widths=CURVE_WIDTH)
         stream.log(f"air/{curve}", lines, static=True)
-    recording = Recording(path, stream)
+    recording = Recording(path, stream, claim=right)
     flush(recording)
     return recording
 
@@ -101,7 +103,7 @@ def log_wind(recording: Recording, state: AirSnapshot, step: int, curves: Mappin
 
     set_time(recording, state.time, step)
     log_image(recording, "slice", speed_slice(state))
-    log_profile(recording, state)
+    log_profile(recording, state.velocity[..., 0].mean(axis=(0, 1)), state.faces_z)
     for curve, value in curves.items():
         recording.stream.log(f"air/{curve}", rr.Scalars(value))
 
@@ -129,20 +131,20 @@ def wind_colours(share: Floats) -> Image:
     return np.stack(channels, axis=-1).astype(np.uint8)
 
 
-def log_profile(recording: Recording, state: AirSnapshot) -> None:
-    """Write the mean profile as a curve of height against speed, with labelled axes."""
+def log_profile(recording: Recording, speed: Floats, faces: Floats) -> None:
+    """Write speeds [n] m s-1 between faces [n + 1] m as a curve of height against speed, with axes."""
     import rerun as rr
 
-    speed = state.velocity[..., 0].mean(axis=(0, 1))
-    height = state.z - state.faces_z[0]
-    low, high = min(float(speed.min()), 0.0), max(float(speed.max()), np.finfo(float).tiny)
+    height, top = 0.5 * (faces[1:] + faces[:-1]) - faces[0], float(np.ptp(faces))
+    high = max(float(speed.max()), np.finfo(float).tiny)
+    low = float(speed.min()) if speed.min() < -STILL * high else 0.0
     x = (speed - low) / (high - low) * PLOT_WIDTH
-    y = -height / float(np.ptp(state.faces_z)) * PLOT_HEIGHT
+    y = -height / top * PLOT_HEIGHT
     curve = rr.LineStrips2D([np.column_stack([x, y])], colors=[palette.EMBER], radii=[0.3])
     recording.stream.log("profile/speed", curve)
     ticks = np.linspace(0.0, 1.0, TICKS + 1)
     places = [(PLOT_WIDTH * t, 3.0) for t in ticks] + [(-3.0, -PLOT_HEIGHT * t) for t in ticks[1:]]
     words = [f"{low + (high - low) * t:.3g} m/s" for t in ticks]
-    words += [f"{float(np.ptp(state.faces_z)) * t:.3g} m" for t in ticks[1:]]
+    words += [f"{top * t:.3g} m" for t in ticks[1:]]
     axes = rr.Points2D(places, labels=words, colors=[palette.STEEL], radii=[0.2], show_labels=True)
     recording.stream.log("profile/axes", axes)

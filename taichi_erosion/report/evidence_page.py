@@ -53,6 +53,12 @@ class Found:
 
 def write_report(study: Path, to: Path | None = None) -> Path:
     """Write the page of a study; raises BadInput where nothing has been found yet."""
+    folder, page = results_folder(study, read_study_file(study)), words(found_in(study))
+    return write_whole(to or folder / f"{study.stem}.report.html", render(TEMPLATE, page).encode())
+
+
+def found_in(study: Path) -> Found:
+    """What was found about a study; raises BadInput where that is nothing yet."""
     folder = results_folder(study, read_study_file(study))
     found = Found(
         results.recall(folder, study.stem, "compare"),
@@ -63,7 +69,7 @@ def write_report(study: Path, to: Path | None = None) -> Path:
     )
     if found.comparison is None and found.discovery is None:
         raise BadInput(f"{study}: nothing has been found yet; run compare or discover on it first")
-    return write_whole(to or folder / f"{study.stem}.report.html", render(TEMPLATE, words(found)).encode())
+    return found
 
 
 def words(found: Found) -> dict[str, Any]:

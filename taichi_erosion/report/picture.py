@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 COLUMNS = 3  # panels side by side
 PANEL = (3.0, 2.7)  # in
+DOTS_PER_INCH = 150
 KINDS = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
 STYLE: dict[Any, Any] = {
     "font.size": 8.5,
@@ -32,6 +33,7 @@ class Picture:
 
     address: str
     description: str
+    figure: Figure | None = None  # what it was drawn from
 
 
 def picture(figure: Figure, description: str) -> Picture:
@@ -39,7 +41,16 @@ def picture(figure: Figure, description: str) -> Picture:
     page = io.BytesIO()
     figure.savefig(page, format="svg", metadata={"Date": None})
     plt.close(figure)
-    return Picture("data:image/svg+xml;base64," + base64.b64encode(page.getvalue()).decode(), description)
+    address = "data:image/svg+xml;base64," + base64.b64encode(page.getvalue()).decode()
+    return Picture(address, description, figure)
+
+
+def raster(drawn: Picture) -> bytes:
+    """The figure as PNG, for viewers that do not read SVG."""
+    assert drawn.figure is not None
+    page = io.BytesIO()
+    drawn.figure.savefig(page, format="png", dpi=DOTS_PER_INCH)
+    return page.getvalue()
 
 
 def panels(count: int) -> tuple[Figure, list[Axes]]:

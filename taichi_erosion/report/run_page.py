@@ -49,10 +49,10 @@ def words(document: Document, source: Path) -> dict[str, Any]:
     """What the template is given."""
     return {
         "title": document.get("title") or Path(document["scene"]).stem,
-        "about": f"{document['scene']}, {len(document['replicas'])} repeats",
+        "about": f"{document['scene']}, {counted(len(document['replicas']), 'repeat')}",
         "summary": list(sentences(document)) or ["This scene names no measured value to compare with."],
         "measures": {name: told(record) for name, record in document["measures"].items()},
-        "measured": document["measured"],
+        "measured": {name: asked(wanted) for name, wanted in document["measured"].items()},
         "figure_of_measures": draw_measures(document),
         "pictures": list(pictures(document, source)),
         "replicas": document["replicas"],
@@ -60,6 +60,17 @@ def words(document: Document, source: Path) -> dict[str, Any]:
         "facts": list(facts(document)),
         "resolved": json.dumps(document.get("resolved", {}), indent=1),
     }
+
+
+def counted(number: int, word: str) -> str:
+    """A number of things in words."""
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+
+
+def asked(wanted: Document) -> dict[str, Any]:
+    """One measured value in words."""
+    sd, count = wanted.get("sd") or nan, wanted.get("n") or 1
+    return {"text": with_spread(wanted["value"], sd, count), "source": wanted.get("source")}
 
 
 def told(record: Document) -> dict[str, Any]:
@@ -90,11 +101,18 @@ def sentences(document: Document) -> Iterator[str]:
         )
 
 
-def draw_measures(document: Document) -> Picture:
-    """Every measure by seed, with mean and standard deviation, and what was measured."""
-    names = list(document["measures"])
+def draw_measures(document: Document) -> Picture | None:
+    """Measures by seed, with mean and standard deviation, and what was measured.
+
+    A single seed is drawn only beside a measurement: without one its point says nothing.
+    """
+    known = (name for name, pooled in document["measures"].items() if pooled["value"] is not None)
+    several = len(document["replicas"]) > 1
+    names = [name for name in known if several or name in document["measured"]]
+    if not names:
+        return None
     with mpl.rc_context(STYLE):
-        figure, frames = panels(max(len(names), 1))
+        figure, frames = panels(len(names))
         for frame, name in zip(frames, names, strict=False):
             pooled, wanted = document["measures"][name], document["measured"].get(name)
             seeds = [one["measures"].get(name, {}).get("value") for one in document["replicas"]]
@@ -104,13 +122,10 @@ def draw_measures(document: Document) -> Picture:
                 frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=THEIRS, alpha=0.2, lw=0.0)
                 frame.axhline(wanted["value"], color=THEIRS, lw=1.0)
             frame.plot([0.0] * len(values), values, "o", ms=3.5, color=OURS, alpha=0.6)
-            if pooled["value"] is not None:
-                frame.errorbar(
-                    [1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=OURS, capsize=3
-                )
+            frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=OURS, capsize=3)
             frame.set(title=f"{name} [{pooled['unit']}]", xlim=(-0.6, 1.6))
             frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
-        return picture(figure, "Every measure by seed, its mean with one standard deviation; red: measured.")
+        return picture(figure, "Measures by seed, their means with one standard deviation; red: measured.")
 
 
 def pictures(document: Document, source: Path) -> Iterator[Picture]:

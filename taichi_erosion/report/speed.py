@@ -41,8 +41,26 @@ def air_table(cases: Sequence[Case]) -> str:
     return markdown_table(header, rows)
 
 
+def scaling_table(cases: Sequence[Case]) -> str:
+    """Cost of a grain-step and memory on wider and wider beds, the cost also over that of the smallest."""
+    beds = [case for case in cases if "bytes per grain" in case]
+    header = ("grains", "ns per grain-step", "over the smallest", "contacts per grain", "bytes per grain")
+    rows = [
+        (
+            str(bed["grains"]),
+            f"{bed['ns per grain-step']:.0f}",
+            f"{bed['ns per grain-step'] / beds[0]['ns per grain-step']:.2f}",
+            f"{bed['touching']:.2f}",
+            f"{bed['bytes per grain']:.0f}",
+        )
+        for bed in beds
+    ]
+    return markdown_table(header, rows)
+
+
 def publish(document: Mapping[str, Any], docs: Path) -> Path:
     """Fill the tables of the page."""
-    tables = {"grains": grain_table(document["cases"]), "air": air_table(document["cases"])}
+    makers = {"grains": grain_table, "air": air_table, "scaling": scaling_table}
+    tables = {name: table(document["cases"]) for name, table in makers.items()}
     page = docs / PAGE
     return write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())

@@ -28,6 +28,7 @@ from taichi_erosion.report.page import fill_tables, markdown_table
 PAGE = "threshold.md"
 PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.png"}
 TABLES = ("flux", "impact", "fluid")
+ALONE = "drag alone"  # the case that others are compared with
 FLUID, ROLLING, PLATE = "threshold_u_star", "rolling_onset", "threshold_wind_speed"
 
 
@@ -58,24 +59,36 @@ def tunnel_speed(friction: float, half: float, tunnel: Table) -> tuple[float, fl
 def fluid_table(found: Found, tunnel: Table) -> str:
     """Thresholds of the published soil, and what they depend on."""
     header = (
-        *("what", "case", "beds", "rolling onset u* [m/s]", "fluid threshold u* [m/s]"),
-        *("U in the tunnel [m/s]", "U of a flat plate [m/s]", "remark"),
+        *("what", "case", "beds", "rolling onset u* [m/s]", "U in the tunnel [m/s]"),
+        *("fluid threshold u* [m/s]", "over that of drag alone", "U in the tunnel [m/s]"),
+        *("U of a flat plate [m/s]", "remark"),
     )
     rows = []
     for name, case in found.items():
         if STOPPED in case:
-            rows.append((*name, "", "stopped", "", "", "", case[STOPPED].note))
+            rows.append((*name, "", "stopped", *[""] * 5, case[STOPPED].note))
             continue
-        fluid, rolling, plate = case[FLUID], case[ROLLING], case[PLATE]
-        speed, half = tunnel_speed(fluid.value, half_interval(fluid), tunnel)
+        fluid = case[FLUID]
+        friction, speed = onset_cells(fluid, tunnel)
+        bare = bare_threshold(found, name[0])
+        over = f"{fluid.value / bare.value:.2f}" if bare is not None else ""
+        rolling = onset_cells(case[ROLLING], tunnel)
         rows.append(
-            (
-                *(*name, str(fluid.n), shown(rolling.value, half_interval(rolling))),
-                *(shown(fluid.value, half_interval(fluid)), shown(speed, half)),
-                *(shown(plate.value), fluid.note),
-            )
+            (*name, str(fluid.n), *rolling, friction, over, speed, shown(case[PLATE].value), fluid.note)
         )
     return markdown_table(header, rows)
+
+
+def bare_threshold(found: Found, group: str) -> Row | None:
+    """Threshold of drag alone: that of the same group, else the first there is."""
+    names = sorted((name for name in found if name[1] == ALONE), key=lambda name: name[0] != group)
+    return found[names[0]][FLUID] if names else None
+
+
+def onset_cells(row: Row, tunnel: Table) -> tuple[str, str]:
+    """A friction velocity with its interval, and what the tunnel makes of it."""
+    half = half_interval(row)
+    return shown(row.value, half), shown(*tunnel_speed(row.value, half, tunnel))
 
 
 def map_table(tunnel: Table) -> str:
@@ -88,6 +101,20 @@ def map_table(tunnel: Table) -> str:
         )
         for line in tunnel
     ]
+    return markdown_table(header, rows)
+
+
+def choice_table(choices: Table) -> str:
+    """What every choice that the map rests on changes in u* of one wind, and in a threshold.
+
+    A floor that feels more of the same wind reaches a given u* at a lower speed.
+    """
+    header = ("choice", "u* at 6.5 m/s [m/s]", "change of u*", "change of a threshold in U")
+    rows = []
+    for line in choices:
+        change = float(line["relative_change"])
+        shares = (f"{100.0 * share:+.1f} %" for share in (change, 1.0 / (1.0 + change) - 1.0))
+        rows.append((line["choice"], shown(float(line["friction_velocity"])), *shares))
     return markdown_table(header, rows)
 
 
@@ -109,12 +136,13 @@ def publish(doe: Path, docs: Path) -> None:
     flux, impact, fluid = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
-    tunnel = lines_of(doe / "tunnel_map" / "map.csv")
+    tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
     draw_impact(impact, thresholds, docs / PICTURES["impact"])
     draw_flux(flux, fluxes, docs / PICTURES["flux"])
     tables = {
         "fluid": fluid_table(fluid, tunnel),
         "map": map_table(tunnel),
+        "choices": choice_table(choices),
         "impact": impact_table(impact, thresholds),
         "scaling": scaling_table(impact),
         "flux": flux_table(flux, fluxes),

@@ -71,10 +71,18 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         raise
     document = describe(path, flow, threads, time.perf_counter() - started)
     if recording:
-        finish(recording, document)
-        document["recording"] = str(record)
-        write_document(record.with_suffix(".json"), document)
+        keep(recording, document)
     return document
+
+
+def keep(recording: stream.Recording, document: dict[str, Any]) -> None:
+    """Finish the recording and write the document beside it; what the disk refuses becomes a warning."""
+    try:
+        finish(recording, document)
+        document["recording"] = str(recording.path)
+        write_document(recording.path.with_suffix(".json"), document)
+    except BadInput as error:
+        document["replicas"][0]["warnings"].insert(0, str(error))
 
 
 def refuse_words(options: RunOptions) -> None:

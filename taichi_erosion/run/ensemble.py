@@ -17,11 +17,12 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
 from taichi_erosion.effects import load_library
 from taichi_erosion.run.instruments import as_read
+from taichi_erosion.run.keeping import finish_or_warn, watch_while_there_is_room
 from taichi_erosion.run.options import Report
 from taichi_erosion.run.play import Play, play
 from taichi_erosion.run.result import replica_record, versions
 from taichi_erosion.run.stages import Actor
-from taichi_erosion.run.watch import Camera, Properties, Teller, finish, open_camera, watch_replica
+from taichi_erosion.run.watch import Camera, Properties, Teller, open_camera
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, prepare
 
@@ -72,7 +73,7 @@ def play_ensemble(
     scenes = [effective_scene(part.scene, library_of(part.scene)) for part in cast.parts]
     stage_play = Play(scenes, sim, [Actor(part.seed) for part in cast.parts])
     crier = Crier(cast, tell, time.perf_counter(), time.process_time(), cameras_of(cast, stage_play))
-    watchers = [partial(watch_replica, camera) for camera in crier.cameras.values()]
+    watchers = [partial(watch_while_there_is_room, camera) for camera in crier.cameras.values()]
     teller = [Teller(progress).watch] if progress else []
     play(stage_play, [*watchers, *teller, crier.watch])
     stop_device()
@@ -111,12 +112,17 @@ def refused(part: Part, reason: str) -> dict[str, Any]:
 
 
 def cameras_of(cast: Cast, stage_play: Play) -> dict[int, Camera]:
-    """A camera for every replica that is to be recorded."""
-    return {
-        replica: open_camera(part.record, title_of(part), stage_play, scene_text(part.scene), replica)
-        for replica, part in enumerate(cast.parts)
-        if part.record is not None
-    }
+    """A camera for every replica that is to be recorded; one that cannot write costs no result."""
+    cameras = {}
+    for replica, part in enumerate(cast.parts):
+        if part.record is None:
+            continue
+        try:
+            text = scene_text(part.scene)
+            cameras[replica] = open_camera(part.record, title_of(part), stage_play, text, replica)
+        except BadInput as error:
+            stage_play.actors[replica].warnings.append(str(error))
+    return cameras
 
 
 def title_of(part: Part) -> str:
@@ -156,7 +162,7 @@ class Crier:
         hashed = scene_hash(part.scene)
         if camera is not None:
             properties = {"scene": {"hash": hashed}} | dict(part.properties or {})
-            found |= finish(camera, stage_play, found, properties)
+            found |= finish_or_warn(camera, stage_play, found, properties)
         failed = found["stopped"] is not None
         count = len(self.cast.parts)
         seconds, spent = time.perf_counter() - self.started, time.process_time() - self.spent

@@ -1,4 +1,7 @@
-"""Ctrl-C and termination are heard between checks, where the device and the play agree on the state."""
+"""Ctrl-C, termination and a closed terminal are heard between checks, where device and play agree.
+
+A signal that the program was started to ignore, as `nohup` and background jobs have it, stays ignored.
+"""
 
 import signal
 import threading
@@ -7,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import FrameType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @dataclass
@@ -35,7 +38,8 @@ def deferred() -> Iterator[Interruption]:
     if threading.current_thread() is not threading.main_thread():
         yield interruption
         return
-    before = {number: signal.signal(number, interruption.note) for number in SIGNALS}
+    heeded = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, interruption.note) for number in heeded}
     try:
         yield interruption
     finally:

@@ -30,11 +30,7 @@ class Evidence:
     @property
     def patch(self) -> wind_bed.Patch:
         """The patch under the wind."""
-        wind = self.scene.wind
-        assert wind is not None
-        diameter = nominal_diameter(self.scene.grains.size)
-        surface = surface_height(self.scene, wind)
-        return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
+        return patch_of(self.scene)
 
     @property
     def tunnel(self) -> threshold.Tunnel:
@@ -60,6 +56,14 @@ class Evidence:
     def azimuths(self) -> int:
         """Number of silhouettes."""
         return self.order.azimuths or AZIMUTHS
+
+
+def patch_of(scene: Scene) -> wind_bed.Patch:
+    """The patch under the wind of a scene that has one."""
+    wind = scene.wind
+    assert wind is not None
+    diameter, surface = nominal_diameter(scene.grains.size), surface_height(scene, wind)
+    return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
 
 
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number

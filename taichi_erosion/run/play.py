@@ -7,6 +7,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Failure, Status
+from taichi_erosion.run.books import count_failure, impacts_of, restitution_failure
 from taichi_erosion.run.stages import (
     ROUNDING,
     Actor,
@@ -19,6 +20,7 @@ from taichi_erosion.run.stages import (
 )
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation, advance, energies, failure
+from taichi_erosion.simulation.impact import Impact
 
 ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
 
@@ -35,6 +37,7 @@ class Play:
     checks: int = 0  # check intervals done
     grain_steps: float = 0.0  # released grains times steps
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
+    impacts: list[Impact] = field(default_factory=list)  # of every pair of materials, before the first step
 
     @property
     def check_interval(self) -> float:
@@ -50,6 +53,7 @@ class Play:
 def play(stage_play: Play, watchers: list[Watcher]) -> None:
     """Run to the end; every watcher is called after each check."""
     sim, interval = stage_play.sim, stage_play.check_interval
+    stage_play.impacts = impacts_of(sim, stage_play.scenes)
     for replica, actor in enumerate(stage_play.actors):
         if actor.stage < 0:
             begin_stage(sim, stage_play.scenes[replica], replica, actor, stage_play.time)
@@ -71,12 +75,19 @@ def play(stage_play: Play, watchers: list[Watcher]) -> None:
 def check_replica(stage_play: Play, replica: int, actor: Actor) -> None:
     """Guards, then tilt, frames and the end of the stage."""
     sim, scene, time = stage_play.sim, stage_play.scenes[replica], stage_play.time
-    actor.failure = failure(sim, replica) or energy_failure(stage_play, replica, actor)
+    actor.failure = (
+        failure(sim, replica)
+        or restitution_failure(stage_play.impacts, replica, scene, time)
+        or energy_failure(stage_play, replica, actor)
+    )
     if actor.failure is not None:
         return
     tilt_gravity(sim, scene, replica, actor, time)
     keep_frame(sim, scene, replica, actor, time)
     if is_over(sim, scene, replica, actor, time, float(stage_play.sums[replica, 0])):
+        actor.failure = count_failure(sim, replica, time)
+        if actor.failure is not None:
+            return
         close_stage(sim, scene, replica, actor)
         begin_stage(sim, scene, replica, actor, time)
 

@@ -13,23 +13,17 @@ from taichi_erosion.measures.result import as_record
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
+from taichi_erosion.recording.whole_file import refuse_unwritable
 from taichi_erosion.run.check import read_scene
 from taichi_erosion.run.instruments import as_read
 from taichi_erosion.run.interrupt import deferred
+from taichi_erosion.run.keeping import finish_or_warn, save_when_due, watch_while_there_is_room
 from taichi_erosion.run.memory import recall, seeds_of
 from taichi_erosion.run.options import RunOptions
 from taichi_erosion.run.play import Play, play
 from taichi_erosion.run.result import replica_record, versions, write_document
 from taichi_erosion.run.stages import Actor, sentence
-from taichi_erosion.run.watch import (
-    Camera,
-    Keeper,
-    Teller,
-    finish,
-    open_camera,
-    watch_replica,
-    whole_intervals,
-)
+from taichi_erosion.run.watch import Camera, Keeper, Teller, open_camera, whole_intervals
 from taichi_erosion.scene import Scene, explain, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
 
@@ -54,6 +48,8 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     numerics = Numerics(options.arch, options.threads, scene.run.precision)
     library = load_library(options.effect_files) if scene.effects else {}
     setups = [prepare(scene, seed, library) for seed in seeds]
+    for place in places(options, record):
+        refuse_unwritable(place)
     sim = assemble(setups, laws(effective_scene(scene, library)), numerics)
     stage_play = Play([effective_scene(scene, library)] * len(seeds), sim, [Actor(seed) for seed in seeds])
     if resume:
@@ -62,17 +58,39 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     camera = None
     if not options.no_record:
         title = f"{scene.scene.title or path.stem}, seed {seeds[0]}"
-        camera = open_camera(record, title, stage_play, path.read_text(encoding="utf-8"))
+        camera = open_camera(record, title, stage_play, scene_text(path, options.overrides))
     keeper = keeper_of(options, record, hashed, stage_play.time)
     perform(stage_play, camera, keeper, options)
-    for actor in stage_play.actors:
-        actor.measurements = as_read(actor.measurements, scene, library)
-    document = describe(path, scene, stage_play, time.perf_counter() - started)
-    if camera:
-        document |= finish(camera, stage_play, document["replicas"][0], {"scene": {"hash": hashed}})
-        write_document(record.with_suffix(".json"), document)
+    with deferred():  # a signal that comes now finds everything written
+        for actor in stage_play.actors:
+            actor.measurements = as_read(actor.measurements, scene, library)
+        document = describe(path, scene, stage_play, time.perf_counter() - started)
+        if camera:
+            keep(camera, stage_play, document)
     stop_if_none_left(stage_play)
     return document
+
+
+def places(options: RunOptions, record: Path) -> list[Path]:
+    """Files that will be written."""
+    asked = [] if options.checkpoint is None else [options.checkpoint]
+    return asked if options.no_record else [*asked, record]
+
+
+def keep(camera: Camera, stage_play: Play, document: dict[str, Any]) -> None:
+    """Finish the recording and write the document beside it; what the disk refuses becomes a warning."""
+    first = document["replicas"][0]
+    document |= finish_or_warn(camera, stage_play, first, {"scene": {"hash": document["hash"]}})
+    try:
+        write_document(camera.recording.path.with_suffix(".json"), document)
+    except BadInput as error:
+        first["warnings"].insert(0, str(error))
+
+
+def scene_text(path: Path, overrides: tuple[str, ...]) -> str:
+    """The scene file as it was run: what was changed for this run stands above it."""
+    changes = "".join(f"# --set {override}\n" for override in overrides)
+    return changes + path.read_text(encoding="utf-8")
 
 
 def with_words(scene: Scene, options: RunOptions) -> Scene:
@@ -91,9 +109,9 @@ def keeper_of(options: RunOptions, record: Path, hashed: str, time: float) -> Ke
 
 def perform(stage_play: Play, camera: Camera | None, keeper: Keeper, options: RunOptions) -> None:
     """Play with all watchers; on Ctrl-C close the recording and keep a checkpoint."""
-    watchers: list[Callable[[Play], None]] = [partial(watch_replica, camera)] if camera else []
+    watchers: list[Callable[[Play], None]] = [partial(watch_while_there_is_room, camera)] if camera else []
     if options.checkpoint and options.every:
-        watchers.append(keeper.watch)
+        watchers.append(partial(save_when_due, keeper))
     if options.progress:
         watchers.append(Teller(options.progress).watch)
     try:
@@ -135,6 +153,9 @@ def describe(path: Path, scene: Scene, stage_play: Play, seconds: float) -> dict
         "recording": None,
         "numerics": {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision},
         "limits": explain(scene),
+        "restitution": {
+            i.pair: {"stated": i.stated, "found": i.found} for i in stage_play.impacts if i.replica == 0
+        },
         "convention": SURFACE_ENERGY_CONVENTION,
         "resolved": resolved(scene),
         "versions": versions(),

@@ -165,6 +165,8 @@ CAUSES = {
     Status.NOT_FINITE: "a parameter is not a number, or forces grew without bound: shorten the time step",
     Status.ENERGY: "the time step is too long for the stiffest contact",
     Status.OVERFLOW: "lists could not grow: out of memory",
+    Status.RESTITUTION: "the time step is too long for impacts at this speed",
+    Status.COUNT: "an error of this program: please report it",
     Status.RUNNING: "",
 }
 
@@ -177,5 +179,7 @@ def sentence(failure: Failure, seed: int) -> str:
         Status.LOST: f"grain {failure.grain} left the domain at a coordinate of {failure.value:.4g} m",
         Status.NOT_FINITE: f"grain {failure.grain} has a coordinate that is not a number",
         Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
+        Status.RESTITUTION: f"an impact gave back {failure.value:.3g} of its speed, not what is stated",
+        Status.COUNT: f"grain {failure.grain} is missing, or not all mass is there ({failure.value:.3g})",
     }.get(failure.status, failure.status.name.lower())
     return f"seed {seed} stopped at {failure.time:.6g} s: {said}; likely cause: {CAUSES[failure.status]}"

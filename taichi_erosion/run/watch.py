@@ -17,10 +17,11 @@ from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import save_checkpoint
 from taichi_erosion.recording.pictures import film_frame, silhouette_grid, write_gif, write_png
 from taichi_erosion.recording.side_view import SideView
-from taichi_erosion.recording.wall_mesh import WallMesh, wall_meshes
 from taichi_erosion.run.memory import remembered
 from taichi_erosion.run.options import Report
 from taichi_erosion.run.play import Play, share_done
+from taichi_erosion.run.scenery import Scenery, log_scenery, scenery_of, standing
+from taichi_erosion.run.transport import log_transport
 from taichi_erosion.simulation import export_state, ledger, snapshot
 
 Image = NDArray[np.uint8]
@@ -40,7 +41,7 @@ class Camera:
 
     replica: int
     recording: stream.Recording
-    walls: tuple[WallMesh, ...]
+    scenery: Scenery
     view: SideView
     resting_speed: float  # m s-1
     interval: float  # s between frames
@@ -58,16 +59,15 @@ def whole_intervals(time: float, interval: float) -> int:
 def open_camera(path: Path, name: str, stage_play: Play, text: str, replica: int = 0) -> Camera:
     """Begin the recording of a replica as it stands. Raises BadInput where it cannot be written."""
     scene, setup = stage_play.scenes[replica], stage_play.sim.setups[replica]
-    moving = frozenset(wall for s in scene.stages for wall in (*s.remove, *s.move))
     box = apparatus_box(setup)
-    walls = wall_meshes(setup, box, moving)
-    header = stream.RunHeader(path.stem, name, scene.scene.kind, text, setup.grains.radius, walls)
+    scenery = scenery_of(scene, setup, box)
+    header = stream.RunHeader(path.stem, name, scene.scene.kind, text, setup.grains.radius, scenery.walls)
     diameter = 2.0 * float(np.median(setup.grains.radius))
     speed = RESTING_SHARE * float(np.sqrt(np.linalg.norm(setup.gravity) * diameter))
     view = SideView((box[0][0], box[0][2]), (box[1][0], box[1][2]))
     shot = whole_intervals(stage_play.time, scene.record.every)
     recording = stream.open_recording(path, header)
-    return Camera(replica, recording, walls, view, speed, scene.record.every, shot)
+    return Camera(replica, recording, scenery, view, speed, scene.record.every, shot)
 
 
 def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
@@ -101,9 +101,6 @@ def watch_replica(camera: Camera, stage_play: Play) -> None:
     stages = stage_play.scenes[camera.replica].stages
     while camera.stage < min(actor.stage, len(stages) - 1):
         camera.stage += 1
-        for name in stages[camera.stage].remove:
-            stream.log_wall_removed(camera.recording, name)
-        camera.walls = tuple(w for w in camera.walls if w.name not in stages[camera.stage].remove)
         stream.log_text(camera.recording, "INFO", f"stage {stages[camera.stage].name} begins")
     ended = not actor.active
     if stage_play.time >= camera.shot * camera.interval * (1.0 - ROUNDING) or ended:
@@ -118,9 +115,12 @@ def take_frame(camera: Camera, stage_play: Play) -> None:
     state = snapshot(stage_play.sim, camera.replica)
     stream.log_frame(camera.recording, state, camera.resting_speed)
     stream.log_ledger(camera.recording, ledger(stage_play.sim, camera.replica))
+    log_scenery(camera.recording, camera.scenery, stage_play.sim, camera.replica)
+    log_transport(camera.recording, stage_play.scenes[camera.replica], stage_play.sim, camera.replica, state)
     if camera.shot % camera.film_every == 0:
         speeds = (camera.resting_speed, stream.FASTEST_COLOUR)
-        camera.film.append(film_frame(state, camera.view, camera.walls, speeds))
+        walls = standing(camera.scenery, stage_play.sim, camera.replica)
+        camera.film.append(film_frame(state, camera.view, walls, speeds))
     if len(camera.film) > FILM_FRAMES:
         camera.film = camera.film[::2]
         camera.film_every *= 2
@@ -141,7 +141,7 @@ def finish(
         if measurement is not None and measurement.details.get("lines"):
             end = snapshot(stage_play.sim, camera.replica)
             image = silhouettes(end, measurement.details, base_height=0.0)
-            stream.log_image(recording, "silhouette", image)
+            stream.log_image(recording, "silhouette", image, timeless=True)
             files["silhouettes"] = str(write_png(path.with_suffix(".png"), image))
     if camera.film:
         files["film"] = str(write_gif(path.with_suffix(".gif"), camera.film, FILM_DURATION))

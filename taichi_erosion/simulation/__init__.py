@@ -12,10 +12,18 @@ from taichi_erosion.simulation.control import (
 from taichi_erosion.simulation.observe import energies, ledger, share_touching, snapshot
 from taichi_erosion.simulation.prepare import conditions_of, device_effects, effective_scene, prepare
 from taichi_erosion.simulation.state import export_bed, export_state, import_bed, import_state
-from taichi_erosion.simulation.wind import air_profile, develop_wind, set_friction_velocity, set_through_flow
+from taichi_erosion.simulation.wall_poses import WallPose, wall_poses
+from taichi_erosion.simulation.wind import (
+    air_profile,
+    develop_wind,
+    friction_velocity,
+    set_friction_velocity,
+    set_through_flow,
+)
 
 __all__ = [
     "Simulation",
+    "WallPose",
     "advance",
     "air_profile",
     "assemble",
@@ -27,6 +35,7 @@ __all__ = [
     "export_bed",
     "export_state",
     "failure",
+    "friction_velocity",
     "import_bed",
     "import_state",
     "ledger",
@@ -40,4 +49,5 @@ __all__ = [
     "set_through_flow",
     "share_touching",
     "snapshot",
+    "wall_poses",
 ]

@@ -21,7 +21,7 @@ ROUNDING = 1e-6  # of a step: a time that lies on a step is not passed by one mo
 
 def steps_until(sim: Simulation, until: Sequence[float]) -> Integers:
     """Whole steps that bring every replica to its time; 0 for those already there."""
-    taken = download([sim.world.replicas.step], 0, sim.sizes.replicas)[0]
+    taken = download([sim.world.replicas.step], 0, len(sim.setups))[0]
     dt = np.array([setup.time_step for setup in sim.setups])
     wanted = np.ceil(np.asarray(until, np.float64) / dt - ROUNDING)
     return np.maximum(wanted - taken, 0).astype(np.int32)
@@ -73,7 +73,7 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
 
 def statuses(sim: Simulation) -> Integers:
     """Status of every replica."""
-    return download([sim.world.replicas.status], 0, sim.sizes.replicas)[0].astype(np.int32)
+    return download([sim.world.replicas.status], 0, len(sim.setups))[0].astype(np.int32)
 
 
 def grow(sim: Simulation) -> None:

@@ -22,7 +22,7 @@ from taichi_erosion.grains.wall_contacts import allocate_wall_pairs
 from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.grains.world import World
 from taichi_erosion.simulation.fill import fill_world
-from taichi_erosion.simulation.sizes import Sizes, first_sizes, partition_count
+from taichi_erosion.simulation.sizes import Sizes, filled_up, first_sizes, partition_count
 from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.turns import Turns, allocate_turns
 
@@ -47,7 +47,7 @@ class Simulation:
 
 
 def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
-    """Allocate all fields and write the Setups to them; the device must have been started."""
+    """Allocate all fields and write the Setups to them, one a replica; the device must have been started."""
     compiled = compile_contact_laws(laws)
     driven = is_driven(setups)
     world = World(
@@ -130,10 +130,11 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     on_cpu = numerics.arch == "cpu"
     sizes = first_sizes(listed)
     workers = threads if on_cpu else len(listed)
-    world = build_world(listed, laws, sizes)
-    around = surround(listed, laws, sizes.partitions)
+    everyone = filled_up(listed, sizes)
+    world = build_world(everyone, laws, sizes)
+    around = surround(everyone, laws, sizes.partitions)
     release_first(world)
-    turns = allocate_turns(workers, len(listed))
+    turns = allocate_turns(workers, sizes.replicas)
     return Simulation(
         listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world, around, turns
     )
@@ -142,5 +143,6 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
 def reallocate(sim: Simulation, sizes: Sizes) -> None:
     """Give the run other capacities; the caller carries its state over."""
     sim.sizes = replace(sizes)
-    sim.world = build_world(sim.setups, sim.laws, sim.sizes)
-    sim.around = surround(sim.setups, sim.laws, sim.sizes.partitions)
+    everyone = filled_up(sim.setups, sizes)
+    sim.world = build_world(everyone, sim.laws, sim.sizes)
+    sim.around = surround(everyone, sim.laws, sim.sizes.partitions)

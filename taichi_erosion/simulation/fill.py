@@ -59,7 +59,9 @@ def fill_replicas(
     replicas: Replicas, setups: list[Setup], reaches: list[float], partitions: list[int]
 ) -> None:
     """Clocks, boxes and list margins; nothing is released yet, the first step rebuilds."""
-    least, most, time = zip(*(margins(s) for s in setups), strict=True)
+    allowed = [margins(s) for s in setups]
+    # where cells allow for the widest grain, none is wide, whatever rounding says
+    grasp = [np.inf if s.air is None else m.grasp for s, m in zip(setups, allowed, strict=True)]
     upload(
         [
             (replicas.total, [len(s.grains.radius) for s in setups]),
@@ -72,9 +74,10 @@ def fill_replicas(
             (replicas.period, [s.period for s in setups]),
             (replicas.reach, reaches),
             (replicas.overlap_limit, [s.overlap_limit for s in setups]),
-            (replicas.margin_least, least),
-            (replicas.margin_most, most),
-            (replicas.margin_time, time),
+            (replicas.margin_least, [m.least for m in allowed]),
+            (replicas.margin_most, [m.most for m in allowed]),
+            (replicas.margin_time, [m.time for m in allowed]),
+            (replicas.grasp_most, grasp),
         ]
     )
 
@@ -88,9 +91,9 @@ def fill_cells(world: World, setups: list[Setup], reaches: list[float]) -> None:
 
 def fill_walls(walls: Walls, setups: list[Setup]) -> None:
     """Primitives and surfaces, at rest."""
-    if walls.surfaces == 0:
-        return
     tables = [s.primitives for s in setups]
+    if not any(len(table.kind) for table in tables):
+        return
     shapes = padded([t.shape for t in tables], walls.primitives)
     kinds = padded([t.kind for t in tables], walls.primitives)
     balls = [[bounding_ball(k, row) for k, row in zip(t.kind, t.shape, strict=True)] for t in tables]

@@ -17,15 +17,22 @@ ENTRIES_LEAST = 256  # a partition of few grains still meets a few others
 WALL_ENTRIES_PER_GRAIN = 2
 CELLS_PER_GRAIN = 8
 CELLS_LEAST = 4096
+SMALL_GRAINS = 64  # replicas of so few grains all get the same room, and so the same compiled kernels
+SMALL_REPLICAS = 64
+SMALL_WALLS = 4  # primitives and surfaces
 MARGIN_MOST = 0.4  # largest list margin over the largest radius [1]
 MARGIN_STEPS = 30  # time steps that a fast grain should last on one list
+MARGIN_FLIGHT = 10.0  # largest list margin under wind over the median radius [1]
+FLIGHT_STEPS = 100  # time steps that a fast grain should last on one list under wind
+MARGIN_CELL = 0.3  # list margin over the radius that cells allow for under wind [1]
+LARGE_MOST = 50  # largest grains that look beyond adjacent cells
 
 
 @dataclass(frozen=True)
 class Sizes:
     """Capacities of one run; growing them changes no result."""
 
-    replicas: int
+    replicas: int  # room; some may stay empty
     partitions: int
     grains: int
     pairs: int  # entries a replica and side
@@ -52,18 +59,29 @@ def first_sizes(setups: list[Setup]) -> Sizes:
     """Room for a dense start."""
     grains = round_up(max(len(s.grains.radius) for s in setups))
     bodies = max(0 if s.clumps is None else len(s.clumps.mass) for s in setups)
+    primitives = max(len(s.primitives.kind) for s in setups)
+    surfaces = max(len(s.surfaces) for s in setups)
+    replicas = len(setups)
+    if grains <= SMALL_GRAINS and setups[0].air is None:
+        grains, replicas = SMALL_GRAINS, max(round_up(replicas), SMALL_REPLICAS)
+        primitives, surfaces = (max(round_up(walls), SMALL_WALLS) for walls in (primitives, surfaces))
     return Sizes(
-        replicas=len(setups),
+        replicas=replicas,
         partitions=max(partition_count(s) for s in setups),
         grains=grains,
         pairs=max(grains * ENTRIES_PER_GRAIN, ENTRIES_LEAST),
         wall_pairs=max(grains * WALL_ENTRIES_PER_GRAIN, ENTRIES_LEAST),
         cells=max(round_up(grains * CELLS_PER_GRAIN), CELLS_LEAST),
-        primitives=max(len(s.primitives.kind) for s in setups),
-        surfaces=max(len(s.surfaces) for s in setups),
+        primitives=primitives,
+        surfaces=surfaces,
         materials=max(len(s.materials) for s in setups),
         bodies=max(bodies, 1),
     )
+
+
+def filled_up(setups: list[Setup], sizes: Sizes) -> list[Setup]:
+    """The Setups and, in room that none of them needs, copies of the first, which never run."""
+    return setups + setups[:1] * (sizes.replicas - len(setups))
 
 
 def grown(sizes: Sizes) -> Sizes:
@@ -71,10 +89,29 @@ def grown(sizes: Sizes) -> Sizes:
     return replace(sizes, pairs=2 * sizes.pairs, wall_pairs=2 * sizes.wall_pairs)
 
 
-def margins(setup: Setup) -> tuple[float, float, float]:
-    """Least list margin over radius [1], largest margin [m], and time a grain should last on a list [s]."""
-    most = MARGIN_MOST * float(setup.grains.radius.max())
-    return setup.skin, most, MARGIN_STEPS * setup.time_step
+@dataclass(frozen=True)
+class Margins:
+    """How far grains may move on one list."""
+
+    least: float  # over the radius [1]
+    most: float  # m
+    time: float  # s, that a grain should last
+    grasp: float  # m, radius and margin up to which adjacent cells hold all partners
+
+
+def margins(setup: Setup) -> Margins:
+    """Margins of one replica.
+
+    Under wind few grains move, and those far: they get a margin beyond what cells allow and look at all
+    others, and so do the few largest grains, so that cells may be as narrow as most grains want them.
+    """
+    radius = np.sort(setup.grains.radius)
+    if setup.air is None:
+        most = MARGIN_MOST * float(radius[-1])
+        return Margins(setup.skin, most, MARGIN_STEPS * setup.time_step, float(radius[-1]) + most)
+    large = float(radius[-1 - min(LARGE_MOST, len(radius) - 1)])
+    most = MARGIN_FLIGHT * float(np.median(radius))
+    return Margins(setup.skin, most, FLIGHT_STEPS * setup.time_step, (1.0 + MARGIN_CELL) * large)
 
 
 @dataclass(frozen=True)
@@ -92,7 +129,7 @@ def cell_grid(setup: Setup, reach: float, cells: int) -> Grid:
     Where that makes more than `cells`, they are widened; grains outside the box fall to its border cells.
     """
     low, high = occupied_box(setup)
-    least = 2.0 * (float(setup.grains.radius.max()) + margins(setup)[1]) + reach
+    least = 2.0 * margins(setup).grasp + reach
     span = np.maximum(high - low, least)
     budget = min(cells, max(CELLS_LEAST, round_up(len(setup.grains.radius) * CELLS_PER_GRAIN)))
     width = least

@@ -31,10 +31,10 @@ def fields_of(owner: Any, names: tuple[str, ...]) -> list[Any]:
 
 def export_state(sim: Simulation) -> Arrays:
     """Everything that the next step depends on and that a Setup does not state."""
-    world, count = sim.world, sim.sizes.replicas
+    world, count = sim.world, len(sim.setups)
     state: Arrays = dict(zip(REPLICA, download(fields_of(world.replicas, REPLICA), 0, count), strict=True))
     side, stale = download([world.replicas.side, world.replicas.stale], 0, count)
-    state["stale"] = np.maximum(stale, world.replicas.need.to_numpy().max(axis=1) > 0)
+    state["stale"] = np.maximum(stale, world.replicas.need.to_numpy()[:count].max(axis=1) > 0)
     state |= {name: getattr(world.replicas, name).to_numpy() for name in FAULT}
     surfaces = download(fields_of(world.walls, SURFACE), 0, count * sim.sizes.surfaces)
     state |= {f"surface_{name}": values for name, values in zip(SURFACE, surfaces, strict=True)}
@@ -92,7 +92,7 @@ def entry_places(start: NDArray[np.int64], stop: NDArray[np.int64]) -> NDArray[n
 def import_state(sim: Simulation, state: Arrays) -> None:
     """Put an exported state on the device; the Setups must be those it was exported with."""
     make_room(sim, state)
-    world, count = sim.world, sim.sizes.replicas
+    world, count = sim.world, len(sim.setups)
     replicas = world.replicas
     columns = list(zip(fields_of(replicas, REPLICA), (state[name] for name in REPLICA), strict=True))
     upload([*columns, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])

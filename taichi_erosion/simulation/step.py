@@ -6,6 +6,7 @@ from taichi_erosion.coupling.look import look
 from taichi_erosion.grains.cells import position_of, sort_grains
 from taichi_erosion.grains.clumps import advance_clumps, locate_spheres
 from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
+from taichi_erosion.grains.margins import count_wide
 from taichi_erosion.grains.neighbours import list_partition, move_grains, release_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.state import REBUILD, STOP, side_block
@@ -41,6 +42,7 @@ def prepare_rebuild(world_out: ti.template(), r):
     release_grains(world_out, r)
     check_positions(world_out, r)
     if world_out.replicas.status[r] == 0:
+        count_wide(world_out, r)
         sort_grains(world_out.cells, world_out.grains, world_out.replicas, r)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile
-from taichi_erosion.core.transfer import upload
+from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.coupling.develop import develop_air
 from taichi_erosion.simulation.assemble import Simulation
 
@@ -27,6 +27,13 @@ def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
     assert sim.around.air is not None
     reaching = value * sim.setups[replica].coupling.partition
     upload([(sim.around.air.numbers.friction_velocity, [reaching])], replica)
+
+
+def friction_velocity(sim: Simulation, replica: int) -> float:
+    """u* [m s-1] before its partition, as `set_friction_velocity` was last told."""
+    assert sim.around.air is not None
+    reaching = download([sim.around.air.numbers.friction_velocity], replica, 1)[0][0]
+    return float(reaching) / sim.setups[replica].coupling.partition
 
 
 def develop_wind(sim: Simulation, replica: int, value: float, anew: bool = False) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -118,19 +119,50 @@ def test_two_parents_at_once_share_the_work_and_repeat_none_of_it(tmp_path, undi
     assert carry_out(tmp_path) == undisturbed
 
 
-def test_a_lease_lapses_when_its_owner_is_silent(tmp_path):
+@pytest.fixture
+def neighbours(tmp_path):
+    """One run, leased by a parent on another machine, and a parent here that would like to have it."""
     (request,) = requests(tmp_path, 1)
     near, far = open_store(tmp_path), open_store(tmp_path)
     elsewhere = ledger.Store(far.path, far.connection, "other-machine:1")
     ledger.enlist(near, [request])
     assert ledger.claim(elsewhere, [request.key]) == [request.key]
-    ledger.free_orphans(near)
-    assert ledger.claim(near, [request.key]) == []
-    far.connection.execute("UPDATE run SET beat = ?", (time.time() - 2.0 * ledger.LEASE,))
-    ledger.free_orphans(near)
-    assert ledger.claim(near, [request.key]) == [request.key]
+    yield request.key, near, elsewhere
     close_store(near)
     close_store(far)
+
+
+def pass_time(monkeypatch, steady: float, clock: float = 0.0) -> None:
+    """Let the steady clock run on, and put the clock on the wall forward or back [s]."""
+    now, date = time.monotonic(), time.time()
+    monkeypatch.setattr(ledger.time, "monotonic", lambda: now + steady)
+    monkeypatch.setattr(ledger.time, "time", lambda: date + clock)
+
+
+def test_a_lease_lapses_when_its_owner_was_silent_while_we_looked_on(neighbours, monkeypatch):
+    key, near, _ = neighbours
+    ledger.free_orphans(near)
+    assert ledger.claim(near, [key]) == []
+    pass_time(monkeypatch, steady=1.1 * ledger.LEASE)
+    ledger.free_orphans(near)
+    assert ledger.claim(near, [key]) == [key]
+
+
+@pytest.mark.parametrize("clock", [-86_400.0, 86_400.0], ids=["back", "forward"])
+def test_a_clock_that_is_put_back_or_forward_takes_no_lease_and_keeps_none(neighbours, monkeypatch, clock):
+    key, near, elsewhere = neighbours
+    ledger.free_orphans(near)
+    pass_time(monkeypatch, steady=0.9 * ledger.LEASE, clock=clock)
+    ledger.free_orphans(near)
+    assert ledger.claim(near, [key]) == []  # a day by the clock, but not yet a minute
+    ledger.beat(elsewhere)
+    ledger.free_orphans(near)
+    pass_time(monkeypatch, steady=0.9 * ledger.LEASE)
+    ledger.free_orphans(near)
+    assert ledger.claim(near, [key]) == []  # it has given a sign of life, whatever its date
+    pass_time(monkeypatch, steady=1.1 * ledger.LEASE)
+    ledger.free_orphans(near)
+    assert ledger.claim(near, [key]) == [key]
 
 
 def test_the_first_result_of_a_run_stays(tmp_path):
@@ -176,11 +208,39 @@ def test_a_file_that_is_no_ledger_gives_one_clear_line(tmp_path):
         open_store(tmp_path)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unwritable for root")
-def test_a_folder_that_cannot_be_written_gives_one_clear_line(tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(BadInput, match="the ledger cannot be used"):
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+def test_a_ledger_cut_anywhere_is_refused_in_one_line_or_read_rightly(tmp_path, share):
+    store = open_store(tmp_path)
+    listed = requests(tmp_path, RUNS)
+    ledger.enlist(store, listed)
+    for request in listed:
+        ledger.note_result(store, request.key, {"measures": {"angle": {"value": 1.0}}})
+    close_store(store)
+    path = tmp_path / ledger.LEDGER
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    line = None
+    try:
+        store = open_store(tmp_path)
+        found = ledger.read_results(store, [request.key for request in listed])
+        assert all(result.value("angle") == 1.0 for result in found)
+    except BadInput as refusal:
+        line = str(refusal)
+    assert line is None or (line.startswith(f"{path}: the ledger cannot be used (") and "\n" not in line)
+
+
+def test_a_database_of_another_program_is_refused_and_left_alone(tmp_path):
+    foreign = sqlite3.connect(tmp_path / ledger.LEDGER)
+    foreign.execute("CREATE TABLE run (name TEXT, pace REAL)")
+    foreign.close()
+    before = (tmp_path / ledger.LEDGER).read_bytes()
+    with pytest.raises(BadInput, match="a database of another program, not the ledger of a campaign"):
         open_store(tmp_path)
+    assert (tmp_path / ledger.LEDGER).read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_written_gives_one_clear_line(unwritable):
+    with pytest.raises(BadInput, match="the ledger cannot be used"):
+        open_store(unwritable)
 
 
 def test_a_run_function_that_does_not_exist_is_refused_at_the_door(tmp_path):

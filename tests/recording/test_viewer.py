@@ -8,8 +8,18 @@ from recorded_heaps import MOVING, header, heap_snapshot, ledger
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import palette, viewer
+from taichi_erosion.recording.blueprint import WIND_KINDS
 from taichi_erosion.recording.pictures import silhouette_picture
-from taichi_erosion.recording.stream import Recording, log_frame, log_image, log_ledger, log_text, recorded
+from taichi_erosion.recording.stream import (
+    Recording,
+    log_frame,
+    log_image,
+    log_ledger,
+    log_text,
+    log_transport,
+    recorded,
+)
+from taichi_erosion.recording.wind import log_profile
 
 pytestmark = pytest.mark.viewer
 Colour = tuple[int, int, int]
@@ -23,6 +33,9 @@ def record(path: Path, kind: str = "repose") -> Iterator[Recording]:
         for frame in range(10):
             log_frame(recording, heap_snapshot(frame), MOVING)
             log_ledger(recording, ledger(frame))
+            if kind in WIND_KINDS:
+                log_profile(recording, np.linspace(0.0, 8.0, 12), np.linspace(0.0, 0.06, 13))
+                log_transport(recording, {"flux": 1e-3 * frame, "flying": 0.1, "friction_velocity": 0.4})
         log_text(recording, "INFO", "at rest")
         log_image(recording, "silhouette", silhouette_picture(MASK, np.array([[[0.0, 0.0], [59.0, 59.0]]])))
         yield recording
@@ -50,7 +63,7 @@ def share_like(image: np.ndarray, colour: Colour, tolerance: float = 0.12) -> fl
     return float(((cosine > np.cos(tolerance)) & (lengths > 60.0)).mean())
 
 
-@pytest.mark.parametrize("kind", ["repose", "incline"])
+@pytest.mark.parametrize("kind", ["repose", "saltation"])
 def test_every_view_draws_without_a_report(heap: Path, tmp_path: Path, kind: str):
     path = tmp_path / f"{kind}.rrd"
     list(record(path, kind))

@@ -57,6 +57,23 @@ def test_the_speed_in_the_tunnel_is_read_off_its_map_and_not_beyond():
     assert all(map(isnan, threshold.tunnel_speed(0.4, 0.01, TUNNEL)))
 
 
+def test_a_threshold_is_compared_with_that_of_drag_alone():
+    rows = [
+        row(*name, observable, value, 0.02, 5)
+        for name, value in ((("forces", threshold.ALONE), 0.26), (("grain density", "lighter"), 0.208))
+        for observable in (threshold.FLUID, threshold.ROLLING, threshold.PLATE)
+    ]
+    lines = threshold.fluid_table(blown_sand.by_case(rows), TUNNEL).splitlines()[2:]
+    assert [line.split("|")[7].strip() for line in lines] == ["1.00", "0.80"]
+    # onset of rolling and fluid threshold are the same here, and so are their speeds
+    assert all(line.split("|")[5] == line.split("|")[8] for line in lines)
+
+
+def test_a_floor_that_feels_more_of_the_wind_starts_moving_in_less_of_it():
+    line = {"choice": "rougher", "friction_velocity": "0.3", "relative_change": "0.25"}
+    assert "| +25.0 % | -20.0 % |" in threshold.choice_table([line])
+
+
 def test_the_line_of_a_linear_flux_starts_at_its_threshold():
     winds = (0.25, 0.35, 0.45, 0.55)
     measured = [
@@ -71,4 +88,4 @@ def test_the_line_of_a_linear_flux_starts_at_its_threshold():
 def test_the_page_marks_a_place_for_every_table():
     page = (ROOT / "docs" / threshold.PAGE).read_text(encoding="utf-8")
     marks = {found["name"] for found in MARKED.finditer(page)}
-    assert marks == {"fluid", "map", "impact", "scaling", "flux", "lines", "cost"}
+    assert marks == {"fluid", "map", "choices", "impact", "scaling", "flux", "lines", "cost"}

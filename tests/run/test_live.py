@@ -11,6 +11,9 @@ import pytest
 
 from taichi_erosion.cli import live as prompt
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Motion
+from taichi_erosion.recording.readback import read_rows
+from taichi_erosion.recording.stream import close
 from taichi_erosion.recording.terminal import in_colour, in_shades
 from taichi_erosion.run.live import (
     back,
@@ -23,8 +26,10 @@ from taichi_erosion.run.live import (
     set_entry,
     step,
 )
+from taichi_erosion.run.live_view import open_film
+from taichi_erosion.run.scenery import standing
 from taichi_erosion.scene.paths import meaning_of
-from taichi_erosion.simulation import snapshot
+from taichi_erosion.simulation import move_surface, snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
 FEW = ("grains.count=60",)
@@ -90,6 +95,29 @@ def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
     run_for(session, 1e-3)
 
 
+def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp_path: Path) -> None:
+    film = open_film(session, tmp_path / "walls.rrd")
+    run_for(session, 0.002)
+    save(session, "tube stands")
+    move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    run_for(session, 0.006)
+    (tube,) = [wall for wall in standing(film.scenery, session.sim, 0) if wall.name == "tube"]
+    before = next(wall for wall in film.scenery.walls if wall.name == "tube")
+    rise = tube.vertices[:, 2] - before.vertices[:, 2]
+    np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
+    next_stage(session)
+    run_for(session, 0.006)
+    assert "tube" not in {wall.name for wall in standing(film.scenery, session.sim, 0)}
+    back(session, "tube stands")
+    run_for(session, 0.006)
+    path, entity = close(film.recording), "world/walls/tube"
+    assert len(read_rows(path, entity, "Clear:is_recursive")) == 1
+    assert len(read_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
+    heights = {place[0][2]: time for time, place in read_rows(path, entity, "Transform3D:translation")}
+    # what the session wrote before it went back has been written over
+    assert heights[0.0] == max(heights.values())
+
+
 def test_help_states_meaning_unit_and_range() -> None:
     said = meaning_of("contact.grain-grain.friction_rolling")
     assert "[1]" in said
@@ -138,7 +166,7 @@ def test_a_session_on_a_terminal_prompts_says_mistakes_and_goes_on(tmp_path: Pat
         [sys.executable, "-m", "taichi_erosion", *words], stdin=slave, stdout=slave, stderr=slave
     )
     os.close(slave)
-    os.write(master, b"fly\nrun 0.001s\nquit\n")
+    os.write(master, b"fly\nstatu\t\nget contact.grain-grain.friction_rol\t\nrun 0.001s\nquit\n")
     said = b""
     while True:
         try:
@@ -152,5 +180,7 @@ def test_a_session_on_a_terminal_prompts_says_mistakes_and_goes_on(tmp_path: Pat
     os.close(master)
     text = said.decode()
     assert "'fly' is not an order" in text
+    assert "time_s 0  stage settle" in text  # the tab key has completed the order
+    assert "contact.grain-grain.friction_rolling = 0.12" in text  # and the dotted path
     assert "time_s 0.001" in text
     assert prompt.PROMPT in text

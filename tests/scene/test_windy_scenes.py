@@ -62,6 +62,6 @@ def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
     assert wind is not None
     sampled = build_setup(scene, 1).grains.radius
     solid = (4.0 / 3.0 * 3.14159265 * sampled**3).sum()
-    # a sample of 1200 grains: the mean cube scatters by a few percent
+    # of a sample of some hundred grains: the mean cube scatters by a few percent
     assert mean_cube(size) < nominal_diameter(size) ** 3
     assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)

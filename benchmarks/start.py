@@ -1,0 +1,71 @@
+"""From the call of `run` to the first step of the funnel, without and with compiled kernels at hand.
+
+python -m benchmarks.start [ROUNDS]
+
+Every round starts the program twice in a process of its own with a cache of its own: empty, then as the first
+left it. Wall time ends after the first step; processor time beside it, since the cores may have other work.
+"""
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+SCENE = ROOT / "scenes" / "funnel_repose.toml"
+ROUNDS = 3  # the median is printed
+FIRST = "first-step"  # word that marks a process that stops after its first step
+RUN = ("run", str(SCENE), "--no-record", "--threads", "1", "--replicas", "1")
+
+
+def stop_after_first_step() -> None:
+    """Run the program as a user would; tell the processor time once its first step is done, and end."""
+    from taichi_erosion.cli.main import main as program
+    from taichi_erosion.core.device import stop_device
+    from taichi_erosion.run import play
+
+    advance = play.advance
+
+    def advance_once(sim: Any, until: Any) -> None:
+        advance(sim, [setup.time_step for setup in sim.setups])
+        sys.stdout.write("\n" + json.dumps({"wall": time.time(), "cpu": time.process_time()}) + "\n")
+        sys.stdout.flush()
+        stop_device()  # writes the cache
+        os._exit(0)
+
+    setattr(play, "advance", advance_once)  # noqa: B010
+    sys.argv = ["taichi-erosion", *RUN]
+    program()
+
+
+def started(cache: str) -> dict[str, float]:
+    """Wall and processor time [s] of one start with a given cache."""
+    begin = time.time()
+    command = [sys.executable, "-m", "benchmarks.start", FIRST]
+    surroundings = os.environ | {"XDG_CACHE_HOME": cache}
+    done = subprocess.run(command, env=surroundings, cwd=ROOT, capture_output=True, text=True, check=True)
+    told = json.loads(done.stdout.strip().splitlines()[-1])
+    return {"wall": told["wall"] - begin, "cpu": told["cpu"]}
+
+
+def main(words: list[str]) -> None:
+    """Print one row of a table for the empty cache and one for the full one."""
+    if words == [FIRST]:
+        stop_after_first_step()
+    samples: dict[str, list[dict[str, float]]] = {"empty": [], "full": []}
+    for _ in range(int(words[0]) if words else ROUNDS):
+        with tempfile.TemporaryDirectory() as cache:
+            for kind in samples.values():
+                kind.append(started(cache))
+    for name, rows in samples.items():
+        wall, cpu = (statistics.median(row[key] for row in rows) for key in ("wall", "cpu"))
+        sys.stdout.write(f"| {name} | {wall:.1f} s | {cpu:.1f} s |\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

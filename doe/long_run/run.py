@@ -1,0 +1,209 @@
+"""Ten million steps of a bed at rest: does anything drift?
+
+python doe/long_run/run.py f32 [MINUTES]     go on in single precision, for so many minutes at most
+python doe/long_run/run.py f64 [MINUTES]     the same in double precision
+python doe/long_run/run.py --page            only the table of the page, from the tables
+
+A part of the run ends with a checkpoint; the next call goes on from it, bit for bit. One thread.
+"""
+
+import csv
+import sys
+import time
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.errors import SimulationStopped
+from taichi_erosion.core.setup import Numerics
+from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
+from taichi_erosion.recording.whole_file import write_whole
+from taichi_erosion.report.page import fill_tables, markdown_table
+from taichi_erosion.run.check import read_scene
+from taichi_erosion.run.stages import sentence
+from taichi_erosion.scene import laws, scene_hash
+from taichi_erosion.simulation import (
+    Simulation,
+    advance,
+    assemble,
+    export_state,
+    failure,
+    import_state,
+    ledger,
+    prepare,
+    snapshot,
+)
+
+Floats = NDArray[np.float64]
+
+FOLDER = Path(__file__).parent
+SCENE = FOLDER / "bed.toml"
+PAGE = FOLDER.parents[1] / "docs" / "trust.md"
+SETTLE = 300_000  # steps that bring the bed to rest and are not counted
+STEPS = 10_000_000
+ROW = 100_000  # steps from one row of the table to the next
+SAVE = 600.0  # s of wall time between checkpoints
+START = "start_position"  # entry of a checkpoint: where the grains lay when counting began
+MEGABYTE = 2**20
+SHOWN = (0, 1_000_000, 3_000_000, 10_000_000)  # steps in the table of the page
+
+Precision = Literal["f32", "f64"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """The bed after some steps; a column's unit is part of its name."""
+
+    steps: int  # counted
+    time_s: float
+    centroid_m: float  # mean height
+    way_largest_m: float  # of any grain, from its place when counting began
+    kinetic_translation_j: float
+    kinetic_rotation_j: float
+    potential_j: float
+    elastic_j: float
+    momentum_kg_m_per_s: float
+    contacts: int
+    overlap_largest: float  # over the smaller radius
+    rebuilds: int  # of the contact lists
+    memory_mb: float  # resident
+    wall_s: float  # since the row before
+
+
+def main(precision: Precision, minutes: float) -> None:
+    """Go on until the steps are done or the minutes are over."""
+    end = time.monotonic() + 60.0 * minutes
+    scene = read_scene(SCENE, ())
+    setup = prepare(scene, scene.run.seed, {})
+    sim = assemble([setup], laws(scene), Numerics("cpu", 1, precision))
+    kept, table = FOLDER / "recordings" / f"bed-{precision}.npz", FOLDER / f"{precision}.csv"
+    if kept.exists():
+        state, _ = load_checkpoint(kept, scene_hash(scene))
+        import_state(sim, state)
+        start, rows = state[START], read_rows(table)
+    else:
+        go_on(sim, SETTLE)
+        start = snapshot(sim, 0).position
+        rows = [look(sim, start, 0.0)]
+    saved = time.monotonic()
+    while rows[-1].steps < STEPS and time.monotonic() < end:
+        began = time.monotonic()
+        go_on(sim, SETTLE + rows[-1].steps + ROW)
+        rows.append(look(sim, start, time.monotonic() - began))
+        if time.monotonic() > min(saved + SAVE, end) or rows[-1].steps == STEPS:
+            saved = time.monotonic()
+            save_checkpoint(kept, export_state(sim) | {START: start}, {"scene_hash": scene_hash(scene)})
+            write_rows(table, rows)
+            sys.stderr.write(f"{precision}: {rows[-1].steps} steps\n")
+
+
+def go_on(sim: Simulation, steps: int) -> None:
+    """Advance to a number of steps. Raises SimulationStopped where a guard ends the run."""
+    advance(sim, [steps * sim.setups[0].time_step])
+    stopped = failure(sim, 0)
+    if stopped is not None:
+        raise SimulationStopped(sentence(stopped, 1))
+
+
+def look(sim: Simulation, start: Floats, seconds: float) -> Row:
+    """One row of the table."""
+    state, sums = snapshot(sim, 0), ledger(sim, 0)
+    return Row(
+        steps=state.step - SETTLE,
+        time_s=state.time,
+        centroid_m=float(np.average(state.position[:, 2], weights=state.mass)),
+        way_largest_m=float(np.linalg.norm(state.position - start, axis=1).max()),
+        kinetic_translation_j=sums.kinetic_translation,
+        kinetic_rotation_j=sums.kinetic_rotation,
+        potential_j=sums.potential,
+        elastic_j=sums.elastic,
+        momentum_kg_m_per_s=float(np.linalg.norm(state.mass @ state.velocity)),
+        contacts=sums.contacts,
+        overlap_largest=sums.overlap_largest,
+        rebuilds=sums.rebuilds,
+        memory_mb=resident_memory() / MEGABYTE,
+        wall_s=seconds,
+    )
+
+
+def resident_memory() -> int:
+    """Memory of this process that lies in RAM [bytes]."""
+    import psutil
+
+    return psutil.Process().memory_info().rss
+
+
+def read_rows(table: Path) -> list[Row]:
+    """Rows of an earlier part."""
+    with table.open(encoding="utf-8", newline="") as file:
+        return [
+            Row(**{f.name: as_number(row[f.name], f.type) for f in fields(Row)})
+            for row in csv.DictReader(file)
+        ]
+
+
+def as_number(text: str, kind: object) -> float:
+    """A cell as the number that its column holds."""
+    return int(text) if kind is int else float(text)
+
+
+def write_rows(table: Path, rows: list[Row]) -> None:
+    """The table as it stands."""
+    heading = ",".join(field.name for field in fields(Row))
+    lines = [",".join(format(value, ".10g") for value in asdict(row).values()) for row in rows]
+    write_whole(table, "\n".join([heading, *lines, ""]).encode())
+
+
+def publish() -> None:
+    """Fill the table of the page."""
+    header = (
+        "precision",
+        "steps",
+        "kinetic energy of translation, nJ",
+        "of rotation, nJ",
+        "potential energy, its change over itself",
+        "stored energy, its change over itself",
+        "momentum, nN s",
+        "largest way of a grain, diameters",
+        "contacts",
+        "memory, MB",
+    )
+    cells = [line for p in ("f32", "f64") if (FOLDER / f"{p}.csv").exists() for line in page_rows(p)]
+    tables = {"long run": markdown_table(header, cells)}
+    write_whole(PAGE, fill_tables(PAGE.read_text(encoding="utf-8"), tables).encode())
+
+
+def page_rows(precision: str) -> list[tuple[str, ...]]:
+    """Rows of one precision on the page."""
+    rows = read_rows(FOLDER / f"{precision}.csv")
+    diameter = read_scene(SCENE, ()).grains.size.median  # pyright: ignore[reportAttributeAccessIssue]
+    first = rows[0]
+    return [
+        (
+            precision,
+            f"{row.steps:,}",
+            f"{1e9 * row.kinetic_translation_j:.2g}",
+            f"{1e9 * row.kinetic_rotation_j:.3g}",
+            f"{row.potential_j / first.potential_j - 1.0:.1e}",
+            f"{row.elastic_j / first.elastic_j - 1.0:.1e}",
+            f"{1e9 * row.momentum_kg_m_per_s:.2g}",
+            f"{row.way_largest_m / diameter:.1e}",
+            str(row.contacts),
+            f"{row.memory_mb:.0f}",
+        )
+        for row in rows
+        if row.steps in SHOWN or row is rows[-1]
+    ]
+
+
+if __name__ == "__main__":
+    words = sys.argv[1:]
+    if words == ["--page"]:
+        publish()
+    elif words and words[0] in ("f32", "f64"):
+        main(words[0], float(words[1]) if len(words) > 1 else 1e9)  # pyright: ignore[reportArgumentType]
+    else:
+        sys.exit(__doc__)

@@ -1,0 +1,50 @@
+"""Beds of growing width: the same packing at every size, and all memory of a record counted."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from taichi_erosion.benchmark.scaling import device_bytes, tiled_bed
+from taichi_erosion.core.setup import Floats, Numerics
+from taichi_erosion.core.ti import ti
+
+PERIOD = 5e-3  # m
+
+
+def gaps(position: Floats, period: float) -> Floats:
+    """Distance of every grain to its nearest neighbour in the periodic box, sorted [m]."""
+    depth = 1.0  # m, far beyond any grain: z is open
+    boxed = np.column_stack([position[:, :2] % period, position[:, 2]])
+    return np.sort(KDTree(boxed, boxsize=(period, period, depth)).query(boxed, k=2)[0][:, 1])
+
+
+def test_copies_side_by_side_are_the_same_packing():
+    rng = np.random.Generator(np.random.Philox(1))
+    position = rng.uniform(0.0, PERIOD, (40, 3))
+    wide = tiled_bed(position, PERIOD, 3)
+    assert wide.period[:2] == pytest.approx((3 * PERIOD, 3 * PERIOD))
+    # positions are sums of a few numbers of 1 cm: rounding of 1e-18 m against gaps of 1e-4 m
+    assert gaps(wide.grains.position, 3 * PERIOD) == pytest.approx(
+        np.repeat(gaps(position, PERIOD), 9), rel=1e-9
+    )
+
+
+@dataclass(frozen=True)
+class Inner:
+    exact: Any
+
+
+@dataclass(frozen=True)
+class Outer:
+    count: int
+    numbers: Any
+    inner: Inner
+
+
+def test_memory_counts_fields_of_records_within_records(start_device):
+    start_device(Numerics("cpu", 1))
+    outer = Outer(7, ti.Vector.field(3, ti.f32, shape=10), Inner(ti.field(ti.f64, shape=(2, 5))))
+    assert device_bytes(outer) == 10 * 3 * 4 + 2 * 5 * 8

@@ -1,0 +1,47 @@
+"""The calibration to try first: valid, small, and safe to ask twice."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_erosion.campaign.request import scene_request
+from taichi_erosion.campaign.study import read_study
+from taichi_erosion.cli.main import main
+from taichi_erosion.experiments.design_file import read_design, write_design
+
+ROOT = Path(__file__).parents[2]
+STUDY = Path("doe") / "first_calibration.toml"
+GRAIN_STEPS = 2.5e7  # most that a run may take: some seconds of one core
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A copy of the study and of its scene."""
+    for name in ("scenes/column_collapse.toml", str(STUDY)):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    return tmp_path
+
+
+def test_a_run_takes_seconds(tree: Path) -> None:
+    file = read_study(tree / STUDY)
+    request = scene_request(file.scene("radius_90"), file.study.study.settings, 1)
+    assert request.work < GRAIN_STEPS
+
+
+def test_asking_for_the_design_again_keeps_the_responses_of_its_runs(tree: Path, capsys) -> None:
+    words = ["doe", "design", str(tree / STUDY), "--json"]
+    assert main(words) == 0
+    table = tree / "doe" / "first_calibration" / "screen.csv"
+    planned = read_design(table)
+    assert not planned.responses
+    write_design(planned.with_responses(radius_90=np.arange(len(planned), dtype=float)), table)
+    kept = table.read_bytes()
+    assert main(words) == 0
+    assert table.read_bytes() == kept
+    text = (tree / STUDY).read_text(encoding="utf-8")
+    (tree / STUDY).write_text(text.replace("high = 0.35", "high = 0.45"), encoding="utf-8")
+    assert main(words) == 0
+    assert not read_design(table).responses, "another design begins without responses"

@@ -1,0 +1,130 @@
+"""Files that the project ships or its users make, and the ways in which they are damaged."""
+
+import io
+from pathlib import Path
+
+import imageio.v3 as imageio
+import numpy as np
+import trimesh
+from hypothesis import strategies as st
+
+ROOT = Path(__file__).resolve().parents[2]
+
+TOKENS = (
+    *(b"nan", b"-inf", b"1e400", b"-1e-320", b"0", b"-1", b"9" * 30, b"1e9", b"true", b"''", b"[]", b"{}"),
+    *(b"[[[[", b"../../etc/passwd", b"/etc/passwd", b"\\", b"\0", b"\r", b"\n", b"\xff\xfe", b"\xef\xbb\xbf"),
+    *(b'"' * 3, b"=", b"#", b",", b";", b"..", b"__import__('os').abort()", b"${HOME}", b"%s%n"),
+    *("\u202e\u2028".encode(), b"A" * 5000),
+)
+
+
+def shipped(pattern: str) -> dict[str, bytes]:
+    """Files of the project by their path."""
+    return {str(path.relative_to(ROOT)): path.read_bytes() for path in sorted(ROOT.glob(pattern))}
+
+
+SCENES = shipped("scenes/*.toml")
+STUDIES = shipped("doe/*.toml") | shipped("doe/foreign_lab/*.toml")
+MEASURED = shipped("doe/measured/*.csv")
+PUBLISHED = shipped("doe/hao2022/table_*.csv")
+
+
+def meshes() -> dict[str, bytes]:
+    """A box in the formats that a scene may name."""
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    kinds = ("stl", "stl_ascii", "ply", "obj")
+    exported = {kind: box.export(file_type=kind) for kind in kinds}
+    return {
+        f"wall.{kind.removesuffix('_ascii')}" if kind != "stl_ascii" else "ascii.stl": (
+            content.encode() if isinstance(content, str) else bytes(content)
+        )
+        for kind, content in exported.items()
+    }
+
+
+def pictures() -> dict[str, bytes]:
+    """A drawn heap as a camera would store it."""
+    across, down = np.meshgrid(np.arange(240), np.arange(120))
+    inside = down > 20 + 0.6 * np.abs(across - 120)
+    heap = np.where(inside | (down > 80), 40, 220).astype(np.uint8)
+    formats = {"heap.png": ".png", "heap.jpg": ".jpg", "heap.gif": ".gif", "heap.bmp": ".bmp"}
+    return {name: imageio.imwrite("<bytes>", heap, extension=kind) for name, kind in formats.items()}
+
+
+MESHES = meshes()
+PICTURES = pictures()
+
+places = st.floats(0.0, 1.0, exclude_max=True)  # share of a file's length
+pieces = st.sampled_from(TOKENS) | st.binary(max_size=12)
+blows = st.one_of(
+    st.tuples(st.just("put"), places, pieces),  # over what is there
+    st.tuples(st.just("insert"), places, pieces),
+    st.tuples(st.just("value"), places, pieces),  # instead of what stands right of the next = or ,
+    st.tuples(st.just("cut"), places, st.floats(0.0, 0.2)),
+    st.tuples(st.just("repeat"), places, st.floats(0.0, 0.2)),
+    st.tuples(st.just("end"), places, st.none()),
+)
+
+
+def damaged(content: bytes, damages: list[tuple[str, float, object]]) -> bytes:
+    """The file after some blows."""
+    for kind, share, what in damages:
+        content = struck(content, kind, int(share * len(content)), what)
+    return content
+
+
+def struck(content: bytes, kind: str, place: int, what: object) -> bytes:
+    """The file after one blow."""
+    if kind == "end":
+        return content[:place]
+    if isinstance(what, float):
+        stop = place + int(what * len(content))
+        return content[:place] + content[stop:] if kind == "cut" else content[:stop] + content[place:]
+    assert isinstance(what, bytes)
+    if kind == "value":
+        place = next_sign(content, place)
+        stop = (
+            min(end for end in (content.find(sign, place) for sign in (b"\n", b",")) if end >= 0)
+            if (b"\n" in content[place:] or b"," in content[place:])
+            else len(content)
+        )
+        return content[:place] + b" " + what + content[stop:]
+    return content[:place] + what + content[place + (len(what) if kind == "put" else 0) :]
+
+
+def next_sign(content: bytes, place: int) -> int:
+    """Just behind the next sign that a value follows."""
+    found = [at + 1 for at in (content.find(sign, place) for sign in (b"=", b",")) if at >= 0]
+    return min(found, default=place)
+
+
+@st.composite
+def damaged_files(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
+    """Name and content of a damaged file."""
+    name = draw(st.sampled_from(sorted(files)))
+    return name, damaged(files[name], draw(st.lists(blows, min_size=1, max_size=4)))
+
+
+WORDS = st.text(max_size=8)
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | WORDS | st.dates() | st.times(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
+    max_leaves=8,
+)
+
+
+def as_lines(rows: list[list[str]]) -> bytes:
+    """A table as a careless program would write it."""
+    text = io.StringIO()
+    for row in rows:
+        text.write(",".join(row) + "\n")
+    return text.getvalue().encode("utf-8", errors="surrogatepass")
+
+
+CELLS = (
+    st.text(max_size=6)
+    | st.floats().map(str)
+    | st.integers().map(str)
+    | st.sampled_from(["", "<1", "NaN", '"'])
+)
+tables = st.lists(st.lists(CELLS, min_size=1, max_size=6), max_size=8).map(as_lines)

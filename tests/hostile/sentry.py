@@ -1,0 +1,85 @@
+"""Watching what a file makes the program do: its time, what it writes, what it runs.
+
+Python tells an audit hook of every file that is opened, of every process and connection that is begun and of
+all code that is executed. A hook cannot be taken away again, so it sleeps while nothing is watched.
+"""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any
+
+import taichi_erosion
+
+PATIENCE = 20.0  # s of this process's own time that one file may take
+WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+CHANGES = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "shutil.rmtree")
+BEGINNINGS = ("os.system", "os.exec", "os.fork", "os.posix_spawn", "subprocess.Popen", "socket.connect")
+OWN_CODE = (str(Path(taichi_erosion.__file__).parent), sys.prefix, sys.base_prefix, "<")
+
+
+class Hang(BaseException):
+    """A file has taken too long; nothing catches this by mistake."""
+
+
+@dataclass
+class Watch:
+    """What may be written, and what was done that may not."""
+
+    folder: str
+    trespasses: list[str] = field(default_factory=list)
+
+
+WATCHES: list[Watch] = []  # the one that is awake, if any; the hook has no other way to learn of it
+
+
+def note(event: str, arguments: tuple[Any, ...]) -> None:
+    """Audit hook."""
+    if not WATCHES:
+        return
+    watch = WATCHES[-1]
+    if event in BEGINNINGS:
+        watch.trespasses.append(f"{event} {arguments!r}")
+    elif event == "exec" and isinstance(arguments[0], CodeType):
+        if not arguments[0].co_filename.startswith(OWN_CODE):
+            watch.trespasses.append(f"executed {arguments[0].co_filename}")
+    elif event == "open" and isinstance(arguments[2], int) and arguments[2] & WRITING:
+        look_at(watch, event, arguments[0])
+    elif event in CHANGES:
+        look_at(watch, event, arguments[0])
+
+
+def look_at(watch: Watch, event: str, place: object) -> None:
+    """Whether a place that is changed lies outside the folder; compiled Python of a first import may."""
+    if isinstance(place, str | bytes):
+        path = os.path.abspath(os.fsdecode(place))
+        if not path.startswith(watch.folder) and "__pycache__" not in path and path != os.devnull:
+            watch.trespasses.append(f"{event} {path}")
+
+
+sys.addaudithook(note)
+
+
+@contextmanager
+def watched(folder: Path) -> Iterator[Watch]:
+    """Nothing but the folder may be changed, nothing be begun, and the patience not be used up."""
+    watch = Watch(os.path.abspath(folder))
+    before = signal.signal(signal.SIGVTALRM, interrupt)
+    signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
+    WATCHES.append(watch)
+    try:
+        yield watch
+    finally:
+        WATCHES.pop()
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
+
+
+def interrupt(_number: int, _frame: FrameType | None) -> None:
+    """End what takes too long."""
+    raise Hang

@@ -1,0 +1,168 @@
+"""Whatever a file holds, it is read or refused in one line: no traceback, no hang, nothing written or run.
+
+The default tests try a few damaged files of every kind; all 2,400 take minutes:
+`./erosion test tests/hostile -m slow -n 0`.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from corpus import (
+    MEASURED,
+    MESHES,
+    PICTURES,
+    PUBLISHED,
+    ROOT,
+    SCENES,
+    STUDIES,
+    VALUES,
+    WORDS,
+    damaged_files,
+    tables,
+)
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sentry import watched
+
+from taichi_erosion.campaign.study import read_study
+from taichi_erosion.cli.main import ExitCode, main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.measured import read_table
+from taichi_erosion.evidence.study_file import read_study_file
+from taichi_erosion.experiments.design_file import read_design
+
+FEW, MANY = 12, 300  # files of a kind by default, and when asked for all: eight kinds
+
+Act = Callable[[Path], Any]
+
+
+def tried(strategy: Any) -> Callable[[Any], Any]:
+    """Run a test over a few generated files, and, marked slow, over many."""
+
+    def decorate(check: Callable[..., None]) -> Any:
+        @pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
+        def test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, count: int) -> None:
+            monkeypatch.chdir(tmp_path)
+            calm = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much]
+
+            @settings(max_examples=count, suppress_health_check=calm)
+            @given(strategy)
+            def every(example: Any) -> None:
+                check(example, tmp_path, capsys)
+
+            every()
+
+        return test
+
+    return decorate
+
+
+def read_or_refused(act: Act, path: Path) -> None:
+    """A function that reads a file returns, or raises BadInput with one line that names the file."""
+    with watched(path.parent) as watch:
+        try:
+            act(path)
+            line = None
+        except BadInput as error:
+            line = str(error)
+    assert not watch.trespasses
+    assert line is None or ("\n" not in line and path.name in line), line
+
+
+def command_ends_well(words: list[str], folder: Path, capsys: Any) -> None:
+    """A command ends with its result, or with exit code 2, one line, and no file."""
+    before = set(os.listdir(folder))
+    with watched(folder) as watch:
+        code = main(words)
+    said = capsys.readouterr()
+    assert not watch.trespasses
+    assert code in (ExitCode.SUCCESS, ExitCode.BAD_INPUT), said.err
+    if code == ExitCode.BAD_INPUT:
+        assert said.err.count("\n") == 1, said.err
+        assert set(os.listdir(folder)) == before
+
+
+def put(folder: Path, name: str, content: bytes) -> Path:
+    """A file in the folder."""
+    path = folder / Path(name).name
+    path.write_bytes(content)
+    return path
+
+
+@tried(damaged_files(SCENES))
+def test_a_damaged_scene(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
+    path = put(folder, "scene.toml", example[1])
+    command_ends_well(["run", str(path), "--check"], folder, capsys)
+
+
+@tried(st.tuples(st.sampled_from(sorted(SCENES)), st.dictionaries(WORDS, VALUES, max_size=2), VALUES))
+def test_an_order_that_changes_a_scene(example: Any, folder: Path, capsys: Any) -> None:
+    name, entries, value = example
+    orders = [f"{key}={entry}" for key, entry in (entries | {"run": value, "grains.size": value}).items()]
+    words = [word for order in orders for word in ("--set", order.replace("\0", ""))]
+    command_ends_well(["run", str(ROOT / name), "--check", *words], folder, capsys)
+
+
+@tried(damaged_files(STUDIES))
+def test_a_damaged_study(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
+    path = put(folder, "study.toml", example[1])
+    read_or_refused(read_study_file, path)
+    read_or_refused(read_study, path)
+
+
+@tried(damaged_files(MEASURED) | st.tuples(st.just("table.csv"), tables))
+def test_a_damaged_table_of_measurements(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
+    path = put(folder, "measured.csv", example[1])
+    read_or_refused(read_table, path)
+    read_or_refused(read_design, path)
+
+
+@tried(damaged_files(PUBLISHED) | st.tuples(st.just("table.csv"), tables))
+def test_a_damaged_table_of_runs(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
+    path = put(folder, "published.csv", example[1])
+    command_ends_well(["audit", str(path)], folder, capsys)
+
+
+def test_a_level_beyond_all_integers_is_audited(tmp_path: Path) -> None:
+    table = PUBLISHED["doe/hao2022/table_8.csv"].replace(b"\n1,-1,-1,", b"\n1,-11e9,-1,", 1)
+    assert table not in PUBLISHED.values()
+    assert main(["audit", str(put(tmp_path, "published.csv", table))]) == ExitCode.SUCCESS
+
+
+@tried(damaged_files(MESHES))
+def test_a_damaged_mesh(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
+    name, content = example
+    put(folder, name, content)
+    scene = (ROOT / "scenes" / "incline.toml").read_text(encoding="utf-8")
+    path = put(folder, "scene.toml", scene.encode())
+    wall = f'geometry.wall={{ shape = "mesh", material = "steel", file = "{name}" }}'
+    command_ends_well(["run", str(path), "--check", "--set", wall], folder, capsys)
+
+
+def test_a_mesh_whose_corners_are_flat_is_refused(tmp_path: Path, capsys: Any) -> None:
+    put(tmp_path, "flat.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
+    path = put(tmp_path, "scene.toml", SCENES["scenes/incline.toml"])
+    wall = 'geometry.wall={ shape = "mesh", material = "steel", file = "flat.obj" }'
+    assert main(["run", str(path), "--check", "--set", wall]) == ExitCode.BAD_INPUT
+    assert "flat.obj" in capsys.readouterr().err
+
+
+@tried(damaged_files(PICTURES))
+def test_a_damaged_picture(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
+    path = put(folder, *example)
+    command_ends_well(["measure", "repose", str(path)], folder, capsys)
+
+
+@tried(st.dictionaries(st.sampled_from(["scene", "run", "grains", "geometry", "fill", "stages"]), VALUES))
+def test_sections_of_anything(example: dict[str, Any], folder: Path, capsys: Any) -> None:
+    table = {name: value for name, value in example.items() if value is not None}
+    try:
+        text = tomli_w.dumps(table)
+    except (TypeError, ValueError):
+        return  # not a table that TOML can hold
+    path = put(folder, "scene.toml", text.encode("utf-8", errors="surrogatepass"))
+    command_ends_well(["run", str(path), "--check"], folder, capsys)

@@ -1,0 +1,144 @@
+"""A disk that is full, nearly full, or shared with another writer: what is kept, and what is said."""
+
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from recorded_heaps import FLOOR, MOVING, heap_snapshot
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.recording import room
+from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
+from taichi_erosion.recording.readback import read_grains
+from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording, recorded
+from taichi_erosion.recording.whole_file import write_whole
+
+HEADER = RunHeader("full", "a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
+PATIENCE = 300  # s until a program that does not end counts as hanging; the cores may be busy
+
+WRITER = """
+import resource, sys
+from pathlib import Path
+from recorded_heaps import heap_snapshot
+from taichi_erosion.recording import room, stream
+from test_full_disk import HEADER, MOVING
+
+limit, path = int(sys.argv[1]), Path(sys.argv[2])
+room.ROOM_LEAST = 0  # as if another program had filled the disk since
+stream.FLUSH_LIMIT = 1.0  # s
+if limit:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+recording = stream.open_recording(path, HEADER)
+try:
+    for frame in range(60):
+        stream.log_frame(recording, heap_snapshot(frame), MOVING)
+        stream.flush(recording)
+    stream.close(recording)
+except stream.BadInput as error:
+    sys.exit(f"told: {error}")
+"""
+
+
+def write_until_refused(path: Path, limit: int) -> subprocess.CompletedProcess[str]:
+    places = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    return subprocess.run(
+        [sys.executable, "-c", WRITER, str(limit), str(path)],
+        env=os.environ | {"PYTHONPATH": places},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 120 kB."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = shutil.which("mount") and not subprocess.call(
+        ["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", str(folder)], stderr=subprocess.DEVNULL
+    )
+    if not mounted:
+        pytest.skip("only an administrator can mount a disk")
+    yield folder
+    subprocess.check_call(["umount", "-l", str(folder)])
+
+
+def assert_beginning_is_kept(ended: subprocess.CompletedProcess[str], path: Path) -> None:
+    told = [line for line in ended.stderr.splitlines() if line.startswith("told: ")]
+    assert told == [f"told: {path}: cannot be written to its end; {path}.part holds the beginning"]
+    assert not path.exists()
+    assert 1 <= len(read_grains(path.with_name(path.name + ".part"))) < 60
+
+
+def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    assert_beginning_is_kept(write_until_refused(path, limit=120_000), path)
+
+
+def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(small_disk: Path):
+    path = small_disk / "heap.rrd"
+    assert_beginning_is_kept(write_until_refused(path, limit=0), path)
+
+
+def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(small_disk: Path):
+    path = small_disk / "run.npz"
+    save_checkpoint(path, {"x": np.arange(10)}, {"scene_hash": "a"})
+    with pytest.raises(BadInput, match=r"run\.npz: the checkpoint cannot be written \(No space left"):
+        save_checkpoint(path, {"x": np.random.default_rng(1).random(100_000)}, {"scene_hash": "b"})
+    assert load_checkpoint(path)[1] == {"scene_hash": "a"}
+    assert [entry.name for entry in small_disk.iterdir()] == ["run.npz"]
+
+
+def test_a_full_disk_leaves_the_document_before(small_disk: Path):
+    path = write_whole(small_disk / "run.json", b"{}")
+    with pytest.raises(BadInput, match=r"run\.json: cannot be written \(No space left on device\)"):
+        write_whole(path, b" " * 200_000)
+    assert path.read_bytes() == b"{}"
+
+
+def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=room.ROOM_LEAST - 1))
+    with pytest.raises(BadInput, match="the disk is nearly full: a recording leaves 50 MB free"):
+        open_recording(tmp_path / "heap.rrd", HEADER)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_two_runs_do_not_write_one_recording(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    with recorded(path, HEADER) as first:
+        with pytest.raises(BadInput, match=r"heap\.rrd\.part: another process is writing it"):
+            open_recording(path, HEADER)
+        log_frame(first, heap_snapshot(), MOVING)
+    assert len(read_grains(path)) == 1
+    with recorded(path, HEADER):
+        pass  # the right to write ends with the recording
+
+
+def test_two_writers_of_one_file_write_one_after_the_other(tmp_path: Path):
+    path, failures = tmp_path / "runs.csv", []
+    contents = [letter * 40_000 for letter in (b"a", b"b", b"c", b"d")]
+
+    def write(content: bytes) -> None:
+        try:
+            for _ in range(25):
+                write_whole(path, content)
+                assert path.read_bytes() in contents
+        except BaseException as error:
+            failures.append(error)
+
+    writers = [threading.Thread(target=write, args=(content,)) for content in contents]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert not failures
+    assert [entry.name for entry in tmp_path.iterdir()] == ["runs.csv"]

@@ -1,0 +1,47 @@
+"""Room on the device: small scenes share one size, and so their kernels; what stays empty changes nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from grain_worlds import NONE, PLATE, RADIUS, Walls, fingerprint, grains, setup
+
+from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.simulation import advance, assemble, energies, export_state, snapshot
+from taichi_erosion.simulation.assemble import reallocate
+from taichi_erosion.simulation.sizes import first_sizes
+from taichi_erosion.simulation.step import release_first
+
+UNTIL = 2e-3  # s, in which a grain that starts a radius above the plate has hit it
+
+
+def row(count: int, walls: Walls = PLATE) -> Setup:
+    """Grains side by side, a radius above the plate, that fall on it at 1 m/s."""
+    place = np.zeros((count, 3))
+    place[:, 0], place[:, 2] = 1.99 * RADIUS * np.arange(count), 2.0 * RADIUS
+    return setup(grains(place, velocity=(0.0, 0.0, -1.0)), walls)
+
+
+@pytest.mark.parametrize("walls", [NONE, PLATE])
+@pytest.mark.parametrize(("count", "replicas"), [(1, 1), (2, 40), (33, 7), (64, 64)])
+def test_small_scenes_of_any_kind_get_the_same_room(count, replicas, walls):
+    assert first_sizes([row(count, walls)] * replicas) == first_sizes([row(5)])
+
+
+def test_a_scene_of_many_grains_gets_room_for_its_own_replicas_only():
+    sizes = first_sizes([row(100)] * 3)
+    assert (sizes.replicas, sizes.primitives, sizes.surfaces) == (3, 1, 1)
+
+
+def test_room_that_stays_empty_changes_no_bit_of_a_result():
+    setups = [row(2), row(3)]
+    sim = assemble(setups, Laws(rolling="elastic_plastic"), Numerics("cpu", 1))
+    start = export_state(sim)
+    advance(sim, [UNTIL, UNTIL])
+    roomy = [fingerprint(snapshot(sim, r)) for r in range(2)]
+    reallocate(sim, replace(sim.sizes, replicas=2, grains=3, primitives=1, surfaces=1))
+    release_first(sim.world)
+    assert export_state(sim)["released"].tolist() == start["released"].tolist()
+    advance(sim, [UNTIL, UNTIL])
+    assert [fingerprint(snapshot(sim, r)) for r in range(2)] == roomy
+    assert energies(sim).shape[0] == 2
