@@ -88,12 +88,18 @@ def test_the_commands_of_a_page_run_one_after_another(
 
 @pytest.mark.parametrize(("page", "words"), named_commands())
 def test_a_command_that_a_page_names_exists(page: str, words: str) -> None:
-    assert words.split()[0] in LAUNCHER_WORDS | command_names(), f"{page}: {words}"
+    first = words.split()[0]
+    assert first in LAUNCHER_WORDS | command_names() | program_options(), f"{page}: {words}"
 
 
 def command_names() -> set[str]:
     """Commands of the program."""
     return set(typer.main.get_command(app).commands)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def program_options() -> set[str]:
+    """Options that stand before the command."""
+    return {option for parameter in typer.main.get_command(app).params for option in parameter.opts}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: name_of(page))
