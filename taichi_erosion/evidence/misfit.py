@@ -27,6 +27,7 @@ LENGTH = 0.7  # of the kernel, in sd of a condition
 BINS = 4  # along an axis, of equal numbers of rows
 TOLD = 0.05  # adjusted probability below which a place is told as a failure
 LEVEL_AXIS = "level"
+LEAST_P = 1e-16  # told as such; below, rounding decides
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,11 @@ def sentence(observable: str, axis: str, words: str, p: float) -> str:
     """Plain words about one place."""
     if p >= TOLD:
         place = "as a whole" if axis == LEVEL_AXIS else f"along {axis}"
-        return f"{observable}: no misfit seen {place} (p = {p:.2g})"
+        return f"{observable}: no misfit seen {place} ({chance_words(p)})"
     what = words.format(axis=axis) if axis != LEVEL_AXIS else f"{words} as a whole"
-    return f"{observable}: the model is {what} (p = {p:.2g})"
+    return f"{observable}: the model is {what} ({chance_words(p)})"
+
+
+def chance_words(p: float) -> str:
+    """A probability in words; one too small to be computed is not called zero."""
+    return f"p = {p:.2g}" if p >= LEAST_P else f"p < {LEAST_P:g}"

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from taichi_erosion.evidence.autopsy import Autopsy, too_few_rows
 from taichi_erosion.evidence.findings import Clue, EffectFinding, Where
-from taichi_erosion.evidence.misfit import TOLD
+from taichi_erosion.evidence.misfit import TOLD, chance_words
 from taichi_erosion.evidence.posterior import NONE, OUTSIDE
 from taichi_erosion.evidence.tables import noise_table
 
@@ -40,7 +40,7 @@ def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
         return silence_words(effects)
     if decision.verdict == "outside_library":
         sure = f"probability {probability[OUTSIDE]:.2g}"
-        chance = f"p = {found.p_misfit:.2g} of the misfit, {found.seen.p:.2g} of the best candidate"
+        chance = f"{chance_words(found.p_misfit)} of the misfit, {found.seen.p:.2g} of the best candidate"
         return f"Something is missing and it is not in the list ({sure}; {chance})."
     if decision.verdict == "unstable":
         return "The answer changes with the seeds of the model: no name is given; more seeds are needed."

@@ -88,7 +88,8 @@ def effect_table(found: Calibration, name: str) -> str:
         entry = found.file.study.parameters[effect["name"]]
         numbers = (f"{effect['value']:+.2f}", f"{effect['p']:.2g}")
         names = f"{labels(found)[effect['name']]} {entry.symbol}".strip()
-        rows.append((names, f"{entry.low:g} to {entry.high:g} {entry.unit}", *numbers, entry.published))
+        span = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
+        rows.append((names, span, *numbers, entry.published))
     unit = found.file.study.targets[name].unit
     return markdown_table(("parameter", "range", f"effect [{unit}]", "p", "published"), rows)
 

@@ -96,7 +96,7 @@ def pareto(fit: Fit, names: Names, unit: str) -> Figure:
             axes.barh(place, abs(effect.value), color=fill, edgecolor=LINE)
         axes.set_yticks(range(len(ordered)), [label(effect.name, names) for effect in ordered])
         mark_limits(axes, fit, axes.axvline)
-        axes.set_xlabel(f"size of the effect [{unit}]; hollow: lowers")
+        axes.set_xlabel(f"size of the effect [{unit}]\nhollow: lowers")
         axes.legend(fontsize=7.5, loc="lower right", edgecolor="none", framealpha=1.0)
     return figure
 
