@@ -34,11 +34,13 @@ def view(
     web: Annotated[bool, typer.Option("--web", help="Serve a page for a browser of this machine.")] = False,
 ) -> None:
     """Open a run or a study in the rerun viewer: a window, or a page in a browser."""
-    from taichi_erosion.recording import viewer
-
     if not web:
-        raise typer.Exit(viewer.open_viewer(recording_of(file)))
-    with viewer.web_viewer(recording_of(file)) as served:
+        from taichi_erosion.recording.viewer import open_viewer
+
+        raise typer.Exit(open_viewer(recording_of(file)))
+    from taichi_erosion.recording.viewer import web_viewer
+
+    with web_viewer(recording_of(file)) as served:
         typer.echo(f"{served.words}\nCtrl-C ends it", err=True)
         wait_for_interrupt()
 

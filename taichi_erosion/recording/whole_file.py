@@ -63,9 +63,17 @@ def alone(part: Path) -> Iterator[BinaryIO]:
         with os.fdopen(os.open(part, os.O_RDWR | os.O_CREAT, 0o666), "r+b") as file:
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(file, fcntl.LOCK_EX)
-            if part.exists() and os.path.samestat(os.fstat(file.fileno()), part.stat()):
+            if is_still(part, file):
                 yield file
                 return
+
+
+def is_still(path: Path, file: BinaryIO) -> bool:
+    """Whether an open file still lies under its name."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def write_whole(path: Path, content: bytes) -> Path:

@@ -187,12 +187,16 @@ def test_files_that_cannot_be_finished_cost_no_result(monkeypatch):
     [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit)],
 )
 def test_a_signal_is_heard_at_the_next_check(number, end):
-    with deferred() as interruption:
-        os.kill(os.getpid(), number)
-        done = True  # it has not struck in the middle of something
-        with pytest.raises(end):
-            interruption.obey()
-    assert done
+    before = signal.signal(number, signal.SIG_DFL)  # the tests themselves may have been started to ignore it
+    try:
+        with deferred() as interruption:
+            os.kill(os.getpid(), number)
+            done = True  # it has not struck in the middle of something
+            with pytest.raises(end):
+                interruption.obey()
+        assert done
+    finally:
+        signal.signal(number, before)
 
 
 def test_a_signal_that_was_to_be_ignored_stays_ignored():
