@@ -120,7 +120,7 @@ def pool_of(exam: Examination, laboratory: Laboratory) -> Pool:
     if open_names:
         filled = np.full((corners.shape[0], len(open_names)), 0.5)
         filled[:, : corners.shape[1]] = corners
-        share = np.vstack([share, filled])
+        share = np.unique(np.vstack([share, filled]), axis=0)  # Sobol's points begin in a corner
     settings = {}
     for name, (low, high) in ranges.items():
         part = share[:, open_names.index(name)] if name in open_names else np.zeros(share.shape[0])
