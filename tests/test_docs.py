@@ -20,6 +20,11 @@ INLINE = re.compile(r"`\./erosion ([^`]+)`")
 LAUNCHER_WORDS = {"test"}  # what the launcher does by itself
 PLACEHOLDER = re.compile(r"^[A-Z][A-Z=]*$")
 EXECUTED = {"audit", "compare", "discover", "adopt", "next", "report", "effects", "measure", "schema"}
+SMALLER = (
+    ("count = 1800", "count = 200"),
+    ("radius_d = 9.0", "radius_d = 4.4"),
+    ("radius_d = 8.4", "radius_d = 3.8"),
+)
 OF_A_RUN = "FILE."  # a file that the reader's own run has left
 
 
@@ -84,6 +89,22 @@ def test_the_commands_of_a_page_run_one_after_another(
         words = ["IMAGE.png" if word == "IMAGE" else word for word in shlex.split(line, comments=True)]
         if words[0] in EXECUTED:
             assert main(words) == 0, line
+
+
+def test_the_python_session_of_the_live_page_measures_a_heap(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (ROOT / "docs" / "live.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    scene = (ROOT / "scenes" / "column_collapse.toml").read_text(encoding="utf-8")
+    for stated, smaller in SMALLER:
+        assert stated in scene
+        scene = scene.replace(stated, smaller)
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "scenes" / "column_collapse.toml").write_text(scene, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block, "docs/live.md", "exec"), {})
+    assert "unit='deg'" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("page", "words"), named_commands())
