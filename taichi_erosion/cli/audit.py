@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from taichi_erosion.cli import output
+from taichi_erosion.cli.output import AsJson
 
 TablePath = Annotated[Path, typer.Argument(metavar="TABLE", help="Table of runs (CSV).")]
 Response = Annotated[
@@ -20,7 +21,6 @@ ClaimsFile = Annotated[
         help="What is printed about the table (TOML); TABLE.claims.toml beside it if left out.",
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
 def audit(

@@ -18,6 +18,7 @@ from taichi_erosion.cli.doe import doe
 from taichi_erosion.cli.live import live
 from taichi_erosion.cli.log import LOG, open_log
 from taichi_erosion.cli.look import export, snapshot, view
+from taichi_erosion.cli.output import AsJson
 from taichi_erosion.cli.pages import EXPLAIN, PLAY, help_of
 from taichi_erosion.cli.progress import reporting
 from taichi_erosion.core.errors import BadInput
@@ -39,7 +40,6 @@ app.add_typer(measure, name="measure", rich_help_panel=PLAY)
 app.add_typer(doe, name="doe", rich_help_panel=EXPLAIN)
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 Override = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),

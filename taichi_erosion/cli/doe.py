@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taichi_erosion.cli import output
+from taichi_erosion.cli.output import AsJson
 from taichi_erosion.cli.pages import help_of
 from taichi_erosion.cli.progress import reporting
 
@@ -28,7 +29,6 @@ Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; one a
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the runs.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
 @doe.command(**help_of("doe design"))

@@ -9,6 +9,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.effect_files import NEW, begin_file
+from taichi_erosion.cli.output import AsJson
 from taichi_erosion.cli.pages import help_of
 from taichi_erosion.core.errors import BadInput
 
@@ -36,7 +37,6 @@ Discovery = Annotated[
         help="Begin the file with the law that a discovery proposed (STUDY.discover.json).",
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
 @app.command(**help_of("effects"))

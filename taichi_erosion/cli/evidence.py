@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from taichi_erosion.cli import evidence_output, output
+from taichi_erosion.cli.output import AsJson
 from taichi_erosion.cli.pages import help_of
 from taichi_erosion.cli.progress import reporting
 
@@ -20,7 +21,6 @@ ReportSource = Annotated[
     Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd that a run left.")
 ]
 EffectName = Annotated[str, typer.Argument(metavar="EFFECT", help="Candidate of the study.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 BudgetName = Annotated[
     Literal["quick", "full"] | None, typer.Option(help="quick: screen only; full: refit and verify too.")
 ]

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from math import floor, isfinite, log10
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -14,6 +14,7 @@ from rich.table import Table
 from taichi_erosion.cli.log import LOG
 
 Record = Mapping[str, Any]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 MARK_MISSING = "-"
 WIDEST = 1000  # characters in a line of a table that goes to a file
