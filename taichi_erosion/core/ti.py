@@ -28,8 +28,10 @@ def frames_without_source() -> Iterator[None]:
     """Leave source lines out of what frames tell: no kernel stands in a class, here or in Taichi."""
     describe_frame = inspect.getframeinfo
     setattr(inspect, "getframeinfo", lambda frame, context=1: describe_frame(frame, context=0))  # noqa: B010
-    yield
-    setattr(inspect, "getframeinfo", describe_frame)  # noqa: B010
+    try:
+        yield
+    finally:
+        setattr(inspect, "getframeinfo", describe_frame)  # noqa: B010
 
 
 with frames_without_source():

@@ -28,6 +28,7 @@ HEAP_KINDS = frozenset({"repose", "collapse", "lifting"})
 WIND_KINDS = frozenset({"threshold", "saltation"})
 SILHOUETTES = "Silhouettes at the end"
 MAGNIFICATION = 1e3  # world units are m, drawn as mm: the viewer hides what is within millimetres of the eye
+TIMELINE = "sim_time"  # of every recording [s]
 FRAMES_PER_SECOND = 30.0  # of the viewer's playback
 
 
@@ -79,7 +80,7 @@ def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
     )
     return rrb.Blueprint(
         rrb.Horizontal(grain_view(focus), right, column_shares=[5, 3]),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", fps=FRAMES_PER_SECOND),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=FRAMES_PER_SECOND),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_layout=False,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.torn_file import readable
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
-TIMELINE = "sim_time"
 PROPERTIES = "/__properties/"
 NANOSECOND = 1e-9  # s, unit of rerun's durations
 

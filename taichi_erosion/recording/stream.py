@@ -19,7 +19,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import Ledger, Snapshot
 from taichi_erosion.recording import palette
 from taichi_erosion.recording.bed import Bed, lies_in, update_bed
-from taichi_erosion.recording.blueprint import MAGNIFICATION, WIND_KINDS, blueprint, choose_focus
+from taichi_erosion.recording.blueprint import MAGNIFICATION, TIMELINE, WIND_KINDS, blueprint, choose_focus
 from taichi_erosion.recording.room import call_off_the_wait, claim
 from taichi_erosion.recording.wall_mesh import WallMesh
 from taichi_erosion.recording.whole_file import make_folder, part_path
@@ -151,7 +151,7 @@ def wall_entity(name: str) -> str:
 
 def set_time(recording: Recording, time: float, step: int) -> None:
     """Everything logged from here on belongs to this time [s] and step."""
-    recording.stream.set_time("sim_time", duration=time)
+    recording.stream.set_time(TIMELINE, duration=time)
     recording.stream.set_time("step", sequence=step)
 
 

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.recording import palette
-from taichi_erosion.recording.blueprint import FRAMES_PER_SECOND, MAGNIFICATION, Focus, grain_view, heap_focus
+from taichi_erosion.recording.blueprint import (
+    FRAMES_PER_SECOND,
+    MAGNIFICATION,
+    TIMELINE,
+    Focus,
+    grain_view,
+    heap_focus,
+)
 from taichi_erosion.recording.readback import GrainFrame, read_grains
 from taichi_erosion.recording.whole_file import make_folder, part_path
 
@@ -59,7 +66,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
     stream.send_recording_name(page.title)
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     stream.log("runs", rr.Transform3D(scale=MAGNIFICATION), static=True)
-    stream.set_time("sim_time", duration=0.0)
+    stream.set_time(TIMELINE, duration=0.0)
     for entity, text in (("summary", page.summary), ("table", page.table)):
         stream.log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
     for name, content in page.figures.items():
@@ -88,7 +95,7 @@ def log_film(stream: "rr.RecordingStream", name: str, frames: Sequence[GrainFram
     import rerun as rr
 
     for frame in frames:
-        stream.set_time("sim_time", duration=frame.time)
+        stream.set_time(TIMELINE, duration=frame.time)
         colours = palette.resting_colours(frame.ident)
         stream.log(f"runs/{name}", rr.Points3D(frame.position, radii=frame.radius, colors=colours))
 
@@ -111,7 +118,7 @@ def study_blueprint(page: StudyPage, films: Mapping[str, list[GrainFrame]]) -> "
         layout = rrb.Horizontal(rrb.Grid(*pictures, grid_columns=ACROSS - 1), texts, column_shares=[2, 1])
     return rrb.Blueprint(
         layout,
-        rrb.TimePanel(state="collapsed", timeline="sim_time", fps=FRAMES_PER_SECOND),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=FRAMES_PER_SECOND),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_layout=False,

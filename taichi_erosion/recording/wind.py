@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from taichi_erosion.core.air_snapshot import AirSnapshot
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import palette
+from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.room import claim
 from taichi_erosion.recording.stream import (
     APPLICATION,
@@ -89,7 +90,7 @@ def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
     slices = rrb.Spatial2DView(name="Speed along the wind", origin="/slice", background=palette.NIGHT)
     return rrb.Blueprint(
         rrb.Vertical(slices, below, row_shares=[1, 1]),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", fps=FRAMES_PER_SECOND),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=FRAMES_PER_SECOND),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_layout=False,
