@@ -54,6 +54,11 @@ def no_reach(constants: Constants, radius: float) -> float:
     return 0.0
 
 
+def undiminished(params: Any, conditions: Mapping[str, NDArray[np.float64]]) -> float:
+    """Dose of an effect whose strength tells all."""
+    return 1.0
+
+
 @dataclass(frozen=True)
 class Effect:
     """Optional physics that a scene can switch on by name.
@@ -77,6 +82,10 @@ class Effect:
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
     reads: tuple[str, ...] = ()  # conditions that it reads
     can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
+    dose: Callable[[Any, Mapping[str, NDArray[np.float64]]], Any] = (
+        undiminished  # how it grows with conditions
+    )
+    uncertain: Mapping[str, float] = field(default_factory=dict)  # own numbers to calibrate -> prior sd of ln
     prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
     most: float = 3.0  # largest strength that is physical [1]
     expected: Mapping[str, int] = field(default_factory=dict)  # observable -> +1 up, -1 down: literature

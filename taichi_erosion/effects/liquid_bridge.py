@@ -65,15 +65,27 @@ def held_by_clay(clay: Any) -> Any:
     return CLAY_SQUARE * np.square(clay) + CLAY_LINEAR * np.asarray(clay)
 
 
+def free_water(params: Params, conditions: Mapping[str, Any]) -> Any:
+    """Moisture that forms necks [kg kg-1]."""
+    held = params.adsorbed + held_by_clay(conditions.get("clay_fraction", 0.0))
+    return np.maximum(np.asarray(conditions.get("moisture", 0.0)) - held, 0.0)
+
+
+def dose(params: Params, conditions: Mapping[str, Any]) -> Any:
+    """Share of the smooth-sphere force over what it is at the reference [1]; none without free water."""
+    free = free_water(params, conditions)
+    grown = np.where(free > 0.0, (np.maximum(free, 1e-12) / REFERENCE) ** params.exponent, 0.0)
+    return np.minimum(grown, 1.0 / params.wet_fraction)
+
+
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
     """Numbers of one replica; without water in necks all of them vanish."""
-    held = params.adsorbed + float(held_by_clay(conditions.get("clay_fraction", 0.0)))
-    free = max(conditions.get("moisture", 0.0) - held, 0.0)
+    free = float(free_water(params, conditions))
     smooth = 2.0 * pi * params.surface_tension * cos(params.contact_angle)
-    share = min(params.wet_fraction * (free / REFERENCE) ** params.exponent, 1.0)
+    share = params.wet_fraction * float(dose(params, conditions))
     volume = 2.0 * free * params.grain_density / WATER_DENSITY * (4.0 / 3.0) * pi / params.bridges
     return {
-        "pull": strength * share * smooth * (free > 0.0),  # force over R [N m-1]
+        "pull": strength * share * smooth,  # force over R [N m-1]
         "volume": volume,  # V / R_h^3 [1]
         "rupture": 1.0 + 0.5 * params.contact_angle,  # s_max / V^(1/3) [1]
     }
@@ -102,8 +114,7 @@ def reach(constants: Constants, radius: float) -> float:
 
 def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
     """Dry grains have no bridges, nor have those whose clay holds all water."""
-    free = np.asarray(conditions.get("moisture", 0.0)) - held_by_clay(conditions.get("clay_fraction", 0.0))
-    return free > 0.0
+    return free_water(Params(), conditions) > 0.0
 
 
 def checks(probe: Probe) -> Iterator[Check]:
@@ -147,5 +158,7 @@ EFFECT = Effect(
     reach=reach,
     reads=("moisture", "clay_fraction"),
     can_act=can_act,
+    dose=dose,
+    uncertain={"exponent": 0.5},  # measured rises of thresholds and heaps lie between a third and linear
     expected={"repose_angle": 1, "threshold_u_star": 1, "flux": -1},
 )

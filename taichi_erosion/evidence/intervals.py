@@ -8,7 +8,7 @@ from taichi_erosion.evidence.evidence import Scored
 from taichi_erosion.evidence.examination import Examination
 from taichi_erosion.evidence.findings import Fitted
 from taichi_erosion.evidence.problem import Floats
-from taichi_erosion.evidence.scales import axis_value
+from taichi_erosion.evidence.scales import axis_value, effect_of
 
 TAIL = 0.05  # to either side of a 90 % interval
 HALF_WIDTH = float(stats.norm.ppf(1.0 - TAIL))  # of a normal 90 % interval, in sd
@@ -72,7 +72,10 @@ def quantile(grid: Floats, share: Floats, level: float) -> float:
 
 
 def parameter_fits(exam: Examination, scored: Scored) -> dict[str, Fitted]:
-    """Calibrated numbers with 90 % intervals, strengths and noise factors integrated out."""
+    """Calibrated numbers with 90 % intervals, strengths and noise factors integrated out.
+
+    Numbers of a candidate that does not act are left out: nothing was learnt about them.
+    """
     count = len(exam.axes)
     if count == 0 or not scored.surfaces:
         return {}
@@ -83,8 +86,11 @@ def parameter_fits(exam: Examination, scored: Scored) -> dict[str, Fitted]:
     mean = np.einsum("fc,fpc->p", weight, centres)
     second = np.einsum("fc,fpc->p", weight, centres**2) + np.einsum("fc,fp->p", weight, variances)
     sd = np.sqrt(np.maximum(second - mean**2, 0.0))
+    idle = {candidate.name for candidate in exam.problem.candidates} - set(scored.expansion.fit.names)
     fits = {}
     for j, axis in enumerate(exam.axes):
+        if effect_of(axis.name) in idle:
+            continue
         middle = float(np.clip(mean[j], axis.low, axis.high))
         low = float(np.clip(mean[j] - HALF_WIDTH * sd[j], axis.low, axis.high))
         high = float(np.clip(mean[j] + HALF_WIDTH * sd[j], axis.low, axis.high))

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.plain_file import plain_text
 from taichi_erosion.recording.whole_file import write_whole
 
 Question = Literal["compare", "discover", "adopt", "next", "rounds"]
@@ -33,7 +34,7 @@ def read_document(file: Path) -> dict[str, Any] | None:
     if not file.exists():
         return None
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
+        document = json.loads(plain_text(file))
     except (ValueError, OSError) as error:
         raise BadInput(f"{file}: cannot be read ({error}); remove it and ask again") from None
     if not isinstance(document, dict):

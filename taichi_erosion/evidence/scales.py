@@ -109,6 +109,11 @@ def split_setting(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], 
     return parameters, effects
 
 
+def effect_of(path: str) -> str | None:
+    """Effect whose number a path names, None for any other path."""
+    return path.split(".")[1] if path.startswith(EFFECTS) else None
+
+
 def strengths(candidates: tuple[Candidate, ...], acting: Mapping[str, float]) -> dict[str, float]:
     """Every candidate's strength, 0 unless it acts."""
     return {candidate.name: float(acting.get(candidate.name, 0.0)) for candidate in candidates}

@@ -1,7 +1,7 @@
 """A study that scenes answer: which scene takes which number, and what the library knows of the effects."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -10,14 +10,16 @@ import numpy as np
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
-from taichi_erosion.evidence.problem import Bools, Candidate, Conditions, Measurements
+from taichi_erosion.evidence.problem import Bools, Candidate, Conditions, Measurements, Parameter
 from taichi_erosion.evidence.simulator import (
+    CONDITIONS,
     Answer,
     Simulator,
     mask_of,
     paths_in,
     read_scene_once,
     stated_conditions,
+    stated_numbers,
 )
 from taichi_erosion.evidence.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.scene import scene_hash
@@ -93,6 +95,53 @@ def library_candidate(
     known = Candidate(name, effect.prior_scale, effect.most, partial(acts, simulator, effect, dict(columns)))
     words = {"prior_scale": entry.prior_scale, "maximum": entry.max}
     return replace(known, **{word: said for word, said in words.items() if said is not None})
+
+
+def own_numbers(
+    file: StudyFile, simulator: Simulator, table: Measurements, candidates: Sequence[Candidate]
+) -> tuple[Parameter, ...]:
+    """Numbers of effects that the literature leaves open and these measurements could settle.
+
+    They could where an effect acts under more than one value of the conditions that it reads: how a pull
+    grows with water cannot be told from one moisture. The prior is about what the scene states.
+    """
+    found = []
+    for candidate in candidates:
+        effect = simulator.library[candidate.name]
+        ranges = {f.name: f.metadata for f in fields(effect.params)}
+        if effect.uncertain and levels(file, table, candidate, effect) > 1:
+            for name, sd in effect.uncertain.items():
+                path = f"effects.{effect.name}.{name}"
+                start, low, high = stated(simulator, effect, name), ranges[name]["low"], ranges[name]["high"]
+                found.append(Parameter(path, start, low, high, sd))
+    return tuple(number for number in found if number.path not in file.parameters)
+
+
+def levels(file: StudyFile, table: Measurements, candidate: Candidate, effect: Effect) -> int:
+    """Different values of the conditions that an effect reads, among the rows where it can act."""
+    read = {f"{CONDITIONS}{name}" for name in effect.reads}
+    columns = [table.conditions[name] for name, said in file.conditions.items() if read & {*paths_in(said)}]
+    mask = np.ones(table.size, bool) if candidate.mask is None else candidate.mask(table.conditions)
+    return len({tuple(column[i] for column in columns) for i in np.flatnonzero(mask)})
+
+
+def stated(simulator: Simulator, effect: Effect, name: str) -> float:
+    """A number of an effect as the scenes state it, else its usual value."""
+    for answer in simulator.answers.values():
+        entry = stated_numbers(answer.scene, effect.name)
+        if name in entry:
+            return entry[name]
+    return getattr(effect.params(), name)
+
+
+def understanding(simulator: Simulator, numbers: Sequence[Parameter]) -> Simulator:
+    """The simulator whose scenes take some numbers of effects too."""
+    paths = {number.path for number in numbers}
+    answers = {
+        name: replace(answer, understood=answer.understood | paths)
+        for name, answer in simulator.answers.items()
+    }
+    return replace(simulator, answers=answers)
 
 
 def acts(simulator: Simulator, effect: Effect, columns: Mapping[str, str], conditions: Conditions) -> Bools:

@@ -20,6 +20,7 @@ from taichi_erosion.campaign.store import Store, open_store
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.problem import Bools, Conditions, Floats, Integers
+from taichi_erosion.evidence.scales import effect_of
 from taichi_erosion.evidence.units import conversion, parse_unit
 from taichi_erosion.run.check import read_scene
 from taichi_erosion.scene import Scene
@@ -130,25 +131,33 @@ def paths_in(said: str) -> list[str]:
     return [path.strip() for path in said.split(",")]
 
 
-def effect_of(path: str) -> str | None:
-    """Effect whose number a path names, None for any other path."""
-    return path.split(".")[1] if path.startswith("effects.") else None
-
-
 def stated_conditions(scene: Path) -> dict[str, float]:
     """Conditions that a scene states itself."""
     return read_scene_once(scene, ()).conditions.model_dump(exclude_none=True)
 
 
+def stated_numbers(scene: Path, effect: str) -> dict[str, float]:
+    """Numbers of an effect, but for its strength, that a scene states itself."""
+    entries = read_scene_once(scene, ()).effects.get(effect, {})
+    return {name: value for name, value in entries.items() if name != STRENGTH}
+
+
 def mask_of(effect: Effect, columns: Conditions, stated: Mapping[str, float]) -> Bools:
     """Rows in which an effect can act; what a row leaves out is as the scene states it."""
+    known = known_conditions(columns, stated)
+    size = len(next(iter(columns.values()))) if columns else 1
+    return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), size)
+
+
+def known_conditions(columns: Conditions, stated: Mapping[str, float]) -> Conditions:
+    """Conditions of rows by name; what a row leaves out is as the scene states it."""
     size = len(next(iter(columns.values()))) if columns else 1
     known = {name: np.full(size, value) for name, value in stated.items()}
     for path, column in columns.items():
         name = path.removeprefix(CONDITIONS)
         if path.startswith(CONDITIONS) and bool(np.isfinite(column).any()):
             known[name] = np.where(np.isfinite(column), column, known.get(name, np.nan))
-    return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), size)
+    return known
 
 
 def value_in(result: RunResult, answer: Answer) -> float:

@@ -63,6 +63,7 @@ class Answering:
     candidates: Sequence[Candidate]
     adopted: tuple[Candidate, ...]
     store: Store
+    numbers: tuple[Parameter, ...] = ()  # of effects themselves, to be calibrated with them
 
 
 @dataclass(frozen=True)
@@ -106,9 +107,12 @@ def load_study(
     problem = Problem(
         measurements=measurements,
         observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
-        parameters=tuple(
-            Parameter(name, entry.start, entry.low, entry.high, entry.prior_sd_log)
-            for name, entry in file.parameters.items()
+        parameters=(
+            *(
+                Parameter(name, entry.start, entry.low, entry.high, entry.prior_sd_log)
+                for name, entry in file.parameters.items()
+            ),
+            *answering.numbers,
         ),
         candidates=tuple(answering.candidates),
         model=Spoken(answering.model, dict(file.conditions), measures_of(file)),
@@ -145,8 +149,10 @@ def scene_answers(
         scene_study.library_candidate(simulator, name, entry, file.conditions)
         for name, entry in file.adopted.items()
     )
+    numbers = scene_study.own_numbers(file, simulator, measurements, (*candidates, *adopted))
+    simulator = scene_study.understanding(simulator, numbers)
     identity = scene_study.identity_of(simulator)
-    return Answering(simulator, identity, candidates, adopted, Store(results / FILE))
+    return Answering(simulator, identity, candidates, adopted, Store(results / FILE), numbers)
 
 
 def measures_of(file: StudyFile) -> dict[str, str]:

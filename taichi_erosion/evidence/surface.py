@@ -11,8 +11,9 @@ itself, and s the scatter of one run. All are Gaussian processes:
     i: I^2 sum_{j<k} psi_j psi_j' psi_k psi_k' k(x; 2 L) k(c; L_c)
 
 with k squared-exponential kernels. Each h_k vanishes at strength 0, so the bare model is one surface whatever
-effects there are. B, H_k, I and s are the likeliest ones, held by broad priors. A surface spends every run on
-every question: its mean is far surer than that of the few runs at any one setting.
+effects there are; a number of effect k itself is among the x of h_k and i alone. B, H_k, I and s are the
+likeliest ones, held by broad priors. A surface spends every run on every question: its mean is far surer than
+that of the few runs at any one setting.
 
 Reference: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, ch. 2, 5.4.2 (leave-one-out);
 Sacks, Welch, Mitchell & Wynn (1989), Stat. Sci. 4, 409 (surfaces in place of simulations).
@@ -52,10 +53,12 @@ class Points:
 
 @dataclass(frozen=True)
 class Reads:
-    """Which conditions enter which part."""
+    """Which conditions and calibrated numbers enter which part."""
 
-    bare: Bools  # (q,)
+    bare: Bools  # (q,) conditions
     effects: Bools  # (effects, q)
+    bare_numbers: Bools  # (p,) calibrated numbers; an effect's own ones do nothing without it
+    effect_numbers: Bools  # (effects, p)
 
 
 @dataclass(frozen=True)
@@ -124,21 +127,23 @@ def closeness(one: Floats, other: Floats, length: float) -> Floats:
 def kernels(one: Points, other: Points, reads: Reads) -> Floats:
     """Plane, bend, every effect and two together at amplitude 1: (effects + 3, n, m)."""
     bare_one, bare_other = one.c[:, reads.bare], other.c[:, reads.bare]
+    x_one, x_other = one.x[:, reads.bare_numbers], other.x[:, reads.bare_numbers]
     shape = (one.x.shape[0], other.x.shape[0])
     parts = np.zeros((reads.effects.shape[0] + 3, *shape))
-    parts[0] = TREND**2 * (1.0 + one.x @ other.x.T + bare_one @ bare_other.T)
-    parts[1] = closeness(one.x, other.x, LENGTH) * closeness(bare_one, bare_other, LENGTH_CONDITION)
-    wide = closeness(one.x, other.x, 2.0 * LENGTH)
+    parts[0] = TREND**2 * (1.0 + x_one @ x_other.T + bare_one @ bare_other.T)
+    parts[1] = closeness(x_one, x_other, LENGTH) * closeness(bare_one, bare_other, LENGTH_CONDITION)
     total, squares = np.zeros(shape), np.zeros(shape)
-    for k, read in enumerate(reads.effects):
+    for k, (read, numbers) in enumerate(zip(reads.effects, reads.effect_numbers, strict=True)):
         product = np.outer(one.psi[:, k], other.psi[:, k])
         if not product.any():
             continue
         total, squares = total + product, squares + product**2
         near = closeness(one.psi[:, [k]], other.psi[:, [k]], LENGTH_STRENGTH)
+        wide = closeness(one.x[:, numbers], other.x[:, numbers], 2.0 * LENGTH)
         parts[k + 2] = product * near * wide * closeness(one.c[:, read], other.c[:, read], LENGTH_CONDITION)
     pairs = 0.5 * (total**2 - squares)  # sum over j < k of products
     if pairs.any():
+        wide = closeness(one.x, other.x, 2.0 * LENGTH)
         parts[-1] = pairs * wide * closeness(one.c, other.c, LENGTH_CONDITION)
     return parts
 

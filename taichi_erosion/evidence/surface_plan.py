@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from taichi_erosion.evidence.problem import Candidate, Floats
-from taichi_erosion.evidence.scales import Axis, axis_value
+from taichi_erosion.evidence.scales import Axis, axis_value, effect_of
 from taichi_erosion.evidence.screen import expected_strength
 from taichi_erosion.evidence.simulator import Answer, Simulator, effects_of, enters
 
@@ -65,7 +65,7 @@ class Amount:
 
     bare: int  # per calibrated number and one more
     effect: int  # of every effect
-    condition: int  # more of an effect for every condition that enters
+    condition: int  # more of an effect for every condition that enters, and every number of its own
     round: int  # about every explanation in a later round
     rounds: int
 
@@ -101,7 +101,14 @@ def bare_plan(
     bench: Bench, simulator: Simulator, axes: Sequence[Axis], amount: Amount, tag: str = ""
 ) -> list[Setting]:
     """Runs of the bare model; plans of another tag are other runs."""
-    return list(planned(bench, simulator, axes, None, amount.bare * (len(axes) + 1), tag))
+    count = amount.bare * (len(moving(bench, axes, ())) + 1)
+    return list(planned(bench, simulator, axes, None, count, tag))
+
+
+def moving(bench: Bench, axes: Sequence[Axis], effects: Sequence[str]) -> list[Axis]:
+    """Calibrated numbers on which a run with some effects can depend: an effect's own need that effect."""
+    present = {None, *effects, *effects_of(bench.answer.scene)}
+    return [axis for axis in axes if effect_of(axis.name) in present]
 
 
 def effect_plan(
@@ -116,7 +123,8 @@ def effect_plan(
     rows = cells(bench, simulator, (candidate.name,))
     columns = {tuple(row.get(path) for row in rows) for path in dict.fromkeys(p for row in rows for p in row)}
     varying = [column for column in columns if len(set(column)) > 1]
-    count = amount.effect + amount.condition * len(varying) if rows else 0
+    own = len(moving(bench, axes, (candidate.name,))) - len(moving(bench, axes, ()))
+    count = amount.effect + amount.condition * (len(varying) + own) if rows else 0
     return list(planned(bench, simulator, axes, candidate, count, tag))
 
 
@@ -131,10 +139,12 @@ def planned(
     """Runs spread over the reach of the priors, the conditions, and the strengths of at most one effect."""
     names = () if candidate is None else (candidate.name,)
     rows, scene = cells(bench, simulator, names), bench.answer.scene
+    free, middle = moving(bench, axes, names), {axis.name: rounded(axis_value(axis, 0.0)) for axis in axes}
     key = f"{scene.name}|{'+'.join(names)}|{tag}"
-    for number, point in enumerate(spread(key, count, len(axes) + 2)):
+    for number, point in enumerate(spread(key, count, len(free) + 2)):
         row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
-        parameters = {axis.name: number_at(axis, share) for axis, share in zip(axes, point, strict=False)}
+        chosen = {axis.name: number_at(axis, share) for axis, share in zip(free, point, strict=False)}
+        parameters = middle | chosen
         effects = {} if candidate is None else {candidate.name: strength_at(candidate, point[-2])}
         yield Setting(scene, row, parameters, effects, seed_of(key, number))
 

@@ -13,16 +13,26 @@ import numpy as np
 from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.evidence.problem import Candidate, Conditions, Floats, Integers, Observable
-from taichi_erosion.evidence.scales import Axis, axis_position, from_scale, slope, to_scale
+from taichi_erosion.evidence.scales import (
+    EFFECTS,
+    Axis,
+    axis_position,
+    effect_of,
+    from_scale,
+    slope,
+    to_scale,
+)
 from taichi_erosion.evidence.screen import expected_strength
 from taichi_erosion.evidence.simulator import (
     Answer,
     Simulator,
     effects_of,
     enters,
+    known_conditions,
     mask_of,
     paths_in,
     stated_conditions,
+    stated_numbers,
     value_in,
 )
 from taichi_erosion.evidence.surface import Points, Reads, Surface, fit_surface
@@ -63,30 +73,49 @@ class Ground:
         size = len(next(iter([*at.values(), *parameters.values()]), (0,)))
         x = [position(axis, parameters[axis.name]) for axis in self.axes]
         c = [ruler(at.get(path, np.full(size, np.nan))) for path, ruler in self.rulers.items()]
-        psi = [self.strength(candidate, at, effects, size) for candidate in self.candidates]
+        psi = [self.strength(candidate, at, parameters, effects, size) for candidate in self.candidates]
         return Points(*(np.array(part, dtype=float).reshape(-1, size).T for part in (x, c, psi)))
 
     def strength(
-        self, candidate: Candidate, at: Conditions, effects: Mapping[str, Floats], size: int
+        self,
+        candidate: Candidate,
+        at: Conditions,
+        parameters: Mapping[str, Floats],
+        effects: Mapping[str, Floats],
+        size: int,
     ) -> Floats:
-        """Strength over the expected one, 0 where the effect cannot act."""
+        """Strength over the expected one, times the effect's dose; 0 where the effect cannot act."""
         given = np.broadcast_to(effects.get(candidate.name, 0.0), size)
         if not given.any():
             return np.zeros(size)
-        mask = mask_of(self.simulator.library[candidate.name], at, stated_conditions(self.answer.scene))
-        return np.where(mask, given / expected_strength(candidate), 0.0)
+        effect, known = self.simulator.library[candidate.name], stated_conditions(self.answer.scene)
+        place = f"{EFFECTS}{effect.name}."
+        calibrated = {path.removeprefix(place): v for path, v in parameters.items() if path.startswith(place)}
+        params = effect.params(**{**stated_numbers(self.answer.scene, effect.name), **calibrated})
+        share = np.where(mask_of(effect, at, known), effect.dose(params, known_conditions(at, known)), 0.0)
+        return given / expected_strength(candidate) * share
 
     def reads(self) -> Reads:
-        """Which conditions enter the bare model, and which every effect."""
+        """Which conditions and calibrated numbers enter the bare model, and which every effect."""
         library = self.simulator.library
-        own = {name for effect in effects_of(self.answer.scene) for name in library[effect].reads}
+        present = effects_of(self.answer.scene)
+        own = {name for effect in present for name in library[effect].reads}
+        names = [candidate.name for candidate in self.candidates]
+        count, rulers, axes = len(names), len(self.rulers), len(self.axes)
 
-        def entering(read: set[str]) -> list[bool]:
+        def entering(*effects: str) -> list[bool]:
+            read = own.union(*(library[effect].reads for effect in effects))
             return [enters(path, read) for path in self.rulers]
 
-        table = [entering(own | set(library[c.name].reads)) for c in self.candidates]
-        shape = (len(self.candidates), len(self.rulers))
-        return Reads(np.array(entering(own), dtype=bool), np.array(table, dtype=bool).reshape(shape))
+        def moving(*effects: str) -> list[bool]:
+            return [effect_of(axis.name) in {None, *present, *effects} for axis in self.axes]
+
+        return Reads(
+            bare=np.array(entering(), dtype=bool),
+            effects=np.array([entering(name) for name in names], bool).reshape(count, rulers),
+            bare_numbers=np.array(moving(), dtype=bool),
+            effect_numbers=np.array([moving(name) for name in names], bool).reshape(count, axes),
+        )
 
 
 def position(axis: Axis, values: Floats) -> Floats:

@@ -65,7 +65,7 @@ def draw(measurements: Measurements, units: Sequence[Unit], rows: Bools, fractio
     """Units for the vault: of every observable its fraction, as nearly as whole units allow.
 
     A unit stays out of it without which a condition would no longer vary among the rows of an observable that
-    are seen.
+    are seen, or all of them would have some of it, or none: only dry heaps tell water from what always acts.
     """
     seen: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(rows).tolist():
@@ -88,14 +88,16 @@ def draw(measurements: Measurements, units: Sequence[Unit], rows: Bools, fractio
 
 
 def varied(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
-    """Observables with the conditions that vary among some of their rows."""
+    """Observables with the conditions that vary among some of their rows, and with those that begin at 0."""
     named = np.array(measurements.observable)
     found: set[tuple[str, str]] = set()
     for observable in dict.fromkeys(measurements.observable):
         own = rows & (named == observable)
         for name, column in measurements.conditions.items():
-            if np.unique(column[own & np.isfinite(column)]).size > 1:
+            levels = np.unique(column[own & np.isfinite(column)])
+            if levels.size > 1:
                 found.add((observable, name))
+                found |= {(observable, f"{name} from 0")} if levels[0] == 0.0 else set()
     return found
 
 

@@ -131,6 +131,16 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
             yield f"it still pulls beyond its reach of {reach:.4g} m"
 
 
+def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:
+    """Numbers that are left to calibration are parameters of the effect, and have a prior with a width."""
+    del probe
+    for name, sd in effect.uncertain.items():
+        if name not in {f.name for f in fields(effect.params)}:
+            yield f"uncertain.{name} is none of its parameters"
+        elif not 0.0 < sd < float("inf"):
+            yield f"uncertain.{name} = {sd} is no standard deviation"
+
+
 def numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
     """All numbers that an effect gives in a typical situation."""
     if effect.place == "scene":
@@ -170,6 +180,7 @@ CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
     "it is finite at the ends of every range": is_finite_everywhere,
     "it does nothing at strength 0": vanishes_at_no_strength,
     "it is silent beyond its reach": has_a_sane_reach,
+    "what it leaves to calibration is its own": leaves_open_its_own,
 }
 
 

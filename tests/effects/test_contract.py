@@ -77,6 +77,8 @@ BAD: dict[str, Effect] = {
     "its docstring lacks 'Reference:'": replace(GOOD, doc="Pulls."),
     "it reads 'colour'": replace(GOOD, reads=("colour",)),
     "its reach is inf": replace(GOOD, reach=lambda constants, radius: float("inf")),
+    "uncertain.colour is none of its parameters": replace(GOOD, uncertain={"colour": 0.5}),
+    "uncertain.pull_off = 0.0 is no standard": replace(GOOD, uncertain={"pull_off": 0.0}),
     "prior_scale = 0.0 must lie": replace(GOOD, prior_scale=0.0),
 }
 

@@ -1,11 +1,18 @@
 """Surfaces through scattered values: what they recover, how sure they say they are, where they are exact."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taichi_erosion.evidence.surface import Points, Reads, Surface, fit_surface
 
-READS = Reads(np.array([True, False]), np.array([[True, True], [True, False]]))
+READS = Reads(
+    bare=np.array([True, False]),
+    effects=np.array([[True, True], [True, False]]),
+    bare_numbers=np.array([True, True]),
+    effect_numbers=np.array([[True, True], [True, True]]),
+)
 SCATTER = 0.2
 
 
@@ -59,6 +66,22 @@ def test_strength_zero_is_the_bare_model_whatever_the_condition_that_only_an_eff
     bare = drawn(np.random.default_rng(5), 20, None)
     other = Points(bare.x, bare.c * np.array([1.0, -3.0]), bare.psi)
     assert np.array_equal(surface.mean(bare), surface.mean(other))
+
+
+def test_a_number_of_an_effect_moves_nothing_without_it_and_is_learnt_with_it():
+    own = replace(READS, bare_numbers=np.array([True, False]))
+    generator = np.random.default_rng(9)
+    known = joined(drawn(generator, 40, None), drawn(generator, 40, 0))
+
+    def world(points: Points) -> np.ndarray:
+        return points.x[:, 0] + points.psi[:, 0] * (1.0 + 0.3 * points.x[:, 1])
+
+    surface = fit_surface(known, world(known) + 0.1 * generator.standard_normal(80), own)
+    bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
+    moved = Points(bare.x + np.array([0.0, 2.0]), bare.c, bare.psi)
+    assert np.array_equal(surface.mean(bare), surface.mean(moved))
+    # 0.3 psi x reaches 1.5; a surface blind to the number would be off by 0.6 in the mean square
+    assert np.sqrt(np.mean((surface.mean(acting) - world(acting)) ** 2)) < 0.2
 
 
 def test_an_effect_without_any_action_is_read_as_none(surface):

@@ -59,6 +59,16 @@ def test_the_only_moist_heaps_are_never_all_held_out(first):
     assert np.delete(wet, hidden).any()
 
 
+@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 40))
+def test_the_only_dry_heaps_are_never_all_held_out(first):
+    table = measurements(8)
+    water = np.array([0.01 * max(int(name.split()[1]) - 1, 0) for name in table.group])  # two dry ones
+    table = replace(table, value=np.linspace(first, 30.0, table.size), conditions={"moisture": water})
+    hidden, _ = split(table, 0.4, {})
+    assert len(hidden) == 6  # 0.4 of eight heaps, for both observables
+    assert (np.delete(water, hidden) == 0.0).any()
+
+
 def test_with_too_few_groups_what_was_measured_together_is_held_out_together():
     hidden = held_out(measurements(10, group="collapse"))
     assert len(hidden) == 6
