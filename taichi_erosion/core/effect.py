@@ -54,7 +54,7 @@ def no_reach(constants: Constants, radius: float) -> float:
     return 0.0
 
 
-def undiminished(params: Any, conditions: Mapping[str, NDArray[np.float64]]) -> float:
+def undiminished(params: Any, conditions: Mapping[str, Any]) -> float:
     """Dose of an effect whose strength tells all."""
     return 1.0
 
@@ -82,9 +82,7 @@ class Effect:
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
     reads: tuple[str, ...] = ()  # conditions that it reads
     can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
-    dose: Callable[[Any, Mapping[str, NDArray[np.float64]]], Any] = (
-        undiminished  # how it grows with conditions
-    )
+    dose: Callable[[Any, Mapping[str, Any]], Any] = undiminished  # (params, conditions) -> share of strength
     uncertain: Mapping[str, float] = field(default_factory=dict)  # own numbers to calibrate -> prior sd of ln
     prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
     most: float = 3.0  # largest strength that is physical [1]
