@@ -122,7 +122,7 @@ def levels(file: StudyFile, table: Measurements, candidate: Candidate, effect: E
     read = {f"{CONDITIONS}{name}" for name in effect.reads}
     columns = [table.conditions[name] for name, said in file.conditions.items() if read & {*paths_in(said)}]
     mask = np.ones(table.size, bool) if candidate.mask is None else candidate.mask(table.conditions)
-    return len({tuple(column[i] for column in columns) for i in np.flatnonzero(mask)})
+    return len({tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)})
 
 
 def stated(simulator: Simulator, effect: Effect, name: str) -> float:

@@ -139,7 +139,7 @@ def planned(
     """Runs spread over the reach of the priors, the conditions, and the strengths of at most one effect."""
     names = () if candidate is None else (candidate.name,)
     rows, scene = cells(bench, simulator, names), bench.answer.scene
-    free, middle = moving(bench, axes, names), {axis.name: rounded(axis_value(axis, 0.0)) for axis in axes}
+    free, middle = moving(bench, axes, names), middles(axes)
     key = f"{scene.name}|{'+'.join(names)}|{tag}"
     for number, point in enumerate(spread(key, count, len(free) + 2)):
         row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
@@ -147,6 +147,11 @@ def planned(
         parameters = middle | chosen
         effects = {} if candidate is None else {candidate.name: strength_at(candidate, point[-2])}
         yield Setting(scene, row, parameters, effects, seed_of(key, number))
+
+
+def middles(axes: Sequence[Axis]) -> dict[str, float]:
+    """Calibrated numbers in the middle of their priors."""
+    return {axis.name: rounded(axis_value(axis, 0.0)) for axis in axes}
 
 
 def number_at(axis: Axis, share: float) -> float:
@@ -176,13 +181,15 @@ def round_plan(
     rows, scene = cells(bench, simulator, names), bench.answer.scene
     if not rows:
         return []
+    free, middle = moving(bench, axes, names), middles(axes)
     settings = []
-    for number, point in enumerate(spread(f"{key}|{names}", count, len(axes) + len(names) + 1)):
+    for number, point in enumerate(spread(f"{key}|{names}", count, len(free) + len(names) + 1)):
         row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
-        parameters = {
+        chosen = {
             axis.name: near(axis, about.parameters[axis.name], share)
-            for axis, share in zip(axes, point, strict=False)
+            for axis, share in zip(free, point, strict=False)
         }
+        parameters = middle | chosen
         effects = {
             name: rounded(
                 min(
@@ -190,7 +197,7 @@ def round_plan(
                     candidates[name].maximum,
                 )
             )
-            for name, share in zip(names, point[len(axes) :], strict=False)
+            for name, share in zip(names, point[len(free) :], strict=False)
         }
         settings.append(Setting(scene, row, parameters, effects, seed_of(f"{key}|{names}", number)))
     return settings

@@ -7,10 +7,12 @@ hundred runs answer them all without scatter; their own uncertainty enters every
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
 from taichi_erosion.campaign.request import RunResult
+from taichi_erosion.core.effect import STRENGTH
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.evidence.problem import Candidate, Conditions, Floats, Integers, Observable
 from taichi_erosion.evidence.scales import (
@@ -91,7 +93,8 @@ class Ground:
         effect, known = self.simulator.library[candidate.name], stated_conditions(self.answer.scene)
         place = f"{EFFECTS}{effect.name}."
         calibrated = {path.removeprefix(place): v for path, v in parameters.items() if path.startswith(place)}
-        params = effect.params(**{**stated_numbers(self.answer.scene, effect.name), **calibrated})
+        numbers: dict[str, Any] = {**stated_numbers(self.answer.scene, effect.name), **calibrated}
+        params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
         share = np.where(mask_of(effect, at, known), effect.dose(params, known_conditions(at, known)), 0.0)
         return given / expected_strength(candidate) * share
 
