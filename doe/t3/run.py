@@ -13,6 +13,7 @@ import random
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 from math import exp, log, pi
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.evidence.sealed_set import SealedSet, seal, solve, write_results
 from taichi_erosion.measures import heap
+from taichi_erosion.measures.result import Measurement
 
 HERE = Path(__file__).parent
 CAMPAIGN = HERE.parents[1] / "campaigns" / "t3"
@@ -47,21 +49,19 @@ MOST = {"size_distribution": 1.0}
 CONDITIONS = ((0.0, 0.0), (0.015, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
 DIAMETERS = (1.5e-3, 3e-3)  # m
 REPEATS = 4
+OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
 Floats = NDArray[np.float64]
 
-COUNT, DENSITY, GRAVITY = 100, 2500.0, 9.81  # grains, kg m-3, m s-2
-YOUNG, POISSON, RESTITUTION = 5e5, 0.25, 0.5  # Pa, 1, 1
+DENSITY, GRAVITY = 2500.0, 9.81  # kg m-3, m s-2
+POISSON, RESTITUTION = 0.25, 0.5  # [1]
 SLIDING, ROLLING = 0.52, 0.15  # middle of the laboratories
-STEP_D = 2e-2  # time step over diameter [s m-1]
-SPRING_D, DAMPER_DD = 0.005 * YOUNG, 950.0  # rolling spring over d [N m-2], damper over d^2 [kg s-1 m-2]
-TUBE_D, FILL_D, PITCH_D, FIRST_D = 3.5, 3.0, 1.15, 0.7  # over the diameter
+PITCH_D, FIRST_D = 1.15, 0.7  # over the diameter
 MOST_ANGULAR = 0.28  # rolling friction that the most angular grains add at strength 1
 NECK = 0.3 * pi * 0.072  # pull of water over d at strength 1 [N m-1]: 0.3 of a smooth neck's
 DRY_PULL = 0.03  # pull of dry grains over d at strength 1 [N m-1]
 SPREAD = log(1.5) / 1.2816  # standard deviation of ln d at strength 1: d90 / d50 = 1.5
 CUT = 1.6  # of the sizes, in standard deviations
 DUMP_HEAD = 9  # lines of a dump before the grains
-BOX = 40.0  # half the width of the box in diameters
 HEAD = """rain
 
 {count} atoms
@@ -74,6 +74,34 @@ HEAD = """rain
 Atoms # sphere
 
 """
+
+
+@dataclass(frozen=True)
+class Apparatus:
+    """A column of grains; lengths over the diameter."""
+
+    count: int
+    young: float  # Pa
+    step_d: float  # time step over diameter [s m-1]
+    damper_dd: float  # of rolling, over d^2 [kg s-1 m-2]
+    tube_d: float
+    fill_d: float
+    box_d: float  # half the width of the box
+
+
+SMALL = Apparatus(100, 5e5, 2e-2, 950.0, tube_d=3.5, fill_d=3.0, box_d=40.0)  # of ../t1
+WHOLE = Apparatus(1800, 5e6, 1e-2, 3000.0, tube_d=9.0, fill_d=8.4, box_d=55.0)  # of ../foreign_lab
+SPRING = 0.005  # of rolling, over E d [1]
+
+
+@dataclass(frozen=True)
+class Grains:
+    """What the deck is told of the grains at one condition."""
+
+    sliding: float  # [1]
+    rolling: float  # [1]
+    pull_d: float = 0.0  # of two grains that touch, over d [N m-1]
+    spread: float = 0.0  # standard deviation of ln d [1]
 
 
 def draw() -> list[dict[str, Any]]:
@@ -94,20 +122,20 @@ def draw() -> list[dict[str, Any]]:
     return cases
 
 
-def sizes(generator: np.random.Generator, spread: float, diameter: float) -> Floats:
+def sizes(generator: np.random.Generator, count: int, spread: float, diameter: float) -> Floats:
     """Diameters of one packing [m]: lognormal about a mass median, as many as weigh the same."""
     if spread == 0.0:
-        return np.full(COUNT, diameter)
+        return np.full(count, diameter)
     middle = diameter * exp(-3.0 * spread**2)
-    drawn = middle * np.exp(spread * np.clip(generator.standard_normal(20 * COUNT), -CUT, CUT))
-    enough = np.searchsorted(np.cumsum(drawn**3), COUNT * diameter**3)
+    drawn = middle * np.exp(spread * np.clip(generator.standard_normal(20 * count), -CUT, CUT))
+    enough = np.searchsorted(np.cumsum(drawn**3), count * diameter**3)
     return drawn[: int(enough)]
 
 
-def rain(generator: np.random.Generator, diameters: Floats, diameter: float) -> str:
+def rain(column: Apparatus, generator: np.random.Generator, diameters: Floats, diameter: float) -> str:
     """Data file of the start: square nets, each turned and shifted at random, one above the other."""
     pitch = PITCH_D * float(diameters.max())
-    half = int(FILL_D * diameter / pitch) + 2
+    half = int(column.fill_d * diameter / pitch) + 2
     net = np.array([(i, j) for i in range(-half, half + 1) for j in range(-half, half + 1)]) * pitch
     places: list[Floats] = []
     height = FIRST_D * float(diameters.max())
@@ -115,12 +143,13 @@ def rain(generator: np.random.Generator, diameters: Floats, diameter: float) -> 
         angle, shift = generator.uniform(0.0, 2.0 * pi), generator.uniform(-0.5, 0.5, 2) * pitch
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         flat = net @ turn + shift
-        flat = flat[np.hypot(*flat.T) < TUBE_D * diameter - 0.55 * diameters.max()]
+        flat = flat[np.hypot(*flat.T) < column.tube_d * diameter - 0.55 * diameters.max()]
         layer = np.column_stack([flat, np.full(len(flat), height)])
         layer += generator.uniform(-0.05, 0.05, layer.shape) * diameter
         places += list(generator.permutation(layer))
         height += pitch
-    box = {"low": -BOX * diameter, "high": BOX * diameter, "floor": -diameter, "top": height + 5.0 * diameter}
+    wide = column.box_d * diameter
+    box = {"low": -wide, "high": wide, "floor": -diameter, "top": height + 5.0 * diameter}
     speeds = generator.standard_normal((diameters.size, 3)) * 0.5 * (GRAVITY * diameter) ** 0.5
     text = HEAD.format(count=diameters.size, **box)
     for number, (size, place) in enumerate(zip(diameters, places, strict=False), 1):
@@ -131,54 +160,61 @@ def rain(generator: np.random.Generator, diameters: Floats, diameter: float) -> 
     return text
 
 
-def told(case: dict[str, Any], diameter: float, moisture: float, angularity: float) -> dict[str, Any]:
-    """What stands in the deck: the grains of one laboratory at one condition."""
+def grains_of(case: dict[str, Any], moisture: float, angularity: float) -> Grains:
+    """The grains of one laboratory at one condition."""
     strength = case["effects"]
     pull = strength.get("dry_adhesion", 0.0) * DRY_PULL
-    pull += strength.get("liquid_bridge", 0.0) * NECK * (moisture > 0.0)  # [N m-1]
+    pull += strength.get("liquid_bridge", 0.0) * NECK * (moisture > 0.0)
     sliding = case["sliding"]
     if "angularity" in case["outside"]:
         sliding *= 1.0 + 0.8 * angularity
     if "water" in case["outside"]:
         sliding *= 0.6 if moisture > 0.0 else 1.0
-    bare = f"hertz/material {YOUNG} {RESTITUTION} {POISSON}"
+    rolling = case["rolling"] + strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity
+    return Grains(sliding, rolling, pull, strength.get("size_distribution", 0.0) * SPREAD)
+
+
+def told(column: Apparatus, grains: Grains, diameter: float) -> dict[str, Any]:
+    """What stands in the deck."""
+    bare = f"hertz/material {column.young} {RESTITUTION} {POISSON}"
     # 4 pi gamma R* with R* = d / 4 is the pull of two equal grains, so that gamma = pull / (pi d)
-    sticky = f"dmt {YOUNG} {RESTITUTION} {POISSON} {pull / pi:.8g}"
+    sticky = f"dmt {column.young} {RESTITUTION} {POISSON} {grains.pull_d / pi:.8g}"
     return {
-        "normal": sticky if pull > 0.0 else bare,
+        "normal": sticky if grains.pull_d > 0.0 else bare,
         "bare": bare,
-        "sliding": sliding,
-        "rolling": case["rolling"] + strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity,
-        "spring": SPRING_D * diameter,
-        "damper": DAMPER_DD * diameter**2,
+        "sliding": grains.sliding,
+        "rolling": grains.rolling,
+        "spring": SPRING * column.young * diameter,
+        "damper": column.damper_dd * diameter**2,
         "skin": 0.25 * diameter,
-        "tube": TUBE_D * diameter,
-        "step": STEP_D * diameter,
-        "energy": COUNT * DENSITY * pi / 6.0 * diameter**4 * GRAVITY,
-        "settle_least": round(50.0 / STEP_D),
-        "settle": round(300.0 / STEP_D),
-        "collapse": round(430.0 / STEP_D),
+        "tube": column.tube_d * diameter,
+        "step": column.step_d * diameter,
+        "energy": column.count * DENSITY * pi / 6.0 * diameter**4 * GRAVITY,
+        "settle_least": round(50.0 / column.step_d),
+        "settle": round(300.0 / column.step_d),
+        "collapse": round(430.0 / column.step_d),
     }
 
 
 def laboratory_run(
-    case: dict[str, Any], at: tuple[float, float, float], generator: np.random.Generator
-) -> dict[str, float]:
-    """Observables of one heap at (diameter, moisture, angularity)."""
-    diameter = at[0]
-    grains = sizes(generator, case["effects"].get("size_distribution", 0.0) * SPREAD, diameter)
+    column: Apparatus, grains: Grains, diameter: float, generator: np.random.Generator
+) -> dict[str, Measurement]:
+    """Observables of one heap."""
+    drawn = sizes(generator, column.count, grains.spread, diameter)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "rain.data").write_text(rain(generator, grains, diameter), encoding="utf-8")
-        deck = (HERE / "column.lmp").read_text(encoding="utf-8").format(folder=name, **told(case, *at))
-        (folder / "deck").write_text(deck, encoding="utf-8")
+        (folder / "rain.data").write_text(rain(column, generator, drawn, diameter), encoding="utf-8")
+        deck = (HERE / "column.lmp").read_text(encoding="utf-8")
+        text = deck.format(folder=name, **told(column, grains, diameter))
+        (folder / "deck").write_text(text, encoding="utf-8")
         words = ["lmp", "-in", str(folder / "deck"), "-log", "none", "-screen", "none"]
         done = subprocess.run(words, capture_output=True, text=True)
         if done.returncode:
             raise BadInput(f"LAMMPS stopped: {done.stderr[-300:]}")
-        column, pile = (read_dump(folder / f"{stage}.dump") for stage in ("column", "pile"))
-    measured = (heap.column_height(column), heap.pile_height(pile), heap.centroid_height(pile))
-    return {found.name: found.value for found in (*measured, heap.radius_90(pile)) if found.value is not None}
+        filled, pile = (read_dump(folder / f"{stage}.dump") for stage in ("column", "pile"))
+    found = (heap.column_height(filled), heap.pile_height(pile), heap.centroid_height(pile))
+    measured = (*found, heap.radius_90(pile), heap.angle_of_repose_outline(pile))
+    return {one.name: one for one in measured if one.value is not None}
 
 
 def read_dump(file: Path) -> Snapshot:
@@ -202,8 +238,9 @@ def make() -> None:
         for d in DIAMETERS:
             for w, a in CONDITIONS:
                 for _ in range(REPEATS):
-                    for name, value in laboratory_run(case, (d, w, a), generator).items():
-                        lines.append(f"{name},{value:.6g},1,m,w{w:g} a{a:g} d{d:g},{w:g},{a:g},{d:g},LAMMPS")
+                    found = laboratory_run(SMALL, grains_of(case, w, a), d, generator)
+                    at = f"w{w:g} a{a:g} d{d:g},{w:g},{a:g},{d:g}"
+                    lines += [f"{name},{found[name].value:.6g},1,m,{at},LAMMPS" for name in OBSERVABLES]
         number = case["number"]
         (CAMPAIGN / f"case_{number}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         SET.study(number).write_text(template.replace("case_0", f"case_{number}"), encoding="utf-8")

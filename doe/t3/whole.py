@@ -1,0 +1,151 @@
+"""Four laboratories in the whole apparatus of laboratory C, made by LAMMPS, asked by ../foreign_lab_c.toml.
+
+    python doe/t3/whole.py make        65 heaps of 1800 grains, half a minute of a core each
+    python doe/t3/whole.py solve       discover and adopt, by the commands; several core-hours
+    python doe/t3/whole.py tell        results_whole.csv
+
+They were chosen, not drawn: water whose pull grows in proportion to its amount, which our law does not know;
+nothing at all; water and rolling resistance together; sliding friction that grows with angularity, which no
+candidate describes.
+"""
+
+import csv
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from hashlib import sha256
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+from run import DENSITY, GRAVITY, WHOLE, Grains, laboratory_run
+
+from taichi_erosion.evidence.sealed_set import command
+from taichi_erosion.recording.whole_file import write_whole
+
+HERE = Path(__file__).parent
+FOLDER = HERE.parents[1] / "campaigns" / "t3_whole"
+STUDY = HERE.with_name("foreign_lab_c.toml")
+SCENE = HERE.with_name("foreign_lab") / "column.toml"
+TABLE = HERE / "results_whole.csv"
+DIAMETERS = (1.5e-3, 3e-3)  # m
+BARE = Grains(sliding=0.54, rolling=0.12)
+WEIGHT_D = DENSITY * pi / 6.0 * DIAMETERS[0] ** 2 * GRAVITY  # of the smaller grains, over d [N m-1]
+REPEATS, REPEATS_BARE = 3, 6
+HEAD = "observable,value,sd,n,unit,group,moisture,diameter,angularity,source"
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """Conditions (moisture, angularity), and the grains at each."""
+
+    conditions: tuple[tuple[float, float], ...]
+    grains: Callable[[float, float], Grains]
+
+
+LABORATORIES = {
+    "wet_linear": Laboratory(
+        ((0.0, 0.0), (0.01, 0.0), (0.02, 0.0), (0.04, 0.0)),
+        lambda w, a: Grains(BARE.sliding, BARE.rolling, WEIGHT_D * w / 0.02),
+    ),
+    "null": Laboratory(((0.0, 0.0), (0.02, 0.0), (0.0, 1.0)), lambda w, a: BARE),
+    "pair": Laboratory(
+        ((0.0, 0.0), (0.02, 0.0), (0.0, 1.0), (0.02, 1.0)),
+        lambda w, a: Grains(BARE.sliding, BARE.rolling + 0.25 * a, 0.8 * WEIGHT_D * (w > 0.0)),
+    ),
+    "friction_angular": Laboratory(
+        ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0)),
+        lambda w, a: Grains(BARE.sliding * (1.0 + 0.5 * a), BARE.rolling),
+    ),
+}
+
+
+def heap_of(grains: Grains, diameter: float, key: str) -> dict[str, tuple[float, str]]:
+    """Values and units of one heap, made once."""
+    kept = FOLDER / "heaps" / f"{key}.json"
+    if kept.exists():
+        return json.loads(kept.read_text("utf-8"))
+    seed = int.from_bytes(sha256(key.encode()).digest()[:4], "big")
+    found = laboratory_run(WHOLE, grains, diameter, np.random.default_rng(seed))
+    values = {name: (one.value, one.unit) for name, one in found.items()}
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(kept, json.dumps(values).encode())
+    return json.loads(json.dumps(values))
+
+
+def rows(name: str, laboratory: Laboratory) -> list[str]:
+    """Table of one laboratory: means of its repeats."""
+    lines = [HEAD]
+    for d in DIAMETERS:
+        for w, a in laboratory.conditions:
+            grains = laboratory.grains(w, a)
+            who = "base" if grains == BARE else name
+            count = REPEATS_BARE if (w, a) == (0.0, 0.0) else REPEATS
+            heaps = [heap_of(grains, d, f"{who}_{d:g}_{w:g}_{a:g}_{k}") for k in range(count)]
+            for observable, (_, unit) in heaps[0].items():
+                values = [heap[observable][0] for heap in heaps]
+                mean, sd = np.mean(values), np.std(values, ddof=1)
+                group = "fill" if observable == "column_height" else "collapse"
+                at = f"{unit},{group},{w:g},{d:g},{a:g}"
+                lines.append(f"{observable},{mean:.6g},{sd:.6g},{count},{at},LAMMPS")
+    return lines
+
+
+def make() -> None:
+    """Tables and studies."""
+    (FOLDER / "foreign_lab").mkdir(parents=True, exist_ok=True)
+    (FOLDER / "foreign_lab" / "column.toml").write_text(SCENE.read_text("utf-8"), encoding="utf-8")
+    for name, laboratory in LABORATORIES.items():
+        (FOLDER / f"{name}.csv").write_text("\n".join(rows(name, laboratory)) + "\n", encoding="utf-8")
+        text = STUDY.read_text("utf-8").replace('"measured/lab_c.csv"', f'"{name}.csv"\nruns = "runs"')
+        (FOLDER / f"{name}.toml").write_text(text, encoding="utf-8")
+
+
+def solve() -> None:
+    """What the commands say; what has been solved is not solved again."""
+    for name in LABORATORIES:
+        answer = FOLDER / f"{name}.solved.json"
+        if not answer.exists():
+            study = FOLDER / f"{name}.toml"
+            found = command("discover", study, "--budget", "quick")
+            names = found["named"] or found["group"]
+            adopted = command("adopt", study, names[0]) if names else {"vault": None}
+            write_whole(answer, json.dumps({"found": found, "vault": adopted["vault"]}).encode())
+
+
+def told(name: str) -> dict[str, Any]:
+    """One row of the table."""
+    answer = json.loads((FOLDER / f"{name}.solved.json").read_text("utf-8"))
+    found, vault = answer["found"], answer["vault"] or {}
+    return {
+        "laboratory": name,
+        "verdict": found["verdict"],
+        "named": " ".join(found["named"]),
+        "group": " ".join(found["group"]),
+        "probability": f"{max(found['probabilities'].values()):.3f}",
+        "chi2_before": f"{found['chi2_before']:.4g}",
+        "chi2_after": f"{found['chi2_after']:.4g}",
+        "rows": found["n"],
+        "vault_before": f"{vault['chi2_before']:.3g}" if vault else "",
+        "vault_after": f"{vault['chi2_after']:.3g}" if vault else "",
+        "vault_wrong": f"{vault['chi2_wrong_effect']:.3g}" if vault else "",
+        "runs": found["runs"],
+        "wall_s": f"{found['wall_s']:.0f}",
+    }
+
+
+def tell() -> None:
+    """The table of those that are solved."""
+    done = [told(name) for name in LABORATORIES if (FOLDER / f"{name}.solved.json").exists()]
+    with TABLE.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(done[0]))
+        writer.writeheader()
+        writer.writerows(done)
+
+
+if __name__ == "__main__":
+    {"make": make, "solve": solve, "tell": tell}[sys.argv[1]]()
+    typer.echo(f"{sys.argv[1]}: done")
