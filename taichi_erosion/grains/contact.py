@@ -120,12 +120,13 @@ def friction_force(materials: ti.template(), row, touch: ti.template(), slip, dt
     stretched -= stretched.dot(touch.normal) * touch.normal
     force = -stiffness * stretched
     limit = materials.friction_sliding[row] * touch.cap_force
+    damping = materials.shear_damping[row] * touch.damping * touch.root_contact_radius
     size_squared = force.norm_sqr()
     if size_squared > limit * limit:
         force *= limit / ti.sqrt(size_squared)
         stretched = force * (-1.0 / ti.max(stiffness, STIFFNESS_LEAST))
     else:
-        force -= (materials.shear_damping[row] * touch.damping * touch.root_contact_radius) * tangential
+        force -= damping * tangential
     return force, stretched
 
 

@@ -47,4 +47,4 @@ def count_wide(world_out: ti.template(), r):
 def is_wide(world: ti.template(), r, i):
     """Whether the grain at place i reaches beyond adjacent cells."""
     (grains,) = ti.static((world.grains,))
-    return grains.radius[i] + grains.margin[i] > world.replicas.grasp_most[r]
+    return grains.extent[i] > world.replicas.grasp_most[r]

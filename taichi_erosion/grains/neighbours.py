@@ -17,6 +17,8 @@ from taichi_erosion.grains.pairs import MEMORY, ROW_SHIFT, entry_block, partitio
 from taichi_erosion.grains.search import search_grain
 from taichi_erosion.grains.state import partition_first, side_block
 
+TOUCHING = 1e-5  # of the distance of two grains: nearer to touching than this they count as touching [1]
+
 
 @ti.func
 def release_grains(world_out: ti.template(), r):
@@ -64,7 +66,7 @@ def move_grains(world_out: ti.template(), r, p):
         grains_out.radius[k] = radius
         grains_out.mass_inverse[k] = grains_out.mass_inverse[i]
         grains_out.travel_squared[k] = allowed * allowed
-        grains_out.margin[k] = allowed
+        grains_out.extent[k] = radius + allowed
         grains_out.material[k] = grains_out.material[i]
         grains_out.ident[k] = grains_out.ident[i]
         if ti.static(world_out.driven):
@@ -107,6 +109,17 @@ def recall(world_out: ti.template(), r, entry, rank_i, rank_j):
 
 
 @ti.func
+def may_go_on(world: ti.template(), i, j, difference):
+    """Whether a contact of places i and j may have a memory: apart they forget, if nothing holds them."""
+    (grains,) = ti.static((world.grains,))
+    held = True
+    if ti.static(not (world.laws.adhesive or world.pair_effects.any)):
+        contact_distance = (1.0 + TOUCHING) * (grains.radius[i] + grains.radius[j])
+        held = difference.norm_sqr() < contact_distance * contact_distance
+    return held
+
+
+@ti.func
 def fill_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     """Constants and memory of one listed pair."""
     grains, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
@@ -116,6 +129,7 @@ def fill_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     difference = nearest_image(grains.origin[i] - grains.origin[j], world_out.replicas.period[r])
     row = pair_row(materials, r, grains.material[i], grains.material[j])
     mass = 1.0 / (grains.mass_inverse[i] + grains.mass_inverse[j])
+    pairs_out.owner[entry] = rank_i
     pairs_out.separation[entry] = ti.cast(difference, float)
     root_radius = ti.sqrt(grains.radius[i] * grains.radius[j] / (grains.radius[i] + grains.radius[j]))
     inertia = ROLLING_INERTIA / (
@@ -124,7 +138,13 @@ def fill_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     pairs_out.root_radius[entry] = root_radius
     pairs_out.damping[entry] = materials.damping[row] * ti.sqrt(mass)
     pairs_out.rolling_damping[entry] = world_out.laws.rolling_constant(materials, row, root_radius, inertia)
-    pairs_out.label[entry] = (row << ROW_SHIFT) + recall(world_out, r, entry, rank_i, rank_j)
+    memory = 0
+    if may_go_on(world_out, i, j, difference):
+        memory = recall(world_out, r, entry, rank_i, rank_j)
+    else:
+        pairs_out.slip[entry] = 0.0 * pairs_out.slip[entry]
+        pairs_out.tilt[entry] = 0.0 * pairs_out.tilt[entry]
+    pairs_out.label[entry] = (row << ROW_SHIFT) + memory
 
 
 @ti.func

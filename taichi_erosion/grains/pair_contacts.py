@@ -1,7 +1,12 @@
-"""Forces between grains: each partition walks its half list and adds to both partners in its own buffer."""
+"""Forces between grains: each partition walks its half list and adds to both partners in its own buffer.
+
+Pairs within reach are struck in batches (`grains.batches`): the walk fills the lanes of a batch, the contact
+law runs over all of them, and what it gives is dealt out to the grains.
+"""
 
 from taichi_erosion.core.effect import passes, pull_of
 from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.batches import LANES, lane, put
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.contact import contact_force, describe_contact
 from taichi_erosion.grains.pairs import ENGAGED, MET, ROW_SHIFT
@@ -12,12 +17,12 @@ STIR, UNIT = 0x85EBCA6B, 2.0**-32  # odd, from the finaliser of MurmurHash3; of 
 
 
 @ti.func
-def report_overlap(replicas_out: ti.template(), r, p, rank, partner, ratio):
-    """Keep the first overlap beyond the limit that this partition met."""
-    if ratio > replicas_out.overlap_limit[r] and replicas_out.fault_value[r, p] == 0.0:
-        replicas_out.fault_value[r, p] = ratio
-        replicas_out.fault_grain[r, p] = rank
-        replicas_out.fault_partner[r, p] = partner
+def report_overlap(replicas_out: ti.template(), r, p, ranks, overlap, size):
+    """Keep the first overlap beyond the limit, a share of `size` [m], that this partition met."""
+    if overlap > replicas_out.overlap_limit[r] * size and replicas_out.fault_value[r, p] == 0.0:
+        replicas_out.fault_value[r, p] = overlap / size
+        replicas_out.fault_grain[r, p] = ranks[0]
+        replicas_out.fault_partner[r, p] = ranks[1]
 
 
 @ti.func
@@ -35,40 +40,6 @@ def remember(entries_out: ti.template(), e, slip, tilt):
     entries_out.label[e] = entries_out.label[e] | ENGAGED
     entries_out.slip[e] = slip
     entries_out.tilt[e] = tilt
-
-
-@ti.func
-def pair_touch(world: ti.template(), e, places, normal, elastic):
-    """Struct of the contact of a pair; `places` as in `act_on_pair`."""
-    grains, pairs = ti.static((world.grains, world.pairs))
-    i, j, _, lever = places
-    arms = grains.radius[i] * grains.spin[i] + grains.radius[j] * grains.spin[j]
-    velocity = grains.velocity[i] - grains.velocity[j] - lever * arms.cross(normal)
-    constants = (pairs.root_radius[e], pairs.damping[e], pairs.rolling_damping[e])
-    return describe_contact(world.laws, normal, velocity, grains.spin[i] - grains.spin[j], constants, elastic)
-
-
-@ti.func
-def act_on_pair(world_out: ti.template(), r, e, places, normal, elastic):
-    """Force [N] and torque [N m] on the owner of an acting contact; the partner gets its share.
-
-    `places` are the owner, the partner, the partner's place in the force buffer, and the lever: the distance
-    of the centres over the sum of the radii [1]. Both grains turn about one point of contact, which keeps
-    the angular momentum of the pair.
-    """
-    grains_out, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
-    i, j, reaction, lever = places
-    touch = pair_touch(world_out, e, places, normal, elastic)
-    row = pairs_out.label[e] >> ROW_SHIFT
-    dt = world_out.replicas.time_step[r]
-    force, tangential, moment, slip, tilt = contact_force(
-        world_out.laws, materials, row, touch, pairs_out.slip[e], pairs_out.tilt[e], dt
-    )
-    remember(pairs_out, e, slip, tilt)
-    twist = lever * normal.cross(tangential)
-    grains_out.force[reaction] = grains_out.force[reaction] - force
-    grains_out.torque[reaction] = grains_out.torque[reaction] - moment - grains_out.radius[j] * twist
-    return force, moment - grains_out.radius[i] * twist
 
 
 @ti.func
@@ -90,25 +61,28 @@ def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.te
 
 
 @ti.func
-def pull_pair(world_out: ti.template(), r, e, places, normal, gap):
-    """Force on the owner by the effects [N]; the partner gets the opposite. `places` as in `act_on_pair`."""
+def pull_pair(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
+    """Give both grains of lane n the force of the effects."""
     grains_out, pairs_out = ti.static((world_out.grains, world_out.pairs))
-    i, j, reaction, _ = places
-    root = pairs_out.root_radius[e]
+    e, root = batch.entry[n], batch.root_radius[n]
+    i, j = base + batch.owner[n], base + batch.partner[n]
+    normal = lane(batch.offset, n).normalized()
+    row = pairs_out.label[e] >> ROW_SHIFT
     pair = world_out.pair_type(
-        gap=gap,
-        radius_i=grains_out.radius[i],
-        radius_j=grains_out.radius[j],
+        gap=-batch.overlap[n],
+        radius_i=batch.radius_i[n],
+        radius_j=batch.radius_j[n],
         radius_effective=root * root,
         mass_i=1.0 / grains_out.mass_inverse[i],
         mass_j=1.0 / grains_out.mass_inverse[j],
-        closing_speed=(grains_out.velocity[j] - grains_out.velocity[i]).dot(normal),
-        stiffness=touch_stiffness(world_out.materials, pairs_out.label[e] >> ROW_SHIFT, root, -gap),
+        closing_speed=-lane(batch.velocity, n).dot(normal),
+        stiffness=touch_stiffness(world_out.materials, row, root, batch.overlap[n]),
         met=0.0,
     )
     force = -hold(world_out.pair_effects, pairs_out, r, e, pair) * normal
+    action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
+    grains_out.force[action] = grains_out.force[action] + force
     grains_out.force[reaction] = grains_out.force[reaction] - force
-    return force
 
 
 @ti.func
@@ -121,82 +95,158 @@ def chance_of(first, second):
 
 
 @ti.func
-def passing(world: ti.template(), r, members, e, overlap):
-    """Whether two grains, (i, j), pass through each other."""
-    grains, replicas = ti.static((world.grains, world.replicas))
-    i, j = members
-    first, second = position_of(grains, replicas, r, i), position_of(grains, replicas, r, j)
-    meeting = world.meeting_type(
-        height=ti.cast(ti.min(first[2], second[2]), float),
-        depth=overlap / world.pairs.root_radius[e] ** 2,
-        chance=chance_of(grains.ident[i], grains.ident[j]),
-    )
-    return passes(world.meeting_effects, r, meeting)
-
-
-@ti.func
-def overlap_felt(world: ti.template(), r, members, e, overlap):
-    """Overlap of two grains [m]; where they pass through each other, a gap out of reach.
+def passing(world: ti.template(), r, e, places, overlap):
+    """Whether two grains that overlap, at `places` (i, j), pass through each other.
 
     Those that touch go on touching until they part.
     """
-    felt = overlap
-    if ti.static(world.meeting_effects.any):
-        if world.pairs.label[e] & ENGAGED == 0 and overlap > 0.0:
-            if passing(world, r, members, e, overlap) == 1:
-                felt = -world.replicas.reach[r]
-    return felt
+    grains, replicas = ti.static((world.grains, world.replicas))
+    free = 0
+    if world.pairs.label[e] & ENGAGED == 0 and overlap > 0.0:
+        i, j = places
+        first, second = position_of(grains, replicas, r, i), position_of(grains, replicas, r, j)
+        meeting = world.meeting_type(
+            height=ti.cast(ti.min(first[2], second[2]), float),
+            depth=overlap / world.pairs.root_radius[e] ** 2,
+            chance=chance_of(grains.ident[i], grains.ident[j]),
+        )
+        free = passes(world.meeting_effects, r, meeting)
+    return free
 
 
 @ti.func
-def pair_force(world_out: ti.template(), r, p, base, i, e):
-    """Force [N] and torque [N m] that entry e exerts on its owner at place i."""
-    grains, pairs_out, replicas_out = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
-    rank = pairs_out.neighbour[e]
-    j = base + rank
+def gather_pair(world: ti.template(), batch_out: ti.template(), n, base):
+    """Write what the contact law reads of the pair in lane n."""
+    grains, pairs, materials = ti.static((world.grains, world.pairs, world.materials))
+    e = batch_out.entry[n]
+    i, j = base + batch_out.owner[n], base + batch_out.partner[n]
+    row = pairs.label[e] >> ROW_SHIFT
+    batch_out.radius_i[n] = grains.radius[i]
+    batch_out.radius_j[n] = grains.radius[j]
+    batch_out.root_radius[n] = pairs.root_radius[e]
+    batch_out.damping[n] = pairs.damping[e]
+    batch_out.rolling_damping[n] = pairs.rolling_damping[e]
+    batch_out.young[n] = materials.young[row]
+    batch_out.shear[n] = materials.shear[row]
+    batch_out.shear_damping[n] = materials.shear_damping[row]
+    batch_out.friction_sliding[n] = materials.friction_sliding[row]
+    batch_out.friction_rolling[n] = materials.friction_rolling[row]
+    if ti.static(world.laws.adhesive):
+        batch_out.adhesion[n] = materials.adhesion[row]
+        batch_out.engaged[n] = pairs.label[e] & ENGAGED
+    put(batch_out.velocity, n, grains.velocity[i] - grains.velocity[j])
+    put(batch_out.spin_i, n, grains.spin[i])
+    put(batch_out.spin_j, n, grains.spin[j])
+    put(batch_out.slip, n, pairs.slip[e])
+    put(batch_out.tilt, n, pairs.tilt[e])
+
+
+@ti.func
+def strike(laws: ti.template(), batch_out: ti.template(), n, dt):
+    """Contact law in lane n.
+
+    Both grains turn about one point of contact, which keeps the angular momentum of the pair; the lever is
+    the distance of the centres over the sum of the radii [1].
+    """
+    offset = lane(batch_out.offset, n)
+    span = batch_out.radius_i[n] + batch_out.radius_j[n]
+    distance = offset.norm()
+    normal = offset * (1.0 / distance)
+    lever = distance / span
+    root = batch_out.root_radius[n]
+    elastic = laws.normal_force(batch_out, n, span - distance, root, batch_out.engaged[n])
+    spin_i, spin_j = lane(batch_out.spin_i, n), lane(batch_out.spin_j, n)
+    arms = batch_out.radius_i[n] * spin_i + batch_out.radius_j[n] * spin_j
+    velocity = lane(batch_out.velocity, n) - lever * arms.cross(normal)
+    constants = (root, batch_out.damping[n], batch_out.rolling_damping[n])
+    touch = describe_contact(laws, normal, velocity, spin_i - spin_j, constants, elastic)
+    force, tangential, moment, slip, tilt = contact_force(
+        laws, batch_out, n, touch, lane(batch_out.slip, n), lane(batch_out.tilt, n), dt
+    )
+    batch_out.overlap[n] = span - distance
+    batch_out.acts[n] = elastic[3]
+    put(batch_out.force, n, force)
+    put(batch_out.moment, n, moment)
+    put(batch_out.twist, n, lever * ti.math.cross(normal, tangential))
+    put(batch_out.slip, n, slip)
+    put(batch_out.tilt, n, tilt)
+
+
+@ti.func
+def deal_out(world_out: ti.template(), batch: ti.template(), n, buffer):
+    """Give both grains of lane n their share of an acting contact, and keep its memory."""
+    (grains_out,) = ti.static((world_out.grains,))
+    action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
+    force, moment, twist = lane(batch.force, n), lane(batch.moment, n), lane(batch.twist, n)
+    remember(world_out.pairs, batch.entry[n], lane(batch.slip, n), lane(batch.tilt, n))
+    grains_out.force[action] = grains_out.force[action] + force
+    grains_out.torque[action] = grains_out.torque[action] + (moment - batch.radius_i[n] * twist)
+    grains_out.force[reaction] = grains_out.force[reaction] - force
+    grains_out.torque[reaction] = grains_out.torque[reaction] - (moment + batch.radius_j[n] * twist)
+
+
+@ti.func
+def place_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, base):
+    """Write to lane n how the grains of entry e stand; says whether they are within reach of each other.
+
+    The lane is written in any case: a branch that goes either way at random costs more.
+    """
+    grains, pairs_out = ti.static((world_out.grains, world_out.pairs))
+    owner, partner = pairs_out.owner[e], pairs_out.neighbour[e]
+    i, j = base + owner, base + partner
     offset = pairs_out.separation[e] + grains.shift[i] - grains.shift[j]
-    contact_distance = grains.radius[i] + grains.radius[j]
-    reach = contact_distance
+    reach = grains.radius[i] + grains.radius[j]
     if ti.static(world_out.laws.adhesive or world_out.pair_effects.any):
-        reach += replicas_out.reach[r]
-    force = 0.0 * offset
-    torque = force
-    acts = 0
+        reach += world_out.replicas.reach[r]
+    batch_out.entry[n] = e
+    batch_out.owner[n] = owner
+    batch_out.partner[n] = partner
+    put(batch_out.offset, n, offset)
     distance_squared = offset.norm_sqr()
-    if distance_squared < reach * reach:
-        distance = ti.sqrt(distance_squared)
-        root = pairs_out.root_radius[e]
-        overlap = overlap_felt(world_out, r, (i, j), e, contact_distance - distance)
-        report_overlap(replicas_out, r, p, i - base, rank, overlap / (2.0 * root * root))
-        label = pairs_out.label[e]
-        row, engaged = label >> ROW_SHIFT, label & ENGAGED
-        elastic = world_out.laws.normal_force(world_out.materials, row, overlap, root, engaged)
-        acts = elastic[3]
-        places = (i, j, force_block(grains, replicas_out, r, p) + rank, distance / contact_distance)
-        if acts == 1:
-            force, torque = act_on_pair(world_out, r, e, places, offset * (1.0 / distance), elastic)
-        if ti.static(world_out.pair_effects.any):
-            force += pull_pair(world_out, r, e, places, offset * (1.0 / distance), -overlap)
-    if acts == 0:
+    near = ti.cast(distance_squared < reach * reach, ti.i32)
+    if ti.static(world_out.meeting_effects.any):
+        overlap = grains.radius[i] + grains.radius[j] - ti.sqrt(distance_squared)
+        near -= near * passing(world_out, r, e, (i, j), overlap)
+    if near < pairs_out.label[e] & ENGAGED:
         forget(pairs_out, e)
-    return force, torque
+    return near
+
+
+@ti.func
+def finish_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
+    """What the contact in lane n does to its grains."""
+    buffer = force_block(world_out.grains, world_out.replicas, r, p)
+    size = 2.0 * batch.root_radius[n] * batch.root_radius[n]
+    report_overlap(world_out.replicas, r, p, (batch.owner[n], batch.partner[n]), batch.overlap[n], size)
+    if batch.acts[n] == 1:
+        deal_out(world_out, batch, n, buffer)
+    else:
+        forget(world_out.pairs, batch.entry[n])
+    if ti.static(world_out.pair_effects.any):
+        pull_pair(world_out, batch, n, r, base, buffer)
 
 
 @ti.func
 def add_pair_forces(world_out: ti.template(), r, p):
     """Forces of all pairs that one partition owns."""
-    grains_out, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
-    base = side_block(grains_out, r, replicas.side[r])
-    buffer = force_block(grains_out, replicas, r, p)
+    grains, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
+    base = side_block(grains, r, replicas.side[r])
     count = replicas.released[r]
     first = partition_first(count, replicas.partitions[r], p)
-    for rank in range(first, partition_first(count, replicas.partitions[r], p + 1)):
-        i = base + rank
-        force = 0.0 * grains_out.velocity[i]
-        torque = force
-        for e in range(pairs.start[i], pairs.stop[i]):
-            pair, moment = pair_force(world_out, r, p, base, i, e)
-            force += pair
-            torque += moment
-        grains_out.force[buffer + rank] = grains_out.force[buffer + rank] + force
-        grains_out.torque[buffer + rank] = grains_out.torque[buffer + rank] + torque
+    last = partition_first(count, replicas.partitions[r], p + 1)
+    dt = replicas.time_step[r]
+    batch = world_out.batch_type()
+    if first < last:
+        e = pairs.start[base + first]
+        end = pairs.stop[base + last - 1]
+        while e < end:
+            taken = 0
+            while e < end and taken < LANES:
+                taken += place_pair(world_out, batch, taken, r, e, base)
+                e += 1
+            for n in range(taken):
+                gather_pair(world_out, batch, n, base)
+            for n in range(taken):
+                strike(world_out.laws, batch, n, dt)
+            for n in range(taken):
+                finish_pair(world_out, batch, n, r, p, base)

@@ -22,6 +22,7 @@ class Pairs:
     """Entries of all replicas, both sides."""
 
     capacity: int  # entries a replica and side
+    owner: Any  # i32, rank of the owner
     neighbour: Any  # i32, rank of the partner
     label: Any  # i32, row of Materials above the bits ENGAGED and MET
     separation: Any  # vec3, origin of the owner minus origin of the partner [m]
@@ -38,9 +39,11 @@ def allocate_pairs(replicas: int, grains: int, capacity: int) -> Pairs:
     """Fields of `capacity` entries a replica and side."""
     reals = {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
     vectors = {name: ti.Vector.field(3, float) for name in ("separation", "slip", "tilt")}
-    labels = {name: ti.field(ti.i32) for name in ("neighbour", "label")}
+    labels = {name: ti.field(ti.i32) for name in ("owner", "neighbour", "label")}
+    # by themselves: the search for a pair in an old list reads nothing else
+    ti.root.dense(ti.i, 2 * replicas * capacity).place(*labels.values())
     ti.root.dense(ti.i, 2 * replicas * capacity).place(
-        *labels.values(), vectors["separation"], *reals.values(), vectors["slip"], vectors["tilt"]
+        vectors["separation"], *reals.values(), vectors["slip"], vectors["tilt"]
     )
     bounds = {name: ti.field(ti.i32) for name in ("start", "stop")}
     ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())

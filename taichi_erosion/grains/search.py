@@ -12,15 +12,13 @@ ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one besid
 def closeness(world: ti.template(), r, i, j, period):
     """How places i and j stand: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
     (grains,) = ti.static((world.grains,))
-    contact_distance = grains.radius[i] + grains.radius[j]
-    within = contact_distance + (grains.margin[i] + grains.margin[j] + world.replicas.reach[r])
-    offset = ti.abs(grains.origin[i] - grains.origin[j])
+    within = grains.extent[i] + grains.extent[j] + world.replicas.reach[r]
+    away = shortest_way(ti.abs(grains.origin[i] - grains.origin[j]), period)
+    distance_squared = ti.cast(away.norm_sqr(), float)
     stand = 0
-    # most pairs of neighbouring cells lie apart in height already
-    if offset[2] < within or period[2] > 0.0:
-        distance_squared = ti.cast(shortest_way(offset, period).norm_sqr(), float)
-        stand = ti.cast(distance_squared < within * within, ti.i32)
-        stand += ti.cast(distance_squared < contact_distance * contact_distance, ti.i32)
+    if distance_squared < within * within:
+        contact_distance = grains.radius[i] + grains.radius[j]
+        stand = 1 + ti.cast(distance_squared < contact_distance * contact_distance, ti.i32)
     if ti.static(world.clumped):
         row = r * grains.capacity
         if world.source.body[row + grains.ident[i]] == world.source.body[row + grains.ident[j]]:

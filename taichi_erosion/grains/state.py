@@ -28,8 +28,8 @@ class Grains:
     spin: Any  # vec3 [rad s-1], likewise
     radius: Any  # [m]
     mass_inverse: Any  # [kg-1]
-    margin: Any  # displacement that calls for a rebuild [m]
-    travel_squared: Any  # its square [m2], which moving grains read
+    extent: Any  # radius and list margin [m]
+    travel_squared: Any  # square of the list margin [m2], a displacement that calls for a rebuild
     material: Any  # i32
     ident: Any  # i32
     force: Any  # vec3 [N], one buffer a partition: (partition * replicas + replica) * capacity + rank
@@ -101,7 +101,7 @@ def allocate_grains(replicas: int, partitions: int, capacity: int) -> Grains:
     hot = {"shift": vector(), "velocity": vector(), "spin": vector(), "radius": ti.field(float)}
     hot |= {"mass_inverse": ti.field(float), "travel_squared": ti.field(float)}
     ti.root.dense(ti.i, places).place(*hot.values())
-    cold = {"origin": vector(ti.f64), "margin": ti.field(float)}
+    cold = {"origin": vector(ti.f64), "extent": ti.field(float)}
     ti.root.dense(ti.i, places).place(*cold.values())
     labels = {"material": ti.field(ti.i32), "ident": ti.field(ti.i32)}
     ti.root.dense(ti.i, places).place(*labels.values())

@@ -30,6 +30,7 @@ class WallPairs:
     """Grains near walls: entries of all replicas, both sides, laid out as in `Pairs`."""
 
     capacity: int
+    owner: Any  # i32, rank of the grain
     wall: Any  # i32, primitive, counted over all replicas
     label: Any  # i32, as in `Pairs`
     offset: Any  # f64 vec3, from the closest point of the wall to the grain, in the wall's frame [m]
@@ -38,15 +39,17 @@ class WallPairs:
     tilt: Any  # vec3, rolling angle since engagement [rad]
     start: Any  # i32 by grain place
     stop: Any  # i32 by grain place
+    clear_squared: Any  # by grain place: square of the way [m2] that the grain has before it can touch a wall
 
 
 def allocate_wall_pairs(replicas: int, grains: int, capacity: int) -> WallPairs:
     """Fields of `capacity` entries a replica and side."""
-    entries: dict[str, Any] = {name: ti.field(ti.i32) for name in ("wall", "label", "pushes")}
+    entries: dict[str, Any] = {name: ti.field(ti.i32) for name in ("owner", "wall", "label", "pushes")}
     entries |= {name: ti.Vector.field(3, float) for name in ("slip", "tilt")}
     entries["offset"] = ti.Vector.field(3, ti.f64)
     ti.root.dense(ti.i, 2 * replicas * capacity).place(*entries.values())
-    bounds = {name: ti.field(ti.i32) for name in ("start", "stop")}
+    bounds: dict[str, Any] = {name: ti.field(ti.i32) for name in ("start", "stop")}
+    bounds["clear_squared"] = ti.field(float)
     ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())
     return WallPairs(capacity, **entries, **bounds)
 
@@ -93,7 +96,9 @@ def locate_contacts(world_out: ti.template(), i):
     for e in range(entries_out.start[i], entries_out.stop[i]):
         entries_out.offset[e] = wall_offset(walls, entries_out.wall[e], seen_from(world_out, i, e))
     for e in range(entries_out.start[i], entries_out.stop[i]):
-        entries_out.pushes[e] = is_local_minimum(world_out, i, e)
+        entries_out.pushes[e] = 1
+        if entries_out.start[i] + 1 < entries_out.stop[i]:
+            entries_out.pushes[e] = is_local_minimum(world_out, i, e)
 
 
 @ti.func
@@ -127,6 +132,7 @@ def act_on_wall(world_out: ti.template(), r, i, e, normal, speed, elastic):
         world_out.laws, materials, row, touch, entries_out.slip[e], entries_out.tilt[e], dt
     )
     remember(entries_out, e, slip, tilt)
+    entries_out.clear_squared[i] = 0.0  # until the next rebuild: what ended must be forgotten at once
     return force, moment - radius * normal.cross(tangential)
 
 
@@ -164,7 +170,7 @@ def wall_force(world_out: ti.template(), r, p, base, i, e):
     if walls.present[s] * entries_out.pushes[e] == 1 and distance < radius + world_out.replicas.reach[r]:
         overlap = ti.cast(ti.cast(radius, ti.f64) - distance, float)
         label = entries_out.label[e]
-        report_overlap(world_out.replicas, r, p, i - base, -1 - w, overlap / radius)
+        report_overlap(world_out.replicas, r, p, (i - base, -1 - w), overlap, radius)
         root = ti.sqrt(radius)
         row, engaged = label >> ROW_SHIFT, label & ENGAGED
         elastic = world_out.laws.normal_force(world_out.materials, row, overlap, root, engaged)
@@ -183,19 +189,34 @@ def wall_force(world_out: ti.template(), r, p, base, i, e):
 
 
 @ti.func
-def add_wall_forces(world_out: ti.template(), r, p):
-    """Forces of all walls on the grains of one partition."""
+def add_wall_force(world_out: ti.template(), r, p, rank):
+    """Forces of all walls near one grain."""
     grains_out, entries, replicas = ti.static((world_out.grains, world_out.wall_pairs, world_out.replicas))
     base = side_block(grains_out, r, replicas.side[r])
-    buffer = force_block(grains_out, replicas, r, p)
+    place = force_block(grains_out, replicas, r, p) + rank
+    i = base + rank
+    locate_contacts(world_out, i)
+    hand_over(world_out, i)
+    for e in range(entries.start[i], entries.stop[i]):
+        force, torque = wall_force(world_out, r, p, base, i, e)
+        grains_out.force[place] = grains_out.force[place] + force
+        grains_out.torque[place] = grains_out.torque[place] + torque
+
+
+@ti.func
+def add_wall_forces(world_out: ti.template(), r, p):
+    """Forces of all walls on the grains of one partition; those that cannot touch one yet are left out."""
+    grains, entries, replicas = ti.static((world_out.grains, world_out.wall_pairs, world_out.replicas))
+    base = side_block(grains, r, replicas.side[r])
     count = replicas.released[r]
     first = partition_first(count, replicas.partitions[r], p)
-    for rank in range(first, partition_first(count, replicas.partitions[r], p + 1)):
-        i = base + rank
-        if entries.start[i] < entries.stop[i]:
-            locate_contacts(world_out, i)
-            hand_over(world_out, i)
-        for e in range(entries.start[i], entries.stop[i]):
-            force, torque = wall_force(world_out, r, p, base, i, e)
-            grains_out.force[buffer + rank] = grains_out.force[buffer + rank] + force
-            grains_out.torque[buffer + rank] = grains_out.torque[buffer + rank] + torque
+    last = partition_first(count, replicas.partitions[r], p + 1)
+    if first < last:
+        e = entries.start[base + first]
+        end = entries.stop[base + last - 1]
+        while e < end:
+            rank = entries.owner[e]
+            i = base + rank
+            if grains.shift[i].norm_sqr() >= entries.clear_squared[i]:
+                add_wall_force(world_out, r, p, rank)
+            e = entries.stop[i]

@@ -28,6 +28,7 @@ class World:
     wall_pairs: WallPairs
     materials: Materials
     laws: ContactLaws
+    batch_type: Any  # struct type of a batch of pairs, in the run's precision
     clumped: bool  # compiled in: without clumps nothing of them is in the kernels
     clumps: Clumps
     pair_effects: Bound

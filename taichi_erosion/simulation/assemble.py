@@ -10,6 +10,7 @@ from taichi_erosion.core.effect import bind, meeting_type, pair_type
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.coupling.surroundings import Surroundings, surround
+from taichi_erosion.grains.batches import batch_type
 from taichi_erosion.grains.cells import allocate_cells
 from taichi_erosion.grains.clumps import allocate_clumps
 from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
@@ -60,6 +61,7 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
         wall_pairs=allocate_wall_pairs(sizes.replicas, sizes.grains, sizes.wall_pairs),
         materials=allocate_materials(sizes.replicas, sizes.materials),
         laws=compiled,
+        batch_type=batch_type(),
         clumped=setups[0].clumps is not None,
         clumps=allocate_clumps(sizes.replicas, sizes.bodies, sizes.grains),
         pair_effects=bind("pair", [s.effects for s in setups]),

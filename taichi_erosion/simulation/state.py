@@ -138,7 +138,10 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     part = part | {"wall_wall": part["wall_wall"] + r * sim.sizes.primitives}
     for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
         number = part[f"{prefix}_number"].astype(np.int64)
-        upload_entries(sim, r, table, number, [(getattr(table, n), part[f"{prefix}_{n}"]) for n in names])
+        columns = [(getattr(table, name), part[f"{prefix}_{name}"]) for name in names]
+        columns.append((table.owner, np.repeat(np.arange(len(number)), number)))
+        upload_entries(sim, r, table, number, columns)
+    upload([(world.wall_pairs.clear_squared, np.zeros(rows))], 2 * r * rows)
     if world.clumped:
         upload([(getattr(world.clumps, name), part[f"body_{name}"]) for name in BODY], r * sim.sizes.bodies)
         rank = np.zeros(rows)

@@ -31,7 +31,8 @@ HERTZ_LIMIT = 1e6  # d R*/L^2 beyond which adhesion is below rounding and Hertz 
 CURVATURE_AT_TEAR = 3.7797631496846193  # (d^2/ds^2)(s^4 - 2 s)/2 at the tear, 6 s^2 [1]
 START_SHIFT = 2.5198420997897464  # makes the first guess of s exact at d = 0 [1], 2^(4/3)
 SLOPE_LEAST = 1e-6  # of d(s^4 - 2 s)/ds, which vanishes at the tear [1]
-CUBE_LEAST = 1e-37  # keeps the logarithm of a cube root finite in single precision [m3]
+CUBE_LEAST = 1e-37  # keeps a cube root within the range of single precision [m3]
+GUESS_BITS = 709958130.0  # two thirds of the bits of 1, less what keeps the worst guess nearest [1]
 
 
 @ti.func
@@ -60,8 +61,20 @@ def adhesive_force(young, adhesion, reduced, root_radius):
 
 @ti.func
 def cube_root(x):
-    """Real cube root of a positive number."""
-    return ti.exp(ti.log(ti.max(x, CUBE_LEAST)) / 3.0)
+    """Real cube root of a positive number: a third of its exponent as a guess, then Halley's method.
+
+    The guess, read off the bits of the number in single precision, is right within 3.3 %; a step makes a
+    relative error e one of (2/3) e^3, so two leave 1e-14. Logarithms do not run for many contacts at once.
+
+    Reference: Kahan (1991), Computing a real cube root.
+    """
+    number = ti.max(x, CUBE_LEAST)
+    bits = ti.cast(ti.bit_cast(ti.cast(number, ti.f32), ti.i32), ti.f32)
+    root = ti.cast(ti.bit_cast(ti.cast(bits / 3.0 + GUESS_BITS, ti.i32), ti.f32), float)
+    for _ in ti.static(range(2)):
+        cubed = root * root * root
+        root *= (cubed + 2.0 * number) / (2.0 * cubed + number)
+    return root
 
 
 def compile_jkr(branch: str, cap: str) -> Any:
