@@ -18,6 +18,21 @@ here as failing. `got`, `want` and `tolerance` are in the unit that the claim na
 forces and velocities.
 
 """
+DOUBTS = """
+## What does not pass, and why
+
+V33: with k left free, the least squares over the three holes have no minimum between 1.2 and 1.6 but fall
+towards smaller k, so that the exponent is the one at the lower bound. With the k = 1.4 that spheres have,
+the holes of 6 and 7.5 diameters give 2.53 and those of 7.5 and 9 give 2.65: the flow through the widest hole
+is too large. The law is stated for silos of at least 2.5 holes and heads of about two; here the widest hole
+has a silo of 2.0 and a head of 1.3 holes. Silos wide and high enough for it take several times the grains
+and have not been run; until then the rung fails.
+
+V26 failed until its pressure was found more closely. The errors of its time steps are 1e-8 to 1e-7 of the
+velocity, and the ordinary tolerance of the pressure, 1e-9, leaves 1e-8: the orders from step to halved step
+were 1.86, 1.15 and 0.21. With 1e-12 they are 1.97, 1.99 and 2.01. That the pressure is unknown at the start
+makes no difference: with the exact one given, the errors agree to seven digits.
+"""
 FIGURES = """
 ## Curves
 
@@ -43,11 +58,30 @@ def announce(claim: Claim) -> None:
     sys.stderr.write(f"{claim.id} {'ok' if claim.passed else 'FAILED'}: {claim.claim}\n")
 
 
+def renewed(table: list[str], claims: list[Claim]) -> list[str]:
+    """Lines of a table in which the rows of some rungs are made anew."""
+    rows = markdown_table(claims).splitlines()
+    for ident in dict.fromkeys(claim.id for claim in claims):
+        mark = f"| {ident} |"
+        place = next(k for k, row in enumerate(table) if row.startswith(mark))
+        table = [row for row in table if not row.startswith(mark)]
+        table[place:place] = [row for row in rows if row.startswith(mark)]
+    judged = [row for row in table if row.startswith("| V")]
+    held = sum("| yes |" in row for row in judged)
+    seconds = sum(float(row.rsplit("|", 2)[1].removesuffix("s ")) for row in judged)
+    return [*table, "", f"{held} of {len(judged)} claims hold; {seconds:.0f} s."]
+
+
 def main(ids: list[str]) -> None:
-    """Run the ladder and write the page."""
+    """Climb the ladder and write the page; with rungs named, only their rows are made anew."""
+    page = DOCS / "verification.md"
     claims = verify(tuple(ids), announce)
+    table = markdown_table(claims)
+    if ids:
+        old = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+        table = "\n".join(renewed(old, claims)) + "\n"
     draw_curves(DOCS / "pictures")
-    (DOCS / "verification.md").write_text(HEAD + markdown_table(claims) + FIGURES, encoding="utf-8")
+    page.write_text(HEAD + table + DOUBTS + FIGURES, encoding="utf-8")
 
 
 if __name__ == "__main__":

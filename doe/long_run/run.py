@@ -21,7 +21,7 @@ from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.report.page import fill_tables, markdown_table
+from taichi_erosion.report.page import fill_table, markdown_table
 from taichi_erosion.run.check import read_scene
 from taichi_erosion.run.stages import sentence
 from taichi_erosion.scene import laws, scene_hash
@@ -172,8 +172,8 @@ def publish() -> None:
         "memory, MB",
     )
     cells = [line for p in ("f32", "f64") if (FOLDER / f"{p}.csv").exists() for line in page_rows(p)]
-    tables = {"long run": markdown_table(header, cells)}
-    write_whole(PAGE, fill_tables(PAGE.read_text(encoding="utf-8"), tables).encode())
+    page = fill_table(PAGE.read_text(encoding="utf-8"), "long run", markdown_table(header, cells))
+    write_whole(PAGE, page.encode())
 
 
 def page_rows(precision: str) -> list[tuple[str, ...]]:

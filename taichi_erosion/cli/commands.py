@@ -51,7 +51,7 @@ Replicas = Annotated[
 Arch = Annotated[
     Literal["cpu", "cuda", "vulkan", "metal"] | None, typer.Option(help="Device; cpu if left out.")
 ]
-Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads; all cores if left out.")]
+Threads = Annotated[int | None, typer.Option(min=1, max=1024, help="CPU threads; all cores if left out.")]
 Precision = Annotated[Literal["f32", "f64"] | None, typer.Option(help="Floating-point type.")]
 RecordTo = Annotated[Path | None, typer.Option("--record", metavar="FILE", help="Where the recording goes.")]
 NoRecord = Annotated[bool, typer.Option("--no-record", help="Write no recording.")]

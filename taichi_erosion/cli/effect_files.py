@@ -9,6 +9,7 @@ from typing import Any
 from jinja2 import Environment
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.plain_file import plain_text
 
 NEW = "new"  # first word that asks for a new file, so no effect can be called so
 FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
@@ -46,7 +47,7 @@ def law_file(name: str, discovery: Path) -> str:
 def proposed_law(discovery: Path) -> dict[str, Any]:
     """First law among the clues of a discovery's result, worst misfit first."""
     try:
-        clues = json.loads(discovery.read_text(encoding="utf-8"))["clues"]
+        clues = json.loads(plain_text(discovery))["clues"]
     except (OSError, ValueError, KeyError, TypeError):
         raise BadInput(f"{discovery}: is not the result of a discovery (STUDY.discover.json)") from None
     laws = [clue["law"] for clue in clues if clue["law"] is not None]

@@ -1,6 +1,5 @@
 """The command `effects`: the library of optional physics as a list, one effect as a page, or a new file."""
 
-import csv
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,8 +14,10 @@ from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Check, Effect
+    from taichi_erosion.verification.effect_answers import Answer
 
 SIGNIFICANT = 2.0  # standard errors from 0 at which a shift counts as measured [1]
+SHIFTS = ("effect_signatures/signatures.csv", "effects/beds.csv")  # of doe/
 SIGNS = {1: "up", -1: "down"}
 
 app = typer.Typer()
@@ -68,9 +69,11 @@ def show_library(library: "list[Effect]", as_json: bool) -> None:
     if as_json:
         return output.print_json({"effects": {effect.name: record(effect, measured) for effect in library}})
     table = output.empty_table("effects", "name", "what it is", "place", "moves (measured)", "reference")
+    answers = measured_answers()
     for effect in library:
-        moved = "; ".join(sentence(row) for row in measured.get(effect.name, ())) or output.MARK_MISSING
-        table.add_row(effect.name, effect.title, effect.place, moved, first_reference(effect))
+        moved = [sentence(row) for row in standing(measured.get(effect.name, []))]
+        words = "; ".join(moved + answers.get(effect.name, [])) or output.MARK_MISSING
+        table.add_row(effect.name, effect.title, effect.place, words, first_reference(effect))
     output.print_table(table)
     typer.echo("A scene switches one on by [effects.NAME] strength = 1.0; `effects NAME` describes it.")
 
@@ -90,6 +93,8 @@ def show_effect(effect: "Effect", as_json: bool) -> None:
         typer.echo(f"breaks the contract: {breach}")
     for row in measured.get(effect.name, ()):
         typer.echo(f"measured: {sentence(row)} ({circumstances(row)})")
+    for words in measured_answers().get(effect.name, ()):
+        typer.echo(f"measured: {words}")
 
 
 def print_parameters(effect: "Effect") -> None:
@@ -103,6 +108,8 @@ def print_parameters(effect: "Effect") -> None:
     output.print_table(table)
     if effect.reads:
         typer.echo(f"reads the conditions {', '.join(effect.reads)}")
+    if effect.uncertain:
+        typer.echo(f"calibrated with its strength, for the literature differs: {', '.join(effect.uncertain)}")
     if effect.expected:
         moved = ", ".join(f"{name} {SIGNS.get(sign, '?')}" for name, sign in effect.expected.items())
         typer.echo(f"expected by the literature: {moved}")
@@ -137,6 +144,7 @@ def record(effect: "Effect", measured: dict[str, list[dict[str, str]]]) -> dict[
         "title": effect.title,
         "place": effect.place,
         "reads": list(effect.reads),
+        "uncertain": dict(effect.uncertain),
         "expected": dict(effect.expected),
         "measured": measured.get(effect.name, []),
         "reference": first_reference(effect),
@@ -154,18 +162,47 @@ def first_reference(effect: "Effect") -> str:
 
 
 def measured_shifts() -> dict[str, list[dict[str, str]]]:
-    """Rows of the table of signatures whose shift is told from 0, by effect; none without the table."""
+    """Rows of the tables of shifts that are told from 0, by effect; none without the tables."""
     from taichi_erosion.campaign.cases import ROOT
+    from taichi_erosion.campaign.signatures import read_shifts
 
-    path = ROOT / "doe" / "effect_signatures" / "signatures.csv"
-    if not path.is_file():
-        return {}
     found: dict[str, list[dict[str, str]]] = {}
-    with path.open(encoding="utf-8", newline="") as table:
-        for row in csv.DictReader(table):
+    for table in SHIFTS:
+        for row in read_shifts(ROOT / "doe" / table):
             if abs(float(row["shift"])) > SIGNIFICANT * float(row["standard_error"]):
                 found.setdefault(row["effect"], []).append(row)
     return found
+
+
+def standing(rows: list[dict[str, str]]) -> list[dict[str, str]]:
+    """Shifts of the case that stands for an effect; of its first case where none does."""
+    told = [row for row in rows if not row["label"]]
+    return told or [row for row in rows if row["label"] == rows[0]["label"]]
+
+
+def measured_answers() -> dict[str, list[str]]:
+    """What each effect did where its answer is known, in words; none without the table."""
+    from taichi_erosion.campaign.cases import ROOT
+    from taichi_erosion.verification.effect_answers import read_answers
+
+    found: dict[tuple[str, str], list[Answer]] = {}
+    for answer in read_answers(ROOT / "doe" / "effects" / "answers.csv"):
+        found.setdefault((answer.effect, answer.quantity), []).append(answer)
+    words: dict[str, list[str]] = {}
+    for (name, quantity), answers in found.items():
+        words.setdefault(name, []).append(f"{quantity} {span(answers)}")
+    return words
+
+
+def span(answers: "list[Answer]") -> str:
+    """`0.0292 to 0.0298` without and with; `1.1 to 1.46 (altitude [m] 1100 to 5000)` on an axis."""
+    first, last = answers[0], answers[-1]
+    ratio = "over bare" in first.quantity
+    if len(answers) == 1:
+        return f"{first.value:.3g}" if ratio else f"{first.bare:.3g} to {first.value:.3g}"
+    bare = "" if ratio else f"; bare {first.bare:.3g}"
+    axis = f"{first.axis} {first.place:g} to {last.place:g}"
+    return f"{first.value:.3g} to {last.value:.3g} ({axis}{bare})"
 
 
 def circumstances(row: dict[str, str]) -> str:

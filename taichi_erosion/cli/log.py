@@ -1,6 +1,8 @@
 """The log that `--log FILE` asks for: the order, progress, warnings and the end, each with its time."""
 
 import logging
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 from taichi_erosion.core.errors import BadInput
@@ -18,8 +20,17 @@ def open_log(path: Path) -> None:
     except OSError as error:
         raise BadInput(f"--log {path}: cannot be written ({error.strerror})") from None
     handler.setFormatter(logging.Formatter(LAYOUT))
+    handler.handleError = lambda record: end_log(handler)
     LOG.setLevel(logging.INFO)
     LOG.addHandler(handler)
+
+
+def end_log(handler: logging.FileHandler) -> None:
+    """Write no more where the disk refuses it: the command goes on, and its log ends here."""
+    LOG.removeHandler(handler)
+    sys.stderr.write(f"--log {handler.baseFilename}: cannot be written ({sys.exception()}); it ends here\n")
+    with suppress(OSError):
+        handler.close()
 
 
 def close_log() -> None:

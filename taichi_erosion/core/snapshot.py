@@ -18,6 +18,7 @@ class Status(IntEnum):
     OVERFLOW = 5  # a list was too short; the host grows it and goes on
     RESTITUTION = 6  # a first impact did not give back what is stated
     COUNT = 7  # grains or mass are missing
+    MOMENTUM = 8  # grains gave each other momentum from nowhere
 
 
 @dataclass(frozen=True)

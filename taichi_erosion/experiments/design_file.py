@@ -16,6 +16,7 @@ from typing import get_args
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.plain_file import plain_text
 from taichi_erosion.experiments.table import Design, Factor, Floats, PointKind, to_natural
 
 FIXED = ("run", "turn", "block", "point")
@@ -46,7 +47,7 @@ def write_design(design: Design, path: Path) -> None:
 def read_design(path: Path) -> Design:
     """The design of a table that `write_design` wrote; raises BadInput with file, row and column."""
     try:
-        lines = list(csv.reader(io.StringIO(path.read_text(encoding="utf-8-sig"), newline=""), strict=True))
+        lines = list(csv.reader(io.StringIO(plain_text(path, "utf-8-sig"), newline=""), strict=True))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"{path}: cannot be read as a CSV table: {error}") from None
     if len(lines) < 2 or tuple(lines[0][:4]) != FIXED:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.plain_file import plain_file
 from taichi_erosion.recording.whole_file import growing, make_folder
 
 Arrays = dict[str, NDArray[Any]]
@@ -45,7 +46,7 @@ def load_checkpoint(path: Path, scene_hash: str | None = None) -> tuple[Arrays, 
     A run continues bit for bit only with the code that wrote it: another version of the package is refused.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as members:
+        with plain_file(path).open("rb") as file, np.load(file, allow_pickle=False) as members:
             head = json.loads(bytes(members[HEAD]).decode())
             check_head(path, head, scene_hash)
             state = {name.removeprefix(STATE): members[name] for name in members.files if name != HEAD}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.torn_file import readable
 
@@ -36,16 +37,23 @@ class GrainFrame:
 
 
 def read_chunks(path: Path) -> Iterator["Chunk"]:
-    """Chunks of the recording in a file, as far as they are whole; the blueprint beside it is left out."""
+    """Chunks of the recording in a file, as far as they are whole; the blueprint beside it is left out.
+
+    Raises BadInput where rerun finds a message damaged.
+    """
     from rerun.chunk import RrdReader
 
     with readable(path) as whole:
-        with warnings.catch_warnings():
-            # what a killed writer leaves has no footer, and is no legacy format
-            warnings.filterwarnings("ignore", "RRD file has no footer")
-            reader = RrdReader(whole)
-        if reader.recordings():  # none when the writer died within the blueprint
-            yield from reader.stream()
+        try:
+            with warnings.catch_warnings():
+                # what a killed writer leaves has no footer, and is no legacy format
+                warnings.filterwarnings("ignore", "RRD file has no footer")
+                reader = RrdReader(whole)
+            if reader.recordings():  # none when the writer died within the blueprint
+                yield from reader.stream()
+        except RuntimeError as damage:
+            reason = str(damage).partition(": ")[2].splitlines()[0]
+            raise BadInput(f"{path}: the recording is damaged ({reason})") from None
 
 
 def read_rows(path: Path, entity: str, *components: str) -> list[tuple[Any, ...]]:

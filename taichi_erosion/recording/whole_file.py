@@ -19,11 +19,20 @@ def part_path(path: Path) -> Path:
 
 
 def make_folder(path: Path) -> None:
-    """Make the folder that a file will lie in."""
+    """Make the folder that a file will lie in. Raises BadInput where it cannot be made.
+
+    Likewise where the name is that of a folder, a pipe or a device, which a whole file would replace.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        taken = not path.name or (path.exists() and not path.is_file())
+        os.fspath(path).encode()
     except OSError as error:
         raise BadInput(f"{path}: its folder cannot be made ({error.strerror})") from error
+    except ValueError:
+        raise BadInput(f"{str(path)!a}: is not a name in UTF-8") from None
+    if taken:
+        raise BadInput(f"{path}: is not the name of a file")
 
 
 def refuse_unwritable(path: Path) -> None:

@@ -4,6 +4,7 @@ import tomllib
 from pathlib import Path
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.plain_file import plain_text
 from taichi_erosion.report import calibration_page, evidence_page, run_page
 
 RUNS = (".json", ".rrd")
@@ -19,7 +20,7 @@ def write_report(source: Path, to: Path | None = None) -> Path:
 def is_calibration(study: Path) -> bool:
     """Whether a study has targets to be met, instead of measurements to be explained."""
     try:
-        return "targets" in tomllib.loads(study.read_text(encoding="utf-8"))
+        return "targets" in tomllib.loads(plain_text(study))
     except FileNotFoundError:
         raise BadInput(f"{study}: no such file") from None
     except (OSError, ValueError) as error:

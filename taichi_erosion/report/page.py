@@ -19,6 +19,14 @@ def fill_tables(page: str, tables: Mapping[str, str]) -> str:
     return MARKED.sub(lambda found: found[1] + tables[found["name"]] + found[3], page)
 
 
+def fill_table(page: str, name: str, table: str) -> str:
+    """The page with one of its marked places filled."""
+    names = [found["name"] for found in MARKED.finditer(page)]
+    if name not in names:
+        raise ValueError(f"the page marks {sorted(names)}, not '{name}'")
+    return MARKED.sub(lambda found: found[1] + table + found[3] if found["name"] == name else found[0], page)
+
+
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Markdown table, first column to the left, the rest to the right."""
     rule = [":--", *("--:" for _ in header[1:])]

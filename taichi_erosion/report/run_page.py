@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib as mpl
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.plain_file import plain_text
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.html import render
 from taichi_erosion.report.page import with_spread
@@ -34,7 +35,7 @@ def write_report(run: Path, to: Path | None = None) -> Path:
 def read_document(path: Path) -> Document:
     """The document of a run."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(plain_text(path))
     except FileNotFoundError:
         raise BadInput(f"{path}: no such document; a recorded run leaves one beside its recording") from None
     except (OSError, ValueError) as error:

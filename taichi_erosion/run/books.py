@@ -1,15 +1,17 @@
-"""What a run asks of itself: do contacts give back what is stated, and are all grains still there?"""
+"""What a run asks of itself: do contacts give back what is stated, are all grains and all momentum there?"""
 
 import numpy as np
 
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.limits import expected_speed
-from taichi_erosion.simulation import Simulation, snapshot
+from taichi_erosion.simulation import Simulation, momentum_astray, snapshot
 from taichi_erosion.simulation.impact import Impact, first_impacts
 
 RESTITUTION_ERROR = 0.1  # that stops a run: four times the largest of the shipped scenes, 0.024 [1]
 SPEED_LEAST = 1e-2  # m s-1, of an impact where nothing falls
+MOMENTUM_ERROR = 1e-5  # of the forces between grains: a dozen contacts, each rounded to 6e-8, ten times [1]
+MOMENTUM_AFTER = 1e8  # grain-steps: the question takes half a second to load, a tenth of that run
 MASS_ERROR = 1e-5  # of the sum of all masses; they are kept in single precision [1]
 
 
@@ -49,3 +51,11 @@ def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
     if abs(weighed - listed) > MASS_ERROR * listed:
         return Failure(Status.COUNT, time, 0, -1, weighed / listed - 1.0)
     return None
+
+
+def momentum_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
+    """A failure where the forces between grains do not add up to nothing."""
+    astray = momentum_astray(sim, replica)
+    if astray <= MOMENTUM_ERROR:
+        return None
+    return Failure(Status.MOMENTUM, time, -1, -1, astray)

@@ -12,7 +12,7 @@ from taichi_erosion.scene.air import is_air_scene
 def read_scene(path: Path, overrides: tuple[str, ...], effect_files: tuple[Path, ...] = ()) -> Scene:
     """Load a scene whose measures and effects this program knows. Raises BadInput."""
     scene = load_scene(path, overrides, observables=tuple(OBSERVABLES))
-    if scene.effects:
+    if scene.effects or effect_files:
         known = effect_parameters(effect_files)
         scene = load_scene(path, overrides, effects=known, observables=tuple(OBSERVABLES))
     return scene

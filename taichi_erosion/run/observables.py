@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
-from taichi_erosion.measures import drum, heap, incline, repose, threshold, wind_bed
+from taichi_erosion.measures import drum, heap, incline, repose, splash, threshold, wind_bed
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema import Measure
@@ -82,6 +82,11 @@ def found(name: str, kind: str, evidence: Evidence) -> Measurement:
     return threshold.bracketed(name, evidence.thresholds.get(kind))
 
 
+def splashed(evidence: Evidence) -> splash.Splash:
+    """Landings in the frames."""
+    return splash.splash(evidence.frames, evidence.patch, evidence.scene.gravity.magnitude)
+
+
 OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
     "repose_angle": lambda e: repose.repose_angle(e.end, e.plate_radius, e.base_height, e.azimuths),
     "cone_angle": lambda e: repose.cone_angle(e.end, e.base_height),
@@ -100,6 +105,9 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
     "flux_height": lambda e: wind_bed.flux_height(e.frames, e.patch),
     "bed_stress": lambda e: wind_bed.bed_stress(e.airs, e.patch),
     "grain_stress": lambda e: wind_bed.grain_stress(e.airs, e.patch),
+    "rebound_share": lambda e: splash.rebound_share(splashed(e)),
+    "rebound_speed": lambda e: splash.rebound_speed(splashed(e)),
+    "ejecta_share": lambda e: splash.ejecta_share(splashed(e)),
     "rolling_onset": lambda e: found("rolling_onset", "rolling_onset", e),
     "fluid_threshold": lambda e: found("fluid_threshold", "fluid_threshold", e),
     "threshold_u_star": lambda e: found("threshold_u_star", "fluid_threshold", e),

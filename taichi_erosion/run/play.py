@@ -7,7 +7,13 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.run.books import count_failure, impacts_of, restitution_failure
+from taichi_erosion.run.books import (
+    MOMENTUM_AFTER,
+    count_failure,
+    impacts_of,
+    momentum_failure,
+    restitution_failure,
+)
 from taichi_erosion.run.stages import (
     ROUNDING,
     Actor,
@@ -86,6 +92,8 @@ def check_replica(stage_play: Play, replica: int, actor: Actor) -> None:
     keep_frame(sim, scene, replica, actor, time)
     if is_over(sim, scene, replica, actor, time, float(stage_play.sums[replica, 0])):
         actor.failure = count_failure(sim, replica, time)
+        if actor.failure is None and stage_play.grain_steps > MOMENTUM_AFTER:
+            actor.failure = momentum_failure(sim, replica, time)
         if actor.failure is not None:
             return
         close_stage(sim, scene, replica, actor)

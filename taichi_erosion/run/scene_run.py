@@ -38,7 +38,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     KeyboardInterrupt with a note of what was kept.
     """
     started = time.perf_counter()
-    scene = with_words(read_scene(path, options.overrides, options.effect_files), options)
+    scene = read_scene(path, orders_of(options), options.effect_files)
     hashed = scene_hash(scene)
     record = options.record or FOLDER / f"{path.stem}-{hashed}-{scene.run.seed}.rrd"
     seeds = [scene.run.seed + k for k in range(scene.run.replicas)]
@@ -48,8 +48,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     numerics = Numerics(options.arch, options.threads, scene.run.precision)
     library = load_library(options.effect_files) if scene.effects else {}
     setups = [prepare(scene, seed, library) for seed in seeds]
-    for place in places(options, record):
-        refuse_unwritable(place)
+    refuse_places(path, options, record)
     sim = assemble(setups, laws(effective_scene(scene, library)), numerics)
     stage_play = Play([effective_scene(scene, library)] * len(seeds), sim, [Actor(seed) for seed in seeds])
     if resume:
@@ -69,6 +68,14 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
             keep(camera, stage_play, document)
     stop_if_none_left(stage_play)
     return document
+
+
+def refuse_places(path: Path, options: RunOptions, record: Path) -> None:
+    """Raise BadInput where a file cannot be written, or would replace the scene."""
+    for place in places(options, record):
+        refuse_unwritable(place)
+        if place.exists() and place.samefile(path):
+            raise BadInput(f"{place}: is the scene itself; give another name to what is written")
 
 
 def places(options: RunOptions, record: Path) -> list[Path]:
@@ -93,11 +100,11 @@ def scene_text(path: Path, overrides: tuple[str, ...]) -> str:
     return changes + path.read_text(encoding="utf-8")
 
 
-def with_words(scene: Scene, options: RunOptions) -> Scene:
-    """The scene with what the command line says about repeats and precision."""
+def orders_of(options: RunOptions) -> tuple[str, ...]:
+    """Changes of the scene, with what the command line says about repeats and precision."""
     words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
-    given = {name: value for name, value in words.items() if value is not None}
-    return scene.model_copy(update={"run": scene.run.model_copy(update=given)})
+    said = [f"run.{name}={value}" for name, value in words.items() if value is not None]
+    return (*options.overrides, *said)
 
 
 def keeper_of(options: RunOptions, record: Path, hashed: str, time: float) -> Keeper:

@@ -167,6 +167,7 @@ CAUSES = {
     Status.OVERFLOW: "lists could not grow: out of memory",
     Status.RESTITUTION: "the time step is too long for impacts at this speed",
     Status.COUNT: "an error of this program: please report it",
+    Status.MOMENTUM: "an error of this program: please report it",
     Status.RUNNING: "",
 }
 
@@ -180,6 +181,7 @@ def sentence(failure: Failure, seed: int) -> str:
         Status.NOT_FINITE: f"grain {failure.grain} has a coordinate that is not a number",
         Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
         Status.RESTITUTION: f"an impact gave back {failure.value:.3g} of its speed, not what is stated",
+        Status.MOMENTUM: f"forces between grains do not cancel ({failure.value:.3g} of them is left)",
         Status.COUNT: f"grain {failure.grain} is missing, or not all mass is there ({failure.value:.3g})",
     }.get(failure.status, failure.status.name.lower())
     return f"seed {seed} stopped at {failure.time:.6g} s: {said}; likely cause: {CAUSES[failure.status]}"

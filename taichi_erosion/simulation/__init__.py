@@ -9,6 +9,7 @@ from taichi_erosion.simulation.control import (
     set_effects,
     set_gravity,
 )
+from taichi_erosion.simulation.momentum import momentum_astray
 from taichi_erosion.simulation.observe import energies, ledger, share_touching, snapshot
 from taichi_erosion.simulation.prepare import conditions_of, device_effects, effective_scene, prepare
 from taichi_erosion.simulation.state import export_bed, export_state, import_bed, import_state
@@ -39,6 +40,7 @@ __all__ = [
     "import_bed",
     "import_state",
     "ledger",
+    "momentum_astray",
     "move_surface",
     "prepare",
     "remove_surface",

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.plain_file import plain_text
 from taichi_erosion.experiments.table import Design, Factor, Floats, arranged
 
 FEWEST_RUNS = 3
@@ -43,7 +44,7 @@ class PublishedTable:
 def read_columns(path: Path) -> dict[str, list[str]]:
     """Cells of a CSV table by heading; raises BadInput."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = plain_text(path, "utf-8-sig")
         lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if any(line)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"{path}: cannot be read as a CSV table: {error}") from None

@@ -1,0 +1,251 @@
+"""Our physics beside LAMMPS and LIGGGHTS: `python -m benchmarks.peers.physics [CASE]...`.
+
+The same grains, laws and steps in every code; what is compared is read from the places of the grains, in one
+way for all. Scatter is that of the seeds; a difference from ours is given in its standard errors. Results go
+to physics.csv beside this file; `--page` fills the table of docs/trust.md from it.
+"""
+
+import argparse
+import csv
+import json
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from math import nan
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.peers.cases import Floats
+from benchmarks.peers.codes import DECKS, PEERS
+from benchmarks.peers.physics_cases import (
+    BED_STEPS,
+    RELAX_STEPS,
+    falling_bed,
+    falling_column,
+    lying,
+    two_grains,
+)
+from benchmarks.peers.physics_codes import Code, Failed, contestants, our_beds
+from benchmarks.peers.physics_measures import Numbers, Rest, bed_numbers, pile_numbers, stack_numbers
+from benchmarks.peers.physics_pair import lammps_curve, our_curve, pair_numbers
+from taichi_erosion.recording.whole_file import write_whole
+from taichi_erosion.report.page import fill_table, markdown_table
+
+Seeds = list[dict[str, float]]  # numbers of every seed by quantity
+
+KEPT = DECKS / "cases" / "physics"  # delete it to run everything again
+TABLE = Path(__file__).with_name("physics.csv")
+PAGE = Path(__file__).parents[2] / "docs" / "trust.md"
+BED_SEEDS, PILE_SEEDS = range(1, 5), range(1, 7)
+STACK_STEPS = 20_000  # 0.1 s: the two grains come to rest
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity of one code in one case; `mean` and `sd` are over the seeds."""
+
+    case: str
+    quantity: str  # with its unit
+    code: str
+    mean: float
+    sd: float  # of a single seed
+    n: int
+    apart: float  # difference from ours over its standard error [1]
+
+
+@dataclass(frozen=True)
+class Case:
+    """What every code is given, and what is read from where its grains come to rest."""
+
+    runs: Callable[[Code], list[Rest] | None]  # none where a code lacks the law
+    numbers: Callable[[Rest], Numbers]
+    paired: bool = False  # whether a seed gives every code the very same bed
+
+
+def stacks(code: Code) -> list[Rest]:
+    """Two grains, one on top of the other."""
+    return code.beds([two_grains()], STACK_STEPS)
+
+
+def beds(code: Code) -> list[Rest]:
+    """Beds that fell."""
+    return code.beds(list(map(falling_bed, BED_SEEDS)), BED_STEPS)
+
+
+def laid_beds(code: Code) -> list[Rest]:
+    """Beds of ours, laid down at rest."""
+    ours = our_beds(list(map(falling_bed, BED_SEEDS)), BED_STEPS)
+    return code.beds([lying(rest.position) for rest in ours], RELAX_STEPS)
+
+
+def piles(code: Code) -> list[Rest]:
+    """Columns that spread."""
+    return code.piles(list(map(falling_column, PILE_SEEDS)))
+
+
+def sticky_piles(code: Code) -> list[Rest] | None:
+    """The same of grains that stick."""
+    return code.sticky_piles(list(map(falling_column, PILE_SEEDS))) if code.sticky_piles else None
+
+
+PAIR = "sticky pair"
+CASES = {
+    "two grains": Case(stacks, stack_numbers),
+    "bed": Case(beds, bed_numbers),
+    "laid bed": Case(laid_beds, bed_numbers, paired=True),
+    "pile": Case(piles, pile_numbers),
+    "sticky pile": Case(sticky_piles, pile_numbers),
+}
+
+
+def apart(values: Floats, ours: Floats, paired: bool) -> float:
+    """Difference of two means over its standard error; nan for single values."""
+    if len(ours) < 2:
+        return nan
+    error = np.sqrt(values.var(ddof=1) / len(values) + ours.var(ddof=1) / len(ours))
+    if paired:
+        error = np.std(values - ours, ddof=1) / np.sqrt(len(ours))
+    return float((values.mean() - ours.mean()) / error) if error > 0.0 else nan
+
+
+def rows_of(name: str, found: dict[str, dict[str, Floats]], paired: bool) -> list[Row]:
+    """Rows of a case; `found` holds by code and quantity a value for every seed."""
+    ours = next(iter(found.values()))
+    rows = []
+    for code, numbers in found.items():
+        for quantity, values in numbers.items():
+            sd = float(values.std(ddof=1)) if len(values) > 1 else nan
+            from_ours = nan if numbers is ours else apart(values, ours[quantity], paired)
+            rows.append(Row(name, quantity, code, float(values.mean()), sd, len(values), from_ours))
+    return rows
+
+
+def compared(name: str, codes: Sequence[Code]) -> list[Row]:
+    """Run one case in all codes that have not run it yet; what they found is kept in the folder of cases."""
+    case, found = CASES[name], dict[str, dict[str, Floats]]()
+    for code in codes:
+        seeds = kept(name, code, lambda code=code: seeds_of(case, code))
+        if seeds:
+            found[code.name] = {key: np.array([seed[key] for seed in seeds]) for key in seeds[0]}
+    return rows_of(name, found, case.paired)
+
+
+def seeds_of(case: Case, code: Code) -> Seeds:
+    """Numbers of every seed; none where a code lacks the law."""
+    return [dict(case.numbers(rest)) for rest in case.runs(code) or ()]
+
+
+def kept(name: str, code: Code, run: Callable[[], Seeds]) -> Seeds:
+    """What a code found in a case, from the folder of cases or by running it."""
+    file = KEPT / f"{name}, {code.name}.json"
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(run(), indent=1), encoding="utf-8")
+        sys.stderr.write(f"{name}: {code.name} done\n")
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def compared_pair(codes: Sequence[Code]) -> list[Row]:
+    """The pull-off curve, where LAMMPS is there."""
+    curves = {"ours": our_curve, "LAMMPS": partial(lammps_curve, PEERS[0])}
+    found = {}
+    for code in codes:
+        if code.name in curves:
+            (numbers,) = kept(PAIR, code, lambda code=code: [dict(pair_numbers(*curves[code.name]()))])
+            found[code.name] = {key: np.array([value]) for key, value in numbers.items()}
+    return rows_of(PAIR, found, False)
+
+
+def read_rows() -> list[Row]:
+    """The table as it stands."""
+    if not TABLE.exists():
+        return []
+    with TABLE.open(encoding="utf-8", newline="") as file:
+        return [
+            Row(
+                case=row["case"],
+                quantity=row["quantity"],
+                code=row["code"],
+                mean=float(row["mean"]),
+                sd=float(row["sd"]),
+                n=int(row["n"]),
+                apart=float(row["apart"]),
+            )
+            for row in csv.DictReader(file)
+        ]
+
+
+def write_rows(rows: Sequence[Row]) -> None:
+    """The table, cases in their order."""
+    names = [*CASES, PAIR]
+    ordered = sorted(rows, key=lambda row: names.index(row.case))
+    lines = [[f.name for f in fields(Row)]]
+    lines += [
+        [format(v, ".6g") if isinstance(v, float) else str(v) for v in asdict(r).values()] for r in ordered
+    ]
+    with TABLE.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(lines)
+
+
+def shown(row: Row | None) -> str:
+    """A mean with its standard error, and its distance from ours."""
+    if row is None:
+        return ""
+    if row.n == 1:
+        return f"{row.mean:.6g}"
+    error = row.sd / np.sqrt(row.n)
+    places = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0.0 else 4
+    text = f"{row.mean:.{places}f} ± {error:.{places}f}"
+    return text if np.isnan(row.apart) else f"{text} ({row.apart:+.1f})"
+
+
+def page_table(rows: Sequence[Row]) -> str:
+    """Quantities down, codes across."""
+    codes = list(dict.fromkeys(row.code for row in rows))
+    by_place = {(row.case, row.quantity, row.code): row for row in rows}
+    places = dict.fromkeys((row.case, row.quantity) for row in rows)
+    lines = [
+        (case, quantity, *(shown(by_place.get((case, quantity, code))) for code in codes))
+        for case, quantity in places
+    ]
+    return markdown_table(("case", "quantity", *codes), lines)
+
+
+def publish() -> None:
+    """Fill the table of the page."""
+    page = fill_table(PAGE.read_text(encoding="utf-8"), "other codes", page_table(read_rows()))
+    write_whole(PAGE, page.encode())
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run what was asked for; 3 where a code fails."""
+    names = [*CASES, PAIR]
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.peers.physics", description=__doc__)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"any of {', '.join(names)} (default: all)")
+    parser.add_argument("--page", action="store_true", help="only fill the table of docs/trust.md")
+    chosen = parser.parse_args(words)
+    for case in chosen.cases:
+        if case not in names:
+            parser.error(f"CASE = {case}: must be one of {', '.join(names)}")
+    if not chosen.page:
+        codes = contestants()
+        for code in codes:
+            if code.missing:
+                sys.stderr.write(f"{code.name} left out: {code.missing}\n")
+        present = [code for code in codes if not code.missing]
+        for name in chosen.cases or names:
+            try:
+                fresh = compared_pair(present) if name == PAIR else compared(name, present)
+            except Failed as failure:
+                sys.stderr.write(f"{failure}\n")
+                return 3
+            write_rows([row for row in read_rows() if row.case != name] + fresh)
+            publish()
+    publish()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

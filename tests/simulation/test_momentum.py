@@ -1,0 +1,56 @@
+"""Grains give each other no momentum, a run can be asked, and asking leaves no trace."""
+
+import pytest
+from grain_worlds import TIME_STEP, fingerprint, heap
+
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.setup import Laws, Numerics
+from taichi_erosion.core.snapshot import Status
+from taichi_erosion.run.books import MOMENTUM_ERROR, momentum_failure
+from taichi_erosion.simulation import Simulation, advance, assemble, momentum_astray, sizes, snapshot
+
+GRAINS, PARTITION = 200, 50
+HALF, WHOLE = 0.005, 0.01  # s
+ROUNDING = {"f32": 2.0**-24, "f64": 2.0**-53}  # of one force [1]
+
+
+def collapsing(monkeypatch: pytest.MonkeyPatch, precision: str) -> Simulation:
+    """A heap in four partitions, half way down."""
+    monkeypatch.setattr(sizes, "PARTITION_GRAINS", PARTITION)
+    sim = assemble([heap(GRAINS, 1)], Laws(rolling="elastic_plastic"), Numerics("cpu", 1, precision))
+    advance(sim, [HALF])
+    return sim
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_forces_between_grains_cancel_to_rounding_and_looking_changes_no_bit(monkeypatch, precision):
+    ends = []
+    for looks in (0, 2):
+        sim = collapsing(monkeypatch, precision)
+        # every contact is rounded a few times; the sum of all errors is below that of their sizes
+        assert all(momentum_astray(sim, 0) < 10.0 * ROUNDING[precision] for _ in range(looks))
+        advance(sim, [WHOLE])
+        ends.append(fingerprint(snapshot(sim, 0)))
+        stop_device()
+    assert ends[0] == ends[1]
+
+
+def test_reactions_that_are_lost_between_workers_stop_the_replica(monkeypatch):
+    sim = collapsing(monkeypatch, "f32")
+    assert momentum_failure(sim, 0, HALF) is None
+    high = sim.world.replicas.touched_high.to_numpy()
+    # the first partition no longer tells how far its forces reach into the others
+    high[0, 0] = PARTITION
+    sim.world.replicas.touched_high.from_numpy(high)
+    failed = momentum_failure(sim, 0, HALF)
+    stop_device()
+    assert failed is not None
+    assert failed.status == Status.MOMENTUM
+    assert failed.value > 100.0 * MOMENTUM_ERROR
+
+
+def test_grains_that_do_not_touch_exchange_nothing():
+    sim = assemble([heap(GRAINS, 1)], Laws(rolling="elastic_plastic"), Numerics("cpu", 1))
+    advance(sim, [TIME_STEP])
+    assert momentum_astray(sim, 0) == 0.0
+    stop_device()
