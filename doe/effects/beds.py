@@ -1,23 +1,26 @@
 """What some effects move on a small bed under wind, with paired seeds; writes beds.csv beside this file.
 
 python doe/effects/beds.py              all cases
-python doe/effects/beds.py EFFECT...    the cases of some effects
+python doe/effects/beds.py EFFECT...    the cases of some effects, or of one plan: start ceasing flux
 
-The bed is that of scenes/wind_threshold.toml with 500 equal grains of 0.2 mm on a patch of 12 x 12 diameters
-and shorter holds: thresholds of so small a bed are not those of a large one, and only their shifts are used.
+Thresholds: the bed of scenes/wind_threshold.toml with 500 equal grains of 0.2 mm on a patch of 12 x 12
+diameters and shorter holds. Flux: that of scenes/saltation.toml with 500 grains on a patch of 16 x 8
+diameters in a strong wind, over half a second. Numbers of so small a bed are not those of a large one, and
+only their shifts are used.
 """
 
 import sys
 from pathlib import Path
 
 from taichi_erosion.campaign.cases import ROOT
-from taichi_erosion.campaign.signatures import Case, measure_shifts, tabulate
+from taichi_erosion.campaign.signatures import Case, Orders, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
 TABLE = Path(__file__).with_name("beds.csv")
-SCENE = ROOT / "scenes" / "wind_threshold.toml"
+THRESHOLD, FLUX = (ROOT / "scenes" / f"{name}.toml" for name in ("wind_threshold", "saltation"))
 SEEDS = range(1, 5)
 DIAMETER = 2e-4  # m
+STRONG = 0.6  # m s-1, friction velocity
 ORDERS = (
     "grains.count=500",
     f'grains.size={{ law = "monodisperse", diameter = {DIAMETER} }}',
@@ -33,23 +36,47 @@ ORDERS = (
     "threshold.fall=0.1",
     "threshold.fall_hold=0.08",
     "measure.fluid_threshold={}",
-    "measure.impact_threshold={}",
-    "measure.threshold_ratio={}",
 )
+CESSATION = ("measure.impact_threshold={}", "measure.threshold_ratio={}")  # takes four times as long
+MOIST = "conditions.moisture=0.005"
 
 CASES = [
-    Case("liquid_bridge", circumstances=("conditions.moisture=0.005",)),
-    Case("dry_adhesion"),
+    Case("liquid_bridge", circumstances=(MOIST,)),
     Case("turbulent_gusts"),
-    Case("size_distribution"),
+    Case("dry_adhesion"),
     Case("sheltering", parameters=("ratio=1.6", "share=0.3")),  # a coarser lag does not fit on the patch
+    Case("size_distribution"),
+]
+CEASING = [
+    Case("liquid_bridge", label="and cessation", circumstances=(MOIST, *CESSATION)),
+    Case("dry_adhesion", label="and cessation", circumstances=CESSATION),
+    Case("size_distribution", label="and cessation", circumstances=CESSATION),
+]
+FLUX_ORDERS = (
+    "grains.count=500",
+    "wind.length_d=16.0",
+    "wind.width_d=8.0",
+    "run.overlap_limit=0.95",
+    *(f"stages.{place}.friction_velocity={STRONG}" for place in range(1, 7)),
+    "stages.6.duration_max=0.5",
+)
+FLUX_CASES = [
+    Case("midair_passing"),
+    Case("supply_limit", label="missing 0.9", parameters=("missing=0.9",)),  # less than a layer is left
+    Case("supply_limit", label="missing 0.99", parameters=("missing=0.99",)),
 ]
 
 
 def main(words: list[str]) -> None:
     """Simulate what was asked for, telling every effect as it is done."""
-    cases = [case for case in CASES if not words or case.effect in words]
-    tabulate(TABLE, measure_shifts(SCENE, ORDERS, cases, list(SEEDS), Numerics(threads=1)), sys.stderr)
+    plans: dict[str, tuple[Path, Orders, list[Case]]] = {
+        "start": (THRESHOLD, ORDERS, CASES),
+        "ceasing": (THRESHOLD, ORDERS, CEASING),
+        "flux": (FLUX, FLUX_ORDERS, FLUX_CASES),
+    }
+    for plan, (scene, orders, cases) in plans.items():
+        asked = [case for case in cases if not words or plan in words or case.effect in words]
+        tabulate(TABLE, measure_shifts(scene, orders, asked, list(SEEDS), Numerics(threads=1)), sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Sand under wind against measurements: simulates the cases, fills the tables, the page and its figures.
 
 python doe/wind/run.py             all cases
-python doe/wind/run.py GROUP...    the cases of some groups
+python doe/wind/run.py GROUP...    the cases of some groups; `hopping` is the grain that hops alone
 python doe/wind/run.py --page      only the page and its figures, from the tables
 """
 
@@ -11,7 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from taichi_erosion.campaign.cases import ROOT, Case, perform, read_rows, settings, write_rows
+from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.threshold import publish
+from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 
 FOLDER = Path(__file__).parent
 TABLES = {
@@ -20,23 +22,27 @@ TABLES = {
     "scenes/wind_threshold.toml": FOLDER / "fluid.csv",
 }
 SALTATION, IMPACT, FLUID = TABLES
+HOPPING = FOLDER / "hopping.csv"
 CREYSSELS = ROOT / "doe" / "measured" / "flux_creyssels2009.csv"
 STARTING = 0.6  # m s-1, that starts transport in scenes/saltation.toml
 BLOWING = range(2, 7)  # its stages in which the measured wind blows
 
 REFERENCE = 0.24e-3  # m, diameter of scenes/impact_threshold.toml
 DIAMETERS = (0.24e-3, 1.0e-3, 0.1e-3, 0.5e-3, 0.15e-3, 0.7e-3)  # m
+FINE = (0.1e-3, 0.15e-3, 0.24e-3)  # m, those that are also simulated with adhesion
+ADHESION = "effects.dry_adhesion.strength=1"
 SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of the diameter
 MODULUS = 1e5  # Pa, at the reference: stiffness goes with d
 TIMES = {  # s, at the reference: they go with d, as about does the time in which drag gives a grain its speed
     "stages.0.duration_max": 0.15,
     "stages.1.duration_max": 0.1,
-    "threshold.spin_up": 0.6,
-    "threshold.fall_hold": 0.6,
+    "threshold.spin_up": 0.4,
 }
+HOPS = {"threshold.fall_hold": 0.4}  # s, at the reference, a dozen hops: with the root of d, as a hop
 WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}  # m s-1, with the root of d
 
 BEDS = 5  # of a threshold
+PAIR = 2  # of an impact threshold; a flux averages over a second
 FEW = 3  # of one that only has to show the way a choice acts
 GUSTS, LIFT = "effects.turbulent_gusts.strength=1", "effects.shear_lift.strength=1"
 DEEPER = ("grains.count=1200", "run.time_step_fraction=0.2", "run.overlap_limit=0.6")
@@ -61,7 +67,9 @@ def flux_orders(wind: float) -> tuple[str, ...]:
 
 def impact_cases() -> list[Case]:
     """The same experiment with grains of other diameters [m]."""
-    return [Case("impact", f"{1e3 * d:g}", settings(*impact_orders(d))) for d in DIAMETERS]
+    plain = [Case("impact", f"{1e3 * d:g}", settings(*impact_orders(d)), PAIR) for d in DIAMETERS]
+    sticky = [(f"{1e3 * d:g}", settings(*impact_orders(d), ADHESION)) for d in FINE]
+    return plain + [Case("adhesion", label, orders, PAIR) for label, orders in sticky]
 
 
 def impact_orders(diameter: float) -> tuple[str, ...]:
@@ -72,7 +80,7 @@ def impact_orders(diameter: float) -> tuple[str, ...]:
         f'grains.size={{ law = "lognormal", sigma_log = 0.1, {sizes} }}',
         f"materials.sand.shear_modulus={MODULUS * size:.6g}",
         *(f"{path}={size * value:.6g}" for path, value in TIMES.items()),
-        *(f"{path}={size**0.5 * value:.6g}" for path, value in WINDS.items()),
+        *(f"{path}={size**0.5 * value:.6g}" for path, value in (HOPS | WINDS).items()),
     )
 
 
@@ -108,6 +116,13 @@ def patch_orders(side: float) -> tuple[str, ...]:
     return (f"grains.count={count}", f"wind.length_d={side}", f"wind.width_d={side}")
 
 
+def write_hopping() -> None:
+    """The threshold of one grain that hops by the measured law of bounces, which is no simulation of beds."""
+    lines = [(f"{1e3 * d:g}", f"{hopping_threshold(Sand(d)):.4g}") for d in sorted(DIAMETERS)]
+    text = "".join(f"{size},{wind}\n" for size, wind in [("diameter [mm]", "u_star [m/s]"), *lines])
+    write_whole(HOPPING, text.encode())
+
+
 def put_in_order(table: Path, cases: Sequence[Case]) -> None:
     """Rows in the order of the cases; those of cases that nobody asks for any more go."""
     rows = read_rows(table) if table.exists() else []
@@ -122,6 +137,8 @@ def main(words: Sequence[str]) -> None:
         if list(words) != ["--page"]:
             perform(scene, [c for c in cases if not words or c.group in words], TABLES[scene])
         put_in_order(TABLES[scene], cases)
+    if not words or "hopping" in words:
+        write_hopping()
     publish(ROOT / "doe", ROOT / "docs")
 
 

@@ -16,6 +16,14 @@ from taichi_erosion.measures.threshold import flux_intercept
 from taichi_erosion.report.page import magnitude, markdown_table
 
 IMPACT = {"impact_threshold": "flux below 1 %", "impact_threshold_linear": "line to no flux"}
+HOPPING = "one grain that hops"
+SPLASH = {
+    "rebound_share": "landings that rebound",
+    "rebound_speed": "speed after a rebound over that before",
+    "ejecta_share": "grains ejected per landing",
+}
+STICKY = "adhesion"  # group of the cases with dry adhesion
+BOTH = {"without": "impact", "with": STICKY}
 # relative differences up to which a model holds: those between laboratories
 HOLDS = {"impact": 0.10, "flux": 0.20}
 QUARTZ, AIR = 2650.0, 1.225  # kg m-3, of the simulated grains and their air
@@ -58,12 +66,12 @@ def shown(value: float, half: float = nan, digits: int = 3) -> str:
     return f"{value:.{places}f} ± {half:.{places}f}"
 
 
-def simulated_thresholds(found: Found, name: str) -> tuple[np.ndarray, np.ndarray]:
+def simulated_thresholds(found: Found, name: str, group: str = "impact") -> tuple[np.ndarray, np.ndarray]:
     """Diameters [m] and thresholds [m s-1] of one way to read them, in order."""
     pairs = sorted(
         (MILLI * float(label), case[name].value)
-        for (_, label), case in found.items()
-        if name in case and isfinite(case[name].value)
+        for (which, label), case in found.items()
+        if which == group and name in case and isfinite(case[name].value)
     )
     table = np.array(pairs).reshape(-1, 2)
     return table[:, 0], table[:, 1]
@@ -112,15 +120,59 @@ def judged(simulated: float, measured: float, limit: float) -> list[str]:
     return [shown(simulated), f"{100.0 * error:+.0f} %", "holds" if abs(error) <= limit else "**fails**"]
 
 
-def scaling_table(found: Found) -> str:
-    """Simulated thresholds against the root of the diameter."""
-    header = ("d [mm]", *(f"u* [m/s], {w}" for w in IMPACT.values()), "u* / sqrt((s - 1) g d) of the first")
+def scaling_table(found: Found, hopping: Table) -> str:
+    """Simulated thresholds against the root of the diameter, beside one grain that hops in the same wind."""
+    alone = {line["diameter [mm]"]: float(line["u_star [m/s]"]) for line in hopping}
+    ways = (*IMPACT.values(), HOPPING)
+    header = ("d [mm]", "seeds", *(f"u* [m/s], {way}" for way in ways), *(f"A, {way}" for way in ways))
     rows = []
-    for (_, label), case in sorted(found.items(), key=lambda item: float(item[0][1])):
+    plain = {label: case for (group, label), case in found.items() if group == "impact"}
+    for label in sorted({*plain, *alone}, key=float):
+        case = plain.get(label, {})
         values = [case[name].value if name in case else nan for name in IMPACT]
+        values.append(alone.get(label, nan))
         scale = sqrt((QUARTZ / AIR - 1.0) * GRAVITY * MILLI * float(label))
-        rows.append((label, *map(shown, values), shown(values[0] / scale)))
+        cells = [threshold_cell(case, name) for name in IMPACT] + [known(values[-1])]
+        seeds = str(next(iter(case.values())).n) if case else "not run"
+        rows.append((label, seeds, *cells, *(known(value / scale) for value in values)))
     return markdown_table(header, rows)
+
+
+def known(value: float) -> str:
+    """A number, nothing where there is none."""
+    return shown(value) if isfinite(value) else ""
+
+
+def adhesion_table(found: Found, measured: Table) -> str:
+    """Fine sands without and with dry adhesion, and how far both are from what was measured of them."""
+    header = ("d [mm]", *(f"u* [m/s] {which} adhesion, {w}" for w in IMPACT.values() for which in BOTH))
+    labels = sorted((label for group, label in found if group == STICKY), key=float)
+    if not labels:
+        return "Not simulated yet.\n"
+    rows = [
+        [label, *(threshold_cell(found.get((g, label), {}), n) for n in IMPACT for g in BOTH.values())]
+        for label in labels
+    ]
+    errors = [shown(rms_error(found, measured, n, g, labels)) for n in IMPACT for g in BOTH.values()]
+    return markdown_table(header, [*rows, ["rms of ln simulated / measured", *errors]])
+
+
+def threshold_cell(case: dict[str, Row], name: str) -> str:
+    """A threshold with its standard error."""
+    return shown(case[name].value, case[name].standard_error) if name in case else ""
+
+
+def rms_error(found: Found, measured: Table, name: str, group: str, labels: Sequence[str]) -> float:
+    """Root mean square of ln(simulated / measured) [1] over the measured sands between given diameters."""
+    sizes, values = simulated_thresholds(found, name, group)
+    kept = np.isin(np.round(sizes / MILLI, 6), [round(float(label), 6) for label in labels])
+    sand = (sizes[kept], values[kept])
+    gaps = [
+        np.log(predicted(MILLI * float(line["diameter [mm]"]), density_of(line), sand) / float(line["value"]))
+        for line in measured
+    ]
+    known = [gap for gap in gaps if isfinite(gap)]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else nan
 
 
 def flux_pairs(found: Found, measured: Table) -> list[tuple[float, float, float, Row | None]]:
@@ -159,6 +211,16 @@ def stress_cells(case: dict[str, Row], stress: float) -> list[str]:
     return [shown(height), *map(shown, parts), f"{sum(parts) / stress:.2f}"]
 
 
+def splash_table(found: Found) -> str:
+    """What becomes of grains that land, wind by wind."""
+    header = ("u* [m/s]", *(f"{words} [1]" for words in SPLASH.values()))
+    rows = []
+    for (_, label), case in sorted(found.items(), key=lambda item: float(item[0][1])):
+        if SPLASH.keys() <= case.keys():
+            rows.append((label, *(shown(case[n].value, case[n].standard_error) for n in SPLASH)))
+    return markdown_table(header, rows)
+
+
 def line_table(found: Found, measured: Table) -> str:
     """Straight lines of flux against stress: where they start, how steep they are, how straight."""
     header = ("flux", "u* of no flux [m/s]", "stress there [Pa]", "dQ/dtau [s]", "R^2 of the line")
@@ -180,7 +242,7 @@ def line_table(found: Found, measured: Table) -> str:
     return markdown_table(header, rows)
 
 
-def draw_impact(found: Found, measured: Table, file: Path) -> None:
+def draw_impact(found: Found, measured: Table, hopping: Table, file: Path) -> None:
     """Thresholds against diameter, both axes logarithmic."""
     figure, frame = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
     sources = list(dict.fromkeys(line["source"] for line in measured))
@@ -198,6 +260,8 @@ def draw_impact(found: Found, measured: Table, file: Path) -> None:
     for name, style in zip(IMPACT, ("o-", "s--"), strict=True):
         sizes, values = simulated_thresholds(found, name)
         frame.plot(sizes / MILLI, values, style, color=OURS, label=f"simulated, {IMPACT[name]}")
+    alone = [(float(line["diameter [mm]"]), float(line["u_star [m/s]"])) for line in hopping]
+    frame.plot(*zip(*alone, strict=True), ":", color=OURS, label=HOPPING)
     frame.set(xscale="log", yscale="log", xlabel="diameter [mm]", ylabel="impact threshold u* [m/s]")
     frame.legend(frameon=False, fontsize=8)
     figure.savefig(file, dpi=110)

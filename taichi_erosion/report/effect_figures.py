@@ -59,6 +59,7 @@ def curve(frame: Any, answers: Sequence[Answer], names: Sequence[str], logarithm
 def forest(frame: Any, shifts: Sequence[dict[str, str]], observable: str) -> None:
     """Shifts of one observable of a heap, over its bare value."""
     rows = [r for r in shifts if r["observable"] == observable and isfinite(float(r["shift"]))]
+    rows.sort(key=lambda row: (row["effect"], row["label"]))
     names = [f"{r['effect']} {r['label']}".strip() for r in rows]
     sizes = [float(r["shift"]) / float(r["bare"]) for r in rows]
     errors = [float(r["standard_error"]) / float(r["bare"]) for r in rows]

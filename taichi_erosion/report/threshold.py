@@ -13,6 +13,7 @@ from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.blown_sand import (
     Found,
     Table,
+    adhesion_table,
     draw_flux,
     draw_impact,
     flux_table,
@@ -22,6 +23,7 @@ from taichi_erosion.report.blown_sand import (
     lines_of,
     scaling_table,
     shown,
+    splash_table,
 )
 from taichi_erosion.report.page import fill_tables, markdown_table
 
@@ -137,16 +139,19 @@ def publish(doe: Path, docs: Path) -> None:
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
-    draw_impact(impact, thresholds, docs / PICTURES["impact"])
+    hopping = lines_of(doe / "wind" / "hopping.csv")
+    draw_impact(impact, thresholds, hopping, docs / PICTURES["impact"])
     draw_flux(flux, fluxes, docs / PICTURES["flux"])
     tables = {
         "fluid": fluid_table(fluid, tunnel),
         "map": map_table(tunnel),
         "choices": choice_table(choices),
         "impact": impact_table(impact, thresholds),
-        "scaling": scaling_table(impact),
+        "scaling": scaling_table(impact, hopping),
+        "adhesion": adhesion_table(impact, thresholds),
         "flux": flux_table(flux, fluxes),
         "lines": line_table(flux, fluxes),
+        "splash": splash_table(flux),
         "cost": cost_table((flux, impact, fluid)),
     }
     page = docs / PAGE

@@ -16,7 +16,8 @@ HUNTED = (
     *("rolling_onset", "fluid_threshold", "threshold_u_star", "threshold_wind_speed"),
     *("impact_threshold", "impact_threshold_linear", "threshold_ratio"),
 )
-BLOWN = ("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress")  # read from many moments
+SPLASH = ("rebound_share", "rebound_speed", "ejecta_share")
+BLOWN = ("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # of many moments
 PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image
 
 

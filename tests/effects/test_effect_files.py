@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from shutil import copy
 
 import pytest
 
@@ -45,6 +46,17 @@ def test_the_scaffold_keeps_the_contract_as_it_is(here, bench, capsys):
     assert main(["effects", "new", "my_pull"]) == 0
     assert capsys.readouterr().out.strip() == "my_pull.py"
     assert breaches(load_library([here / "my_pull.py"])["my_pull"], bench) == []
+
+
+def test_an_installed_package_adds_its_effects(here, monkeypatch):
+    about = here / "dust-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: dust\nVersion: 1.0\n", encoding="utf-8")
+    (about / "entry_points.txt").write_text("[taichi_erosion.effects]\ndust = dust_pull\n", encoding="utf-8")
+    copy(Path(__file__).with_name("constant_pull.py"), here / "dust_pull.py")
+    assert "constant_pull" not in load_library()
+    monkeypatch.syspath_prepend(here)
+    assert load_library()["constant_pull"].title == "constant pull between touching grains"
 
 
 @pytest.mark.parametrize("scale", ["change of ln threshold_u_star", "change of threshold_u_star"])

@@ -49,6 +49,20 @@ def test_a_model_that_differs_by_more_than_laboratories_do_is_said_to_fail():
     assert table.count("not simulated") == 2
 
 
+def test_adhesion_is_judged_by_what_is_left_between_simulated_and_measured_sands():
+    found = impact(0.08)
+    plain = [(label, name, case[name].value) for (_, label), case in found.items() for name in case]
+    found |= blown_sand.by_case([row("adhesion", label, name, 1.25 * value) for label, name, value in plain])
+    scale = sqrt((blown_sand.QUARTZ / blown_sand.AIR - 1.0) * blown_sand.GRAVITY * 0.25e-3)
+    line = {"diameter [mm]": "0.25", "grain_density [g/cm3]": "", "sd": "0.006", "value": f"{0.1 * scale:g}"}
+    last = blown_sand.adhesion_table(found, [line, line | {"diameter [mm]": "9"}]).splitlines()[-1]
+    # without: ln(0.08 / 0.1); with: 1.25 * 0.08 is what was measured
+    cells = [float(cell) for cell in last.split("|")[2:-1]]
+    assert cells == pytest.approx([abs(np.log(0.8)), 0.0] * 2, abs=1e-3)
+    # and the plain impact table does not see the sticky cases
+    assert blown_sand.scaling_table(found, []).count("\n") == 2 + 3
+
+
 def test_the_speed_in_the_tunnel_is_read_off_its_map_and_not_beyond():
     speed, half = threshold.tunnel_speed(0.26, 0.006, TUNNEL)
     assert speed == pytest.approx(6.5)
@@ -88,4 +102,6 @@ def test_the_line_of_a_linear_flux_starts_at_its_threshold():
 def test_the_page_marks_a_place_for_every_table():
     page = (ROOT / "docs" / threshold.PAGE).read_text(encoding="utf-8")
     marks = {found["name"] for found in MARKED.finditer(page)}
-    assert marks == {"fluid", "map", "choices", "impact", "scaling", "flux", "lines", "cost"}
+    assert marks == {
+        *("fluid", "map", "choices", "impact", "scaling", "adhesion", "flux", "lines", "splash", "cost")
+    }

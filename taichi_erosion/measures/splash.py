@@ -1,0 +1,131 @@
+"""Splash: what happens when flying grains meet the bed, counted from frames of steady transport.
+
+A flight is a run of frames in which a grain is clear of the bed, ended by a landing or by a bounce between
+two frames. Its vertical speed where it crosses the height that counts as clear is that of a throw,
+
+    w = sqrt(v_z^2 + 2 g (z - z_c)),
+
+with z_c that height [m]; drag on the vertical motion is left out, so frames must be much closer than a hop is
+long. A landing is a rebound where the same grain flies again within the time in which it falls through a
+diameter and comes back, else the grain is caught; a flight that no landing of the same grain begins is that
+of an ejected grain. In steady transport as many grains are ejected as are caught.
+
+Reference: Beladjine, Ammi, Oger & Valance (2007), Phys. Rev. E 75, 061305 (rebound and ejecta); Kok & Renno
+(2009), J. Geophys. Res. 114, D17204, section 2.2 (share of rebounds).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import atan2, degrees, hypot, nan, sqrt
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures.result import Measurement, no_measurement
+from taichi_erosion.measures.wind_bed import Patch
+
+LEAST_LANDINGS = 10  # fewer make no share worth the name
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One flight of one grain: its ends in time [s], and forward and vertical speed there [m s-1]."""
+
+    began: float
+    ended: float
+    start: tuple[float, float]
+    end: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Splash:
+    """Landings of all grains."""
+
+    impacts: Floats  # [n, 2] m s-1, forward and downward, of all landings
+    bounced: Floats  # [n, 2] m s-1, forward and upward, after each; NaN where the grain was caught
+    ejected: int
+
+
+def splash(frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Splash:
+    """Count landings, rebounds and ejecta; what the ends of the series cut off is left out."""
+    times = np.array([frame.time for frame in frames])
+    apart = 2.0 * (sqrt(2.0 * patch.diameter / gravity) + float(np.diff(times).max(initial=0.0)))
+    impacts, bounced, ejected = [], [], 0
+    for grain in grains_that_fly(frames, patch):
+        flights = list(flights_of(grain, frames, patch, gravity))
+        for before, after in zip([None, *flights], [*flights, None], strict=True):
+            follows = before is not None and after is not None and after.began - before.ended <= apart
+            if before is not None and before.ended <= times[-1] - apart:
+                impacts.append(before.end)
+                bounced.append(after.start if after is not None and follows else (nan, nan))
+            if after is not None and not follows and after.began >= times[0] + apart:
+                ejected += 1
+    pair = (-1, 2)
+    return Splash(np.array(impacts).reshape(pair), np.array(bounced).reshape(pair), ejected)
+
+
+def grains_that_fly(frames: Sequence[Snapshot], patch: Patch) -> list[int]:
+    """Grains that are clear of the bed in some frame."""
+    return np.flatnonzero(np.any([frame.position[:, 2] > patch.clear for frame in frames], axis=0)).tolist()
+
+
+def flights_of(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Iterator[Flight]:
+    """Flights of one grain, in order."""
+    began: int | None = None
+    for k, frame in enumerate(frames):
+        flying = frame.position[grain, 2] > patch.clear
+        turned = began is not None and frame.velocity[grain, 2] > 0.0 >= frames[k - 1].velocity[grain, 2]
+        if began is not None and (not flying or turned):
+            yield flight(grain, (frames[began], frames[k - 1]), patch, gravity)
+            began = None
+        if flying and began is None:
+            began = k
+    if began is not None:
+        yield flight(grain, (frames[began], frames[-1]), patch, gravity)
+
+
+def flight(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: float) -> Flight:
+    """The flight between two frames."""
+    speeds = [
+        (
+            float(frame.velocity[grain, 0]),
+            sqrt(frame.velocity[grain, 2] ** 2 + 2.0 * gravity * (frame.position[grain, 2] - patch.clear)),
+        )
+        for frame in ends
+    ]
+    return Flight(ends[0].time, ends[1].time, *speeds)
+
+
+def shares(name: str, found: Splash, number: int) -> Measurement:
+    """A number of grains over that of the landings; `sd` is the root of the number, over it [1]."""
+    landings = len(found.impacts)
+    if landings < LEAST_LANDINGS:
+        return no_measurement(name, "1", f"{landings} landings; at least {LEAST_LANDINGS} are needed")
+    return Measurement(name, number / landings, sqrt(number) / landings, "1", details={"landings": landings})
+
+
+def rebound_share(found: Splash) -> Measurement:
+    """Share of the landings after which the same grain flies on [1]."""
+    return shares("rebound_share", found, int(np.isfinite(found.bounced[:, 0]).sum()))
+
+
+def ejecta_share(found: Splash) -> Measurement:
+    """Grains ejected from the bed over landings [1]."""
+    return shares("ejecta_share", found, found.ejected)
+
+
+def rebound_speed(found: Splash) -> Measurement:
+    """Mean speed after a rebound over that before [1]; `details` hold mean impact speed and both angles."""
+    name, back = "rebound_speed", np.isfinite(found.bounced[:, 0])
+    if np.count_nonzero(back) < LEAST_LANDINGS:
+        return no_measurement(name, "1", f"{np.count_nonzero(back)} rebounds; {LEAST_LANDINGS} are needed")
+    before, after = found.impacts[back], found.bounced[back]
+    ratios = np.hypot(*after.T) / np.hypot(*before.T)
+    details = {
+        "impact_speed": hypot(*before.mean(axis=0)),
+        "impact_angle": degrees(atan2(*before.mean(axis=0)[::-1])),
+        "rebound_angle": degrees(atan2(*after.mean(axis=0)[::-1])),
+    }
+    error = float(ratios.std(ddof=1) / sqrt(len(ratios)))
+    return Measurement(name, float(ratios.mean()), error, "1", details=details)

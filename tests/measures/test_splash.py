@@ -1,0 +1,82 @@
+"""Landings, rebounds and ejecta of made-up hops."""
+
+from math import atan2, degrees, hypot
+
+import numpy as np
+import pytest
+
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures import splash, wind_bed
+
+PATCH = wind_bed.Patch(area=2e-5, surface=1e-3, diameter=2.5e-4, density=1.2, viscosity=1.5e-5)
+GRAVITY, EVERY, LENGTH = 9.81, 4e-3, 2.0  # m s-2; s between frames; s of the whole series
+HOPS = ((0.4, 1.0), (0.3, 0.8))  # m s-1, upward and forward, of the first and of every later hop of a bouncer
+
+
+def throws(start: float, hops: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
+    """Moments at which a grain leaves the height that is clear, with upward and forward speed there."""
+    moments = []
+    for up, ahead in hops:
+        moments.append((start, up, ahead))
+        start += 2.0 * up / GRAVITY + 2e-3  # below that height for two milliseconds
+    return moments
+
+
+def state(moments: list[tuple[float, float, float]], time: float) -> tuple[float, float, float]:
+    """Height, forward and vertical speed of a grain at a time; in the bed before, between and after hops."""
+    for start, up, ahead in moments:
+        since = time - start
+        if 0.0 < since < 2.0 * up / GRAVITY:
+            return PATCH.clear + up * since - 0.5 * GRAVITY * since**2, ahead, up - GRAVITY * since
+    return PATCH.surface, 0.0, 0.0
+
+
+def frames(grains: list[list[tuple[float, float, float]]]) -> list[Snapshot]:
+    """Snapshots of grains whose throws are known."""
+    series = []
+    for step, time in enumerate(np.arange(0.0, LENGTH, EVERY)):
+        states = np.array([state(moments, time) for moments in grains])
+        nought, count = np.zeros(len(grains)), len(grains)
+        position = np.stack([nought, nought, states[:, 0]], axis=1)
+        velocity = np.stack([states[:, 1], nought, states[:, 2]], axis=1)
+        whole = np.arange(count, dtype=np.int32)
+        flat = np.full(count, 1.25e-4)
+        series.append(Snapshot(time, step, position, velocity, 0 * velocity, flat, flat, whole, whole, 0))
+    return series
+
+
+def found(bouncers: int = 12, singles: int = 3) -> splash.Splash:
+    """Grains that hop twice and are caught, and grains that are thrown out once."""
+    twice = [throws(0.2 + 0.0371 * k, list(HOPS)) for k in range(bouncers)]
+    once = [throws(0.5 + 0.0123 * k, [(0.5, 0.6)]) for k in range(singles)]
+    return splash.splash(frames([*twice, *once, []]), PATCH, GRAVITY)
+
+
+def test_landings_of_known_hops_are_rebounds_or_catches():
+    landed = found()
+    # each of 12 grains lands twice and bounces once, each of 3 lands once; all 15 were thrown out of the bed
+    assert len(landed.impacts) == 27
+    assert splash.rebound_share(landed).value == pytest.approx(12 / 27)
+    assert splash.ejecta_share(landed).value == pytest.approx(15 / 27)
+
+
+def test_speeds_at_the_bed_are_those_of_the_throw_whatever_the_moment_of_the_frame():
+    (up, ahead), (up_after, ahead_after) = HOPS
+    speed = splash.rebound_speed(found())
+    # without drag a throw is exact
+    assert speed.value == pytest.approx(hypot(up_after, ahead_after) / hypot(up, ahead), rel=1e-9)
+    assert speed.details["impact_speed"] == pytest.approx(hypot(up, ahead), rel=1e-9)
+    assert speed.details["rebound_angle"] == pytest.approx(degrees(atan2(up_after, ahead_after)), rel=1e-9)
+
+
+def test_what_the_ends_of_the_series_cut_off_is_not_counted():
+    late = throws(LENGTH - 0.05, [(0.4, 1.0)])  # lands after the last frame
+    early = throws(-0.01, [(0.4, 1.0)])  # left before the first one
+    landed = splash.splash(frames([late, early]), PATCH, GRAVITY)
+    assert (len(landed.impacts), landed.ejected) == (1, 1)
+
+
+def test_too_few_landings_make_no_share():
+    few = found(bouncers=2, singles=0)
+    for measured in (splash.rebound_share, splash.ejecta_share, splash.rebound_speed):
+        assert measured(few).n == 0
