@@ -22,7 +22,7 @@ def collapsing(monkeypatch: pytest.MonkeyPatch, precision: str) -> Simulation:
     return sim
 
 
-@pytest.mark.parametrize("precision", ["f32", "f64"])
+@pytest.mark.parametrize("precision", ["f32", pytest.param("f64", marks=pytest.mark.slow)])
 def test_forces_between_grains_cancel_to_rounding_and_looking_changes_no_bit(monkeypatch, precision):
     ends = []
     for looks in (0, 2):
