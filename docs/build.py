@@ -80,7 +80,8 @@ def main(ids: list[str]) -> None:
     if ids:
         old = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
         table = "\n".join(renewed(old, claims)) + "\n"
-    draw_curves(DOCS / "pictures")
+    else:
+        draw_curves(DOCS / "pictures")
     page.write_text(HEAD + table + DOUBTS + FIGURES, encoding="utf-8")
 
 

@@ -82,7 +82,7 @@ class Effect:
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
     reads: tuple[str, ...] = ()  # conditions that it reads
     can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
-    dose: Callable[[Any, Mapping[str, Any]], Any] = undiminished  # (params, conditions) -> share of strength
+    dose: Callable[[Any, Mapping[str, Any]], Any] = undiminished  # (params, conditions) -> what acts of it
     uncertain: Mapping[str, float] = field(default_factory=dict)  # own numbers to calibrate -> prior sd of ln
     prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
     most: float = 3.0  # largest strength that is physical [1]

@@ -6,7 +6,7 @@ are paired. A condition that nothing in a run reads does not enter it: the bare 
 moistures, and where an effect cannot act the run is that of the bare model.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isfinite
@@ -91,7 +91,7 @@ class Simulator:
         numbers = {
             path: value
             for path, value in {**kept, **parameters}.items()
-            if path in answer.understood and effect_of(path) in {None, *present}
+            if path in answer.understood and moves(path, present)
         }
         words = numbers | {f"effects.{name}.strength": psi for name, psi in acting.items()}
         return tuple(f"{path}={float(value)!r}" for path, value in words.items())
@@ -124,6 +124,12 @@ def enters(path: str, read: set[str]) -> bool:
     """Whether a condition can change a run in which the conditions `read` are read by effects."""
     name = path.removeprefix(CONDITIONS)
     return not path.startswith(CONDITIONS) or name not in FOR_EFFECTS or name in read
+
+
+def moves(path: str, present: Collection[str]) -> bool:
+    """Whether a calibrated number can change a run in which some effects act: an effect's own needs it."""
+    effect = effect_of(path)
+    return effect is None or effect in present
 
 
 def paths_in(said: str) -> list[str]:

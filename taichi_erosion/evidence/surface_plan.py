@@ -14,9 +14,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from taichi_erosion.evidence.problem import Candidate, Floats
-from taichi_erosion.evidence.scales import Axis, axis_value, effect_of
+from taichi_erosion.evidence.scales import Axis, axis_value
 from taichi_erosion.evidence.screen import expected_strength
-from taichi_erosion.evidence.simulator import Answer, Simulator, effects_of, enters
+from taichi_erosion.evidence.simulator import Answer, Simulator, effects_of, enters, moves
 
 REACH = 2.0  # prior sd to either side over which calibrated numbers are spread
 LEAST_STRENGTH = 0.3  # of the expected one, at which an effect is tried
@@ -107,8 +107,8 @@ def bare_plan(
 
 def moving(bench: Bench, axes: Sequence[Axis], effects: Sequence[str]) -> list[Axis]:
     """Calibrated numbers on which a run with some effects can depend: an effect's own need that effect."""
-    present = {None, *effects, *effects_of(bench.answer.scene)}
-    return [axis for axis in axes if effect_of(axis.name) in present]
+    present = {*effects, *effects_of(bench.answer.scene)}
+    return [axis for axis in axes if moves(axis.name, present)]
 
 
 def effect_plan(

@@ -19,7 +19,6 @@ from taichi_erosion.evidence.scales import (
     EFFECTS,
     Axis,
     axis_position,
-    effect_of,
     from_scale,
     slope,
     to_scale,
@@ -31,7 +30,7 @@ from taichi_erosion.evidence.simulator import (
     effects_of,
     enters,
     known_conditions,
-    mask_of,
+    moves,
     paths_in,
     stated_conditions,
     stated_numbers,
@@ -90,13 +89,14 @@ class Ground:
         given = np.broadcast_to(effects.get(candidate.name, 0.0), size)
         if not given.any():
             return np.zeros(size)
-        effect, known = self.simulator.library[candidate.name], stated_conditions(self.answer.scene)
+        effect, scene = self.simulator.library[candidate.name], self.answer.scene
+        known = known_conditions(at, stated_conditions(scene))
         place = f"{EFFECTS}{effect.name}."
         calibrated = {path.removeprefix(place): v for path, v in parameters.items() if path.startswith(place)}
-        numbers: dict[str, Any] = {**stated_numbers(self.answer.scene, effect.name), **calibrated}
+        numbers: dict[str, Any] = {**stated_numbers(scene, effect.name), **calibrated}
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
-        share = np.where(mask_of(effect, at, known), effect.dose(params, known_conditions(at, known)), 0.0)
-        return given / expected_strength(candidate) * share
+        dose = np.where(effect.can_act(known), effect.dose(params, known), 0.0)
+        return given / expected_strength(candidate) * dose
 
     def reads(self) -> Reads:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
@@ -111,7 +111,7 @@ class Ground:
             return [enters(path, read) for path in self.rulers]
 
         def moving(*effects: str) -> list[bool]:
-            return [effect_of(axis.name) in {None, *present, *effects} for axis in self.axes]
+            return [moves(axis.name, {*present, *effects}) for axis in self.axes]
 
         return Reads(
             bare=np.array(entering(), dtype=bool),

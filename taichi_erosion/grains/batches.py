@@ -1,4 +1,4 @@
-"""Batches: a few touching pairs side by side in columns, so that the processor strikes four at a time.
+"""Batches: a few touching pairs side by side in columns, so that the processor strikes several at a time.
 
 Pairs are gathered one by one, the contact law runs over the columns without branches that memory depends on,
 and what it gives is dealt out one by one. The columns are local arrays: the compiler knows that nothing else
@@ -10,7 +10,7 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 
-LANES = 16  # pairs of a batch; 3 x 8 numbers are as many as Taichi keeps in a local matrix without complaint
+LANES = 16  # pairs of a batch; 32 were no faster
 
 
 def batch_type() -> Any:

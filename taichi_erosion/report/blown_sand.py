@@ -171,8 +171,8 @@ def rms_error(found: Found, measured: Table, name: str, group: str, labels: Sequ
         np.log(predicted(MILLI * float(line["diameter [mm]"]), density_of(line), sand) / float(line["value"]))
         for line in measured
     ]
-    known = [gap for gap in gaps if isfinite(gap)]
-    return float(np.sqrt(np.mean(np.square(known)))) if known else nan
+    within = [gap for gap in gaps if isfinite(gap)]
+    return float(np.sqrt(np.mean(np.square(within)))) if within else nan
 
 
 def flux_pairs(found: Found, measured: Table) -> list[tuple[float, float, float, Row | None]]:

@@ -30,7 +30,8 @@ def draw_curves(folder: Path) -> list[Path]:
         figure = draw(curves(name))
         for ending in ("png", "svg"):
             file = folder / f"{NAMES[name]}.{ending}"
-            figure.savefig(file, dpi=150, metadata={"Date": None} if ending == "svg" else None)
+            with mpl.rc_context({"svg.hashsalt": name}):  # the same names of marks in every drawing
+                figure.savefig(file, dpi=150, metadata={"Date": None} if ending == "svg" else None)
             files.append(file)
         plt.close(figure)
     return files

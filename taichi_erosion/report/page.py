@@ -8,7 +8,9 @@ import re
 from collections.abc import Mapping, Sequence
 from math import isfinite
 
-MARKED = re.compile(r"(<!-- table: (?P<name>[\w ]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+MARKED = re.compile(
+    r"(?P<begin><!-- table: (?P<name>[\w ]+) -->\n)(?P<table>.*?)(?P<end><!-- end -->)", re.DOTALL
+)
 
 
 def fill_tables(page: str, tables: Mapping[str, str]) -> str:
@@ -16,15 +18,13 @@ def fill_tables(page: str, tables: Mapping[str, str]) -> str:
     marks = [found["name"] for found in MARKED.finditer(page)]
     if sorted(marks) != sorted(tables):
         raise ValueError(f"the page marks {sorted(marks)}, there are {sorted(tables)}")
-    return MARKED.sub(lambda found: found[1] + tables[found["name"]] + found[3], page)
+    return MARKED.sub(lambda found: found["begin"] + tables[found["name"]] + found["end"], page)
 
 
 def fill_table(page: str, name: str, table: str) -> str:
-    """The page with one of its marked places filled."""
-    names = [found["name"] for found in MARKED.finditer(page)]
-    if name not in names:
-        raise ValueError(f"the page marks {sorted(names)}, not '{name}'")
-    return MARKED.sub(lambda found: found[1] + table + found[3] if found["name"] == name else found[0], page)
+    """The page with one of its marked places filled, which must be there; the others stay."""
+    others = {found["name"]: found["table"] for found in MARKED.finditer(page)}
+    return fill_tables(page, others | {name: table})
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
