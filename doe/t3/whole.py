@@ -1,12 +1,13 @@
-"""Four laboratories in the whole apparatus of laboratory C, made by LAMMPS, asked by ../foreign_lab_c.toml.
+"""Seven laboratories in the whole apparatus of laboratory C, made by LAMMPS, asked by ../foreign_lab_c.toml.
 
-    python doe/t3/whole.py make        65 heaps of 1800 grains, half a minute of a core each
+    python doe/t3/whole.py make        113 heaps of 1800 grains, half a minute of a core each
     python doe/t3/whole.py solve       discover and adopt, by the commands; several core-hours
     python doe/t3/whole.py tell        results_whole.csv
 
 They were chosen, not drawn: water whose pull grows in proportion to its amount, which our law does not know;
-nothing at all; water and rolling resistance together; sliding friction that grows with angularity, which no
-candidate describes.
+nothing at all; water and rolling resistance together; a pull of dry grains; and three that no candidate
+describes: sliding friction that grows with angularity, rolling friction that grows with water, and sliding
+friction that water lowers.
 """
 
 import csv
@@ -59,6 +60,16 @@ LABORATORIES = {
     "friction_angular": Laboratory(
         ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0)),
         lambda w, a: Grains(BARE.sliding * (1.0 + 0.5 * a), BARE.rolling),
+    ),
+    "dry_pull": Laboratory(
+        ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0)), lambda w, a: Grains(BARE.sliding, BARE.rolling, WEIGHT_D)
+    ),
+    "rolling_wet": Laboratory(
+        ((0.0, 0.0), (0.01, 0.0), (0.02, 0.0)), lambda w, a: Grains(BARE.sliding, BARE.rolling + 15.0 * w)
+    ),
+    "slippery": Laboratory(
+        ((0.0, 0.0), (0.01, 0.0), (0.02, 0.0)),
+        lambda w, a: Grains(BARE.sliding * (1.0 - 30.0 * w), BARE.rolling),
     ),
 }
 
