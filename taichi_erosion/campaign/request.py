@@ -16,6 +16,8 @@ from taichi_erosion.run.choices import shared_choices
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.limits import time_step
 
+WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble: about four seconds of one core
+
 
 @dataclass(frozen=True)
 class RunRequest:
@@ -24,7 +26,7 @@ class RunRequest:
     key: str  # same key, same result
     payload: dict[str, Any]
     group: str = ""  # requests of one group may go to one process as one ensemble
-    work: float = 1.0  # grain-steps, or any measure in which batches are to be equal
+    work: float = WORTH_A_START  # grain-steps
 
 
 @dataclass(frozen=True)

@@ -136,10 +136,12 @@ def acting(effect: Effect, params: Any, strength: float, conditions: Conditions,
 
 
 def bind(place: str, replicas: Sequence[Sequence[Acting]]) -> Bound:
-    """Put the effects of one place on the device; a replica may lack an effect that another has."""
-    effects = list(
-        {a.effect.name: a.effect for row in replicas for a in row if a.effect.place == place}.values()
-    )
+    """Put the effects of one place on the device; a replica may lack an effect that another has.
+
+    They act in the order of their names, so that their sum has the same bits beside any other replicas.
+    """
+    known = {a.effect.name: a.effect for row in replicas for a in row if a.effect.place == place}
+    effects = [known[name] for name in sorted(known)]
     count = len(replicas)
     present = ti.field(ti.i32, shape=(count, max(len(effects), 1)))
     tables = []

@@ -5,6 +5,7 @@ replica gives the same bits whatever runs beside it.
 """
 
 from dataclasses import dataclass, replace
+from math import prod
 
 import numpy as np
 
@@ -18,9 +19,10 @@ ENTRIES_LEAST = 256  # a partition of few grains still meets a few others
 WALL_ENTRIES_PER_GRAIN = 2
 CELLS_PER_GRAIN = 8
 CELLS_LEAST = 4096
-SMALL_GRAINS = 64  # replicas of so few grains all get the same room, and so the same compiled kernels
+SMALL_GRAINS = 128  # replicas of so few grains all get the same room, and so the same compiled kernels
 SMALL_REPLICAS = 64
 SMALL_WALLS = 4  # primitives and surfaces
+SMALL_AIR = 2048  # cells of air
 MARGIN_MOST = 0.4  # largest list margin over the largest radius [1]
 MARGIN_STEPS = 60  # time steps that a fast grain should last on one list
 MARGIN_FLIGHT = 10.0  # largest list margin under wind over the median radius [1]
@@ -65,7 +67,7 @@ def first_sizes(setups: list[Setup]) -> Sizes:
     primitives = max(len(s.primitives.kind) for s in setups)
     surfaces = max(len(s.surfaces) for s in setups)
     replicas = len(setups)
-    if grains <= SMALL_GRAINS and setups[0].air is None:
+    if grains <= SMALL_GRAINS and cells_of_air(setups[0]) <= SMALL_AIR:
         grains, replicas = SMALL_GRAINS, max(round_up(replicas), SMALL_REPLICAS)
         primitives, surfaces = (max(round_up(walls), SMALL_WALLS) for walls in (primitives, surfaces))
     return Sizes(
@@ -80,6 +82,11 @@ def first_sizes(setups: list[Setup]) -> Sizes:
         materials=max(len(s.materials) for s in setups),
         bodies=max(bodies, 1),
     )
+
+
+def cells_of_air(setup: Setup) -> int:
+    """Cells of the air of one replica."""
+    return 0 if setup.air is None else prod(setup.air.cells)
 
 
 def filled_up(setups: list[Setup], sizes: Sizes) -> list[Setup]:

@@ -40,7 +40,7 @@ def streams():
         wind.append([air_profile(sim, r).velocity[:, 0] for r in range(len(setups))])
         speed.append([snapshot(sim, r).velocity[:, 0] for r in range(len(setups))])
     profiles = [air_profile(sim, r) for r in range(len(setups))]
-    owed = sim.around.exchange.owed.to_numpy()[..., 0].sum(axis=1)
+    owed = sim.around.exchange.owed.to_numpy()[: len(setups), :, 0].sum(axis=1)
     dragged = sim.world.held.dragged.to_numpy()[:, 0]
     rows = 2 * sim.sizes.grains
     side = sim.world.replicas.side.to_numpy()

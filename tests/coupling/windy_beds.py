@@ -9,7 +9,8 @@ from grain_worlds import GRAVITY, MASS, NONE, PLATE, RADIUS, grains, setup
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Setup
 
-SIDE = 8e-3  # m, period of the patch
+SIDE = 7e-3  # m, period of the patch
+ACROSS = 6  # grains along a period
 LID = 20e-3  # m
 SURFACE = 3e-3  # m
 DENSITY, VISCOSITY = 1.225, 1.46e-5  # kg m-3, m2 s-1
@@ -39,10 +40,10 @@ def under(table: Setup, over: AirSetup, **coupling: Any) -> Setup:
 def bed(seed: int, layers: int = 3, speed: float = 0.05) -> Setup:
     """Loose layers of grains, of random velocities [m s-1], that fall on a plate under wind."""
     rng = np.random.default_rng(seed)
-    across = (np.arange(7) + 0.5) * SIDE / 7.0
+    across = (np.arange(ACROSS) + 0.5) * SIDE / ACROSS
     x, y = (grid.ravel() for grid in np.meshgrid(across, across, indexing="ij"))
-    rows = [np.column_stack([x, y, np.full(49, (1.0 + 2.1 * k) * RADIUS)]) for k in range(layers)]
-    place = np.concatenate(rows) + rng.uniform(-0.04, 0.04, (49 * layers, 3)) * RADIUS
+    rows = [np.column_stack([x, y, np.full(ACROSS**2, (1.0 + 2.1 * k) * RADIUS)]) for k in range(layers)]
+    place = np.concatenate(rows) + rng.uniform(-0.04, 0.04, (ACROSS**2 * layers, 3)) * RADIUS
     table = setup(grains(place, speed * rng.standard_normal(place.shape)), PLATE)
     faces = bed_faces(0.0, SURFACE + 2.0 * RADIUS, LID, 0.5 * RADIUS, 1.3)
     return under(table, air(faces), look_steps=5, surface=SURFACE, seed=seed)

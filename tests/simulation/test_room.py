@@ -23,13 +23,13 @@ def row(count: int, walls: Walls = PLATE) -> Setup:
 
 
 @pytest.mark.parametrize("walls", [NONE, PLATE])
-@pytest.mark.parametrize(("count", "replicas"), [(1, 1), (2, 40), (33, 7), (64, 64)])
+@pytest.mark.parametrize(("count", "replicas"), [(1, 1), (2, 40), (33, 7), (128, 64)])
 def test_small_scenes_of_any_kind_get_the_same_room(count, replicas, walls):
     assert first_sizes([row(count, walls)] * replicas) == first_sizes([row(5)])
 
 
 def test_a_scene_of_many_grains_gets_room_for_its_own_replicas_only():
-    sizes = first_sizes([row(100)] * 3)
+    sizes = first_sizes([row(200)] * 3)
     assert (sizes.replicas, sizes.primitives, sizes.surfaces) == (3, 1, 1)
 
 

@@ -22,11 +22,11 @@ from taichi_erosion.simulation.assemble import reallocate
 from taichi_erosion.simulation.sizes import partition_count
 
 LAWS = Laws(rolling="elastic_plastic")
-GRAINS = 200
+GRAINS = 120
 HALF, WHOLE = 0.005, 0.01  # s
-PAIRS_TOO_FEW = 256  # entries; the heap wants more than these and fewer than twice as many
+PAIRS_TOO_FEW = 160  # entries; the heap wants more than these and fewer than twice as many
 WALL_PAIRS_TOO_FEW = 64
-PAIRS_FAR_TOO_FEW = 64  # fewer than the heap holds half way
+PAIRS_FAR_TOO_FEW = 80  # fewer than the heap holds half way
 
 
 def run(setups: list[Setup], threads: int, until: float) -> list[str]:
