@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from benchmarks.peers.cases import (
     Bed,
     Floats,
     Pile,
+    Soil,
     funnel_pile,
     funnel_triangles,
     loose_lattice,
@@ -38,17 +40,22 @@ FLOOR_MARGIN = 0.5 * MILLIMETRE  # the box reaches below the floor, since grains
 PILE_COUNTS = (2000, 10_000)
 
 
-def write_include(path: Path, numbers: dict[str, float]) -> None:
+def write_include(path: Path, numbers: Mapping[str, object]) -> None:
     """Numbers as variables that decks of LAMMPS and LIGGGHTS include."""
     path.write_text("".join(f"variable {name} index {number!r}\n" for name, number in numbers.items()))
 
 
 def write_grains(
-    path: Path, position: Floats, low: Floats, high: Floats, velocity: Floats | None = None
+    path: Path,
+    position: Floats,
+    low: Floats,
+    high: Floats,
+    velocity: Floats | None = None,
+    soil: Soil = SOIL,
 ) -> None:
     """Grains as a data file that LAMMPS (sphere) and LIGGGHTS (granular) read alike; type 2 is for walls."""
     sides = "".join(f"{a:.9g} {b:.9g} {c}lo {c}hi\n" for a, b, c in zip(low, high, "xyz", strict=True))
-    grain = f"1 {SOIL.diameter!r} {SOIL.density!r}"
+    grain = f"1 {soil.diameter!r} {soil.density!r}"
     with path.open("w") as out:
         out.write(f"{path.stem}\n\n{len(position)} atoms\n2 atom types\n\n{sides}\nAtoms\n\n")
         out.writelines(f"{k} {grain} {x:.12e} {y:.12e} {z:.12e}\n" for k, (x, y, z) in enumerate(position, 1))

@@ -22,13 +22,15 @@ from benchmarks.peers.codes import DECKS, PEERS
 from benchmarks.peers.physics_cases import (
     BED_STEPS,
     RELAX_STEPS,
+    Failed,
     falling_bed,
-    falling_column,
     lying,
     two_grains,
 )
-from benchmarks.peers.physics_codes import Code, Failed, contestants, our_beds
-from benchmarks.peers.physics_measures import Numbers, Rest, bed_numbers, pile_numbers, stack_numbers
+from benchmarks.peers.physics_codes import Code, contestants, our_beds
+from benchmarks.peers.physics_column import BOUNCING, FREE, ONE_LAW, USUAL, Column, column_soil, laid_columns
+from benchmarks.peers.physics_impact import IMPACT, impact_numbers, oblique
+from benchmarks.peers.physics_measures import Numbers, Rest, bed_numbers, heap_numbers, stack_numbers
 from benchmarks.peers.physics_pair import lammps_curve, our_curve, pair_numbers
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.page import fill_table, markdown_table
@@ -38,7 +40,7 @@ Seeds = list[dict[str, float]]  # numbers of every seed by quantity
 KEPT = DECKS / "cases" / "physics"  # delete it to run everything again
 TABLE = Path(__file__).with_name("physics.csv")
 PAGE = Path(__file__).parents[2] / "docs" / "trust.md"
-BED_SEEDS, PILE_SEEDS = range(1, 5), range(1, 7)
+BED_SEEDS = range(1, 5)
 STACK_STEPS = 20_000  # 0.1 s: the two grains come to rest
 
 
@@ -80,14 +82,12 @@ def laid_beds(code: Code) -> list[Rest]:
     return code.beds([lying(rest.position) for rest in ours], RELAX_STEPS)
 
 
-def piles(code: Code) -> list[Rest]:
-    """Columns that spread."""
-    return code.piles(list(map(falling_column, PILE_SEEDS)))
-
-
-def sticky_piles(code: Code) -> list[Rest] | None:
-    """The same of grains that stick."""
-    return code.sticky_piles(list(map(falling_column, PILE_SEEDS))) if code.sticky_piles else None
+def heaps(column: Column) -> Case:
+    """Columns that collapse."""
+    return Case(
+        lambda code: code.columns(column, laid_columns(column)),
+        lambda rest: heap_numbers(rest, column_soil(column), not column.rolls_freely),
+    )
 
 
 PAIR = "sticky pair"
@@ -95,8 +95,11 @@ CASES = {
     "two grains": Case(stacks, stack_numbers),
     "bed": Case(beds, bed_numbers),
     "laid bed": Case(laid_beds, bed_numbers, paired=True),
-    "pile": Case(piles, pile_numbers),
-    "sticky pile": Case(sticky_piles, pile_numbers),
+    "oblique impact": Case(lambda code: code.columns(IMPACT, [oblique()]), impact_numbers),
+    "heap, no rolling friction": heaps(FREE),
+    "heap, one rolling law": heaps(ONE_LAW),
+    "heap, one rolling law, restitution 0.9": heaps(BOUNCING),
+    "heap, rolling friction 0.15": heaps(USUAL),
 }
 
 
@@ -202,15 +205,16 @@ def shown(row: Row | None) -> str:
 
 
 def page_table(rows: Sequence[Row]) -> str:
-    """Quantities down, codes across."""
+    """Quantities down, codes across; every code has run the same seeds."""
     codes = list(dict.fromkeys(row.code for row in rows))
     by_place = {(row.case, row.quantity, row.code): row for row in rows}
     places = dict.fromkeys((row.case, row.quantity) for row in rows)
+    seeds = {row.case: row.n for row in rows}
     lines = [
-        (case, quantity, *(shown(by_place.get((case, quantity, code))) for code in codes))
+        (case, str(seeds[case]), quantity, *(shown(by_place.get((case, quantity, code))) for code in codes))
         for case, quantity in places
     ]
-    return markdown_table(("case", "quantity", *codes), lines)
+    return markdown_table(("case", "seeds", "quantity", *codes), lines)
 
 
 def publish() -> None:

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from benchmarks.peers.cases import SOIL, Floats
-from benchmarks.peers.physics_cases import BED_SIDE, MASS, WEIGHT, YOUNG_EFFECTIVE
+from benchmarks.peers.cases import SOIL, Floats, Soil
+from benchmarks.peers.physics_cases import BED_SIDE, mass, weight, young_effective
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.heap import centroid_height, pile_height, runout_radius
-from taichi_erosion.measures.repose import repose_angle
+from taichi_erosion.measures.heap import angle_of_repose_outline, centroid_height, pile_height, radius_90
 
 QUANTILES = (0.1, 0.5, 0.9)
 CUTS = (0.25, 0.5, 0.75)  # heights at which stress is looked at, over the height of the bed [1]
@@ -49,7 +48,7 @@ class Contacts:
 
 def hertz(overlap: Floats, radius: float) -> Floats:
     """Normal force [N] at an overlap [m] and an effective radius [m]."""
-    return 4.0 / 3.0 * YOUNG_EFFECTIVE * np.sqrt(radius) * np.maximum(overlap, 0.0) ** 1.5
+    return 4.0 / 3.0 * young_effective(SOIL) * np.sqrt(radius) * np.maximum(overlap, 0.0) ** 1.5
 
 
 def touching(position: Floats) -> Contacts:
@@ -75,7 +74,7 @@ def bed_numbers(rest: Rest) -> Numbers:
         )
     yield "mean height of the grains, d", float(height.mean()) / SOIL.diameter
     load = hertz(0.5 * SOIL.diameter - height, 0.5 * SOIL.diameter).sum()
-    yield "load of the floor over the weight", float(load) / (WEIGHT * len(height))
+    yield "load of the floor over the weight", float(load) / (weight(SOIL) * len(height))
     for cut in CUTS:
         yield f"weight above {cut:g} H that normal forces carry", carried(contacts, height, cut)
     yield "stress across over along the vertical, normal forces", stress_ratio(contacts)
@@ -91,7 +90,7 @@ def carried(contacts: Contacts, height: Floats, cut: float) -> float:
     above = height > level
     first, second = above[contacts.pair[:, 0]], above[contacts.pair[:, 1]]
     upward = contacts.force * contacts.normal[:, 2] * (second.astype(float) - first.astype(float))
-    return float(upward.sum()) / (WEIGHT * np.count_nonzero(above))
+    return float(upward.sum()) / (weight(SOIL) * np.count_nonzero(above))
 
 
 def stress_ratio(contacts: Contacts) -> float:
@@ -103,12 +102,12 @@ def stress_ratio(contacts: Contacts) -> float:
 def kinetic(rest: Rest) -> float:
     """Kinetic energy of a grain over its weight times its diameter [1]."""
     turning = 0.4 * (0.5 * SOIL.diameter) ** 2 * (rest.spin**2).sum(axis=1)
-    energy = 0.5 * MASS * ((rest.velocity**2).sum(axis=1) + turning)
-    return float(energy.mean()) / (WEIGHT * SOIL.diameter)
+    energy = 0.5 * mass(SOIL) * ((rest.velocity**2).sum(axis=1) + turning)
+    return float(energy.mean()) / (weight(SOIL) * SOIL.diameter)
 
 
-def pile_numbers(rest: Rest) -> Numbers:
-    """Angle of repose and shape of a pile, by the measures of this program."""
+def heap_numbers(rest: Rest, soil: Soil, flank: bool) -> Numbers:
+    """Shape of a heap, with its angle where it has a flank, by the measures of this program; how it rests."""
     count = len(rest.position)
     still = np.zeros(count, np.int32)
     state = Snapshot(
@@ -117,17 +116,23 @@ def pile_numbers(rest: Rest) -> Numbers:
         position=rest.position,
         velocity=rest.velocity,
         spin=rest.spin,
-        radius=np.full(count, 0.5 * SOIL.diameter),
-        mass=np.full(count, MASS),
+        radius=np.full(count, 0.5 * soil.diameter),
+        mass=np.full(count, mass(soil)),
         contacts=still,
         ident=np.arange(count, dtype=np.int32),
         waiting=0,
     )
-    yield "angle of repose, deg", repose_angle(state).value
-    lengths = {"height": pile_height, "mean height": centroid_height, "runout": runout_radius}
+    if flank:
+        yield "angle of repose, deg", angle_of_repose_outline(state).value
+    lengths = {
+        "height": pile_height,
+        "mean height of the grains": centroid_height,
+        "radius of 90 %": radius_90,
+    }
     for name, measure in lengths.items():
-        yield f"{name}, d", measure(state).value / SOIL.diameter
-    yield "kinetic energy of a grain, 1e-6 m g d", 1e6 * kinetic(rest)
+        yield f"{name}, d", measure(state).value / soil.diameter
+    moving = 0.5 * float((rest.velocity**2).sum(axis=1).mean()) / (soil.gravity * soil.diameter)
+    yield "energy of translation of a grain, 1e-7 m g d", 1e7 * moving
 
 
 def stack_numbers(rest: Rest) -> Numbers:
@@ -141,4 +146,4 @@ def stack_numbers(rest: Rest) -> Numbers:
 def depth(weights: float, radius: float) -> float:
     """Overlap [m] under some weights of a grain, effective radius [d]."""
     stiffness = float(hertz(np.array([1.0]), radius * SOIL.diameter)[0])
-    return (weights * WEIGHT / stiffness) ** (2.0 / 3.0)
+    return (weights * weight(SOIL) / stiffness) ** (2.0 / 3.0)

@@ -90,7 +90,7 @@ def run_benchmarks(progress: Report | None = None) -> dict[str, Any]:
             progress((len(orders) + index) * share, f"air, {columns} x {columns} columns")
         cases.append(air_case(columns, cores))
     if progress:
-        progress(1.0 - 2.0 * share, "fluid threshold of one bed")
+        progress(1.0 - 2.0 * share, "fluid threshold")
     cases.append(threshold_case())
     if progress:
         progress(1.0 - share, "beds of growing width")

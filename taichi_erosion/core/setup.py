@@ -120,6 +120,8 @@ class Coupling:
     rising: bool = False  # whether air may rise through the bed later on
     seed: int = 0  # of random forces on grains
     partition: float = 1.0  # friction velocity that reaches the bed over the one that is set [1]
+    sleep_looks: int = 0  # looks at rest before deep grains are held until disturbed; 0: none ever is
+    sleep_share: float = 0.2  # of the weight of a sleeping grain, that disturbs it [1]
 
 
 @dataclass(frozen=True)

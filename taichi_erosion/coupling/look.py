@@ -30,6 +30,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.feel import SPHERE_VOLUME, feel_partition
 from taichi_erosion.coupling.slices import layer_range, share_below
 from taichi_erosion.grains.cells import position_of
+from taichi_erosion.grains.sleep import lull
 from taichi_erosion.grains.state import partition_first, side_block
 from taichi_erosion.grains.team import is_mine, wait_for_team
 
@@ -222,4 +223,6 @@ def look(world_out: ti.template(), around_out: ti.template(), r, member, size, t
         for p in range(replicas_out.partitions[r]):
             if is_mine(replicas_out, r, p, member, size):
                 feel_partition(world_out, around_out, r, p)
+    if ti.static(world_out.sleeps):
+        turn = lull(world_out, r, member, size, turn)
     return turn

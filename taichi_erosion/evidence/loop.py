@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
+from threadpoolctl import threadpool_limits
+
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence import results
 from taichi_erosion.evidence.adopt import adopt
@@ -40,12 +42,17 @@ from taichi_erosion.evidence.vault import openings, record_opening
 
 @contextmanager
 def opened(path: Path, budget: BudgetName | None = None) -> Iterator[Study]:
-    """A study whose runs are safe in its store when the block is left, however it is left."""
-    study = load_study(path, budget)
-    try:
-        yield study
-    finally:
-        study.store.commit()
+    """A study whose runs are safe in its store when the block is left, however it is left.
+
+    Matrices are multiplied on one thread: on several their last bits would depend on how many there are, and
+    with them which runs are asked for next.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        study = load_study(path, budget)
+        try:
+            yield study
+        finally:
+            study.store.commit()
 
 
 def compare_study(path: Path, progress: Progress) -> Document:

@@ -9,6 +9,7 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.held import drag_along
+from taichi_erosion.grains.sleep import sleep_on
 from taichi_erosion.grains.state import REBUILD, STOP, force_block, partition_first, side_block
 
 SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
@@ -57,34 +58,53 @@ def accelerations(world_out: ti.template(), r, i, buffer):
 
 
 @ti.func
+def keep_rates(grains_out: ti.template(), place, acceleration, spin_rate):
+    """Note what the last step of a launch did to a grain; no place, no note."""
+    if place >= 0:
+        grains_out.acceleration[place] = acceleration
+        grains_out.spin_rate[place] = spin_rate
+
+
+@ti.func
+def advance_grain(world_out: ti.template(), r, i, buffer, kick, place):
+    """Kick and drift the grain at place i; says whether it calls for a rebuild."""
+    (grains_out,) = ti.static((world_out.grains,))
+    acceleration, spin_rate = accelerations(world_out, r, i, buffer)
+    velocity = grains_out.velocity[i] + acceleration * kick
+    if ti.static(world_out.driven):
+        velocity = drag_along(world_out.held, i, velocity, kick)
+        acceleration = (velocity - grains_out.velocity[i]) / kick
+    shift = grains_out.shift[i] + velocity * world_out.replicas.time_step[r]
+    grains_out.velocity[i] = velocity
+    grains_out.spin[i] = grains_out.spin[i] + spin_rate * kick
+    grains_out.shift[i] = shift
+    keep_rates(grains_out, place, acceleration, spin_rate)
+    need = REBUILD  # also where the shift is not a number
+    if shift.norm_sqr() <= grains_out.travel_squared[i]:
+        need = 0
+    return need
+
+
+@ti.func
 def advance_grains(world_out: ti.template(), r, p, step, is_last):
-    """Kick and drift the grains of one partition; says whether a rebuild is due."""
+    """Move the grains of one partition that do not sleep; says whether a rebuild is due."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     base = side_block(grains_out, r, replicas.side[r])
     buffer = force_block(grains_out, replicas, r, p)
     count = replicas.released[r]
-    dt = replicas.time_step[r]
     kick = kick_time(replicas, r, step)
     need = 0
     first = partition_first(count, replicas.partitions[r], p)
     for rank in range(first, partition_first(count, replicas.partitions[r], p + 1)):
-        i = base + rank
-        acceleration, spin_rate = accelerations(world_out, r, i, buffer + rank)
-        velocity = grains_out.velocity[i] + acceleration * kick
-        if ti.static(world_out.driven):
-            velocity = drag_along(world_out.held, i, velocity, kick)
-            acceleration = (velocity - grains_out.velocity[i]) / kick
-        shift = grains_out.shift[i] + velocity * dt
-        grains_out.velocity[i] = velocity
-        grains_out.spin[i] = grains_out.spin[i] + spin_rate * kick
-        grains_out.shift[i] = shift
-        if shift.norm_sqr() <= grains_out.travel_squared[i]:
-            need = need | 0
-        else:
-            need = REBUILD  # also where the shift is not a number
-        if is_last:
-            grains_out.acceleration[r * grains_out.capacity + rank] = acceleration
-            grains_out.spin_rate[r * grains_out.capacity + rank] = spin_rate
+        place = ti.select(is_last, r * grains_out.capacity + rank, -1)
+        moves = True
+        if ti.static(world_out.sleeps):
+            moves = not sleep_on(world_out, r, base + rank, buffer + rank, kick)
+            if not moves:
+                still = 0.0 * replicas.gravity[r]
+                keep_rates(grains_out, place, still, still)
+        if moves:
+            need = need | advance_grain(world_out, r, base + rank, buffer + rank, kick, place)
     return need
 
 

@@ -15,6 +15,7 @@ from taichi_erosion.grains.margins import margin
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.pairs import MEMORY, ROW_SHIFT, entry_block, partition_entries
 from taichi_erosion.grains.search import search_grain
+from taichi_erosion.grains.sleep import clear_sleep, move_sleep
 from taichi_erosion.grains.state import partition_first, side_block
 
 TOUCHING = 1e-5  # of the distance of two grains: nearer to touching than this they count as touching [1]
@@ -38,6 +39,8 @@ def release_grains(world_out: ti.template(), r):
         grains_out.ident[base + count] = count
         if ti.static(world_out.driven):
             clear_held(world_out.held, base + count)
+        if ti.static(world_out.sleeps):
+            clear_sleep(world_out.sleep, base + count)
         for bounds_out in ti.static((world_out.pairs, world_out.wall_pairs)):
             bounds_out.start[base + count] = 0
             bounds_out.stop[base + count] = 0
@@ -71,6 +74,8 @@ def move_grains(world_out: ti.template(), r, p):
         grains_out.ident[k] = grains_out.ident[i]
         if ti.static(world_out.driven):
             move_held(world_out.held, k, i)
+        if ti.static(world_out.sleeps):
+            move_sleep(world_out.sleep, k, i)
 
 
 @ti.func

@@ -10,6 +10,7 @@ from taichi_erosion.grains.batches import LANES, lane, put
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.contact import contact_force, describe_contact
 from taichi_erosion.grains.pairs import ENGAGED, MET, ROW_SHIFT
+from taichi_erosion.grains.sleep import hear, next_awake
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 
 MULTIPLIER = 0x9E3779B1  # golden ratio of 32 bits, odd (Knuth 1998, Art of Computer Programming 3, sec. 6.4)
@@ -224,6 +225,8 @@ def finish_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
         forget(world_out.pairs, batch.entry[n])
     if ti.static(world_out.pair_effects.any):
         pull_pair(world_out, batch, n, r, base, buffer)
+    if ti.static(world_out.sleeps):
+        hear(world_out.sleep, base + batch.owner[n], base + batch.partner[n])
 
 
 @ti.func
@@ -237,13 +240,13 @@ def add_pair_forces(world_out: ti.template(), r, p):
     dt = replicas.time_step[r]
     batch = world_out.batch_type()
     if first < last:
-        e = pairs.start[base + first]
         end = pairs.stop[base + last - 1]
+        e = next_awake(world_out, base, pairs.start[base + first], end)
         while e < end:
             taken = 0
             while e < end and taken < LANES:
                 taken += place_pair(world_out, batch, taken, r, e, base)
-                e += 1
+                e = next_awake(world_out, base, e + 1, end)
             for n in range(taken):
                 gather_pair(world_out, batch, n, base)
             for n in range(taken):

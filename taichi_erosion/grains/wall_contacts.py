@@ -13,6 +13,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import ROLLING_INERTIA, contact_force, describe_contact
 from taichi_erosion.grains.pair_contacts import forget, hold, remember, report_overlap, touch_stiffness
 from taichi_erosion.grains.pairs import ENGAGED, ROW_SHIFT
+from taichi_erosion.grains.sleep import is_asleep
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 from taichi_erosion.grains.walls import (
     into_wall_frame,
@@ -217,6 +218,9 @@ def add_wall_forces(world_out: ti.template(), r, p):
         while e < end:
             rank = entries.owner[e]
             i = base + rank
-            if grains.shift[i].norm_sqr() >= entries.clear_squared[i]:
+            due = grains.shift[i].norm_sqr() >= entries.clear_squared[i]
+            if ti.static(world_out.sleeps):
+                due = due and not is_asleep(world_out.sleep, i)
+            if due:
                 add_wall_force(world_out, r, p, rank)
             e = entries.stop[i]

@@ -10,6 +10,7 @@ from taichi_erosion.grains.contact import ContactLaws
 from taichi_erosion.grains.held import Held
 from taichi_erosion.grains.materials import Materials
 from taichi_erosion.grains.pairs import Pairs
+from taichi_erosion.grains.sleep import Sleep
 from taichi_erosion.grains.state import Grains, Replicas, Source
 from taichi_erosion.grains.wall_contacts import WallPairs
 from taichi_erosion.grains.walls import Walls
@@ -37,3 +38,5 @@ class World:
     meeting_type: Any  # likewise, of two grains that begin to overlap
     driven: bool  # compiled in: whether air or grain effects act between contacts
     held: Held
+    sleeps: bool  # compiled in: whether deep grains are held until disturbed
+    sleep: Sleep

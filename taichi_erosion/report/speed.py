@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.report.page import fill_tables, markdown_table
+from taichi_erosion.report.page import fill_table, markdown_table
 
 PAGE = "speed.md"
 STAGES = ("pairs", "walls", "motion", "rebuild")
@@ -58,9 +58,34 @@ def scaling_table(cases: Sequence[Case]) -> str:
     return markdown_table(header, rows)
 
 
+def threshold_table(cases: Sequence[Case]) -> str:
+    """What a fluid threshold with its interval costs, by what the time was spent on."""
+    stages = tuple(dict.fromkeys(stage for case in cases for stage in case["stages"]))
+    header = ("case", "u* [m/s]", "95 % interval", "simulated steps", "core-seconds", *stages)
+    rows = [
+        (
+            case["case"],
+            f"{case['threshold u* [m/s]']:.3f}",
+            f"{case['from']:.3f} to {case['to']:.3f}",
+            f"{case['steps']:,}",
+            f"{case['core-seconds']:.1f}",
+            *(f"{case['core-seconds'] * case['stages'].get(stage, 0.0):.1f}" for stage in stages),
+        )
+        for case in cases
+    ]
+    return markdown_table(header, rows)
+
+
 def publish(document: Mapping[str, Any], docs: Path) -> Path:
-    """Fill the tables of the page."""
+    """Fill the tables of the page that come from `bench`."""
     makers = {"grains": grain_table, "air": air_table, "scaling": scaling_table}
-    tables = {name: table(document["cases"]) for name, table in makers.items()}
+    return fill(docs, {name: table(document["cases"]) for name, table in makers.items()})
+
+
+def fill(docs: Path, tables: Mapping[str, str]) -> Path:
+    """Fill some tables of the page."""
     page = docs / PAGE
-    return write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
+    text = page.read_text(encoding="utf-8")
+    for name, table in tables.items():
+        text = fill_table(text, name, table)
+    return write_whole(page, text.encode())

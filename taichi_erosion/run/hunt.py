@@ -1,7 +1,8 @@
 """The hunt for thresholds in one bed: which wind blows next, and what the bed does in it.
 
-    ramp    u* grows in small steps over the bed as it is: where the first grains roll, and leave
-    hold    from rest, at winds between those two, bisected until the last step has been halved often enough
+    ramp    u* grows in small steps over the bed as it is, until the first grains roll or leave
+    hold    from rest, from that wind on: in such steps to the other side of the threshold, then bisected
+            until the step has been halved often enough
     start   from rest, well above the fluid threshold, until transport has developed
     fall    u* falls in small steps over moving grains, until they come to rest
 
@@ -183,22 +184,22 @@ def note(hunt: Hunt, outcome: bool, time: float) -> None:
 
 
 def after_ramp(hunt: Hunt, moved: bool) -> float:
-    """A stronger wind; once grains leave the bed, a weaker one from rest."""
+    """A stronger wind; once grains roll, the same one from rest, and a weaker one once they leave the bed.
+
+    Beds are moved from rest by about the wind in which their grains begin to roll: a ramp that goes on until
+    grains leave the bed, for which a step is short, ends far above it.
+    """
     now, factor = hunt.trial.friction_velocity, 1.0 + hunt.scene.threshold.rise
     rolled = np.count_nonzero(hunt.trial.rolled) >= hunt.needed
-    if (rolled or moved) and "rolling_onset" not in hunt.found:
-        hunt.found["rolling_onset"] = Bracket(now / factor, now)
-    if not moved:
+    if not (rolled or moved):
         return now * factor
+    hunt.found["rolling_onset"] = Bracket(now / factor, now)
     hunt.phase = "hold"
-    return now / factor
+    return now / factor if moved else now
 
 
 def after_hold(hunt: Hunt, moved: bool) -> float | None:
-    """The next wind from rest: between the weakest that moved the bed and the strongest that did not.
-
-    Until one has not moved it, grains that roll in the ramp stand for that one.
-    """
+    """The next wind from rest: between the weakest that moved the bed and the strongest that did not."""
     order, now = hunt.scene.threshold, hunt.trial.friction_velocity
     if moved:
         hunt.high = now
@@ -207,8 +208,7 @@ def after_hold(hunt: Hunt, moved: bool) -> float | None:
     if hunt.high is None:
         return now * (1.0 + order.rise)
     if hunt.low is None:
-        rolling = hunt.found["rolling_onset"].low
-        return min(sqrt(now * rolling), now / (1.0 + order.rise))
+        return now / (1.0 + order.rise)
     bracket = Bracket(hunt.low, hunt.high)
     if bracket.high > bracket.low * (1.0 + order.rise) ** (0.5**order.levels) * (1.0 + ROUNDING):
         return bracket.middle

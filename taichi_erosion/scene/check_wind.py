@@ -1,6 +1,7 @@
 """Whether a patch under wind fits together; each problem is one line that begins with a dotted path."""
 
 from collections.abc import Iterator
+from math import sqrt
 
 from taichi_erosion.scene.fill import layer_places
 from taichi_erosion.scene.limits import time_step
@@ -18,6 +19,7 @@ HUNTED = (
 )
 SPLASH = ("rebound_share", "rebound_speed", "ejecta_share")
 BLOWN = ("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # of many moments
+REST_LEAST = 0.1  # of sqrt(d / g): a grain that begins to fall is faster by then than one at rest may be [1]
 PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image
 
 
@@ -51,6 +53,7 @@ def wind_checks(scene: Scene) -> Iterator[str]:
     if scene.wind is not None:
         yield from lid_checks(scene, scene.wind)
         yield from look_checks(scene, scene.wind)
+        yield from sleep_checks(scene, scene.wind)
 
 
 def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
@@ -78,6 +81,21 @@ def look_checks(scene: Scene, wind: Wind) -> Iterator[str]:
             f"wind.look_steps = {wind.look_steps}: {interval:.2g} s pass between two looks at the air, "
             f"but drag moves the smallest grain within {response:.2g} s; at most a tenth of that"
         )
+
+
+def sleep_checks(scene: Scene, wind: Wind) -> Iterator[str]:
+    """Grains sleep after a rest that tells them from falling ones, on walls that stand still."""
+    if wind.sleep_after is None:
+        return
+    least = REST_LEAST * sqrt(nominal_diameter(scene.grains.size))
+    if wind.sleep_after * sqrt(scene.gravity.magnitude) < least:
+        told = "so soon, grains that begin to fall seem to be at rest"
+        yield f"wind.sleep_after = {wind.sleep_after:g} s: {told}; at least 0.1 sqrt(d / g)"
+    # nobody looks at what a wall does to a sleeper
+    for place, stage in enumerate(scene.stages):
+        for name in stage.move:
+            told = "no grain may sleep where walls move; leave wind.sleep_after out"
+            yield f"stages.{place}.move.{name}: {told}"
 
 
 def measure_checks(scene: Scene) -> Iterator[str]:

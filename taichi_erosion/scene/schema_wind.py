@@ -37,6 +37,16 @@ class Wind(Part):
     look_steps: int = number(
         Coupling.look_steps, "1", "time steps of the grains between two looks at the air", 1, 10_000
     )
+    sleep_after: float | None = number(
+        None,
+        "s",
+        "time at rest after which deep grains sleep until disturbed; left out: none does",
+        1e-6,
+        1e3,
+    )
+    sleep_share: float = number(
+        Coupling.sleep_share, "1", "share of its weight that disturbs a grain that sleeps", 1e-4, 1.0
+    )
     through_flow: float = number(
         0.0, "m s-1", "superficial velocity of air rising through the bed", -100.0, 100.0
     )

@@ -1,9 +1,10 @@
 """From the wind section of a scene to the air of one replica."""
 
-from math import pi
+from math import ceil, pi
 
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces
 from taichi_erosion.core.setup import Coupling, GrainTable, Triple
+from taichi_erosion.scene.limits import time_step
 from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_wind import Wind
 from taichi_erosion.scene.sizes import mean_cube, nominal_diameter
@@ -46,7 +47,17 @@ def coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
     """How grains and air look at each other."""
     rising = any(stage.through_flow is not None for stage in scene.stages)
     return Coupling(
-        wind.look_steps, surface_height(scene, wind), wind.through_flow, rising, seed % 2**31, wind.partition
+        look_steps=wind.look_steps,
+        surface=surface_height(scene, wind),
+        through_flow=wind.through_flow,
+        rising=rising,
+        seed=seed % 2**31,
+        partition=wind.partition,
+        # so many looks, the first of them included, last no less than the time at rest
+        sleep_looks=1 + ceil(wind.sleep_after / (wind.look_steps * time_step(scene)))
+        if wind.sleep_after
+        else 0,
+        sleep_share=wind.sleep_share,
     )
 
 

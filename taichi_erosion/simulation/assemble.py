@@ -17,6 +17,7 @@ from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
 from taichi_erosion.grains.held import allocate_held
 from taichi_erosion.grains.materials import allocate_materials
 from taichi_erosion.grains.pairs import allocate_pairs
+from taichi_erosion.grains.sleep import allocate_sleep
 from taichi_erosion.grains.state import allocate_grains, allocate_replicas, allocate_source
 from taichi_erosion.grains.team import CPU_CHUNK
 from taichi_erosion.grains.wall_contacts import allocate_wall_pairs
@@ -50,7 +51,7 @@ class Simulation:
 def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
     """Allocate all fields and write the Setups to them, one a replica; the device must have been started."""
     compiled = compile_contact_laws(laws)
-    driven = is_driven(setups)
+    driven, sleeps = is_driven(setups), any(s.coupling.sleep_looks > 0 for s in setups)
     world = World(
         grains=allocate_grains(sizes.replicas, sizes.partitions, sizes.grains),
         source=allocate_source(sizes.replicas, sizes.grains),
@@ -70,6 +71,8 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
         meeting_type=meeting_type(),
         driven=driven,
         held=allocate_held(sizes.replicas if driven else 1, sizes.grains if driven else 1),
+        sleeps=sleeps,
+        sleep=allocate_sleep(sizes.replicas if sleeps else 1, sizes.grains if sleeps else 1),
     )
     fill_world(world, setups, [gap_reach(s, compiled) for s in setups], [partition_count(s) for s in setups])
     check_periods(world, setups)

@@ -65,6 +65,7 @@ def extent_from_axis(kind: int, row: Floats, motion: Motion) -> float:
 def set_gravity(sim: Simulation, replica: int, gravity: tuple[float, float, float]) -> None:
     """Change the gravity of one replica [m s-2]."""
     upload([(sim.world.replicas.gravity, [gravity])], replica)
+    rouse(sim, replica)
 
 
 def set_contacts(sim: Simulation, replica: int, table: ContactTable) -> None:
@@ -99,5 +100,13 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[Acting]) -> boo
 
 
 def make_stale(sim: Simulation, replica: int) -> None:
-    """Ask for a rebuild before the next step."""
+    """Ask for a rebuild before the next step, and wake who sleeps: what held it may have changed."""
     upload([(sim.world.replicas.stale, [1.0])], replica)
+    rouse(sim, replica)
+
+
+def rouse(sim: Simulation, replica: int) -> None:
+    """Wake all grains of one replica; they have not been at rest yet."""
+    if sim.world.sleeps:
+        sleep, rows = sim.world.sleep, 2 * sim.sizes.grains
+        upload([(field, np.zeros(rows)) for field in (sleep.state, sleep.calm)], replica * rows)

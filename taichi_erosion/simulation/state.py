@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.grains.held import HELD
+from taichi_erosion.grains.sleep import CARRIED
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.sizes import grown
 from taichi_erosion.simulation.wind import export_surroundings, import_surroundings
@@ -53,6 +54,9 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     if world.driven:
         held = download(fields_of(world.held, HELD), block * rows, count)
         out |= {f"held_{name}": values for name, values in zip(HELD, held, strict=True)}
+    if world.sleeps:
+        sleep = download(fields_of(world.sleep, CARRIED), block * rows, count)
+        out |= {f"sleep_{name}": values for name, values in zip(CARRIED, sleep, strict=True)}
     for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
         start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], block * rows, count))
         entries = download(fields_of(table, names), block * table.capacity, table.capacity)
@@ -135,6 +139,8 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     upload([(getattr(world.grains, name), part[name]) for name in RATE], r * rows)
     if world.driven:
         upload([(getattr(world.held, name), part[f"held_{name}"]) for name in HELD], 2 * r * rows)
+    if world.sleeps:
+        upload([(getattr(world.sleep, name), part[f"sleep_{name}"]) for name in CARRIED], 2 * r * rows)
     part = part | {"wall_wall": part["wall_wall"] + r * sim.sizes.primitives}
     for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
         number = part[f"{prefix}_number"].astype(np.int64)

@@ -8,8 +8,10 @@ import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from threadpoolctl import threadpool_info
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.evidence.loop import opened
 from taichi_erosion.evidence.problem import Budget, Candidate
 from taichi_erosion.evidence.study import load_study
 from taichi_erosion.evidence.study_file import read_study_file
@@ -224,3 +226,8 @@ def outcome(path: Path) -> str | None:
     except BadInput as error:
         return str(error)
     return None
+
+
+def test_matrices_of_a_study_are_multiplied_on_one_thread(tmp_path):
+    with opened(write_study(tmp_path, {})):
+        assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {1}

@@ -22,6 +22,14 @@ REFUSED = [
     ("wind_threshold", "threshold.share=2.0", "threshold.share = 2.0 lies outside"),
     ("wind_threshold", "stages.1.until='time'", "needs a stage with until = 'threshold'"),
     ("wind_threshold", "stages.0.until='threshold'", "must be the last stage"),
+    ("wind_threshold", "wind.sleep_share=0.0", "wind.sleep_share = 0.0 lies outside"),
+    ("wind_threshold", "wind.sleep_after=0.0", "wind.sleep_after = 0.0 lies outside"),
+    ("wind_threshold", "wind.sleep_after=1e-4", "grains that begin to fall seem to be at rest"),
+    (
+        "wind_threshold",
+        "stages.0.move={ground = { velocity = [1.0, 0.0, 0.0] }}",
+        "may sleep where walls move",
+    ),
     ("saltation", "stages.3.friction_velocity=50.0", "lies outside"),
     ("saltation", "wind.surface=0.2", "the lid is inside the bed"),
 ]

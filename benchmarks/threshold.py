@@ -1,0 +1,23 @@
+"""Cost of a fluid threshold and its interval, deep grains asleep and awake: `python -m benchmarks.threshold`.
+
+Fills the table of `docs/speed.md`. Both beds are hunted in one process on one thread, in processor time.
+"""
+
+import sys
+from pathlib import Path
+
+from taichi_erosion.benchmark.threshold import threshold_case
+from taichi_erosion.report.speed import fill, threshold_table
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def main() -> int:
+    """Run both, fill the table and say where."""
+    cases = [threshold_case(), threshold_case(awake=True)]
+    sys.stdout.write(f"{fill(DOCS, {'threshold': threshold_table(cases)})}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,153 @@
+"""Deep grains that sleep: they lie where they lay, carry what rests on them, wake when hit, lose no bit."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from grain_worlds import GRAVITY, TIME_STEP, contacts, fingerprint
+from windy_beds import DENSITY, RADIUS, SIDE, bed
+
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.grains.sleep import FALLING
+from taichi_erosion.simulation import (
+    Simulation,
+    advance,
+    air_profile,
+    assemble,
+    develop_wind,
+    export_state,
+    import_state,
+    set_gravity,
+    sizes,
+    snapshot,
+)
+
+LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
+LOOKS, LOOK_STEPS = 20, 5  # a millisecond at rest
+SETTLED, WATCHED = 0.15, 0.02  # s
+BREEZE = 0.1  # m s-1, friction velocity far below that which moves these grains
+LIFTED = 0.5 * RADIUS
+SHARED = 2e-3  # s, that two workers go on after a grain has hit the bed
+FALL = np.sqrt(2.0 * LIFTED / GRAVITY)  # s
+
+
+def rough(seed: int, layers: int = 3) -> Setup:
+    """A bed whose grains resist rolling, else some roll on for long."""
+    return replace(bed(seed, layers), contacts=contacts(rolling=0.2))
+
+
+def drowsy(seed: int, layers: int = 3) -> Setup:
+    """A bed whose grains may sleep."""
+    awake = rough(seed, layers)
+    return replace(awake, coupling=replace(awake.coupling, sleep_looks=LOOKS, sleep_share=0.1))
+
+
+def asleep(sim: Simulation, replica: int = 0) -> Any:
+    """Which grains sleep, by row of the GrainTable."""
+    state = export_state(sim)
+    order = np.argsort(state[f"replica{replica}_ident"])
+    return state[f"replica{replica}_sleep_state"][order] >= FALLING
+
+
+def lifted(state: dict[str, Any]) -> dict[str, Any]:
+    """The same state with its highest grain above its place, awake."""
+    out = {name: values.copy() for name, values in state.items()}
+    top = int(np.argmax(out["replica0_origin"][:, 2]))
+    out["replica0_origin"][top, 2] += LIFTED
+    out["replica0_sleep_state"][top] = out["replica0_sleep_calm"][top] = 0
+    out["stale"][:] = 1.0
+    return out
+
+
+@pytest.fixture(scope="module")
+def nights() -> dict[str, Any]:
+    """A bed that settles and falls asleep, in a breeze, hit by a grain, put back, and tilted."""
+    sim = assemble([drowsy(1)], LAWS, Numerics("cpu", 1))
+    advance(sim, [SETTLED])
+    state, still, before = export_state(sim), asleep(sim), snapshot(sim, 0)
+    advance(sim, [SETTLED + WATCHED])
+    after, later, end = snapshot(sim, 0), asleep(sim), fingerprint(snapshot(sim, 0))
+    import_state(sim, state)
+    advance(sim, [SETTLED + WATCHED])
+    again = fingerprint(snapshot(sim, 0))
+    develop_wind(sim, 0, BREEZE)
+    advance(sim, [SETTLED + 2.0 * WATCHED])
+    owed, breeze, blown = sim.around.exchange.owed.to_numpy()[0, :, 0].sum(), air_profile(sim, 0), asleep(sim)
+    import_state(sim, lifted(state))
+    hit = []
+    for time in SETTLED + FALL + np.linspace(-1e-3, 4e-3, 11):
+        advance(sim, [time])
+        hit.append(np.count_nonzero(asleep(sim)))
+    advance(sim, [2.0 * SETTLED])
+    calmed = asleep(sim)
+    set_gravity(sim, 0, (GRAVITY, 0.0, 0.0))
+    tilted = asleep(sim)
+    stop_device()
+    return locals()
+
+
+def test_a_bed_at_rest_falls_asleep_and_lies_where_it_lay(nights):
+    still = nights["still"] & nights["later"]
+    assert still.mean() > 0.9
+    assert np.array_equal(nights["after"].position[still], nights["before"].position[still])
+    assert not nights["after"].velocity[still].any()
+
+
+def test_a_bed_lies_as_it_does_awake_and_sleeps_alike_in_company(nights):
+    sim = assemble([rough(1), drowsy(1)], LAWS, Numerics("cpu", 2))
+    advance(sim, [SETTLED] * 2)
+    awake, nobody = snapshot(sim, 0), asleep(sim)
+    advance(sim, [SETTLED + WATCHED] * 2)
+    company = fingerprint(snapshot(sim, 1))
+    stop_device()
+    assert company == nights["end"]
+    assert not nobody.any()
+    # grains fall asleep once they have come to rest: what is left of their motion is a creep
+    away = np.abs(awake.position[:, 2] - nights["before"].position[:, 2])
+    assert np.median(away) < 0.01 * RADIUS
+    assert away.max() < 0.2 * RADIUS
+
+
+def test_the_air_loses_what_sleepers_take_from_it(nights):
+    breeze = nights["breeze"]
+    assert nights["blown"].mean() > 0.9
+    height, interval = np.diff(breeze.face), LOOK_STEPS * TIME_STEP
+    taken = -(breeze.drag[:, 0] * height).sum()
+    # the stress at the lid goes to grains and, under three layers of them, hardly to the floor
+    assert taken == pytest.approx(DENSITY * BREEZE**2, rel=0.02)
+    # what is owed is the drag of one look, which the grains get until the next: nothing has piled up
+    assert nights["owed"] == pytest.approx(taken * SIDE**2 * interval, rel=0.02)
+
+
+def test_a_grain_that_falls_on_sleepers_wakes_those_it_hits_and_all_sleep_again(nights):
+    hit = nights["hit"]
+    assert min(hit) < hit[0] - 3
+    assert np.count_nonzero(nights["calmed"]) >= hit[0]
+
+
+def test_gravity_that_turns_wakes_all(nights):
+    assert not nights["tilted"].any()
+
+
+def test_sleep_goes_on_bit_for_bit_when_resumed(nights):
+    assert nights["again"] == nights["end"]
+
+
+@pytest.mark.slow
+def test_two_workers_that_share_a_sleeping_bed_change_no_bit(monkeypatch):
+    monkeypatch.setattr(sizes, "PARTITION_GRAINS", 50)
+    sim = assemble([drowsy(1)], LAWS, Numerics("cpu", 1))
+    advance(sim, [SETTLED])
+    state = lifted(export_state(sim))
+    stop_device()
+    bits = []
+    for threads in (1, 2):
+        sim = assemble([drowsy(1)], LAWS, Numerics("cpu", threads))
+        import_state(sim, state)
+        advance(sim, [SETTLED + FALL + SHARED])
+        assert 0.5 < asleep(sim).mean() < 1.0
+        bits.append(fingerprint(snapshot(sim, 0)))
+        stop_device()
+    assert bits[0] == bits[1]
