@@ -35,6 +35,7 @@ class Autopsy:
     decision: Decision
     final: Judged  # the hypothesis whose calibration is reported
     p_misfit: float
+    p_left: float  # of what the final hypothesis leaves
     family: list[Kernel]
     held_out: dict[str, HeldOut]
     stability: float
@@ -75,6 +76,7 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
         decision,
         final,
         p_misfit,
+        misfit_p(exam, residuals_of(exam, final.scored.expansion)),
         family,
         gains,
         stability,

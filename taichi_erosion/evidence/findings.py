@@ -191,6 +191,7 @@ class Discovery:
     clues: tuple[Clue, ...]
     p: float  # family-wise, of the strongest candidate by chance
     p_misfit: float  # of the calibrated base model
+    p_misfit_after: float  # of the recalibrated model with what is named; without a name, as before
     decoy_rank: int  # rank of the best made-up effect among all candidates; 1 is a red flag
     stability: float  # share of repeats with new seeds that agree on the verdict's first name [1]
     sentences: tuple[str, ...]

@@ -7,6 +7,7 @@ from taichi_erosion.evidence.findings import Clue, EffectFinding, Where
 from taichi_erosion.evidence.misfit import TOLD, chance_words
 from taichi_erosion.evidence.posterior import NONE, OUTSIDE
 from taichi_erosion.evidence.tables import noise_table
+from taichi_erosion.evidence.verdict import MISFIT_LEVEL
 
 TOLD_RIVAL = 1e-3  # probability from which another explanation is told
 
@@ -16,6 +17,8 @@ def summary(
 ) -> tuple[str, ...]:
     """Verdict first, then where the model fails, then what would change the conclusion."""
     sentences = [verdict_words(found, effects)]
+    if found.final.names and found.p_left < MISFIT_LEVEL:
+        sentences.append(left_words(found))
     sentences += [place.sentence for place in where if place.p < TOLD]
     sentences += [clue.sentence for clue in clues]
     sentences += noise_table(found.exam, None).sentences
@@ -25,6 +28,15 @@ def summary(
         )
     sentences.append(change_words(found, effects))
     return tuple(sentences)
+
+
+def left_words(found: Autopsy) -> str:
+    """What is named does not describe the measurements yet."""
+    names, chance = " and ".join(found.final.names), chance_words(found.p_left)
+    return (
+        f"Even with {names} the model fails ({chance}): its law may be another than ours, or something else "
+        "acts too that these candidates do not describe."
+    )
 
 
 def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:

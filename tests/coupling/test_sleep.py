@@ -29,7 +29,7 @@ LOOKS, LOOK_STEPS = 20, 5  # a millisecond at rest
 SETTLED, WATCHED = 0.15, 0.02  # s
 BREEZE = 0.1  # m s-1, friction velocity far below that which moves these grains
 LIFTED = 0.5 * RADIUS
-SHARED = 2e-3  # s, that two workers go on after a grain has hit the bed
+SHARED = 6e-3  # s, that two workers go on after a grain has hit the bed: all wake, and some sleep again
 FALL = np.sqrt(2.0 * LIFTED / GRAVITY)  # s
 
 
@@ -147,7 +147,7 @@ def test_two_workers_that_share_a_sleeping_bed_change_no_bit(monkeypatch):
         sim = assemble([drowsy(1)], LAWS, Numerics("cpu", threads))
         import_state(sim, state)
         advance(sim, [SETTLED + FALL + SHARED])
-        assert 0.5 < asleep(sim).mean() < 1.0
+        assert 0.2 < asleep(sim).mean() < 0.8
         bits.append(fingerprint(snapshot(sim, 0)))
         stop_device()
     assert bits[0] == bits[1]
