@@ -45,9 +45,8 @@ PLATE = Walls((PrimitiveKind.PLANE,), (FLOOR,), (0,))
 
 def contacts(friction: float = FRICTION, rolling: float = 0.0, restitution: float = 0.5) -> ContactTable:
     one = np.ones(3)
-    return ContactTable(
-        YOUNG * one, 0.2 * YOUNG * one, restitution * one, friction * one, rolling * one, 0.3 * one, 0.0 * one
-    )
+    laws = (YOUNG * one, 0.2 * YOUNG * one, restitution * one, friction * one, rolling * one, 0.3 * one)
+    return ContactTable(*laws, surface_energy=0.0 * one, effects=one)
 
 
 def grains(position: Any, velocity: Any = 0.0, spin: Any = 0.0, release: Any = 0.0) -> GrainTable:

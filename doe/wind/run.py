@@ -42,7 +42,7 @@ HOPS = {"threshold.fall_hold": 0.4}  # s, at the reference, a dozen hops: with t
 WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}  # m s-1, with the root of d
 
 BEDS = 5  # of a threshold
-PAIR = 2  # of an impact threshold; a flux averages over a second
+PAIR = 4  # of an impact threshold; a flux averages over a second
 FEW = 3  # of one that only has to show the way a choice acts
 GUSTS, LIFT = "effects.turbulent_gusts.strength=1", "effects.shear_lift.strength=1"
 DEEPER = ("grains.count=1200", "run.time_step_fraction=0.2", "run.overlap_limit=0.6")

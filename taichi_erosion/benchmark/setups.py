@@ -53,6 +53,7 @@ def contact_table(case: Any) -> ContactTable:
         friction_rolling=float(case["friction_rolling"]) * one,
         rolling_damping=DAMPING * one,
         surface_energy=0.0 * one,
+        effects=one,
     )
 
 

@@ -112,7 +112,7 @@ def load_kernels(sim: Simulation) -> None:
 def threshold_case(awake: bool = False) -> dict[str, Any]:
     """Core-seconds of five beds on one thread, split by what they were doing; `awake`: no grain sleeps."""
     ledger = Ledger()
-    wind = {name: value for name, value in BED["wind"].items() if not (awake and name == "sleep_after")}
+    wind = BED["wind"] | ({"sleep_after": None} if awake else {})
     scene: Scene = parse_scene(BED | {"wind": wind})
     actors = [Actor(seed) for seed in SEEDS]
     sim = assemble([build_setup(scene, seed) for seed in SEEDS], laws(scene), Numerics("cpu", 1, "f32"))

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
+from io import StringIO
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -136,8 +137,9 @@ def write_rows(table: Path, rows: Sequence[Row]) -> None:
     """Write rows as CSV; a number that is none is an empty field."""
     names = [f.name for f in fields(Row)]
     lines = [names, *([cell(value) for value in asdict(row).values()] for row in rows)]
-    text = "".join(csv_line(line) for line in lines)
-    write_whole(table, text.encode())
+    page = StringIO(newline="")
+    csv.writer(page, lineterminator="\n").writerows(lines)
+    write_whole(table, page.getvalue().encode())
 
 
 def cell(value: object) -> str:
@@ -145,11 +147,6 @@ def cell(value: object) -> str:
     if isinstance(value, float):
         return "" if value != value else f"{value:.7g}"
     return str(value)
-
-
-def csv_line(cells: Sequence[str]) -> str:
-    """One line of CSV; a cell with a comma or a quote is quoted."""
-    return ",".join('"' + c.replace('"', '""') + '"' if set(c) & set(',"\n') else c for c in cells) + "\n"
 
 
 def read_rows(table: Path) -> list[Row]:

@@ -24,9 +24,7 @@ def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: i
         return [first]
     fellows = [request for request in waiting if request.group == first.group and not deaths[request.key]]
     share = -(-len(fellows) // workers)
-    done = np.cumsum([request.work for request in fellows])
-    enough = int(np.searchsorted(done, WORTH_A_START)) + 1
-    batch = fellows[: min(max(share, enough), RUNS_MOST)]
-    while len(batch) > 1 and sum(request.work for request in batch) > WORK_MOST:
-        batch.pop()
-    return batch
+    work = np.cumsum([request.work for request in fellows])
+    least = int(np.searchsorted(work, WORTH_A_START)) + 1
+    most = int(np.searchsorted(work, WORK_MOST, side="right"))
+    return fellows[: max(min(max(share, least), most, RUNS_MOST), 1)]

@@ -74,6 +74,7 @@ class ContactTable:
     friction_rolling: Floats  # [pairs] 1
     rolling_damping: Floats  # [pairs] 1, share of the critical value
     surface_energy: Floats  # [pairs] J m-2, per surface: work of adhesion w = 2 gamma
+    effects: Floats  # [pairs] 1 where pair effects act, 0 where none does
 
 
 def pair_row(i: int, j: int, materials: int) -> int:

@@ -35,7 +35,7 @@ class Autopsy:
     decision: Decision
     final: Judged  # the hypothesis whose calibration is reported
     p_misfit: float
-    p_left: float  # of what the final hypothesis leaves
+    p_misfit_after: float  # of what the final hypothesis leaves
     family: list[Kernel]
     held_out: dict[str, HeldOut]
     stability: float

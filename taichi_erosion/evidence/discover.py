@@ -59,7 +59,7 @@ def worded(found: Autopsy, seed: int, start: float) -> Discovery:
         clues=clues,
         p=found.seen.p,
         p_misfit=found.p_misfit,
-        p_misfit_after=found.p_left,
+        p_misfit_after=found.p_misfit_after,
         decoy_rank=found.seen.decoy_rank,
         stability=found.stability,
         sentences=summary(found, effects, where, clues),

@@ -17,7 +17,7 @@ def summary(
 ) -> tuple[str, ...]:
     """Verdict first, then where the model fails, then what would change the conclusion."""
     sentences = [verdict_words(found, effects)]
-    if found.final.names and found.p_left < MISFIT_LEVEL:
+    if found.final.names and found.p_misfit_after < MISFIT_LEVEL:
         sentences.append(left_words(found))
     sentences += [place.sentence for place in where if place.p < TOLD]
     sentences += [clue.sentence for clue in clues]
@@ -32,7 +32,7 @@ def summary(
 
 def left_words(found: Autopsy) -> str:
     """What is named does not describe the measurements yet."""
-    names, chance = " and ".join(found.final.names), chance_words(found.p_left)
+    names, chance = " and ".join(found.final.names), chance_words(found.p_misfit_after)
     return (
         f"Even with {names} the model fails ({chance}): its law may be another than ours, or something else "
         "acts too that these candidates do not describe."

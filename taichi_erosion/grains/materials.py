@@ -28,6 +28,7 @@ class Materials:
     friction_rolling: Any  # [1]
     rolling_damping: Any  # share of the critical value [1]
     adhesion: Any  # pi times surface energy [J m-2]
+    effects: Any  # 1 where pair effects act, else 0
 
 
 def allocate_materials(replicas: int, materials: int) -> Materials:
@@ -59,6 +60,7 @@ def device_columns(table: ContactTable) -> dict[str, Floats]:
         "friction_rolling": table.friction_rolling,
         "rolling_damping": table.rolling_damping,
         "adhesion": pi * table.surface_energy,
+        "effects": table.effects,
     }
 
 

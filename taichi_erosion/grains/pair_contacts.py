@@ -50,6 +50,12 @@ def touch_stiffness(materials: ti.template(), row, root_radius, overlap):
 
 
 @ti.func
+def acted_on(materials: ti.template(), entries: ti.template(), e):
+    """Whether pair effects act between the materials of entry e."""
+    return materials.effects[entries.label[e] >> ROW_SHIFT] > 0.0
+
+
+@ti.func
 def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.template()):
     """Attraction by the effects [N]; remembers that the two have met until all have let go."""
     if pair_out.gap <= 0.0:
@@ -224,7 +230,8 @@ def finish_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     else:
         forget(world_out.pairs, batch.entry[n])
     if ti.static(world_out.pair_effects.any):
-        pull_pair(world_out, batch, n, r, base, buffer)
+        if acted_on(world_out.materials, world_out.pairs, batch.entry[n]):
+            pull_pair(world_out, batch, n, r, base, buffer)
     if ti.static(world_out.sleeps):
         hear(world_out.sleep, base + batch.owner[n], base + batch.partner[n])
 

@@ -11,7 +11,14 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import ROLLING_INERTIA, contact_force, describe_contact
-from taichi_erosion.grains.pair_contacts import forget, hold, remember, report_overlap, touch_stiffness
+from taichi_erosion.grains.pair_contacts import (
+    acted_on,
+    forget,
+    hold,
+    remember,
+    report_overlap,
+    touch_stiffness,
+)
 from taichi_erosion.grains.pairs import ENGAGED, ROW_SHIFT
 from taichi_erosion.grains.sleep import is_asleep
 from taichi_erosion.grains.state import force_block, partition_first, side_block
@@ -183,7 +190,8 @@ def wall_force(world_out: ti.template(), r, p, base, i, e):
             speed = ti.cast(surface_velocity(walls, s, there), float)
             force, torque = act_on_wall(world_out, r, i, e, normal, speed, elastic)
         if ti.static(world_out.pair_effects.any):
-            force += pull_to_wall(world_out, r, i, e, normal, -overlap)
+            if acted_on(world_out.materials, entries_out, e):
+                force += pull_to_wall(world_out, r, i, e, normal, -overlap)
     if acts == 0:
         forget(entries_out, e)
     return force, torque

@@ -53,12 +53,16 @@ def coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
         rising=rising,
         seed=seed % 2**31,
         partition=wind.partition,
-        # so many looks, the first of them included, last no less than the time at rest
-        sleep_looks=1 + ceil(wind.sleep_after / (wind.look_steps * time_step(scene)))
-        if wind.sleep_after
-        else 0,
+        sleep_looks=sleep_looks(scene, wind),
         sleep_share=wind.sleep_share,
     )
+
+
+def sleep_looks(scene: Scene, wind: Wind) -> int:
+    """Looks, the first of them included, that last no less than the time at rest; 0 where no grain sleeps."""
+    if not wind.sleep_after:
+        return 0
+    return 1 + ceil(wind.sleep_after / (wind.look_steps * time_step(scene)))
 
 
 def patch_box(wind: Wind, grains: GrainTable) -> tuple[Triple, Triple]:

@@ -12,7 +12,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
 
 PARTITION_GRAINS = 4000  # grains that keep one worker busy long enough to be worth a meeting
-HALF_GRAINS = 1000  # the same where there are two workers only, who wait for nobody else
+PAIR_GRAINS = 1000  # the same for two workers, who wait for one other only
 PARTITIONS_MOST = 16
 ENTRIES_PER_GRAIN = 8  # half-list entries of a dense bed with its margins
 ENTRIES_LEAST = 256  # a partition of few grains still meets a few others
@@ -50,8 +50,9 @@ class Sizes:
 def partition_count(setup: Setup) -> int:
     """Partitions of one replica."""
     count = len(setup.grains.radius)
-    halves = min(count // HALF_GRAINS, 2)
-    return int(np.clip(count // PARTITION_GRAINS, max(halves, 1), PARTITIONS_MOST))
+    if count < 2 * PAIR_GRAINS:
+        return 1
+    return int(np.clip(count // PARTITION_GRAINS, 2, PARTITIONS_MOST))
 
 
 def round_up(number: int) -> int:

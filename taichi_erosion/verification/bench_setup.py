@@ -43,6 +43,7 @@ class Touch:
     friction_rolling: float = 0.0
     rolling_damping: float = 0.0
     surface_energy: float = 0.0  # J m-2
+    effects: float = 1.0
 
 
 def touch_of(first: Solid, second: Solid | None, restitution: float = 1.0, friction: float = 0.0) -> Touch:
@@ -65,6 +66,7 @@ def contact_table(grain_grain: Touch, grain_wall: Touch) -> ContactTable:
         friction_rolling=column("friction_rolling"),
         rolling_damping=column("rolling_damping"),
         surface_energy=column("surface_energy"),
+        effects=column("effects"),
     )
 
 

@@ -1,13 +1,17 @@
 """The studies under doe/: their tables are complete, and the pages in docs show nothing else."""
 
 import csv
+import json
+import subprocess
 from dataclasses import fields
 from math import isfinite, nan
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from taichi_erosion.campaign.cases import (
+    GUARDED,
     STOPPED,
     Case,
     Row,
@@ -15,8 +19,10 @@ from taichi_erosion.campaign.cases import (
     read_rows,
     rows_of,
     settings,
+    simulate,
     write_rows,
 )
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.report import lab_c, repose_sensitivity
 from taichi_erosion.report.page import fill_tables, markdown_table, with_spread
 
@@ -121,21 +127,48 @@ def test_a_case_is_the_command_that_repeats_it():
     assert " ".join(command("s.toml", case)) == typed
 
 
-def test_a_single_seed_has_no_spread_even_where_a_measure_gives_one():
-    found = {"value": 30.0, "sd": 2.0, "n": 1, "unit": "deg", "notes": []}
-    document = {
+def a_document(stops: list[str | None], **found: float) -> dict[str, Any]:
+    """What `run --json` prints of one observable, as far as a table holds it."""
+    return {
         "limits": {"time_step": 1e-5, "time_step_over_rayleigh": 0.2},
-        "replicas": [{"stopped": None}],
-        "measures": {"repose_angle": found},
+        "replicas": [{"stopped": stop} for stop in stops],
+        "measures": {"repose_angle": {"value": 30.0, "sd": 2.0, "unit": "deg", "notes": []} | found},
         "hash": "0" * 12,
         "seed": 1,
         "resolved": {"grains": {"count": 10}},
         "wall_s": 1.0,
         "versions": {},
     }
-    (row,) = rows_of(Case("g", "l", ()), "typed", document)
+
+
+def test_a_single_seed_has_no_spread_even_where_a_measure_gives_one():
+    (row,) = rows_of(Case("g", "l", ()), "typed", a_document([None], n=1))
     assert row.value == 30.0
     assert not isfinite(row.sd)
+
+
+def ended(monkeypatch: pytest.MonkeyPatch, code: int, out: str) -> None:
+    """Let every command end with a code and what it printed."""
+    done = subprocess.CompletedProcess((), code, out, "stopped: overlap")
+    monkeypatch.setattr(subprocess, "run", lambda *words, **options: done)
+
+
+def test_seeds_that_ended_are_kept_where_a_guard_stopped_others(monkeypatch):
+    ended(monkeypatch, GUARDED, json.dumps(a_document([None, "overlap"], n=1)))
+    (row,) = simulate("s.toml", Case("g", "l", ()))
+    assert (row.value, row.n, row.note) == (30.0, 1, "1 seeds stopped: overlap")
+
+
+def test_a_case_whose_seeds_were_all_stopped_is_a_row_that_says_why(monkeypatch):
+    ended(monkeypatch, GUARDED, "")
+    (row,) = simulate("s.toml", Case("g", "l", ()))
+    assert (row.observable, row.n, row.note) == (STOPPED, 0, "stopped: overlap")
+
+
+def test_a_case_that_is_refused_ends_the_study(monkeypatch):
+    ended(monkeypatch, 2, "")
+    with pytest.raises(BadInput, match="stopped: overlap"):
+        simulate("s.toml", Case("g", "l", ()))
 
 
 def test_numbers_are_cut_at_the_second_figure_of_their_spread():

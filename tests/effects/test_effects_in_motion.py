@@ -14,7 +14,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import Acting, acting
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.setup import Laws, Numerics, Setup, pair_row
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement, no_measurement
@@ -83,14 +83,22 @@ def crossing(high: float) -> Setup:
     return replace(setup(table, NONE, gravity=(0.0, 0.0, 0.0)), effects=(switched,))
 
 
-def hanging(weight: float) -> Setup:
-    """A grain that sticks to a ceiling: the floor of a world whose gravity points up.
+def hanging(weight: float, acted_on: bool = True) -> Setup:
+    """A grain that sticks to a ceiling, if effects act there: the floor of a world whose gravity points up.
 
     It starts where the repulsion is the excess of the pull over a weight of 0.8 of it.
     """
     overlap = (0.2 * PULL / (4.0 / 3.0 * YOUNG * sqrt(RADIUS))) ** (2.0 / 3.0)
-    bare = setup(grains([0.0, 0.0, RADIUS - overlap]), gravity=(0.0, 0.0, weight * PULL / MASS))
+    law = contacts()
+    law.effects[pair_row(0, 1, 2)] = float(acted_on)
+    bare = setup(grains([0.0, 0.0, RADIUS - overlap]), law=law, gravity=(0.0, 0.0, weight * PULL / MASS))
     return with_effects(bare, constant_pull=1.0)
+
+
+def meeting_unmoved() -> Setup:
+    """The two grains that meet, with a strong pull that does not act between their materials."""
+    wet = with_effects(met(), liquid_bridge=50.0)
+    return replace(wet, contacts=replace(wet.contacts, effects=np.zeros(3)))
 
 
 LOSS, SPEED = 0.02, 0.1  # of restitution [1], at an impact at this speed [m s-1]
@@ -102,6 +110,7 @@ MEETING = [name for name, effect in LIBRARY.items() if effect.place == "pair" an
 def worlds() -> dict[str, Snapshot]:
     """How all these worlds end; one ensemble, because every set of effects is compiled anew."""
     setups = fallen() | {"met": met(), "bounced": bounced(), "held": hanging(0.8), "lost": hanging(1.2)}
+    setups |= {"let go": hanging(0.8, acted_on=False), "met as if dry": meeting_unmoved()}
     setups |= {"in the air": crossing(-0.1), "in the bed": crossing(0.0)}
     setups |= {f"met with {name}": with_effects(met(), **{name: 50.0}) for name in MEETING}
     sim = assemble(list(setups.values()), LAWS, Numerics("cpu", 1, "f64"))
@@ -144,6 +153,11 @@ def test_grains_pass_through_each_other_in_the_air_and_collide_in_the_bed(worlds
 def test_a_grain_hangs_from_a_ceiling_up_to_its_pull_off_force(worlds):
     held, lost = (worlds[name].position[0, 2] for name in ("held", "lost"))
     assert held < RADIUS < lost
+
+
+def test_effects_leave_a_contact_alone_that_says_so(worlds):
+    assert worlds["let go"].position[0, 2] > RADIUS, "a lighter grain would have held"
+    assert np.array_equal(worlds["met as if dry"].velocity, worlds["met"].velocity)
 
 
 def test_effects_of_strength_nought_leave_the_setup_as_it_is():

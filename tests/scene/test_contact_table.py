@@ -7,6 +7,7 @@ from scene_tables import changed, good_table
 
 from taichi_erosion.core.setup import pair_row
 from taichi_erosion.scene import build_setup, laws, parse_scene
+from taichi_erosion.scene.change import with_contacts
 from taichi_erosion.scene.contacts import young_effective
 
 SOIL, STEEL = 0, 1  # materials come in alphabetical order
@@ -85,3 +86,19 @@ def test_every_row_of_the_table_is_finite_and_stiff(name: str):
     table = contacts_of(changed("geometry.plate.material", name))
     assert (table.young_effective > 0.0).all()
     assert (table.shear_effective > 0.0).all()
+
+
+def test_effects_reach_every_contact_but_those_that_say_no():
+    table = good_table()
+    table["contact"]["steel-soil"]["effects"] = False
+    effects = contacts_of(table).effects
+    assert (effects[pair_row(SOIL, SOIL, 2)], effects[pair_row(SOIL, STEEL, 2)]) == (1.0, 0.0)
+
+
+def test_a_change_of_contacts_leaves_those_alone_that_effects_may_not_touch():
+    table = good_table()
+    table["contact"]["steel-soil"]["effects"] = False
+    bare = parse_scene(table)
+    rough = with_contacts(bare, lambda contact: contact.model_copy(update={"friction_sliding": 2.0}))
+    assert rough.contact["soil-soil"].friction_sliding == 2.0
+    assert rough.contact["steel-soil"] == bare.contact["steel-soil"]
