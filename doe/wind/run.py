@@ -8,6 +8,7 @@ python doe/wind/run.py --page      only the page and its figures, from the table
 import csv
 import sys
 from collections.abc import Sequence
+from math import pi
 from pathlib import Path
 
 from taichi_erosion.campaign.cases import ROOT, Case, perform, read_rows, settings, write_rows
@@ -28,9 +29,10 @@ STARTING = 0.6  # m s-1, that starts transport in scenes/saltation.toml
 BLOWING = range(2, 7)  # its stages in which the measured wind blows
 
 REFERENCE = 0.24e-3  # m, diameter of scenes/impact_threshold.toml
-DIAMETERS = (0.24e-3, 1.0e-3, 0.1e-3, 0.5e-3, 0.15e-3, 0.7e-3)  # m
-FINE = (0.1e-3, 0.15e-3, 0.24e-3)  # m, those that are also simulated with adhesion
+DIAMETERS = (0.24e-3, 1.0e-3, 0.1e-3, 0.5e-3, 0.15e-3, 0.7e-3, 0.075e-3)  # m
+FINE = (0.075e-3, 0.1e-3, 0.15e-3, 0.24e-3, 0.5e-3)  # m, those that are also simulated with adhesion
 ADHESION = "effects.dry_adhesion.strength=1"
+BETA, DENSITY, GRAVITY = 1.5e-4, 2650.0, 9.81  # N m-1, the pull over d at strength 1; kg m-3; m s-2
 SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of the diameter
 MODULUS = 1e5  # Pa, at the reference: stiffness goes with d
 TIMES = {  # s, at the reference: they go with d, as about does the time in which drag gives a grain its speed
@@ -39,7 +41,8 @@ TIMES = {  # s, at the reference: they go with d, as about does the time in whic
     "threshold.spin_up": 0.4,
 }
 HOPS = {"threshold.fall_hold": 0.4}  # s, at the reference, a dozen hops: with the root of d, as a hop
-WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}  # m s-1, with the root of d
+# m s-1, with the root of d and of what holds a grain over its weight
+WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}
 
 BEDS = 5  # of a threshold
 PAIR = 4  # of an impact threshold; a flux averages over a second
@@ -68,19 +71,28 @@ def flux_orders(wind: float) -> tuple[str, ...]:
 def impact_cases() -> list[Case]:
     """The same experiment with grains of other diameters [m]."""
     plain = [Case("impact", f"{1e3 * d:g}", settings(*impact_orders(d)), PAIR) for d in DIAMETERS]
-    sticky = [(f"{1e3 * d:g}", settings(*impact_orders(d), ADHESION)) for d in FINE]
+    sticky = [(f"{1e3 * d:g}", settings(*impact_orders(d, bond_number(d)), ADHESION)) for d in FINE]
     return plain + [Case("adhesion", label, orders, PAIR) for label, orders in sticky]
 
 
-def impact_orders(diameter: float) -> tuple[str, ...]:
-    """Settings of one diameter [m]: all ratios of lengths and forces but those of the air stay."""
+def bond_number(diameter: float) -> float:
+    """Pull of dry grains over their weight [1]."""
+    return BETA * diameter / (pi / 6.0 * diameter**3 * DENSITY * GRAVITY)
+
+
+def impact_orders(diameter: float, pull: float = 0.0) -> tuple[str, ...]:
+    """Settings of one diameter [m]: all ratios of lengths and forces but those of the air stay.
+
+    Grains that stick with `pull` times their weight are set in motion by winds stronger by its root.
+    """
     size = diameter / REFERENCE
+    winds = {path: (1.0 + pull) ** 0.5 * value for path, value in WINDS.items()}
     sizes = ", ".join(f"{name} = {share * diameter:.6g}" for name, share in SIZES.items())
     return (
         f'grains.size={{ law = "lognormal", sigma_log = 0.1, {sizes} }}',
         f"materials.sand.shear_modulus={MODULUS * size:.6g}",
         *(f"{path}={size * value:.6g}" for path, value in TIMES.items()),
-        *(f"{path}={size**0.5 * value:.6g}" for path, value in (HOPS | WINDS).items()),
+        *(f"{path}={size**0.5 * value:.6g}" for path, value in (HOPS | winds).items()),
     )
 
 

@@ -10,7 +10,7 @@ from taichi_erosion.air.state import GRIDS, Air, allocate_numbers, inlet_plane, 
 from taichi_erosion.core.air_setup import SIDES, AirSetup
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.core.transfer import upload
+from taichi_erosion.core.transfer import upload, write
 
 CONSTANTS = ("karman", "sublayer", "van_driest", "smagorinsky", "length_most", "length_share")
 SCALARS = ("time_step", "density", "viscosity", "friction_velocity", "implicitness")
@@ -65,8 +65,8 @@ def write_numbers(air: Air, setups: Sequence[AirSetup]) -> None:
     upload([*pairs, (numbers.driving_gradient, [s.driving_gradient for s in setups])])
     velocities = [[s.sides[name].velocity for name in SIDES] for s in setups]
     roughness = [[s.sides[name].roughness for name in SIDES] for s in setups]
-    numbers.side_velocity.from_numpy(np.array(velocities, np.float64))
-    numbers.side_roughness.from_numpy(np.array(roughness, np.float64))
+    write(numbers.side_velocity, np.array(velocities, np.float64))
+    write(numbers.side_roughness, np.array(roughness, np.float64))
 
 
 def write_grid(air: Air, setups: Sequence[AirSetup]) -> None:
@@ -75,12 +75,12 @@ def write_grid(air: Air, setups: Sequence[AirSetup]) -> None:
     height = np.diff(faces, axis=1)
     centre = 0.5 * (faces[:, 1:] + faces[:, :-1])
     ends = faces[:, :1], faces[:, -1:]
-    air.face.from_numpy(np.concatenate([ends[0], faces], axis=1))
-    air.centre.from_numpy(np.concatenate([ends[0], centre, ends[1]], axis=1))
-    air.height.from_numpy(np.concatenate([height[:, :1], height, height[:, -1:]], axis=1))
+    write(air.face, np.concatenate([ends[0], faces], axis=1))
+    write(air.centre, np.concatenate([ends[0], centre, ends[1]], axis=1))
+    write(air.height, np.concatenate([height[:, :1], height, height[:, -1:]], axis=1))
     ones = np.ones(air.cells[2])
     shapes = [ones if s.inlet_shape is None else s.inlet_shape for s in setups]
-    air.inlet_shape.from_numpy(np.pad(np.stack(shapes), ((0, 0), (1, 1)), mode="edge"))
+    write(air.inlet_shape, np.pad(np.stack(shapes), ((0, 0), (1, 1)), mode="edge"))
 
 
 def write_start(air: Air, setups: Sequence[AirSetup]) -> None:
@@ -88,9 +88,9 @@ def write_start(air: Air, setups: Sequence[AirSetup]) -> None:
     starts = np.stack([start_of(setup) for setup in setups])
     around = ((0, 0), (1, 1), (1, 1), (1, 1))
     for axis, velocity in enumerate((air.velocity_x, air.velocity_y, air.velocity_z)):
-        velocity.from_numpy(np.pad(starts[:, axis], around, mode="edge"))
+        write(velocity, np.pad(starts[:, axis], around, mode="edge"))
     for full in (air.void_fraction, air.void_before):
-        full.fill(1.0)
+        write(full, 1.0)
 
 
 def start_of(setup: AirSetup) -> Floats:

@@ -20,6 +20,7 @@ import numpy as np
 from taichi_erosion.core.air_setup import AirSetup, InletTurbulence
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import write
 
 real = ti.f64
 
@@ -74,8 +75,8 @@ def allocate_waves(setups: Sequence[AirSetup]) -> Waves:
             for table, values in zip(tables, waves or (), strict=False):
                 table[replica, : len(values)] = values
         for field, table in zip((made.vector, made.amplitude, made.phase), tables, strict=True):
-            field.from_numpy(table)
-        made.drift.from_numpy(np.array([s.sides["x_low"].velocity[0] for s in setups]))
+            write(field, table)
+        write(made.drift, [s.sides["x_low"].velocity[0] for s in setups])
     return made
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import write
 
 real = ti.f64
 
@@ -94,7 +95,7 @@ def allocate_grids(setup: AirSetup, replicas: int) -> Grids:
         across_z=ti.field(real, shape=(replicas, int(sizes.sum()), layers + 1)),
         **{name: ti.field(real, shape=(replicas, int(sizes.sum()), layers)) for name in names},
     )
-    grids.shape.from_numpy(np.column_stack([first, shapes]).astype(np.int32))
+    write(grids.shape, np.column_stack([first, shapes]))
     return grids
 
 

@@ -8,6 +8,7 @@ from taichi_erosion.air.state import Air
 from taichi_erosion.core.air_snapshot import AirSnapshot
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import read, write
 
 
 @ti.kernel
@@ -50,15 +51,15 @@ def air_snapshot(air: Air, replica: int) -> AirSnapshot:
     """The air of one replica now."""
     table, numbers = whole_table(air, replica), air.numbers
     nx, ny, nz = air.cells
-    faces = air.face.to_numpy()[replica, 1:]
-    low, width = np.array(numbers.low[replica]), np.array(numbers.width[replica])
+    faces = read(air.face)[replica, 1:]
+    low, width = read(numbers.low)[replica], read(numbers.width)[replica]
     velocity = [
         0.5 * (table[0, 1:, :ny, :nz] + table[0, :nx, :ny, :nz]),
         0.5 * (table[1, :nx, 1:, :nz] + table[1, :nx, :ny, :nz]),
         0.5 * (table[2, :nx, :ny, 1:] + table[2, :nx, :ny, :nz]),
     ]
     return AirSnapshot(
-        time=float(numbers.time[replica]),
+        time=float(read(numbers.time)[replica]),
         x=low[0] + width[0] * (np.arange(nx) + 0.5),
         y=low[1] + width[1] * (np.arange(ny) + 0.5),
         z=0.5 * (faces[1:] + faces[:-1]),
@@ -67,15 +68,15 @@ def air_snapshot(air: Air, replica: int) -> AirSnapshot:
         pressure=table[3, :nx, :ny, :nz],
         eddy_viscosity=table[4, :nx, :ny, :],
         friction_velocity=table[5, :nx, :ny, 0],
-        density=float(numbers.density[replica]),
-        viscosity=float(numbers.viscosity[replica]),
+        density=float(read(numbers.density)[replica]),
+        viscosity=float(read(numbers.viscosity)[replica]),
     )
 
 
 def set_velocities(air: Air, replica: int, velocities: tuple[Floats, Floats, Floats]) -> None:
     """Put velocities on the faces, as `face_velocities` gives them; the sides follow at the next step."""
     for field, values in zip(air.velocities, velocities, strict=True):
-        whole = field.to_numpy()
+        whole = read(field)
         nx, ny, nz = values.shape
         whole[replica, 1 : nx + 1, 1 : ny + 1, 1 : nz + 1] = values
-        field.from_numpy(whole)
+        write(field, whole)

@@ -9,7 +9,7 @@ from math import inf
 from typing import Any, Literal
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from taichi_erosion.core.setup import Floats, Triple
 
@@ -104,7 +104,7 @@ def stretched_faces(low: float, high: float, count: int, finest: float) -> Float
     span = high - low
     if finest * count >= span * (1.0 - EVEN):
         return even_faces(low, high, count)
-    growth: Any = brentq(
+    growth: Any = scipy.optimize.brentq(
         lambda q: count * np.log(q) - np.log1p(span * (q - 1.0) / finest), 1.0 + EVEN, 1.0 + span / finest
     )
     widths = finest * growth ** np.arange(count)

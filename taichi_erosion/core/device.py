@@ -46,8 +46,11 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def start_device(numerics: Numerics) -> int:
+def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     """Start Taichi and return the number of workers that run at the same time.
+
+    The number of threads in Taichi's pool is compiled into every kernel. Who gives his kernels no more than
+    that many workers to run asks for `pool_least` threads, so that what was compiled for one serves several.
 
     Fast-math stays off: IEEE arithmetic gives the same bits in every kernel that holds the same formula, so a
     replica repeats alone, in an ensemble, and on any number of threads.
@@ -64,7 +67,7 @@ def start_device(numerics: Numerics) -> int:
         ti.init(
             arch=getattr(ti, numerics.arch),
             default_fp=getattr(ti, numerics.precision),
-            cpu_max_num_threads=threads,
+            cpu_max_num_threads=max(threads, pool_least),
             fast_math=False,
             advanced_optimization=False,
             log_level=ti.ERROR,  # a cache that another process holds is no news to the user

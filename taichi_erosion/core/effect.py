@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.quantity import check_range
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import upload
+from taichi_erosion.core.transfer import read, upload, write
 
 Conditions = Mapping[str, float]  # what a laboratory wrote beside a measurement, in SI units
 Constants = dict[str, float]  # numbers that the device reads, named as the effect's file names them
@@ -144,6 +144,7 @@ def bind(place: str, replicas: Sequence[Sequence[Acting]]) -> Bound:
     effects = [known[name] for name in sorted(known)]
     count = len(replicas)
     present = ti.field(ti.i32, shape=(count, max(len(effects), 1)))
+    held = np.zeros(present.shape, np.int32)
     tables = []
     for k, effect in enumerate(effects):
         rows = [next((a for a in acts if a.effect.name == effect.name), None) for acts in replicas]
@@ -151,9 +152,10 @@ def bind(place: str, replicas: Sequence[Sequence[Acting]]) -> Bound:
         table = ti.types.struct(**dict.fromkeys(names, float)).field(shape=count)
         columns = [[0.0 if row is None else row.constants[name] for row in rows] for name in names]
         upload([(getattr(table, name), column) for name, column in zip(names, columns, strict=True)])
-        for r, row in enumerate(rows):
-            present[r, k] = int(row is not None)
+        held[:, k] = [row is not None for row in rows]
         tables.append(table)
+    if effects:
+        write(present, held)
     names = tuple(effect.name for effect in effects)
     return Bound(tuple(e.act for e in effects), tuple(tables), names, present, bool(effects))
 
@@ -161,11 +163,13 @@ def bind(place: str, replicas: Sequence[Sequence[Acting]]) -> Bound:
 def rebind(bound: Bound, replica: int, effects: Sequence[Acting]) -> None:
     """Give one replica other constants; all its effects must be held."""
     given = {one.effect.name: one for one in effects}
+    held = read(bound.present)
     for k, name in enumerate(bound.names):
-        bound.present[replica, k] = int(name in given)
+        held[replica, k] = name in given
         if name in given:
             values = given[name].constants
             upload([(getattr(bound.constants[k], key), [value]) for key, value in values.items()], replica)
+    write(bound.present, held)
 
 
 def pair_type() -> Any:

@@ -25,7 +25,7 @@ from taichi_erosion.core.effect import (
     push_of,
 )
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import upload
+from taichi_erosion.core.transfer import read, upload
 
 PAIR = {  # two grains of 0.2 mm in contact
     "gap": 0.0,
@@ -144,9 +144,9 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
         upload([(parts(place)[name], [value]) for name, value in (silent | members).items()])
         if effect.place != "grain":
             (feel_pair if effect.place == "pair" else feel_meeting)(bound, place, bench.pull)
-            return float(bench.pull[0])
+            return float(read(bench.pull)[0])
         feel_grain(bound, place, bench.force, bench.torque)
-        return tuple(np.array(answer[0], np.float64) for answer in (bench.force, bench.torque))
+        return tuple(read(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
 
     return probe
 

@@ -1,6 +1,7 @@
-"""Moving numbers between fields and NumPy, many fields in one launch.
+"""Moving numbers between fields and NumPy.
 
-Taichi compiles one kernel for every field that is copied by itself; here a whole group of fields of equal
+On a CPU they are read and written where they lie (`core.memory`), and nothing is compiled for it. Elsewhere
+Taichi would compile one kernel for every field that is copied by itself; so a whole group of fields of equal
 length goes through one kernel and one f64 table, which holds f32 and i32 values exactly.
 """
 
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.memory import NUMPY_TYPES, inner_shape, is_host, memory
 from taichi_erosion.core.ti import ti
 
 
@@ -20,13 +22,6 @@ def layout(fields: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
         rows.append((field, first, *shape))
         first += max(shape[0], 1) * shape[1]
     return tuple(rows)
-
-
-def inner_shape(field: Any) -> tuple[int, ...]:
-    """Shape of one element of a field."""
-    if not hasattr(field, "n"):
-        return ()
-    return (field.n,) if field.m == 1 else (field.n, field.m)
 
 
 def width(field: Any) -> int:
@@ -80,17 +75,45 @@ def read_rows(
 def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
     """Write arrays of equal length to fields, from place `first` on: pairs of (field, array)."""
     rows = len(np.asarray(pairs[0][1]))
-    if rows:
-        columns = [np.asarray(values, np.float64).reshape(rows, -1) for _, values in pairs]
-        table = np.concatenate(columns, axis=1)
-        write_rows(first, np.ascontiguousarray(table), layout([field for field, _ in pairs]))
+    if rows == 0:
+        return
+    if is_host():
+        for field, values in pairs:
+            set_numbers(memory(field)[first : first + rows], values)
+        return
+    columns = [np.asarray(values, np.float64).reshape(rows, -1) for _, values in pairs]
+    table = np.concatenate(columns, axis=1)
+    write_rows(first, np.ascontiguousarray(table), layout([field for field, _ in pairs]))
+
+
+def set_numbers(numbers_out: NDArray[Any], values: Any) -> None:
+    """Write values, as f64, to numbers of any type; what does not fit becomes what the device makes of it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        numbers_out[...] = np.asarray(values, np.float64).reshape(numbers_out.shape)
 
 
 def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float64]]:
     """Read `rows` places of several fields from `first` on: vectors as [rows, n], matrices [rows, n, m]."""
+    if is_host():
+        return [memory(field)[first : first + rows].astype(np.float64) for field in fields]
     widths = [width(field) for field in fields]
     table = np.zeros((rows, sum(widths)))
     if rows:
         read_rows(first, layout(fields), table)
     splits = np.split(table, np.cumsum(widths)[:-1], axis=1)
     return [split.reshape(rows, *inner_shape(field)) for split, field in zip(splits, fields, strict=True)]
+
+
+def write(field: Any, values: Any) -> None:
+    """Write a whole field of any shape; one number goes everywhere."""
+    if is_host():
+        set_numbers(memory(field), np.broadcast_to(values, memory(field).shape))
+    elif np.ndim(values) == 0:
+        field.fill(values)
+    else:
+        field.from_numpy(np.asarray(values, NUMPY_TYPES[str(field.dtype)]))
+
+
+def read(field: Any) -> NDArray[Any]:
+    """Copy of a whole field of any shape, in its own type."""
+    return memory(field).copy() if is_host() else field.to_numpy()

@@ -56,12 +56,13 @@ def chance_of_quadratic(value: float, eigenvalues: Floats) -> float:
     return float(stats.chi2.sf(max(position, 0.0), freedom))
 
 
-def misfit_p(exam: Examination, left: Residuals) -> float:
+def misfit_p(exam: Examination, left: Residuals, factor: float = 1.0) -> float:
     """Probability that a complete model would leave as much, calibration and shared errors accounted for.
 
-    |M e|^2 over all stacked rows has n degrees of freedom when the truth is drawn from the prior.
+    |M e|^2 over all stacked rows has n degrees of freedom when the truth is drawn from the prior, and the
+    scatter is `factor` times as large as stated.
     """
-    value = float(left.free @ left.free)
+    value = float(left.free @ left.free) / factor**2
     eigenvalues = np.linalg.eigvalsh(np.eye(left.whole.size) - left.basis @ left.basis.T)
     return chance_of_quadratic(value, np.maximum(eigenvalues, 0.0))
 

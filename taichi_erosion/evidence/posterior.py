@@ -24,6 +24,7 @@ class Hypothesis:
     outside: bool  # a smooth discrepancy acts too
     log_prior: float
     log_evidence: Floats
+    told: bool = True  # its probability speaks for its names; else for something that is not in the list
 
 
 @dataclass(frozen=True)
@@ -64,9 +65,9 @@ def posterior(exam: Examination, hypotheses: list[Hypothesis]) -> Posterior:
     inclusion = {candidate.name: 0.0 for candidate in exam.problem.candidates}
     probability |= inclusion
     for hypothesis, share in zip(hypotheses, each, strict=True):
-        key = OUTSIDE if hypothesis.outside and not hypothesis.names else label(hypothesis.names)
+        key = label(hypothesis.names) if hypothesis.told else OUTSIDE
         probability[key] = probability.get(key, 0.0) + float(share)
-        for name in hypothesis.names:
+        for name in hypothesis.names if hypothesis.told else ():
             inclusion[name] += float(share)
     return Posterior(probability, inclusion, bayes_factors(exam, hypotheses), weight.sum(axis=0))
 

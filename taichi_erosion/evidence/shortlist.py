@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taichi_erosion.evidence.algebra import log_sum_exp
 from taichi_erosion.evidence.calibrate import GOOD_ENOUGH, STEPS, STEPS_QUICK, Fit, fit
 from taichi_erosion.evidence.evidence import Scored, expand, score
 from taichi_erosion.evidence.examination import Examination
@@ -20,6 +21,7 @@ LEAST = 3
 MOST = 8
 LEAST_QUICK, MOST_QUICK = 2, 4
 LEAST_SHARE = 0.85  # of the misfit, from which an effect with a smooth remainder is still named
+REJECTED = 1e-3  # chance of the misfit that a hypothesis leaves below which it is no explanation
 WELL = 0.01  # chance of a misfit above which a hypothesis is taken to explain the measurements
 
 
@@ -119,11 +121,15 @@ def explained_well(exam: Examination, judged: list[Judged]) -> bool:
 def hypotheses(
     exam: Examination, base: Judged, found: Screen, seen: Significance, judged: list[Judged]
 ) -> list[Hypothesis]:
-    """Every explanation with its evidence; candidates that were not refitted keep their screened one."""
-    count = len(exam.problem.candidates)
+    """Every explanation with its evidence; candidates that were not refitted keep their screened one.
+
+    Probability goes to those that are likelier than others, even where the measurements reject them all. So
+    what is rejected is not told: it stands for something outside the list that it resembles.
+    """
+    count, bare = len(exam.problem.candidates), base.scored.log_evidence
     listed = [
-        Hypothesis((), False, log_prior_of((), False, max(count, 1)), base.scored.log_evidence),
-        Hypothesis((), True, log_prior_of((), True, max(count, 1)), base.scored.log_evidence + base.gain),
+        Hypothesis((), False, log_prior_of((), False, max(count, 1)), bare),
+        Hypothesis((), True, log_prior_of((), True, max(count, 1)), bare + base.gain, told=False),
     ]
     done = {item.names for item in judged}
     for index, signature in enumerate(found.signatures):
@@ -131,13 +137,23 @@ def hypotheses(
             value = unrefitted(base, seen, judged, found, index)
             listed.append(Hypothesis((signature.name,), False, log_prior_of(("a",), False, count), value))
     for item in judged:
-        evidence = item.scored.log_evidence
-        listed.append(Hypothesis(item.names, False, log_prior_of(item.names, False, count), evidence))
+        evidence, told = item.scored.log_evidence, doubted_p(exam, item) > REJECTED
+        listed.append(Hypothesis(item.names, False, log_prior_of(item.names, False, count), evidence, told))
         if len(item.names) == 1:
-            named = item.names if explained_share(exam, base, item) > LEAST_SHARE else ()
+            told = told and explained_share(exam, base, item) > LEAST_SHARE
             prior = log_prior_of(item.names, True, count)
-            listed.append(Hypothesis(named, True, prior, evidence + item.gain))
+            listed.append(Hypothesis(item.names, True, prior, evidence + item.gain, told))
     return listed
+
+
+def doubted_p(exam: Examination, item: Judged) -> float:
+    """Chance of the misfit that a hypothesis leaves, over the noise factors that it believes in."""
+    if not item.scored.surfaces:
+        return 0.0
+    left = residuals_of(exam, item.scored.expansion)
+    weight = exam.doubt.log_weight + item.scored.log_evidence
+    chances = [misfit_p(exam, left, float(factor)) for factor in exam.doubt.factor]
+    return float(np.exp(weight - log_sum_exp(weight)) @ chances)
 
 
 def unrefitted(base: Judged, seen: Significance, judged: list[Judged], found: Screen, index: int) -> Floats:

@@ -66,20 +66,23 @@ def draw(measurements: Measurements, units: Sequence[Unit], rows: Bools, fractio
 
     A unit stays out of it without which a condition would no longer vary among the rows of an observable that
     are seen, or all of them would have some of it, or none: only dry heaps tell water from what always acts.
+    So does one without which three levels of a condition would be one under either of two others: what water
+    does to grains of two sizes tells it from what resembles it.
     """
     seen: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(rows).tolist():
         seen.setdefault(units[i], set()).add(measurements.observable[i])
     numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
     unit_of_row = np.array([numbers[unit] for unit in units])
-    left, before = rows, varied(measurements, rows)
+    left, before, crossings = rows, varied(measurements, rows), crossed(measurements, rows, 3)
     counts = Counter(observable for kinds in seen.values() for observable in kinds)
     wanted = {name: round(fraction * n) if n >= FEWEST_UNITS else 0 for name, n in counts.items()}
     drawn: set[Unit] = set()
     salt = content_digest(measurements)
     for unit in sorted(seen, key=lambda u: sha256(f"{salt}|{u}".encode()).hexdigest()):
         without = left & (unit_of_row != numbers[unit])
-        if all(wanted[name] > 0 for name in seen[unit]) and varied(measurements, without) == before:
+        telling = varied(measurements, without) == before and crossings <= crossed(measurements, without, 2)
+        if all(wanted[name] > 0 for name in seen[unit]) and telling:
             drawn.add(unit)
             left = without
             for name in seen[unit]:
@@ -98,6 +101,22 @@ def varied(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
             if levels.size > 1:
                 found.add((observable, name))
                 found |= {(observable, f"{name} from 0")} if levels[0] == 0.0 else set()
+    return found
+
+
+def crossed(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:
+    """Observables, conditions of two levels, each level, and what takes at least so many values under it."""
+    named = np.array(measurements.observable)
+    found: set[tuple[str, str, float, str]] = set()
+    for observable in dict.fromkeys(measurements.observable):
+        own = named == observable
+        for name, column in measurements.conditions.items():
+            levels = np.unique(column[own & np.isfinite(column)])
+            for level in levels if levels.size == 2 else ():
+                under = own & rows & (column == level)
+                for other, values in measurements.conditions.items():
+                    if np.unique(values[under & np.isfinite(values)]).size >= least:
+                        found.add((observable, name, float(level), other))
     return found
 
 

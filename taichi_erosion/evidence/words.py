@@ -4,12 +4,14 @@ from collections.abc import Mapping
 
 from taichi_erosion.evidence.autopsy import Autopsy, too_few_rows
 from taichi_erosion.evidence.findings import Clue, EffectFinding, Where
-from taichi_erosion.evidence.misfit import TOLD, chance_words
+from taichi_erosion.evidence.misfit import TOLD, chance_words, misfit_p, residuals_of
 from taichi_erosion.evidence.posterior import NONE, OUTSIDE
+from taichi_erosion.evidence.shortlist import explained_share
 from taichi_erosion.evidence.tables import noise_table
 from taichi_erosion.evidence.verdict import MISFIT_LEVEL
 
 TOLD_RIVAL = 1e-3  # probability from which another explanation is told
+CLOSE = 0.5  # share of the misfit, from which an explanation that does not suffice is told
 
 
 def summary(
@@ -19,6 +21,8 @@ def summary(
     sentences = [verdict_words(found, effects)]
     if found.final.names and found.p_misfit_after < MISFIT_LEVEL:
         sentences.append(left_words(found))
+    if found.decision.verdict == "outside_library":
+        sentences += closest_words(found)
     sentences += [place.sentence for place in where if place.p < TOLD]
     sentences += [clue.sentence for clue in clues]
     sentences += noise_table(found.exam, None).sentences
@@ -37,6 +41,20 @@ def left_words(found: Autopsy) -> str:
         f"Even with {names} the model fails ({chance}): its law may be another than ours, or something else "
         "acts too that these candidates do not describe."
     )
+
+
+def closest_words(found: Autopsy) -> list[str]:
+    """The explanation of the list that comes closest to what is not in it, where it comes close."""
+    tried = [item for item in found.judged if item.scored.surfaces]
+    shares = [explained_share(found.exam, found.base, item) for item in tried]
+    if not shares or max(shares) < CLOSE:
+        return []
+    closest = tried[shares.index(max(shares))]
+    chance = chance_words(misfit_p(found.exam, residuals_of(found.exam, closest.scored.expansion)))
+    return [
+        f"Of the list, {' and '.join(closest.names)} comes closest: it takes away {max(shares):.0%} of the "
+        f"misfit beyond chance ({chance} of what it leaves)."
+    ]
 
 
 def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from math import atan, degrees, inf, sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def flank_columns(
     columns chosen by their own noisy height flatten a fit of that height.
     """
     low, high = window
-    below = np.flatnonzero(ndimage.grey_closing(height, size=bridge) < low)
+    below = np.flatnonzero(scipy.ndimage.grey_closing(height, size=bridge) < low)
     attached = np.arange(height.size) < (below[0] if below.size else height.size)
     chosen = attached & (height >= low) & (height <= high)
     if chosen.sum() < 2:

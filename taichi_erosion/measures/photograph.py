@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import imageio.v3 as imageio
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.plain_file import plain_file
@@ -117,14 +117,14 @@ def checked_crop(path: Path, grey: Grey, crop: Box | None) -> Box:
 
 def find_heap(path: Path, grey: Grey, background: Background) -> Heap:
     """Binarise, find the plate and keep the largest body above it."""
-    calm = ndimage.median_filter(grey, size=3)
+    calm = scipy.ndimage.median_filter(grey, size=3)
     threshold, separation = otsu_threshold(calm)
     if separation < SEPARATION_AT_LEAST:
         raise BadInput(f"{path}: no heap: nothing stands out from the background")
     side = border_side(calm, threshold) if background == "auto" else background
     foreground = calm > threshold if side == "dark" else calm <= threshold
     scene = largest_body(
-        np.asarray(ndimage.binary_opening(foreground, structure=EIGHT_NEIGHBOURS), dtype=bool)
+        np.asarray(scipy.ndimage.binary_opening(foreground, structure=EIGHT_NEIGHBOURS), dtype=bool)
     )
     base = plate_row(scene)
     if base < LOWEST_HEAP:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import cos, sin, sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from taichi_erosion.measures.flank import Outline
 
@@ -77,9 +77,9 @@ def fill_discs(discs: Floats, shape: tuple[int, int]) -> Image:
 
 def largest_body(image: Image) -> Image:
     """Largest connected foreground with holes filled: detached specks and flying grains are not heap."""
-    filled = ndimage.binary_fill_holes(image)
+    filled = scipy.ndimage.binary_fill_holes(image)
     labels = np.zeros(image.shape, dtype=np.int32)
-    ndimage.label(filled, structure=EIGHT_NEIGHBOURS, output=labels)
+    scipy.ndimage.label(filled, structure=EIGHT_NEIGHBOURS, output=labels)
     sizes = np.bincount(labels.ravel(), minlength=2)
     return labels == 1 + int(np.argmax(sizes[1:]))
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from math import exp, log, pi, sqrt
 
 import numpy as np
-from scipy.optimize import minimize, root_scalar
-from scipy.special import stdtrit
+import scipy
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.result import Measurement, no_measurement, pool
@@ -62,6 +61,13 @@ def bracketed(name: str, bracket: Bracket | None) -> Measurement:
     return Measurement(name, bracket.middle, bracket.sd, UNIT, details=details)
 
 
+def extrapolated(name: str, bracket: Bracket | None) -> Measurement:
+    """Threshold of one bed [m s-1] from a line, which bounds nothing; `sd` is half of the bracket."""
+    if bracket is None:
+        return no_measurement(name, UNIT, "too few winds carried grains")
+    return Measurement(name, bracket.middle, 0.5 * (bracket.high - bracket.low), UNIT)
+
+
 def flux_intercept(trials: Sequence[tuple[float, float]]) -> Bracket | None:
     """Friction velocity at which the flux Q = a (u*^2 - u_t^2) of slowed-down transport would vanish.
 
@@ -109,7 +115,7 @@ def wind_speed(friction: float, tunnel: Tunnel) -> float:
         depth = GROWTH * tunnel.fetch * (speed * tunnel.fetch / tunnel.viscosity) ** -0.2
         return friction / KARMAN * (log(depth / roughness) + 2.0 * WAKE) - speed
 
-    return root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
+    return scipy.optimize.root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
 
 
 def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurement:
@@ -167,7 +173,9 @@ def best_scale(ends: Floats, middle: float) -> tuple[float, float]:
 def fitted(ends: Floats) -> tuple[float, float, float]:
     """Most likely middle and scale, and the logarithm of their likelihood."""
     start = float(ends.mean())
-    found = minimize(lambda m: -best_scale(ends, float(m[0]))[1], [start], method="Nelder-Mead")
+    found = scipy.optimize.minimize(
+        lambda m: -best_scale(ends, float(m[0]))[1], [start], method="Nelder-Mead"
+    )
     middle = float(found.x[0])
     return middle, *best_scale(ends, middle)
 
@@ -176,7 +184,7 @@ def interval(ends: Floats) -> tuple[float, float]:
     """Ends of the interval of the middle, in logarithms."""
     count = len(ends)
     middle, _, most = fitted(ends)
-    quantile = float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
+    quantile = float(scipy.special.stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
     limit = 0.5 * count * log(1.0 + quantile**2 / (count - 1))
 
     def excess(m: float) -> float:
@@ -184,6 +192,6 @@ def interval(ends: Floats) -> tuple[float, float]:
 
     def end(outer: float) -> float:
         bracket = (min(outer, middle), max(outer, middle))
-        return root_scalar(excess, bracket=bracket).root if excess(outer) > 0.0 else outer
+        return scipy.optimize.root_scalar(excess, bracket=bracket).root if excess(outer) > 0.0 else outer
 
     return end(middle - REACH), end(middle + REACH)

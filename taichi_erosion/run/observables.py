@@ -112,7 +112,9 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
     "fluid_threshold": lambda e: found("fluid_threshold", "fluid_threshold", e),
     "threshold_u_star": lambda e: found("threshold_u_star", "fluid_threshold", e),
     "impact_threshold": lambda e: found("impact_threshold", "impact_threshold", e),
-    "impact_threshold_linear": lambda e: found("impact_threshold_linear", "impact_threshold_linear", e),
+    "impact_threshold_linear": lambda e: threshold.extrapolated(
+        "impact_threshold_linear", e.thresholds.get("impact_threshold_linear")
+    ),
     "threshold_ratio": lambda e: threshold.ratio(
         "threshold_ratio", e.thresholds.get("impact_threshold"), e.thresholds.get("fluid_threshold")
     ),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from taichi_erosion.core.setup import Floats, Setup, Triple
 from taichi_erosion.recording import stream
@@ -61,7 +61,7 @@ def log_standing(recording: stream.Recording, scenery: Scenery, wall: WallMesh, 
         scenery.gone.discard(wall.name)
     elif np.array_equal(rotation, pose.rotation) and np.array_equal(translation, pose.translation):
         return
-    x, y, z, w = Rotation.from_matrix(pose.rotation).as_quat().tolist()
+    x, y, z, w = scipy.spatial.transform.Rotation.from_matrix(pose.rotation).as_quat().tolist()
     along, across, up = pose.translation.tolist()
     stream.log_wall_pose(recording, wall.name, (along, across, up), (w, x, y, z))
     scenery.poses[wall.name] = (pose.rotation, pose.translation)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from math import radians
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from taichi_erosion.core.setup import Motion
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
@@ -87,7 +87,8 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, actor: Actor, time
         return
     axis = np.asarray(stage.tilt_axis) / np.linalg.norm(stage.tilt_axis)
     upright = np.asarray(sim.setups[replica].gravity)
-    x, y, z = Rotation.from_rotvec(-tilt_of(stage, time - actor.began) * axis).apply(upright)
+    turn = scipy.spatial.transform.Rotation.from_rotvec(-tilt_of(stage, time - actor.began) * axis)
+    x, y, z = turn.apply(upright)
     set_gravity(sim, replica, (float(x), float(y), float(z)))
     actor.energy = None
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Laws, Setup, Surface
 from taichi_erosion.scene.clump import Body, body_of
@@ -86,9 +86,9 @@ def spheres(start: Start, density: float, material: int) -> GrainTable:
 def clump_table(scene: Scene, seed: int, start: Start, body: Body, density: float) -> ClumpTable:
     """Rigid bodies at random orientation; explicitly placed ones keep the orientation of their template."""
     count, size = len(start.diameter), len(body.radius)
-    turned = Rotation.random(count, rng=stream(seed, "orientations"))
+    turned = scipy.spatial.transform.Rotation.random(count, rng=stream(seed, "orientations"))
     if isinstance(scene.fill, Positions):
-        turned = Rotation.from_quat(np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)))
+        turned = scipy.spatial.transform.Rotation.from_quat(np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)))
     shift = turned.apply(body.centre) if isinstance(scene.fill, Positions) else np.zeros((count, 3))
     return ClumpTable(
         body=np.repeat(np.arange(count, dtype=np.int32), size),
@@ -100,14 +100,14 @@ def clump_table(scene: Scene, seed: int, start: Start, body: Body, density: floa
     )
 
 
-def canonical(rotation: Rotation) -> Floats:
+def canonical(rotation: "scipy.spatial.transform.Rotation") -> Floats:
     """Unit quaternions (w, x, y, z) with w >= 0."""
     return rotation.as_quat(canonical=True, scalar_first=True)
 
 
 def clump_spheres(start: Start, body: Body, clumps: ClumpTable, material: int) -> GrainTable:
     """Spheres of all clumps; each moves with its body."""
-    turned = Rotation.from_quat(clumps.orientation[clumps.body], scalar_first=True)
+    turned = scipy.spatial.transform.Rotation.from_quat(clumps.orientation[clumps.body], scalar_first=True)
     arm = turned.apply(clumps.offset)
     spin = start.spin[clumps.body]
     return GrainTable(

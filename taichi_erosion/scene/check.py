@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from math import isfinite
 
 import numpy as np
-from scipy.spatial import KDTree
+import scipy
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.check_wind import layer_checks, wind_checks
@@ -215,7 +215,7 @@ def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
     nominal = nominal_diameter(scene.grains.size)
     centres = np.array([grain.position for grain in fill.grains])
     radius = reach_over_diameter(scene) * np.array([grain.diameter or nominal for grain in fill.grains])
-    for i, j in sorted(KDTree(centres).query_pairs(2.0 * float(radius.max()))):
+    for i, j in sorted(scipy.spatial.KDTree(centres).query_pairs(2.0 * float(radius.max()))):
         overlap = radius[i] + radius[j] - float(np.linalg.norm(centres[i] - centres[j]))
         if overlap > scene.run.overlap_limit * min(radius[i], radius[j]):
             yield f"fill.grains.{j} overlaps fill.grains.{i} by {overlap:.3g} m"

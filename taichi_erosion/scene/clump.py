@@ -8,7 +8,7 @@ from functools import lru_cache
 from math import sqrt
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema_field import Vector
@@ -35,7 +35,7 @@ class Body:
     volume: float
     inertia: Floats  # [3] principal moments
     centre: Floats  # [3] centre of mass in the template's frame
-    rotation: Rotation  # principal frame to template frame
+    rotation: "scipy.spatial.transform.Rotation"  # principal frame to template frame
     reach: float  # distance from the centre of mass to the farthest surface point
 
 
@@ -78,7 +78,8 @@ def quadrature(spheres: tuple[Sphere, ...]) -> Body:
         axes[:, 2] *= -1.0
     offset = (centres - centre) @ axes
     reach = float((np.linalg.norm(offset, axis=1) + radius).max())
-    return Body(offset, radius, volume, moments, centre, Rotation.from_matrix(axes), reach)
+    turned = scipy.spatial.transform.Rotation.from_matrix(axes)
+    return Body(offset, radius, volume, moments, centre, turned, reach)
 
 
 def cells_inside(centres: Floats, radius: Floats, low: Floats, high: Floats, cell: float) -> Floats:

@@ -5,7 +5,7 @@ from importlib.resources import files
 from math import exp, log
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+import scipy
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
@@ -85,9 +85,9 @@ def sample_lognormal(size: Lognormal, quantile: Floats) -> Floats:
     """Inverse of the truncated lognormal distribution of numbers [m]."""
     if size.sigma_log == 0.0:
         return np.full(len(quantile), size.median)
-    below = ndtr(log(size.low / size.median) / size.sigma_log)
-    above = ndtr(log(size.high / size.median) / size.sigma_log)
-    deviate = ndtri(below + quantile * (above - below))
+    below = scipy.special.ndtr(log(size.low / size.median) / size.sigma_log)
+    above = scipy.special.ndtr(log(size.high / size.median) / size.sigma_log)
+    deviate = scipy.special.ndtri(below + quantile * (above - below))
     return np.clip(size.median * np.exp(size.sigma_log * deviate), size.low, size.high)
 
 
@@ -125,7 +125,8 @@ def lognormal_cube(size: Lognormal) -> float:
     if s == 0.0:
         return size.median**3
     a, b = log(size.low / size.median) / s, log(size.high / size.median) / s
-    kept = ndtr(b) - ndtr(a)
+    normal = scipy.special.ndtr
+    kept = normal(b) - normal(a)
     if kept <= 0.0:
         return size.median**3
-    return size.median**3 * exp(4.5 * s * s) * float(ndtr(b - 3.0 * s) - ndtr(a - 3.0 * s)) / float(kept)
+    return size.median**3 * exp(4.5 * s * s) * float(normal(b - 3.0 * s) - normal(a - 3.0 * s)) / float(kept)

@@ -7,7 +7,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.core.transfer import download, upload
+from taichi_erosion.core.transfer import download, read, upload
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.sizes import grown
 from taichi_erosion.simulation.state import export_state, import_state
@@ -90,10 +90,10 @@ def failure(sim: Simulation, replica: int) -> Failure | None:
     if status == Status.RUNNING:
         return None
     replicas = sim.world.replicas
-    value = replicas.fault_value.to_numpy()[replica]
+    value = read(replicas.fault_value)[replica]
     p = int(np.flatnonzero(value)[0]) if value.any() else 0
-    grain = int(replicas.fault_grain.to_numpy()[replica, p])
-    partner = int(replicas.fault_partner.to_numpy()[replica, p])
+    grain = int(read(replicas.fault_grain)[replica, p])
+    partner = int(read(replicas.fault_partner)[replica, p])
     ident = identities(sim, replica)
     partner = int(ident[partner]) if partner >= 0 else -1 - (-1 - partner) % max(sim.sizes.primitives, 1)
     alone = status != Status.OVERLAP

@@ -9,6 +9,7 @@ from taichi_erosion.core.device import start_device
 from taichi_erosion.core.effect import bind, meeting_type, pair_type
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.transfer import read
 from taichi_erosion.coupling.surroundings import Surroundings, surround
 from taichi_erosion.grains.batches import batch_type
 from taichi_erosion.grains.cells import allocate_cells
@@ -28,6 +29,7 @@ from taichi_erosion.simulation.sizes import Sizes, filled_up, first_sizes, parti
 from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.turns import Turns, allocate_turns
 
+POOL_LEAST = 2  # threads: runs on one core and on two share their kernels; who has no work sleeps
 PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
 
 
@@ -94,7 +96,7 @@ def is_driven(setups: list[Setup]) -> bool:
 
 def check_periods(world: World, setups: list[Setup]) -> None:
     """Raise BadInput where a periodic box is too narrow for its grains."""
-    number = world.cells.number.to_numpy()
+    number = read(world.cells.number)
     for r, setup in enumerate(setups):
         for axis in range(3):
             if setup.period[axis] > 0.0 and number[r, axis] < PERIOD_CELLS_LEAST:
@@ -131,23 +133,28 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     refuse_mixture(listed)
     for setup in listed:
         refuse_nonsense(setup)
-    threads = start_device(numerics)
+    threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"
     sizes = first_sizes(listed)
     workers = threads if on_cpu else len(listed)
     everyone = filled_up(listed, sizes)
+    turns = allocate_turns(max(workers, POOL_LEAST), sizes.replicas)
     world = build_world(everyone, laws, sizes)
     around = surround(everyone, laws, sizes.partitions)
     release_first(world)
-    turns = allocate_turns(workers, sizes.replicas)
     return Simulation(
         listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world, around, turns
     )
 
 
 def reallocate(sim: Simulation, sizes: Sizes) -> None:
-    """Give the run other capacities; the caller carries its state over."""
+    """Give the run other capacities; the caller carries its state over.
+
+    The device is started anew: the old fields are gone, and the kernels are those of a run that begins so.
+    """
+    start_device(sim.numerics, POOL_LEAST)
     sim.sizes = replace(sizes)
     everyone = filled_up(sim.setups, sizes)
+    sim.turns = allocate_turns(max(sim.workers, POOL_LEAST), sizes.replicas)
     sim.world = build_world(everyone, sim.laws, sim.sizes)
     sim.around = surround(everyone, sim.laws, sim.sizes.partitions)

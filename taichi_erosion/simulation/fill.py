@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import upload
@@ -165,7 +165,7 @@ def body_motion(grains: GrainTable, table: ClumpTable, firsts: Integers) -> tupl
     with v_1 and w velocity and spin of the sphere, o_1 its offset in the body, A the rotation of the body.
     """
     spin = grains.spin[firsts]
-    frame: Any = Rotation.from_quat(table.orientation, scalar_first=True).as_matrix()
+    frame: Any = scipy.spatial.transform.Rotation.from_quat(table.orientation, scalar_first=True).as_matrix()
     arm = np.einsum("bij,bj->bi", frame, table.offset[firsts])
     turning: Any = np.cross(spin, arm)
     momentum = np.einsum("bij,bj,bkj,bk->bi", frame, table.inertia, frame, spin)

@@ -34,11 +34,11 @@ def pair_overlap(world: ti.template(), base, i, e):
 
 
 @ti.func
-def pair_energy(world: ti.template(), base, i, e):
-    """Energy stored in the pair of entry e [J]."""
+def pair_energy(world: ti.template(), e, overlap):
+    """Energy stored in the pair of entry e, which overlaps so far [J]."""
     row = world.pairs.label[e] >> ROW_SHIFT
     slip, tilt = world.pairs.slip[e], world.pairs.tilt[e]
-    return stored_energy(world, row, pair_overlap(world, base, i, e), world.pairs.root_radius[e], slip, tilt)
+    return stored_energy(world, row, overlap, world.pairs.root_radius[e], slip, tilt)
 
 
 @ti.func
@@ -50,11 +50,11 @@ def wall_overlap(world: ti.template(), i, e):
 
 
 @ti.func
-def wall_energy(world: ti.template(), i, e):
-    """Energy stored in the wall contact of entry e [J]."""
+def wall_energy(world: ti.template(), i, e, overlap):
+    """Energy stored in the wall contact of entry e, which overlaps so far [J]."""
     slip, tilt = world.wall_pairs.slip[e], world.wall_pairs.tilt[e]
     row = world.wall_pairs.label[e] >> ROW_SHIFT
-    return stored_energy(world, row, wall_overlap(world, i, e), ti.sqrt(world.grains.radius[i]), slip, tilt)
+    return stored_energy(world, row, overlap, ti.sqrt(world.grains.radius[i]), slip, tilt)
 
 
 @ti.kernel
@@ -74,18 +74,19 @@ def read_contacts(
         i = base + rank
         for e in range(world.pairs.start[i], world.pairs.stop[i]):
             if world.pairs.label[e] & ENGAGED == ENGAGED:
-                root = world.pairs.root_radius[e]
+                root, overlap = world.pairs.root_radius[e], pair_overlap(world, base, i, e)
                 contacts_out[rank] += 1
                 contacts_out[world.pairs.neighbour[e]] += 1
-                sums_out[0] += pair_energy(world, base, i, e)
+                sums_out[0] += pair_energy(world, e, overlap)
                 sums_out[1] += 1.0
-                ti.atomic_max(sums_out[2], pair_overlap(world, base, i, e) / (2.0 * root * root))
+                ti.atomic_max(sums_out[2], overlap / (2.0 * root * root))
         for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
             if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
+                overlap = wall_overlap(world, i, e)
                 contacts_out[rank] += 1
-                sums_out[0] += wall_energy(world, i, e)
+                sums_out[0] += wall_energy(world, i, e, overlap)
                 sums_out[1] += 1.0
-                ti.atomic_max(sums_out[2], wall_overlap(world, i, e) / world.grains.radius[i])
+                ti.atomic_max(sums_out[2], overlap / world.grains.radius[i])
 
 
 @ti.kernel
@@ -195,10 +196,10 @@ def sum_replicas(
             sums_out[r, 4] = ti.max(sums_out[r, 4], ti.cast(velocity.norm(), ti.f64))
             for e in range(world.pairs.start[i], world.pairs.stop[i]):
                 if world.pairs.label[e] & ENGAGED == ENGAGED:
-                    sums_out[r, 3] += pair_energy(world, base, i, e)
+                    sums_out[r, 3] += pair_energy(world, e, pair_overlap(world, base, i, e))
             for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
                 if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
-                    sums_out[r, 3] += wall_energy(world, i, e)
+                    sums_out[r, 3] += wall_energy(world, i, e, wall_overlap(world, i, e))
         sums_out[r, 5] = world.replicas.released[r]
 
 

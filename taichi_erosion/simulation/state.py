@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.transfer import download, upload
+from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.grains.held import HELD
 from taichi_erosion.grains.sleep import CARRIED
 from taichi_erosion.simulation.assemble import Simulation, reallocate
@@ -35,8 +35,8 @@ def export_state(sim: Simulation) -> Arrays:
     world, count = sim.world, len(sim.setups)
     state: Arrays = dict(zip(REPLICA, download(fields_of(world.replicas, REPLICA), 0, count), strict=True))
     side, stale = download([world.replicas.side, world.replicas.stale], 0, count)
-    state["stale"] = np.maximum(stale, world.replicas.need.to_numpy()[:count].max(axis=1) > 0)
-    state |= {name: getattr(world.replicas, name).to_numpy() for name in FAULT}
+    state["stale"] = np.maximum(stale, read(world.replicas.need)[:count].max(axis=1) > 0)
+    state |= {name: read(getattr(world.replicas, name)) for name in FAULT}
     surfaces = download(fields_of(world.walls, SURFACE), 0, count * sim.sizes.surfaces)
     state |= {f"surface_{name}": values for name, values in zip(SURFACE, surfaces, strict=True)}
     for r in range(count):
@@ -81,8 +81,9 @@ def import_bed(sim: Simulation, replica: int, bed: Arrays) -> None:
     """Put the grains of one replica back where `export_bed` saw them; its clock runs on."""
     replicas = sim.world.replicas
     upload([(replicas.side, [0.0]), (replicas.stale, [1.0])], replica)
-    for p in range(sim.sizes.partitions):
-        replicas.need[replica, p] = 0
+    need = read(replicas.need)
+    need[replica] = 0
+    write(replicas.need, need)
     import_replica(sim, replica, bed)
 
 
@@ -101,9 +102,9 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     columns = list(zip(fields_of(replicas, REPLICA), (state[name] for name in REPLICA), strict=True))
     upload([*columns, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
     for name in FAULT:
-        getattr(replicas, name).from_numpy(state[name])
+        write(getattr(replicas, name), state[name])
     for gone in (replicas.need, world.grains.force, world.grains.torque):
-        gone.fill(0)
+        write(gone, 0)
     if sim.sizes.surfaces:
         upload([(getattr(world.walls, name), state[f"surface_{name}"]) for name in SURFACE])
     for r in range(count):
@@ -183,7 +184,10 @@ def upload_touched(
 ) -> None:
     """Ranks that the forces of every partition reach, as the list search notes them."""
     replicas = sim.world.replicas
+    low, high = read(replicas.touched_low), read(replicas.touched_high)
     for p, (first, last, entries) in enumerate(reach):
         partners = neighbour[entries]
-        replicas.touched_low[r, p] = int(min(first, partners.min(initial=first)))
-        replicas.touched_high[r, p] = int(max(last, partners.max(initial=last - 1) + 1))
+        low[r, p] = min(first, partners.min(initial=first))
+        high[r, p] = max(last, partners.max(initial=last - 1) + 1)
+    write(replicas.touched_low, low)
+    write(replicas.touched_high, high)

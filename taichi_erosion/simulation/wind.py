@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile
-from taichi_erosion.core.transfer import download, upload
+from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.coupling.develop import develop_air
 from taichi_erosion.simulation.assemble import Simulation
 
@@ -58,7 +58,7 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
     assert setup is not None
 
     def inner(field: Any) -> Floats:
-        return field.to_numpy()[replica, 1, 1, 1:-1]
+        return read(field)[replica, 1, 1, 1:-1]
 
     face = np.asarray(setup.faces_z)
     velocity = np.stack([inner(air.velocity_x), inner(air.velocity_y)], axis=1)
@@ -69,7 +69,7 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
         void_fraction=inner(air.void_fraction),
         eddy_viscosity=inner(air.eddy_face),
         drag=force[:, :2] - coefficient[:, None] * velocity,
-        lift=sim.around.exchange.lift.to_numpy()[replica],
+        lift=read(sim.around.exchange.lift)[replica],
     )
 
 
@@ -78,9 +78,9 @@ def export_surroundings(sim: Simulation) -> Arrays:
     air = sim.around.air
     if air is None:
         return {}
-    state = {f"air_{name}": getattr(air, name).to_numpy() for name in AIR_GRIDS}
-    state |= {f"air_{name}": getattr(air.numbers, name).to_numpy() for name in AIR_NUMBERS}
-    return state | {f"exchange_{name}": getattr(sim.around.exchange, name).to_numpy() for name in EXCHANGE}
+    state = {f"air_{name}": read(getattr(air, name)) for name in AIR_GRIDS}
+    state |= {f"air_{name}": read(getattr(air.numbers, name)) for name in AIR_NUMBERS}
+    return state | {f"exchange_{name}": read(getattr(sim.around.exchange, name)) for name in EXCHANGE}
 
 
 def import_surroundings(sim: Simulation, state: Arrays) -> None:
@@ -89,8 +89,8 @@ def import_surroundings(sim: Simulation, state: Arrays) -> None:
     if air is None:
         return
     for name in AIR_GRIDS:
-        getattr(air, name).from_numpy(state[f"air_{name}"])
+        write(getattr(air, name), state[f"air_{name}"])
     for name in AIR_NUMBERS:
-        getattr(air.numbers, name).from_numpy(state[f"air_{name}"])
+        write(getattr(air.numbers, name), state[f"air_{name}"])
     for name in EXCHANGE:
-        getattr(sim.around.exchange, name).from_numpy(state[f"exchange_{name}"])
+        write(getattr(sim.around.exchange, name), state[f"exchange_{name}"])

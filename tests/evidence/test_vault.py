@@ -112,3 +112,27 @@ def test_a_damaged_count_is_not_taken_for_an_unopened_vault(tmp_path):
     (tmp_path / "vault.json").write_text("[", encoding="utf-8")
     with pytest.raises(BadInput, match="damaged"):
         openings(tmp_path, "a")
+
+
+@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 40))
+def test_water_is_seen_at_both_sizes_of_grains(first):
+    table = measurements(6, group="one")
+    moisture, diameter = np.tile([0.0, 0.01, 0.02], 4), np.tile(np.repeat([1.5e-3, 3e-3], 3), 2)
+    value = np.linspace(first, 30.0, table.size)
+    table = replace(table, value=value, conditions={"moisture": moisture, "diameter": diameter})
+    hidden, _ = split(table, 0.3, {})
+    assert len(hidden) == 4  # 0.3 of six heaps, for both observables
+    seen = np.delete(np.arange(table.size), hidden)
+    for size in (1.5e-3, 3e-3):
+        assert np.unique(moisture[seen][diameter[seen] == size]).size == 2
+
+
+def test_a_single_moist_heap_of_each_size_may_be_held_out():
+    chosen = set()
+    for first in np.linspace(20.0, 29.0, 20):
+        table = measurements(6, group="one")
+        moisture, diameter = np.tile([0.0, 0.01], 6), np.tile(np.repeat([1.0, 1.5, 3.0], 2), 2) * 1e-3
+        value = np.linspace(first, 30.0, table.size)
+        table = replace(table, value=value, conditions={"moisture": moisture, "diameter": diameter})
+        chosen |= set(moisture[split(table, 0.3, {})[0]].tolist())
+    assert chosen == {0.0, 0.01}

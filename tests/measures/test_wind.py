@@ -10,6 +10,7 @@ from taichi_erosion.measures.threshold import (
     Bracket,
     Tunnel,
     bracketed,
+    extrapolated,
     flux_intercept,
     pool_beds,
     ratio,
@@ -59,6 +60,16 @@ def test_a_bed_without_a_threshold_is_counted_and_left_out():
     pooled = pool_beds([*beds(np.full(3, 0.3), 0.02), bracketed("fluid_threshold", None)])
     assert pooled.n == 3
     assert any("1 of 4" in note for note in pooled.notes)
+
+
+def test_lines_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing():
+    lines = [extrapolated("impact_threshold_linear", Bracket(u - 0.02, u + 0.02)) for u in (0.15, 0.16, 0.17)]
+    assert lines[0].sd == pytest.approx(0.02)
+    pooled = pool_beds(lines)
+    # the middle of a bracket is its geometric mean: half of 0.02^2 / 0.16 below
+    assert pooled.value == pytest.approx(0.16, rel=0.01)
+    assert pooled.sd == pytest.approx(0.01, rel=0.02), "beds differ, though all brackets overlap"
+    assert extrapolated("impact_threshold_linear", None).n == 0
 
 
 def test_impact_over_fluid_threshold():

@@ -7,6 +7,7 @@ import pytest
 from grain_worlds import NONE, PLATE, RADIUS, Walls, fingerprint, grains, setup
 
 from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.ti import impl
 from taichi_erosion.simulation import advance, assemble, energies, export_state, snapshot
 from taichi_erosion.simulation.assemble import reallocate
 from taichi_erosion.simulation.sizes import first_sizes
@@ -45,3 +46,12 @@ def test_room_that_stays_empty_changes_no_bit_of_a_result():
     advance(sim, [UNTIL, UNTIL])
     assert [fingerprint(snapshot(sim, r)) for r in range(2)] == roomy
     assert energies(sim).shape[0] == 2
+
+
+def test_one_worker_and_two_are_given_the_same_kernels():
+    kinds = []
+    for threads in (1, 2):
+        sim = assemble([row(2)], Laws(), Numerics("cpu", threads))
+        assert sim.workers == threads
+        kinds.append((impl.current_cfg().cpu_max_num_threads, sim.turns.first.shape, sim.turns.steps.shape))
+    assert kinds[0] == kinds[1]

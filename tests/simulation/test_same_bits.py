@@ -78,8 +78,8 @@ def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     reallocate(sim, tiny)
     advance(sim, [HALF])
     grown, half = sim.sizes, fingerprint(snapshot(sim, 0))
-    # a checkpoint of grown lists meets a fresh run
-    reallocate(sim, replace(tiny, pairs=PAIRS_FAR_TOO_FEW))
+    # a checkpoint of grown lists meets a fresh run; both lists halved grow to what has been compiled above
+    reallocate(sim, replace(tiny, pairs=PAIRS_FAR_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW // 2))
     import_state(sim, alone["state"])
     advance(sim, [WHOLE])
     end = fingerprint(snapshot(sim, 0))

@@ -1,40 +1,64 @@
-"""How the threshold of several beds together is read off their trials."""
+"""How the threshold of saturated transport is read off winds well above it, and how scenes scale."""
 
-from math import isnan, sqrt
-from types import SimpleNamespace
-from typing import Any
+from math import isnan, nan
 
 import pytest
 
-from taichi_erosion.run.stages import Actor
-from taichi_erosion.verification.saltation import impact_threshold
+from taichi_erosion.scene.sizes import nominal_diameter
+from taichi_erosion.verification.saltation import AIR, STEADY, ends, scaled, steady, stresses, vanishing
 
-WINDS = [0.3 * 0.9**k for k in range(10)]  # m s-1
-THRESHOLD, STEEP = 0.18, 0.14  # m s-1, and flux over the square of the wind
-
-
-def bed(factor: float, ceased: float) -> Any:
-    """A bed that carries a multiple of the straight line until the wind at which it comes to rest [m s-1]."""
-    blown = [
-        {"phase": "fall", "friction_velocity": u, "flux": factor * STEEP * (u**2 - THRESHOLD**2)}
-        for u in WINDS
-        if u > ceased
-    ]
-    start = {"phase": "start", "friction_velocity": 0.36, "flux": 1.0}
-    return SimpleNamespace(hunt=SimpleNamespace(trials=[start, *blown]))
+THRESHOLD = 0.17  # m s-1
 
 
-def test_beds_together_give_the_line_that_none_of_them_follows():
-    found = impact_threshold([bed(0.6, THRESHOLD), bed(1.5, THRESHOLD), bed(0.9, THRESHOLD)])
-    # the mean of three lines through one point; the start, which is no steady wind, is left out
-    assert found.middle == pytest.approx(THRESHOLD, rel=1e-6)
+def saturated(kept: float, excess: float = 0.0) -> list[dict[str, float]]:
+    """Winds whose air keeps a stress [Pa] at the bed; `excess` comes down from above for the moment [Pa]."""
+    carried = [AIR * patch.wind**2 - kept + excess for patch in STEADY]
+    return [{"bed_stress": kept, "grain_stress": stress, "flux": 0.1 * stress} for stress in carried]
 
 
-def test_a_bed_that_has_come_to_rest_carries_nothing_in_weaker_winds():
-    early = impact_threshold([bed(1.0, THRESHOLD), bed(1.0, 0.25)])
-    # half the flux below 0.25 m/s makes the line steeper, and its zero the later
-    assert THRESHOLD < early.middle < sqrt(0.25**2)
+@pytest.mark.parametrize("name", ["grain_stress", "flux"])
+def test_what_grains_take_from_the_wind_vanishes_at_the_stress_they_leave_to_it(name: str):
+    values = saturated(AIR * THRESHOLD**2)
+    assert vanishing(values, name).middle == pytest.approx(THRESHOLD, rel=1e-6)
 
 
-def test_beds_that_never_blew_have_no_line():
-    assert isnan(impact_threshold([Actor(seed=1)]).middle)
+def test_momentum_that_the_air_above_gives_back_does_not_move_the_threshold():
+    # the stress that arrives at the bed counts, not that of the lid
+    values = saturated(AIR * THRESHOLD**2, excess=0.03)
+    assert stresses(values)[0] == pytest.approx(AIR * STEADY[0].wind ** 2 + 0.03)
+    assert vanishing(values, "grain_stress").middle == pytest.approx(THRESHOLD, rel=1e-6)
+
+
+def test_air_that_keeps_more_in_weak_winds_has_the_higher_threshold():
+    values = saturated(AIR * THRESHOLD**2)
+    values[0] |= {
+        "bed_stress": values[0]["bed_stress"] + 0.005,
+        "grain_stress": values[0]["grain_stress"] - 0.005,
+    }
+    line = vanishing(values, "grain_stress")
+    assert line.low > THRESHOLD
+    assert line.low < line.middle < line.high
+
+
+def test_transport_that_was_not_measured_has_no_threshold():
+    nothing = [{"bed_stress": nan, "grain_stress": nan, "flux": nan} for _ in STEADY]
+    assert isnan(vanishing(nothing, "grain_stress").middle)
+    assert ends(vanishing([{} for _ in STEADY], "flux")) == "no wind"
+
+
+def test_winds_and_times_go_with_the_root_of_the_diameter():
+    stage = {"name": "blow", "duration_max": 2.0, "friction_velocity": 0.3}
+    assert scaled(stage, 4.0) == {"name": "blow", "duration_max": 4.0, "friction_velocity": 0.6}
+
+
+def test_a_patch_counts_in_diameters():
+    small, large = (steady(size, STEADY[0]) for size in (1.0, 2.0))
+    assert small.wind is not None
+    assert large.wind is not None
+    assert large.wind.length == pytest.approx(2.0 * small.wind.length)
+    assert nominal_diameter(large.grains.size) == pytest.approx(2.0 * nominal_diameter(small.grains.size))
+    assert large.grains.count == small.grains.count
+    # k / (m g / d) is the same: the modulus goes with the diameter
+    softer, stiffer = (scene.materials["sand"].shear_modulus for scene in (small, large))
+    assert softer is not None
+    assert stiffer == pytest.approx(2.0 * softer)

@@ -20,7 +20,7 @@ Rev. E 75, 061305 (bounces); Pahtz, Liu, Xia, Hu, He & Tholen (2021), J. Geophys
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import cos, exp, hypot, pi, sin, sqrt
+from math import cos, exp, hypot, inf, pi, sin, sqrt
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -88,8 +88,10 @@ class Touchdown:
         return float(state[0]) - self.bed
 
 
-def landing(sand: Sand, blow: Callable[[float], float], forward: float, upward: float) -> tuple[float, float]:
-    """Forward and downward speed [m s-1] at the end of one hop."""
+def hop(
+    sand: Sand, blow: Callable[[float], float], forward: float, upward: float
+) -> tuple[float, float, float]:
+    """Duration of one hop [s], forward and downward speed at its end [m s-1]."""
     bed = CENTRE * sand.diameter
     rate = 0.75 * sand.air / (sand.density * sand.diameter)
 
@@ -101,9 +103,9 @@ def landing(sand: Sand, blow: Callable[[float], float], forward: float, upward: 
         return [rise, rate * drag * speed * slip[0], rate * drag * speed * slip[1] - GRAVITY]
 
     span = (0.0, LONGEST * upward / GRAVITY)
-    hop = solve_ivp(motion, span, (bed, forward, upward), events=Touchdown(bed), rtol=1e-4, atol=1e-9)
-    _, ahead, rise = hop.y[:, -1]
-    return float(ahead), -float(rise)
+    flown = solve_ivp(motion, span, (bed, forward, upward), events=Touchdown(bed), rtol=1e-4, atol=1e-9)
+    _, ahead, rise = flown.y[:, -1]
+    return float(flown.t[-1]), float(ahead), -float(rise)
 
 
 def bounce(forward: float, downward: float) -> tuple[float, float]:
@@ -115,20 +117,51 @@ def bounce(forward: float, downward: float) -> tuple[float, float]:
     return (sqrt(max(after**2 - upward**2, 0.0)), min(upward, after))
 
 
+def launch(sand: Sand) -> tuple[float, float]:
+    """Forward and upward speed of a grain that is thrown hard [m s-1]."""
+    speed, angle = LAUNCH[0] * sqrt(GRAVITY * sand.diameter), LAUNCH[1] * pi / 180.0
+    return speed * cos(angle), speed * sin(angle)
+
+
+def least_rise(sand: Sand) -> float:
+    """Upward speed of a grain that rises by its diameter [m s-1]."""
+    return sqrt(2.0 * GRAVITY * sand.diameter)
+
+
 def goes_on(sand: Sand, friction: float) -> bool:
     """Whether a grain that was thrown hard still hops after many landings."""
     blow = wind(friction, sand.viscosity)
-    speed, angle = LAUNCH[0] * sqrt(GRAVITY * sand.diameter), LAUNCH[1] * pi / 180.0
-    forward, upward = speed * cos(angle), speed * sin(angle)
-    least = sqrt(2.0 * GRAVITY * sand.diameter)
+    forward, upward = launch(sand)
     for _ in range(LANDINGS):
         before = upward
-        forward, upward = bounce(*landing(sand, blow, forward, upward))
-        if upward < least:
+        _, ahead, down = hop(sand, blow, forward, upward)
+        forward, upward = bounce(ahead, down)
+        if upward < least_rise(sand):
             return False
         if abs(upward / before - 1.0) < STEADY:
             return True
     return True
+
+
+def time_to_rest(sand: Sand, before: float, after: float) -> float:
+    """Time that a grain hops on [s] once the wind falls from u* = `before` to `after` [m s-1]; may be inf.
+
+    Transport that is slowed down step by step ceases where it should only if every step lasts as long.
+    """
+    forward, upward = launch(sand)
+    blow = wind(before, sand.viscosity)
+    for _ in range(LANDINGS):
+        _, ahead, down = hop(sand, blow, forward, upward)
+        forward, upward = bounce(ahead, down)
+    blow = wind(after, sand.viscosity)
+    elapsed = 0.0
+    for _ in range(LANDINGS):
+        duration, ahead, down = hop(sand, blow, forward, upward)
+        elapsed += duration
+        forward, upward = bounce(ahead, down)
+        if upward < least_rise(sand):
+            return elapsed
+    return inf
 
 
 def hopping_threshold(sand: Sand) -> float:
