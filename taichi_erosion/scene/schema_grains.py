@@ -144,8 +144,8 @@ class Contact(Part):
     surface_energy: float = number(
         0.0, "J m-2", "surface energy of one surface; work of adhesion w = 2 gamma", 0.0, 1e3
     )
-    effects: bool = Field(
-        default=True, description="whether effects act on it; false: it is as stated in every run"
+    effects: bool | None = Field(
+        default=None, description="false: no effect acts on it, it is as stated in every run"
     )
 
 

@@ -2,15 +2,21 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from taichi_erosion.evidence.adopt import proof_words
 from taichi_erosion.evidence.autopsy import Autopsy, autopsy
 from taichi_erosion.evidence.discover import worded
 from taichi_erosion.evidence.examination import examine
+from taichi_erosion.evidence.findings import HypothesisFit, Rows
 from taichi_erosion.evidence.loop import opened
+from taichi_erosion.evidence.posterior import OUTSIDE, posterior
+from taichi_erosion.evidence.shortlist import REJECTED, doubted_p, hypotheses
 from tests.evidence.small_study import write_study
 
 FAILS = "Even with liquid_bridge the model fails"
+NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 5)
 SEED = 1
 
 
@@ -36,3 +42,27 @@ def test_a_name_that_leaves_a_misfit_is_told_with_it(wet):
 def test_without_a_name_there_is_nothing_that_could_fail(wet):
     bare = worded(replace(wet, final=wet.base, p_misfit_after=1e-4), SEED, 0.0)
     assert not any("Even with" in sentence for sentence in bare.sentences)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"), [(40.0, 38.0, True), (40.0, 4.0, False), (1.4, 1.3, False)]
+)
+def test_adopting_says_where_the_held_out_rows_contradict_the_name(before, after, told):
+    bare = HypothesisFit((), {}, {}, 40.0, before, {}, NO_ROWS, None)
+    added = replace(bare, effects=("liquid_bridge",), vault_chi2=after)
+    words = proof_words("liquid_bridge", bare, added, None, None)
+    assert words.endswith("What was held out does not bear liquid_bridge out.") == told
+
+
+def test_what_the_measurements_reject_counts_as_something_not_in_the_list(wet):
+    (right,) = [item for item in wet.judged if item.names == wet.decision.named]
+    assert doubted_p(wet.exam, right) > REJECTED
+    jagged = 40.0 * wet.exam.sd * np.where(np.arange(wet.exam.sd.size) % 2, 1.0, -1.0)
+    moved = replace(right.scored.expansion, mean=right.scored.expansion.mean + jagged)
+    wrong = replace(right, scored=replace(right.scored, expansion=moved))
+    assert doubted_p(wet.exam, wrong) < REJECTED
+    others = [item for item in wet.judged if item is not right]
+    told = hypotheses(wet.exam, wet.base, wet.found, wet.seen, [*others, wrong])
+    assert [h.told for h in told if h.names == right.names] == [False, False]
+    believed = posterior(wet.exam, told)
+    assert believed.inclusion["liquid_bridge"] < 0.01 < 0.5 < believed.probability[OUTSIDE]
