@@ -50,9 +50,8 @@ class Sizes:
 def partition_count(setup: Setup) -> int:
     """Partitions of one replica."""
     count = len(setup.grains.radius)
-    if count < 2 * PAIR_GRAINS:
-        return 1
-    return int(np.clip(count // PARTITION_GRAINS, 2, PARTITIONS_MOST))
+    wanted = max(count // PARTITION_GRAINS, min(count // PAIR_GRAINS, 2), 1)
+    return min(wanted, PARTITIONS_MOST)
 
 
 def round_up(number: int) -> int:
