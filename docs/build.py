@@ -33,10 +33,8 @@ over grains of 0.5 mm. In each of the four winds, over either sand, that stress 
 tenth, as Owen has it; extrapolated, it gives thresholds of 0.169 and 0.278 m/s, which are 0.073 and 0.085
 of sqrt((s - 1) g d), on either side of Bagnold's 0.08. Their ratio is 1.65 with a standard error of 0.09,
 where 1.41 is asked for. One hopping grain goes on down to 0.167 and 0.233 m/s. Four winds that agree are
-hardly chance, and the layers of the air are fine enough: of a quarter of a diameter they give the wind
-over a flat wall within 2.5 percent. Whether sand of 0.5 mm needs more wind because the bed must replace
-the grains it catches, which a grain that hops for ever leaves out, has not been looked into; until then
-the rung fails.
+hardly chance. Whether sand of 0.5 mm needs more wind because the bed must replace the grains it catches,
+which a grain that hops for ever leaves out, has not been looked into; until then the rung fails.
 
 V36 read 0.128 m/s for 0.25 mm from the line of the flux of beds over which the wind fell by 7 percent
 every 0.4 s. That flux was not saturated: in a wind a tenth too weak one grain hops on for 1.3 s, and in

@@ -29,7 +29,8 @@ STRENGTH = 0.5  # of water
 WET, CONTACT_ONLY = 0.015, 1e-7  # moisture: of the laboratories; such that necks rupture at a hundredth of d
 OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
 MILLI = 1e-3  # of a metre
-CREEP, STEP, STEPS = 0.01, 3e-6, 200  # m s-1, s, of the grain that is moved: a tenth of the slip that fails
+# m s-1, s, of the grain that is moved: 6e-6 m, twice the slip at which it slides
+CREEP, STEP, STEPS = 0.01, 3e-6, 200
 TWO = """units si
 atom_style sphere
 atom_modify map array

@@ -12,9 +12,10 @@ from math import pi
 from pathlib import Path
 
 from taichi_erosion.campaign.cases import ROOT, Case, perform, read_rows, settings, write_rows
+from taichi_erosion.effects.dry_adhesion import Params
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.threshold import publish
-from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
+from taichi_erosion.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
 
 FOLDER = Path(__file__).parent
 TABLES = {
@@ -32,7 +33,7 @@ REFERENCE = 0.24e-3  # m, diameter of scenes/impact_threshold.toml
 DIAMETERS = (0.24e-3, 1.0e-3, 0.1e-3, 0.5e-3, 0.15e-3, 0.7e-3, 0.075e-3)  # m
 FINE = (0.075e-3, 0.1e-3, 0.15e-3, 0.24e-3, 0.5e-3)  # m, those that are also simulated with adhesion
 ADHESION = "effects.dry_adhesion.strength=1"
-BETA, DENSITY, GRAVITY = 1.5e-4, 2650.0, 9.81  # N m-1, the pull over d at strength 1; kg m-3; m s-2
+BETA = Params().beta  # N m-1, the pull over d at strength 1
 SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of the diameter
 MODULUS = 1e5  # Pa, at the reference: stiffness goes with d
 TIMES = {  # s, at the reference: they go with d, as about does the time in which drag gives a grain its speed
@@ -45,7 +46,7 @@ HOPS = {"threshold.fall_hold": 0.4}  # s, at the reference, a dozen hops: with t
 WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}
 
 BEDS = 5  # of a threshold
-PAIR = 4  # of an impact threshold; a flux averages over a second
+FALLING = 4  # of an impact threshold; a flux averages over a second
 FEW = 3  # of one that only has to show the way a choice acts
 GUSTS, LIFT = "effects.turbulent_gusts.strength=1", "effects.shear_lift.strength=1"
 DEEPER = ("grains.count=1200", "run.time_step_fraction=0.2", "run.overlap_limit=0.6")
@@ -70,14 +71,14 @@ def flux_orders(wind: float) -> tuple[str, ...]:
 
 def impact_cases() -> list[Case]:
     """The same experiment with grains of other diameters [m]."""
-    plain = [Case("impact", f"{1e3 * d:g}", settings(*impact_orders(d)), PAIR) for d in DIAMETERS]
+    plain = [Case("impact", f"{1e3 * d:g}", settings(*impact_orders(d)), FALLING) for d in DIAMETERS]
     sticky = [(f"{1e3 * d:g}", settings(*impact_orders(d, bond_number(d)), ADHESION)) for d in FINE]
-    return plain + [Case("adhesion", label, orders, PAIR) for label, orders in sticky]
+    return plain + [Case("adhesion", label, orders, FALLING) for label, orders in sticky]
 
 
 def bond_number(diameter: float) -> float:
     """Pull of dry grains over their weight [1]."""
-    return BETA * diameter / (pi / 6.0 * diameter**3 * DENSITY * GRAVITY)
+    return BETA * diameter / (pi / 6.0 * diameter**3 * Sand(diameter).density * GRAVITY)
 
 
 def impact_orders(diameter: float, pull: float = 0.0) -> tuple[str, ...]:

@@ -51,7 +51,7 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
     base = Judged((), score(exam, expansion), discrepancy_gain(exam, expansion, family))
     progress("making signatures", 0.15)
     found = screen(exam, expansion)
-    p_misfit = misfit_p(exam, residuals_of(exam, expansion))
+    p_misfit = misfit_p(residuals_of(exam, expansion))
     rough = significance(exam, found, np.ones(ROUGH_DRAWS), seed)
     judged = judge_singles(exam, found, chosen_singles(exam, found, rough), family, progress)
     judged += judge_pairs(exam, found, judged, family, progress)
@@ -76,7 +76,7 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
         decision,
         final,
         p_misfit,
-        misfit_p(exam, residuals_of(exam, final.scored.expansion)),
+        misfit_p(residuals_of(exam, final.scored.expansion)),
         family,
         gains,
         stability,

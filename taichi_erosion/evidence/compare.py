@@ -38,7 +38,7 @@ def compare(problem: Problem, progress: Progress = silent, seed: int = SEED) -> 
         where=where_it_fails(exam, base.expansion),
         chi2=chi_square(exam, base.expansion) if known else nan,
         dof=freedom(exam, base.expansion),
-        p=misfit_p(exam, residuals_of(exam, base.expansion)) if known else nan,
+        p=misfit_p(residuals_of(exam, base.expansion)) if known else nan,
         noise=replace(noise, known=known),
         parameters=parameter_fits(exam, base),
         rows=table,

@@ -56,15 +56,20 @@ def chance_of_quadratic(value: float, eigenvalues: Floats) -> float:
     return float(stats.chi2.sf(max(position, 0.0), freedom))
 
 
-def misfit_p(exam: Examination, left: Residuals, factor: float = 1.0) -> float:
+def misfit_p(left: Residuals) -> float:
     """Probability that a complete model would leave as much, calibration and shared errors accounted for.
 
-    |M e|^2 over all stacked rows has n degrees of freedom when the truth is drawn from the prior, and the
-    scatter is `factor` times as large as stated.
+    |M e|^2 over all stacked rows has n degrees of freedom when the truth is drawn from the prior.
     """
-    value = float(left.free @ left.free) / factor**2
+    return float(misfit_chances(left, np.ones(1))[0])
+
+
+def misfit_chances(left: Residuals, factors: Floats) -> Floats:
+    """The same where the scatter is `factors` times as large as stated."""
+    value = float(left.free @ left.free)
     eigenvalues = np.linalg.eigvalsh(np.eye(left.whole.size) - left.basis @ left.basis.T)
-    return chance_of_quadratic(value, np.maximum(eigenvalues, 0.0))
+    kept = np.maximum(eigenvalues, 0.0)
+    return np.array([chance_of_quadratic(value / factor**2, kept) for factor in factors])
 
 
 def structure_p(left: Residuals, factor: Floats) -> tuple[float, float]:

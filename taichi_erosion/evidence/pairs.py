@@ -46,7 +46,7 @@ def second_effects(exam: Examination, singles: list[Judged]) -> Starts:
     starts: Starts = {}
     for first in ranked[: 1 if quick(exam) else GRANTED]:
         expansion = first.scored.expansion
-        if misfit_p(exam, residuals_of(exam, expansion)) > LEFT:
+        if misfit_p(residuals_of(exam, expansion)) > LEFT:
             break
         rest = screen(exam, expansion)
         asked = [(log_fall(s, rest.residual), s) for s in rest.signatures if s.resolved]

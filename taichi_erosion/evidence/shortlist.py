@@ -8,7 +8,7 @@ from taichi_erosion.evidence.algebra import log_sum_exp
 from taichi_erosion.evidence.calibrate import GOOD_ENOUGH, STEPS, STEPS_QUICK, Fit, fit
 from taichi_erosion.evidence.evidence import Scored, expand, score
 from taichi_erosion.evidence.examination import Examination
-from taichi_erosion.evidence.misfit import misfit_p, residuals_of
+from taichi_erosion.evidence.misfit import misfit_chances, misfit_p, residuals_of
 from taichi_erosion.evidence.posterior import Hypothesis, log_prior_of
 from taichi_erosion.evidence.problem import Floats, Progress
 from taichi_erosion.evidence.screen import Screen, Signature, expected_strength
@@ -112,9 +112,7 @@ def rejudge(
 def explained_well(exam: Examination, judged: list[Judged]) -> bool:
     """Whether some hypothesis leaves no more than noise."""
     return any(
-        misfit_p(exam, residuals_of(exam, item.scored.expansion)) > WELL
-        for item in judged
-        if item.scored.surfaces
+        misfit_p(residuals_of(exam, item.scored.expansion)) > WELL for item in judged if item.scored.surfaces
     )
 
 
@@ -150,9 +148,8 @@ def doubted_p(exam: Examination, item: Judged) -> float:
     """Chance of the misfit that a hypothesis leaves, over the noise factors that it believes in."""
     if not item.scored.surfaces:
         return 0.0
-    left = residuals_of(exam, item.scored.expansion)
     weight = exam.doubt.log_weight + item.scored.log_evidence
-    chances = [misfit_p(exam, left, float(factor)) for factor in exam.doubt.factor]
+    chances = misfit_chances(residuals_of(exam, item.scored.expansion), exam.doubt.factor)
     return float(np.exp(weight - log_sum_exp(weight)) @ chances)
 
 

@@ -50,7 +50,7 @@ def closest_words(found: Autopsy) -> list[str]:
     if not shares or max(shares) < CLOSE:
         return []
     closest = tried[shares.index(max(shares))]
-    chance = chance_words(misfit_p(found.exam, residuals_of(found.exam, closest.scored.expansion)))
+    chance = chance_words(misfit_p(residuals_of(found.exam, closest.scored.expansion)))
     return [
         f"Of the list, {' and '.join(closest.names)} comes closest: it takes away {max(shares):.0%} of the "
         f"misfit beyond chance ({chance} of what it leaves)."

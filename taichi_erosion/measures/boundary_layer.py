@@ -12,6 +12,7 @@ from math import log
 from typing import Any
 
 import numpy as np
+import scipy
 
 from taichi_erosion.core.air_snapshot import AirSnapshot
 from taichi_erosion.core.setup import Floats
@@ -97,9 +98,7 @@ def log_fit(profile: Profile, karman: float) -> LogFit | None:
     inside = (profile.z > low) & (profile.z < LOG_HIGH * thickness(profile))
     if inside.sum() < POINTS_LEAST:
         return None
-    from scipy.stats import linregress  # a second to import, which every run would pay
-
-    line: Any = linregress(np.log(profile.z[inside]), profile.speed[inside])
+    line: Any = scipy.stats.linregress(np.log(profile.z[inside]), profile.speed[inside])
     slope, intercept = float(line.slope), float(line.intercept)
     roughness = float(np.exp(-intercept / slope)) if slope > 0.0 else float("nan")
     return LogFit(karman * slope, karman * float(line.stderr), roughness, int(inside.sum()))

@@ -17,7 +17,7 @@ def with_contacts(scene: Scene, change: Callable[[Contact], Contact]) -> Scene:
     """The scene with every contact of its grains changed on which effects act, with walls too."""
     grain = scene.grains.material
     contacts = {
-        pair: change(contact) if grain in pair.split("-") and contact.effects is not False else contact
+        pair: change(contact) if grain in pair.split("-") and contact.acted_on else contact
         for pair, contact in scene.contact.items()
     }
     return scene.model_copy(update={"contact": contacts})

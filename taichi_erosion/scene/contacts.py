@@ -92,5 +92,5 @@ def contact_row(contact: Contact, a: Material, b: Material) -> tuple[float, ...]
         contact.friction_rolling,
         contact.rolling_damping,
         surface_energy(contact, a, b),
-        float(contact.effects is not False),
+        float(contact.acted_on),
     )

@@ -148,6 +148,11 @@ class Contact(Part):
         default=None, description="false: no effect acts on it, it is as stated in every run"
     )
 
+    @property
+    def acted_on(self) -> bool:
+        """Whether effects act on it."""
+        return self.effects is not False
+
 
 class GrainStart(Part):
     """One explicitly placed grain."""

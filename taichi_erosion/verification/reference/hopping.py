@@ -117,6 +117,14 @@ def bounce(forward: float, downward: float) -> tuple[float, float]:
     return (sqrt(max(after**2 - upward**2, 0.0)), min(upward, after))
 
 
+def next_hop(
+    sand: Sand, blow: Callable[[float], float], forward: float, upward: float
+) -> tuple[float, float, float]:
+    """Duration of one hop [s], forward and upward speed after the bounce at its end [m s-1]."""
+    duration, ahead, down = hop(sand, blow, forward, upward)
+    return (duration, *bounce(ahead, down))
+
+
 def launch(sand: Sand) -> tuple[float, float]:
     """Forward and upward speed of a grain that is thrown hard [m s-1]."""
     speed, angle = LAUNCH[0] * sqrt(GRAVITY * sand.diameter), LAUNCH[1] * pi / 180.0
@@ -134,8 +142,7 @@ def goes_on(sand: Sand, friction: float) -> bool:
     forward, upward = launch(sand)
     for _ in range(LANDINGS):
         before = upward
-        _, ahead, down = hop(sand, blow, forward, upward)
-        forward, upward = bounce(ahead, down)
+        _, forward, upward = next_hop(sand, blow, forward, upward)
         if upward < least_rise(sand):
             return False
         if abs(upward / before - 1.0) < STEADY:
@@ -151,14 +158,12 @@ def time_to_rest(sand: Sand, before: float, after: float) -> float:
     forward, upward = launch(sand)
     blow = wind(before, sand.viscosity)
     for _ in range(LANDINGS):
-        _, ahead, down = hop(sand, blow, forward, upward)
-        forward, upward = bounce(ahead, down)
+        _, forward, upward = next_hop(sand, blow, forward, upward)
     blow = wind(after, sand.viscosity)
     elapsed = 0.0
     for _ in range(LANDINGS):
-        duration, ahead, down = hop(sand, blow, forward, upward)
+        duration, forward, upward = next_hop(sand, blow, forward, upward)
         elapsed += duration
-        forward, upward = bounce(ahead, down)
         if upward < least_rise(sand):
             return elapsed
     return inf
