@@ -16,6 +16,8 @@ from taichi_erosion.effects.dry_adhesion import Params
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.threshold import publish
 from taichi_erosion.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
+from taichi_erosion.verification.resting_bed import thresholds_over_beds
+from taichi_erosion.verification.saltation import SMALLEST, at_rest
 
 FOLDER = Path(__file__).parent
 TABLES = {
@@ -46,7 +48,8 @@ HOPS = {"threshold.fall_hold": 0.4}  # s, at the reference, a dozen hops: with t
 WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}
 
 BEDS = 5  # of a threshold
-FALLING = 4  # of an impact threshold; a flux averages over a second
+FALLING = 4  # of an impact threshold
+BLOWN = 3  # of a flux, each of which is averaged over a second
 FEW = 3  # of one that only has to show the way a choice acts
 GUSTS, LIFT = "effects.turbulent_gusts.strength=1", "effects.shear_lift.strength=1"
 DEEPER = ("grains.count=1200", "run.time_step_fraction=0.2", "run.overlap_limit=0.6")
@@ -60,7 +63,7 @@ def flux_cases() -> list[Case]:
     with CREYSSELS.open(encoding="utf-8", newline="") as file:
         winds = [float(row["u_star [m/s]"]) for row in csv.DictReader(file)]
     first = sorted(winds, key=lambda wind: abs(wind - winds[2]))
-    return [Case("flux", f"{wind:g}", settings(*flux_orders(wind))) for wind in first]
+    return [Case("flux", f"{wind:g}", settings(*flux_orders(wind)), BLOWN) for wind in first]
 
 
 def flux_orders(wind: float) -> tuple[str, ...]:
@@ -130,10 +133,15 @@ def patch_orders(side: float) -> tuple[str, ...]:
 
 
 def write_hopping() -> None:
-    """The threshold of one grain that hops by the measured law of bounces, which is no simulation of beds."""
-    lines = [(f"{1e3 * d:g}", f"{hopping_threshold(Sand(d)):.4g}") for d in sorted(DIAMETERS)]
-    text = "".join(f"{size},{wind}\n" for size, wind in [("diameter [mm]", "u_star [m/s]"), *lines])
-    write_whole(HOPPING, text.encode())
+    """The threshold of one grain that hops by the measured law of bounces, over a plane and over beds."""
+    sands = [Sand(d) for d in sorted(DIAMETERS)]
+    over_beds = thresholds_over_beds([at_rest(sand.diameter / SMALLEST) for sand in sands], sands)
+    header = ("diameter [mm]", "u_star [m/s]", "u_star over a bed [m/s]")
+    lines = [
+        (f"{1e3 * sand.diameter:g}", f"{hopping_threshold(sand):.4g}", f"{over_bed:.4g}")
+        for sand, over_bed in zip(sands, over_beds, strict=True)
+    ]
+    write_whole(HOPPING, "".join(",".join(line) + "\n" for line in [header, *lines]).encode())
 
 
 def put_in_order(table: Path, cases: Sequence[Case]) -> None:

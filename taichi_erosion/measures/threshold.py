@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, log, pi, sqrt
+from math import exp, hypot, log, pi, sqrt
 
 import numpy as np
 import scipy
@@ -132,8 +132,8 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     The share of beds that move at u* is 1 / (1 + exp(-(ln u* - ln U) / s)). Each bed has one threshold that
     lies in its bracket, so the likelihood is the product of the shares between the ends of the brackets; it
     is finite also where outcomes separate. `value` is U, at which half of the beds move, `sd` the standard
-    deviation of beds, and `details` hold the interval from the profile of the likelihood with the limit
-    n ln(1 + t^2 / (n - 1)), which for normal beds is Student's.
+    deviation of beds and of what their brackets leave open, and `details` hold the interval from the profile
+    of the likelihood with the limit n ln(1 + t^2 / (n - 1)), which for normal beds is Student's.
     """
     plain = pool(repeats)
     brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
@@ -142,7 +142,8 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     ends = np.log([[b["low"], b["high"]] for b in brackets])
     middle, scale, _ = fitted(ends)
     low, high = interval(ends)
-    spread = LOGISTIC_SD * scale
+    left_open = np.diff(ends) ** 2 / 12.0  # a uniform law over every bracket
+    spread = hypot(LOGISTIC_SD * scale, float(np.sqrt(left_open.mean())))
     found = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
     return Measurement(
         plain.name,

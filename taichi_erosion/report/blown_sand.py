@@ -15,8 +15,14 @@ from taichi_erosion.campaign.cases import Row, read_rows
 from taichi_erosion.measures.threshold import flux_intercept
 from taichi_erosion.report.page import magnitude, markdown_table
 
-IMPACT = {"impact_threshold": "flux below 1 %", "impact_threshold_linear": "line to no flux"}
+STRESS_LINE = "impact_threshold_stress"  # of steady winds
+IMPACT = {
+    "impact_threshold": "flux below 1 %",
+    "impact_threshold_linear": "line to no flux",
+    STRESS_LINE: "stress of the grains to none",
+}
 HOPPING = "one grain that hops"
+OVER_BED = "u_star over a bed [m/s]"  # its column of hopping.csv
 SPLASH = {
     "rebound_share": "landings that rebound",
     "rebound_speed": "speed after a rebound over that before",
@@ -122,7 +128,7 @@ def judged(simulated: float, measured: float, limit: float) -> list[str]:
 
 def scaling_table(found: Found, hopping: Table) -> str:
     """Simulated thresholds against the root of the diameter, beside one grain that hops in the same wind."""
-    alone = {line["diameter [mm]"]: float(line["u_star [m/s]"]) for line in hopping}
+    alone = {line["diameter [mm]"]: float(line[OVER_BED]) for line in hopping}
     ways = (*IMPACT.values(), HOPPING)
     header = ("d [mm]", "seeds", *(f"u* [m/s], {way}" for way in ways), *(f"A, {way}" for way in ways))
     rows = []
@@ -257,11 +263,11 @@ def draw_impact(found: Found, measured: Table, hopping: Table, file: Path) -> No
             mfc="none",
             label=source,
         )
-    for name, style in zip(IMPACT, ("o-", "s--"), strict=True):
+    for name, style in zip(IMPACT, ("o:", "s--", "D-"), strict=True):
         sizes, values = simulated_thresholds(found, name)
         frame.plot(sizes / MILLI, values, style, color=OURS, label=f"simulated, {IMPACT[name]}")
-    alone = [(float(line["diameter [mm]"]), float(line["u_star [m/s]"])) for line in hopping]
-    frame.plot(*zip(*alone, strict=True), ":", color=OURS, label=HOPPING)
+    alone = [(float(line["diameter [mm]"]), float(line[OVER_BED])) for line in hopping]
+    frame.plot(*zip(*alone, strict=True), "-.", color=OURS, label=HOPPING)
     frame.set(xscale="log", yscale="log", xlabel="diameter [mm]", ylabel="impact threshold u* [m/s]")
     frame.legend(frameon=False, fontsize=8)
     figure.savefig(file, dpi=110)

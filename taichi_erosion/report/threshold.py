@@ -26,10 +26,11 @@ from taichi_erosion.report.blown_sand import (
     splash_table,
 )
 from taichi_erosion.report.page import fill_tables, markdown_table
+from taichi_erosion.report.saturated_sand import saturated_table, saturated_thresholds, together
 
 PAGE = "threshold.md"
 PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.png"}
-TABLES = ("flux", "impact", "fluid")
+TABLES = ("flux", "impact", "fluid", "saturated")
 ALONE = "drag alone"  # the case that others are compared with
 FLUID, ROLLING, PLATE = "threshold_u_star", "rolling_onset", "threshold_wind_speed"
 
@@ -135,7 +136,8 @@ def cost_table(founds: Sequence[Found]) -> str:
 
 def publish(doe: Path, docs: Path) -> None:
     """Draw the figures and fill the tables of the page."""
-    flux, impact, fluid = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
+    flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
+    impact = together(falling, saturated_thresholds(steady))
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
@@ -149,10 +151,11 @@ def publish(doe: Path, docs: Path) -> None:
         "impact": impact_table(impact, thresholds),
         "scaling": scaling_table(impact, hopping),
         "adhesion": adhesion_table(impact, thresholds),
+        "saturated": saturated_table(steady),
         "flux": flux_table(flux, fluxes),
         "lines": line_table(flux, fluxes),
         "splash": splash_table(flux),
-        "cost": cost_table((flux, impact, fluid)),
+        "cost": cost_table((flux, falling, steady, fluid)),
     }
     page = docs / PAGE
     write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())

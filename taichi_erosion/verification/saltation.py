@@ -16,9 +16,12 @@ over seconds scatter by a tenth, leaves tau_t open. A wind that falls until the 
 patience than a check has: where it is 5 to 15 percent too weak one grain hops on for a second or two
 (`reference.hopping.time_to_rest`), and a wind that falls faster reads too low a threshold.
 
-What the air keeps at the bed is judged by a threshold that no bed was simulated for: of one grain that hops
-(`reference.hopping`). Weak winds blow over larger patches, that some ten grains fly in each: of one or two,
-all may come to rest by chance, or one may gather the whole momentum of the wind high above the bed.
+What the air keeps at the bed is judged by a threshold in which no grain is ejected or caught: that of one
+grain that hops by a measured law of bounces (`reference.hopping`) in the wind over the bed at rest
+(`resting_bed`). So is the way in which the threshold goes with the diameter: with its root where the bed
+stays as rough, faster where, as here, coarser grains stick out of the viscous sublayer. Weak winds blow over
+larger patches, that some ten grains fly in each: of one or two, all may come to rest by chance, or one may
+gather the whole momentum of the wind high above the bed.
 
 Reference: Bagnold (1941), The Physics of Blown Sand; Owen (1964), J. Fluid Mech. 20, 225; Creyssels et al.
 (2009), J. Fluid Mech. 625, 47 (extrapolation); Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306;
@@ -39,7 +42,8 @@ from taichi_erosion.run.stages import Actor
 from taichi_erosion.scene import Scene, build_setup, laws, parse_scene
 from taichi_erosion.simulation import assemble
 from taichi_erosion.verification.claim import Outcome, below, holds, relative
-from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
+from taichi_erosion.verification.reference.hopping import Sand
+from taichi_erosion.verification.resting_bed import thresholds_over_beds
 
 SMALLEST = 0.25e-3  # m
 DIAMETERS = (1.0, 2.0)  # over the smallest [1]
@@ -47,8 +51,10 @@ DENSITY, AIR = 2650.0, 1.225  # kg m-3
 REST_WIND = 0.2  # u* over the smallest grains from which on a bed at rest is tried [m s-1]
 GRAINS = 4.0  # on the square of a diameter: a bed three and a half diameters deep
 MODULUS = 1e5  # Pa, of the smallest; with the diameter: as soft for all. About k = 1e4 m g / d
+SLEEP = 1e-3  # s at rest after which deep grains of the smallest are held
 SEED = 1
 SETTLE = {"name": "settle", "duration_max": 0.15, "duration_min": 0.02, "rest_energy": 1e-3}
+REST = SETTLE | {"duration_max": 0.3, "rest_energy": 1e-5, "rest_contact_share": 0.5}
 START = {"name": "start", "until": "time", "duration_max": 0.1, "friction_velocity": 0.6}
 ADJUSTMENTS, ADJUST = 4, 0.1  # times that the air finds its steady profile, and s between them
 BLOW = 2.0  # s over which the steady flux is averaged
@@ -74,7 +80,13 @@ def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str
     sizes = {"median": diameter, "low": 0.8 * diameter, "high": 1.25 * diameter}
     solid = {"density": DENSITY, "shear_modulus": MODULUS * size, "poisson_ratio": 0.25}
     softening = {"softening": {"rule": "bond_number", "true_modulus": 3e10}}
-    column = {"height_d": 200.0, "growth": 1.2, "cell_d": 0.25, "look_steps": 20, "sleep_after": 1e-3}
+    column = {
+        "height_d": 200.0,
+        "growth": 1.2,
+        "cell_d": 0.25,
+        "look_steps": 20,
+        "sleep_after": SLEEP * sqrt(size),
+    }
     extent = {"length_d": patch.length, "width_d": patch.width, "density": AIR, "drag": "two_limits"}
     table = {
         "scene": {"kind": "saltation"},
@@ -103,10 +115,14 @@ def scaled(stage: dict[str, Any], size: float) -> dict[str, Any]:
 def from_rest() -> Scene:
     """A bed at rest under winds that grow."""
     order = {"first": REST_WIND, "levels": 1}
-    settle = SETTLE | {"duration_max": 0.3, "rest_energy": 1e-5, "rest_contact_share": 0.5}
     hunt = {"name": "hunt", "until": "threshold", "duration_max": 8.0}
     more = {"threshold": order, "measure": {"fluid_threshold": {}}}
-    return sand(1.0, RESTING, [settle, hunt], more)
+    return sand(1.0, RESTING, [REST, hunt], more)
+
+
+def at_rest(size: float) -> Scene:
+    """A bed that comes to rest."""
+    return sand(size, RESTING, [REST], {"measure": {}})
 
 
 def steady(size: float, patch: Patch) -> Scene:
@@ -158,19 +174,24 @@ def saltation() -> Iterator[Outcome]:
     first, second = vanishing(small, "grain_stress"), vanishing(large, "grain_stress")
     claim = f"impact threshold of {DIAMETERS[1]:g} times the diameter, {ends(second)}, over that of "
     claim += f"{1e3 * SMALLEST:g} mm, {ends(first)}"
-    yield relative(claim, second.middle / first.middle, sqrt(DIAMETERS[1]), 0.1, "f32")
+    ratio = second.middle / first.middle
+    yield relative(claim, ratio, sqrt(DIAMETERS[1]), 0.1, "f32")
+    sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in DIAMETERS]
+    alone = thresholds_over_beds([at_rest(size) for size in DIAMETERS], sands)
+    claim = "the same over that of winds in which one grain goes on over either bed"
+    yield relative(claim, ratio / (alone[1] / alone[0]), 1.0, 0.1, "f32")
     fluid = rest.get("fluid_threshold", nan)
     yield holds(
         f"the bed starts from rest at {fluid:.3f} m/s, transport vanishes at {first.middle:.3f} m/s",
         bool(first.middle < fluid),
         "f32",
     )
-    for size, values in zip(DIAMETERS, (small, large), strict=True):
-        yield from steady_outcomes(size, values)
+    for size, values, hopping in zip(DIAMETERS, (small, large), alone, strict=True):
+        yield from steady_outcomes(size, values, hopping)
 
 
-def steady_outcomes(size: float, values: Sequence[dict[str, float]]) -> Iterator[Outcome]:
-    """Flux against stress, and the stress that is left to the air over that in which one grain goes on."""
+def steady_outcomes(size: float, values: Sequence[dict[str, float]], hopping: float) -> Iterator[Outcome]:
+    """Flux against stress, and the stress left to the air over that of u* = `hopping` [m s-1]."""
     grain = f"{1e3 * size * SMALLEST:g} mm"
     correlation = float(np.corrcoef(stresses(values), of_winds(values, "flux"))[0, 1])
     yield below(
@@ -180,7 +201,6 @@ def steady_outcomes(size: float, values: Sequence[dict[str, float]]) -> Iterator
         0.05,
         "f32",
     )
-    hopping = hopping_threshold(Sand(size * SMALLEST, DENSITY, AIR))
     for patch, left in zip(STEADY, of_winds(values, "bed_stress"), strict=True):
         claim = (
             f"stress of the air at the bed of {grain} under u* = {sqrt(size) * patch.wind:.3g} m/s over that "

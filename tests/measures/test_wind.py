@@ -52,8 +52,11 @@ def test_narrow_brackets_give_the_mean_and_nearly_students_interval():
 
 def test_beds_that_all_agree_leave_the_width_of_their_bracket():
     same = [bracketed("fluid_threshold", Bracket(0.29, 0.31))] * 5
-    found = pool_beds(same).details["interval"]
+    pooled = pool_beds(same)
+    found = pooled.details["interval"]
     assert (found["low"], found["high"]) == pytest.approx((0.29, 0.31), rel=1e-3)
+    # a uniform law; next to it the smallest spread that the fit tries is nothing
+    assert pooled.sd == pytest.approx(0.02 / 12.0**0.5, rel=1e-2)
 
 
 def test_a_bed_without_a_threshold_is_counted_and_left_out():

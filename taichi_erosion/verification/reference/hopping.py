@@ -20,6 +20,7 @@ Rev. E 75, 061305 (bounces); Pahtz, Liu, Xia, Hu, He & Tholen (2021), J. Geophys
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import cos, exp, hypot, inf, pi, sin, sqrt
 
 import numpy as np
@@ -43,6 +44,8 @@ SLOWEST = 1e-9  # keeps the drag of no slip finite [m s-1]
 HALVINGS = 9
 SPAN = (0.02, 0.3)  # of sqrt((s - 1) g d), between which the threshold is looked for [1]
 
+Blow = Callable[[float], float]  # speed of a wind [m s-1] by the height over where it begins [m]
+
 
 @dataclass(frozen=True)
 class Sand:
@@ -59,7 +62,7 @@ class Sand:
         return sqrt((self.density / self.air - 1.0) * GRAVITY * self.diameter)
 
 
-def wind(friction: float, viscosity: float) -> Callable[[float], float]:
+def wind(friction: float, viscosity: float) -> Blow:
     """Wind over a flat bed [m s-1] as a function of the height [m].
 
     Near the bed u = u*^2 z / nu; there a length that grows from nought is (kappa u* / (3 nu))^2 z^3 / 7.
@@ -88,9 +91,7 @@ class Touchdown:
         return float(state[0]) - self.bed
 
 
-def hop(
-    sand: Sand, blow: Callable[[float], float], forward: float, upward: float
-) -> tuple[float, float, float]:
+def hop(sand: Sand, blow: Blow, forward: float, upward: float) -> tuple[float, float, float]:
     """Duration of one hop [s], forward and downward speed at its end [m s-1]."""
     bed = CENTRE * sand.diameter
     rate = 0.75 * sand.air / (sand.density * sand.diameter)
@@ -117,9 +118,7 @@ def bounce(forward: float, downward: float) -> tuple[float, float]:
     return (sqrt(max(after**2 - upward**2, 0.0)), min(upward, after))
 
 
-def next_hop(
-    sand: Sand, blow: Callable[[float], float], forward: float, upward: float
-) -> tuple[float, float, float]:
+def next_hop(sand: Sand, blow: Blow, forward: float, upward: float) -> tuple[float, float, float]:
     """Duration of one hop [s], forward and upward speed after the bounce at its end [m s-1]."""
     duration, ahead, down = hop(sand, blow, forward, upward)
     return (duration, *bounce(ahead, down))
@@ -136,9 +135,8 @@ def least_rise(sand: Sand) -> float:
     return sqrt(2.0 * GRAVITY * sand.diameter)
 
 
-def goes_on(sand: Sand, friction: float) -> bool:
+def goes_on(sand: Sand, blow: Blow) -> bool:
     """Whether a grain that was thrown hard still hops after many landings."""
-    blow = wind(friction, sand.viscosity)
     forward, upward = launch(sand)
     for _ in range(LANDINGS):
         before = upward
@@ -169,10 +167,14 @@ def time_to_rest(sand: Sand, before: float, after: float) -> float:
     return inf
 
 
-def hopping_threshold(sand: Sand) -> float:
-    """Lowest friction velocity in which a grain goes on [m s-1], to 0.3 %."""
+def hopping_threshold(sand: Sand, over: Callable[[float], Blow] | None = None) -> float:
+    """Lowest friction velocity in which a grain goes on [m s-1], to 0.3 %.
+
+    `over` gives the wind of a friction velocity [m s-1]; that over a flat bed where there is none.
+    """
+    over = over or partial(wind, viscosity=sand.viscosity)
     low, high = (share * sand.scale for share in SPAN)
     for _ in range(HALVINGS):
         middle = sqrt(low * high)
-        low, high = (low, middle) if goes_on(sand, middle) else (middle, high)
+        low, high = (low, middle) if goes_on(sand, over(middle)) else (middle, high)
     return high

@@ -1,0 +1,69 @@
+"""How steady winds over one sand become one threshold."""
+
+from math import isnan, nan, sqrt
+
+import pytest
+
+from taichi_erosion.campaign.cases import Row
+from taichi_erosion.report.blown_sand import AIR, STRESS_LINE, Found, by_case
+from taichi_erosion.report.saturated_sand import saturated_table, saturated_thresholds, together
+
+THRESHOLD = 0.2  # m s-1
+WINDS = (0.3, 0.4, 0.5, 0.6)  # m s-1
+
+
+def row(group: str, label: str, name: str, value: float) -> Row:
+    return Row(group, label, name, value, nan, 1, "Pa", "hash", 1, 1e-6, 0.2, 800, 1.0, "run", "")
+
+
+def blown(group: str = "impact", sand: str = "0.25", wobble: float = 0.0) -> Found:
+    """Winds of which the air keeps the stress of the threshold, the first and the last `wobble` [Pa] more."""
+    rows = []
+    for place, wind in enumerate(WINDS):
+        left = AIR * THRESHOLD**2 + (wobble if place in (0, 3) else 0.0)
+        values = {"flux": 0.01, "bed_stress": left, "grain_stress": AIR * wind**2 - left}
+        rows += [row(group, f"{sand} mm, u* {wind:g}", name, value) for name, value in values.items()]
+    return by_case(rows)
+
+
+def test_the_threshold_is_the_wind_whose_stress_the_air_keeps():
+    (name, found), *others = saturated_thresholds(blown()).items()
+    assert name == ("impact", "0.25")
+    assert not others
+    assert found[STRESS_LINE].value == pytest.approx(THRESHOLD, rel=1e-6)
+
+
+def test_what_scatters_about_the_line_is_its_error():
+    exact, rough = (saturated_thresholds(blown(wobble=w))["impact", "0.25"][STRESS_LINE] for w in (0.0, 0.01))
+    assert exact.standard_error < 1e-6
+    # 0.01 Pa more or less is a tenth of u_t there, of which four winds leave some
+    assert 0.1 * 0.5 * 0.01 / (AIR * THRESHOLD) < rough.standard_error < 0.01 / (AIR * THRESHOLD)
+    assert rough.standard_error == pytest.approx(rough.sd / sqrt(len(WINDS)))
+
+
+def test_winds_without_grains_in_the_air_have_no_threshold():
+    cases = blown()
+    for case in cases.values():
+        case["grain_stress"] = row("impact", "", "grain_stress", nan)
+    assert saturated_thresholds(cases) == {}
+    assert saturated_table(cases) == "Not simulated yet.\n"
+
+
+def test_sands_keep_apart():
+    thresholds = saturated_thresholds(blown() | blown("adhesion") | blown(sand="0.5"))
+    assert set(thresholds) == {("impact", "0.25"), ("adhesion", "0.25"), ("impact", "0.5")}
+    lines = saturated_table(blown() | blown("adhesion")).splitlines()
+    assert len(lines) == 2 + 2 * len(WINDS)
+    assert sum("adhesion" in line for line in lines) == len(WINDS)
+    # as much as the air of the threshold: all of the stress of the wind, 1 of that of the threshold
+    assert all(line.endswith("| 1.00 | 1 |") for line in lines[2:])
+
+
+def test_readings_of_one_sand_come_together():
+    one = by_case(
+        [row("impact", "0.25", "impact_threshold", 0.18), row("impact", "1", "impact_threshold", 0.3)]
+    )
+    both = together(one, saturated_thresholds(blown()))
+    assert set(both["impact", "0.25"]) == {"impact_threshold", STRESS_LINE}
+    assert set(both["impact", "1"]) == {"impact_threshold"}
+    assert not isnan(both["impact", "0.25"][STRESS_LINE].value)
