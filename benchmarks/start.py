@@ -4,6 +4,7 @@ python -m benchmarks.start [ROUNDS]
 
 Every round starts the program twice in a process of its own with a cache of its own: empty, then as the first
 left it. Wall time ends after the first step; processor time beside it, since the cores may have other work.
+Fills the table of `docs/speed.md` with medians over the rounds.
 """
 
 import json
@@ -18,7 +19,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 SCENE = ROOT / "scenes" / "funnel_repose.toml"
-ROUNDS = 3  # the median is printed
+ROUNDS = 3
 FIRST = "first-step"  # word that marks a process that stops after its first step
 RUN = ("run", str(SCENE), "--no-record", "--threads", "1", "--replicas", "1")
 
@@ -53,18 +54,27 @@ def started(cache: str) -> dict[str, float]:
     return {"wall": told["wall"] - begin, "cpu": told["cpu"]}
 
 
-def main(words: list[str]) -> None:
-    """Print one row of a table for the empty cache and one for the full one."""
-    if words == [FIRST]:
-        stop_after_first_step()
+def starts(rounds: int) -> dict[str, dict[str, float]]:
+    """Wall and processor time [s] of a start with an empty cache and with a full one, medians."""
     samples: dict[str, list[dict[str, float]]] = {"empty": [], "full": []}
-    for _ in range(int(words[0]) if words else ROUNDS):
+    for _ in range(rounds):
         with tempfile.TemporaryDirectory() as cache:
             for kind in samples.values():
                 kind.append(started(cache))
-    for name, rows in samples.items():
-        wall, cpu = (statistics.median(row[key] for row in rows) for key in ("wall", "cpu"))
-        sys.stdout.write(f"| {name} | {wall:.1f} s | {cpu:.1f} s |\n")
+    return {
+        name: {key: statistics.median(row[key] for row in rows) for key in ("wall", "cpu")}
+        for name, rows in samples.items()
+    }
+
+
+def main(words: list[str]) -> None:
+    """Fill the table of the page on speed, and say where."""
+    if words == [FIRST]:
+        stop_after_first_step()
+    from taichi_erosion.report.speed import fill, start_table
+
+    table = start_table(starts(int(words[0]) if words else ROUNDS))
+    sys.stdout.write(f"{fill(ROOT / 'docs', {'start': table})}\n")
 
 
 if __name__ == "__main__":

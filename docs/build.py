@@ -21,25 +21,30 @@ forces and velocities.
 DOUBTS = """
 ## What does not pass, and why
 
-V33: with k left free, the least squares over the three holes have no minimum between 1.2 and 1.6 but fall
-towards smaller k, so that the exponent is the one at the lower bound. With the k = 1.4 that spheres have,
-the holes of 6 and 7.5 diameters give 2.53 and those of 7.5 and 9 give 2.65: the flow through the widest hole
-is too large. The law is stated for silos of at least 2.5 holes and heads of about two; here the widest hole
-has a silo of 2.0 and a head of 1.3 holes. Silos wide and high enough for it take several times the grains
-and have not been run; until then the rung fails.
+V33: through round holes the law holds as well as three of them can tell: 2.48 with the k of the least
+squares, 1.2, at the lower end of its range, 2.40 with Beverloo's 1.4. Through slots it does not: 1.64 with
+the k of the least squares at the upper end, 1.6, where 1.5 is asked for; with 3/2 given, the two edges of a
+slot take 2.1 grains from its width instead of 1.4. Silos, heads and openings are those that the law is stated
+for (`taichi_erosion/verification/discharge.py`), and the flow through slots changes neither with time nor as
+the head falls. It does scatter from filling to filling, by 3 % through the narrowest slot and by 8 % through
+the narrowest hole: fillings read over half as many grains gave 2.55 for holes, and 1.64 and 1.59 for slots.
+Read over three thousand grains each, slots give 1.68. Why their edges count for more is not known here; until
+then that row fails. The rung used to ask one silo for all holes, 2.0 times the widest, under a head of 1.3 of
+its diameters; that is outside of the range of the law, and gave 2.67.
+
+V35, silo, drum and penetration by Dosta et al. (2024), needs walls and places of grains that were published
+beside that paper. They could not be had, and the rung is missing.
 
 V36: in strong winds the air keeps more stress at the bed of 0.5 mm than that of the wind in which one grain
-goes on: 0.97, 1.25, 1.19 and 1.37 of it in four winds, where 1 is asked for within a fifth; at that of
-0.25 mm it keeps 0.82 to 0.98. It is not chance alone, for other beds under other winds
-(`docs/threshold.md`, saturated sand) show the same growth with the wind. Owen has it constant; why it grows
-over coarse grains is not known here, and until then these two rows fail.
+goes on, by more than the fifth that is allowed; over 0.25 mm it does not. It is not chance alone, for other
+beds of 0.5 and 1 mm under other winds (`docs/threshold.md`, wind by wind) show the same growth with the wind.
+Owen has it constant; why it grows over coarse grains is not known here, and until then those rows fail.
 
-The thresholds of V36 themselves are known to a twentieth or a tenth: four winds of two seconds leave as much
-scatter. An earlier run, whose beds of 0.5 mm went to sleep after 1 ms instead of 1.4 ms of rest and are alike
-in all else, read 0.278 m/s instead of 0.250, and a ratio of 1.65 instead of 1.48. One grain that hops in the
-wind over these very beds goes on down to 0.171 and 0.255 m/s, in a ratio of 1.49: more than the root of two,
-because grains of 0.5 mm stick out of the viscous sublayer and slow the wind down (over a plane it goes on
-down to 0.167 and 0.233 m/s).
+The thresholds of V36 are known to a twentieth or a tenth: four winds of two seconds leave as much scatter. Two
+runs, alike but for the time after which deep grains sleep, read 0.250 and 0.278 m/s for 0.5 mm, 1.48 and 1.65
+of that for 0.25 mm. One grain that hops in the wind over these very beds goes on down to 0.171 and 0.255 m/s,
+in a ratio of 1.49: more than the root of two, because grains of 0.5 mm stick out of the viscous sublayer and
+slow the wind down (over a plane it goes on down to 0.167 and 0.233 m/s).
 
 V36 read 0.128 m/s for 0.25 mm from the line of the flux of beds over which the wind fell by 7 percent
 every 0.4 s. That flux was not saturated: in a wind a tenth too weak one grain hops on for 1.3 s, and in

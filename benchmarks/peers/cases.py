@@ -33,10 +33,14 @@ class Soil:
 
 SOIL = Soil()
 
-BED_SIDE = 20 * MILLIMETRE
+SURFACE_ENERGY = 0.05  # J m-2, of grains that stick: a pull-off force of eleven times their weight
+FRICTIONS = (0.4, 0.8)  # of the runs of an ensemble, from the first to the last
+
 BED_COUNT = 10_000
 BED_TILES = (2, 5)  # copies of the bed along x and y that make the bed of 100,000
 LATTICE_ROW = 18  # grains per side of a lattice layer
+SMALL_COUNT, SMALL_ROW = 2000, 8  # of the bed of 2,000, as deep
+LATTICE_SPACING = 20 * MILLIMETRE / 18
 LATTICE_LAYER_HEIGHT = 1.1 * MILLIMETRE
 LATTICE_BOTTOM = 0.65 * MILLIMETRE
 LATTICE_JITTER = 0.045 * MILLIMETRE  # below half the free gap of 0.1 mm, so that no pair starts overlapping
@@ -74,16 +78,21 @@ class Pile:
     half_width: float  # m, half the side of the open box
 
 
-def loose_lattice(seed: int = 1) -> tuple[Bed, Floats]:
+def frictions(count: int) -> Floats:
+    """Friction between grains in every run of an ensemble [1]."""
+    return np.linspace(*FRICTIONS, count)
+
+
+def loose_lattice(count: int = BED_COUNT, rows: int = LATTICE_ROW, seed: int = 1) -> tuple[Bed, Floats]:
     """Jittered square layers with random velocities [m s-1], which fall into the settled bed."""
     draw = np.random.default_rng(seed)
-    index = np.arange(BED_COUNT, dtype=np.float64)
-    spacing = BED_SIDE / LATTICE_ROW
-    column, row, layer = index % LATTICE_ROW, index // LATTICE_ROW % LATTICE_ROW, index // LATTICE_ROW**2
+    index = np.arange(count, dtype=np.float64)
+    side, spacing = rows * LATTICE_SPACING, LATTICE_SPACING
+    column, row, layer = index % rows, index // rows % rows, index // rows**2
     height = LATTICE_BOTTOM + LATTICE_LAYER_HEIGHT * layer
     position = np.stack([(column + 0.5) * spacing, (row + 0.5) * spacing, height], axis=1)
     position += draw.uniform(-LATTICE_JITTER, LATTICE_JITTER, position.shape)
-    return Bed(position, (BED_SIDE, BED_SIDE)), draw.normal(0.0, LATTICE_SPEED, position.shape)
+    return Bed(position, (side, side)), draw.normal(0.0, LATTICE_SPEED, position.shape)
 
 
 def shuffled(bed: Bed, seed: int = 5) -> Bed:

@@ -22,10 +22,12 @@ MEGA = 1e6
 FOREIGN_LIMIT = 0.04  # share of the machine [1]; above it the figures of repeats were seen to scatter
 
 WORKLOADS = (
-    Workload("bed10k", "bed", warm_up=200, steps=1000),
-    Workload("bed100k", "bed", warm_up=50, steps=150),
-    Workload("pile2000", "pile", warm_up=0, steps=20_000),
-    Workload("pile10000", "pile", warm_up=0, steps=8000),
+    Workload("bed10k", "bed10k", "bed", warm_up=200, steps=1000),
+    Workload("bed100k", "bed100k", "bed", warm_up=50, steps=150),
+    Workload("jkr10k", "bed10k", "bed_jkr", warm_up=200, steps=1000),
+    Workload("pile2000", "pile2000", "pile", warm_up=0, steps=20_000),
+    Workload("pile10000", "pile10000", "pile", warm_up=0, steps=8000),
+    Workload("ensemble", "bed2k", "bed", warm_up=0, steps=4000, runs=32),
 )
 
 
@@ -67,7 +69,9 @@ class Row:
 def sample(workload: Workload, cores: Sequence[int], code: Code, turn: int) -> Sample:
     """Run one code once."""
     figures, foreign = foreign_share(lambda: code.run(workload, cores))
-    return Sample(workload.case, len(cores), code.name, turn, **asdict(figures), foreign=foreign)
+    found = asdict(figures)
+    del found["spent"]
+    return Sample(workload.name, len(cores), code.name, turn, **found, foreign=foreign)
 
 
 def trusted(samples: Sequence[Sample]) -> list[Sample]:
@@ -111,7 +115,10 @@ def summary(samples: Sequence[Sample]) -> list[Row]:
         ours = {
             key[2]: rival
             for key, rival in groups.items()
-            if key[:2] == (case, cores) and key[2].startswith("ours") and key[2] != code
+            if key[:2] == (case, cores)
+            and key[2].startswith("ours")
+            and key[2] != code
+            and {one.round for one in rival} & {one.round for one in group}
         }
         rows.append(row(group, {name: gain(rival, group) for name, rival in ours.items()}))
     return rows
@@ -151,32 +158,36 @@ def present_codes() -> list[Code]:
     return [code for code in codes if not code.missing]
 
 
-def measured(workloads: Sequence[Workload], core_counts: Sequence[int], rounds: int) -> list[Sample]:
+def measured(
+    workloads: Sequence[Workload], core_counts: Sequence[int], rounds: int, codes: Sequence[Code]
+) -> list[Sample]:
     """Samples of all codes in turn, each told on stderr as it comes."""
-    codes = present_codes()
     allowed = sorted(sched_getaffinity(0))
     samples: list[Sample] = []
     for workload, count, turn, code in product(workloads, core_counts, range(rounds), codes):
-        samples.append(sample(workload, allowed[-count:], code, turn))
-        sys.stderr.write(progress(samples[-1]))
+        if code.enters(workload):
+            samples.append(sample(workload, allowed[-count:], code, turn))
+            sys.stderr.write(progress(samples[-1]))
     return samples
 
 
 def arguments(words: Sequence[str] | None) -> argparse.Namespace:
     """The command line, checked."""
-    names = [workload.case for workload in WORKLOADS]
+    names = [workload.name for workload in WORKLOADS]
     parser = argparse.ArgumentParser(prog="python -m benchmarks.peers.compare", description=__doc__)
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"any of {', '.join(names)} (default: all)")
     parser.add_argument("--cores", type=int, nargs="+", default=[1, 2], help="core counts (default: 1 2)")
     parser.add_argument("--rounds", type=int, default=3, help="turns of each code (default: 3)")
+    parser.add_argument("--codes", nargs="+", metavar="CODE", help="such as 'ours f32' (default: all)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write rows and samples there too")
     chosen = parser.parse_args(words)
     chosen.cases = chosen.cases or names
     for case in chosen.cases:
         if case not in names:
             parser.error(f"CASE = {case}: must be one of {', '.join(names)}")
-        if not (CASES / f"{case}.npz").exists():
-            parser.error(f"{case} is not made yet: run python -m benchmarks.peers.make_cases")
+    for workload in WORKLOADS:
+        if workload.name in chosen.cases and not (CASES / f"{workload.case}.npz").exists():
+            parser.error(f"{workload.case} is not made yet: run python -m benchmarks.peers.make_cases")
     available = len(sched_getaffinity(0))
     if not 1 <= min(chosen.cores) <= max(chosen.cores) <= available:
         parser.error(f"--cores {chosen.cores}: each must lie in 1 to {available} on this machine")
@@ -188,15 +199,16 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
 def main(words: Sequence[str] | None = None) -> int:
     """Measure, print the table, and keep it if asked; 3 when a code fails."""
     chosen = arguments(words)
-    workloads = [workload for workload in WORKLOADS if workload.case in chosen.cases]
+    workloads = [workload for workload in WORKLOADS if workload.name in chosen.cases]
+    codes = [code for code in present_codes() if not chosen.codes or code.name in chosen.codes]
     try:
-        samples = measured(workloads, chosen.cores, chosen.rounds)
+        samples = measured(workloads, chosen.cores, chosen.rounds, codes)
     except (OSError, RuntimeError, ValueError, TimeoutExpired) as failure:
         sys.stderr.write(f"{failure}\n")
         return 3
     rows = summary(samples)
-    ran = {one.code for one in samples}
-    versions = [peer_version(peer, samples[-1].case) for peer in PEERS if peer.name in ran]
+    last = {one.code: one.case for one in samples}
+    versions = [peer_version(peer, last[peer.name]) for peer in PEERS if peer.name in last]
     sys.stdout.write(table(rows) + "".join(f"{name}\n" for name in versions))
     if chosen.json:
         document = {

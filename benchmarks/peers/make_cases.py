@@ -1,8 +1,8 @@
 """Make the cases of the comparison: `python -m benchmarks.peers.make_cases`.
 
-Writes into benchmarks/peers/cases/: bed10k, bed100k, pile2000 and pile10000 as .npz (for us) and .data (for
-LAMMPS and LIGGGHTS), the funnels as .stl and .inc, the soil as soil.inc. LAMMPS settles the bed in one or two
-minutes of one core; everything repeats bit for bit with the same LAMMPS.
+Writes into benchmarks/peers/cases/: bed2k, bed10k, bed100k, pile2000 and pile10000 as .npz (for us and YADE)
+and .data (for LAMMPS and LIGGGHTS), the funnels as .stl and .inc, the soil as soil.inc. LAMMPS settles the
+beds in two or three minutes of one core; everything repeats bit for bit with the same LAMMPS.
 """
 
 import os
@@ -16,9 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.peers.cases import (
-    BED_SIDE,
+    BED_COUNT,
+    LATTICE_ROW,
     MILLIMETRE,
+    SMALL_COUNT,
+    SMALL_ROW,
     SOIL,
+    SURFACE_ENERGY,
     Bed,
     Floats,
     Pile,
@@ -86,14 +90,14 @@ def write_stl(path: Path, triangles: Floats) -> None:
         out.write("endsolid funnel\n")
 
 
-def settled_bed() -> Bed:
+def settled_bed(count: int, rows: int) -> Bed:
     """The loose lattice after LAMMPS let it fall and come to rest."""
-    lattice, velocity = loose_lattice()
+    lattice, velocity = loose_lattice(count, rows)
     write_bed_grains(CASES / "lattice.data", lattice, LATTICE_HEADROOM, velocity)
     command = ["lmp", "-in", str(DECKS / "settle.lmp"), "-log", "settle.log", "-screen", "none"]
     subprocess.run(command, cwd=CASES, env=os.environ | {"OMP_NUM_THREADS": "1"}, check=True)
     dump = np.loadtxt(CASES / "settled.dump", skiprows=9)
-    return shuffled(Bed(dump[:, 1:4], (BED_SIDE, BED_SIDE)))
+    return shuffled(Bed(dump[:, 1:4], lattice.period))
 
 
 def write_bed(name: str, bed: Bed) -> None:
@@ -120,7 +124,7 @@ def write_pile(name: str, pile: Pile) -> None:
 def main() -> int:
     """Write all cases; 2 when LAMMPS is missing."""
     CASES.mkdir(exist_ok=True)
-    write_include(CASES / "soil.inc", asdict(SOIL))
+    write_include(CASES / "soil.inc", asdict(SOIL) | {"surface_energy": SURFACE_ENERGY})
     for count in PILE_COUNTS:
         write_pile(f"pile{count}", funnel_pile(count))
     if shutil.which("lmp") is None:
@@ -128,7 +132,8 @@ def main() -> int:
             "lmp not found: the beds need LAMMPS to settle (Debian package lammps); piles are written\n"
         )
         return 2
-    bed = settled_bed()
+    write_bed("bed2k", settled_bed(SMALL_COUNT, SMALL_ROW))
+    bed = settled_bed(BED_COUNT, LATTICE_ROW)
     write_bed("bed10k", bed)
     write_bed("bed100k", tiled(bed))
     return 0

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
+from itertools import chain
 from math import nan
 from pathlib import Path
 
@@ -28,9 +29,26 @@ from benchmarks.peers.physics_cases import (
     two_grains,
 )
 from benchmarks.peers.physics_codes import Code, contestants, our_beds
-from benchmarks.peers.physics_column import BOUNCING, FREE, ONE_LAW, USUAL, Column, column_soil, laid_columns
+from benchmarks.peers.physics_column import (
+    BOUNCING,
+    FREE,
+    ONE_LAW,
+    STICKY,
+    STICKY_FREE,
+    USUAL,
+    Column,
+    column_soil,
+    laid_columns,
+)
 from benchmarks.peers.physics_impact import IMPACT, impact_numbers, oblique
-from benchmarks.peers.physics_measures import Numbers, Rest, bed_numbers, heap_numbers, stack_numbers
+from benchmarks.peers.physics_measures import (
+    Numbers,
+    Rest,
+    bed_numbers,
+    close_numbers,
+    heap_numbers,
+    stack_numbers,
+)
 from benchmarks.peers.physics_pair import lammps_curve, our_curve, pair_numbers
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.page import fill_table, markdown_table
@@ -90,6 +108,14 @@ def heaps(column: Column) -> Case:
     )
 
 
+def sticky_heaps(column: Column) -> Case:
+    """Columns of grains that adhere to each other."""
+    dry = heaps(column)
+    return Case(
+        dry.runs, lambda rest: chain(dry.numbers(rest), close_numbers(rest, column_soil(column))), dry.paired
+    )
+
+
 PAIR = "sticky pair"
 CASES = {
     "two grains": Case(stacks, stack_numbers),
@@ -100,6 +126,8 @@ CASES = {
     "heap, one rolling law": heaps(ONE_LAW),
     "heap, one rolling law, restitution 0.9": heaps(BOUNCING),
     "heap, rolling friction 0.15": heaps(USUAL),
+    "sticky heap, no rolling friction": sticky_heaps(STICKY_FREE),
+    "sticky heap, rolling friction 0.15": sticky_heaps(STICKY),
 }
 
 

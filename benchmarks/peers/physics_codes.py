@@ -24,6 +24,7 @@ from benchmarks.peers.physics_column import (
     column_soil,
     lammps_rolling,
     our_columns,
+    surface_energy,
 )
 from benchmarks.peers.physics_measures import Rest
 from taichi_erosion.benchmark.setups import bed_setup
@@ -159,13 +160,20 @@ def lammps_columns(column: Column, starts: Sequence[Start], peer: Peer) -> list[
     right in the second run, the collapse.
     """
     told = told_restitution(column_soil(column).restitution)
-    words = {"restitution": told, "restitution_wall": told_for(told)}
+    words = {"normal": lammps_normal(column, told), "restitution_wall": told_for(told)}
     return peer_columns(column, starts, peer, words | lammps_rolling(column))
 
 
+def lammps_normal(column: Column, told: float) -> str:
+    """The normal law between grains in LAMMPS."""
+    soil = column_soil(column)
+    elastic = f"{soil.young!r} {told!r} {soil.poisson!r}"
+    return f"jkr {elastic} {surface_energy(column)!r}" if column.sticky else f"hertz/material {elastic}"
+
+
 def liggghts_columns(column: Column, starts: Sequence[Start], peer: Peer, rolling: str) -> list[Rest] | None:
-    """The same in LIGGGHTS with the rolling law that comes nearest to ours, or with none."""
-    if rolling != column.twin:
+    """The same in LIGGGHTS with the rolling law that comes nearest to ours, or with none; it has no JKR."""
+    if rolling != column.twin or column.sticky:
         return None
     return peer_columns(column, starts, peer, {"rolling": "off" if column.rolls_freely else rolling})
 

@@ -13,13 +13,17 @@ Rolling has a spring with a slider and no damper. The spring is
 
 The first two are the same where mu_r^2 = 16 G* / (9 E*), and the law is then one in both codes.
 
-Reference: Ai, Chen, Rotter & Ooi (2011), Powder Technology 206, 269.
+Grains of a sticky column adhere to each other by JKR, not to walls; their pull-off force is given in weights.
+LAMMPS limits friction and rolling by |F + 6 pi gamma R*| as ours does; LIGGGHTS has no JKR.
+
+Reference: Ai, Chen, Rotter & Ooi (2011), Powder Technology 206, 269; Thornton (1991), J. Phys. D 24, 1942;
+Rumpf (1962), in Agglomeration, 379.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import sqrt
+from math import pi, sqrt
 from typing import Literal
 
 import numpy as np
@@ -56,12 +60,18 @@ class Column:
     twin: Literal["epsd", "epsd2"]  # rolling law of LIGGGHTS that comes nearest
     rim_d: float = NO_RIM_D  # radius of the rim over the diameter [1]
     restitution: float = 0.5  # of grains and of all walls [1]
+    pull: float = 0.0  # pull-off force of two grains over their weight [1]
     changes: tuple[str, ...] = ()  # of the scene
 
     @property
     def rolls_freely(self) -> bool:
         """Whether no law of rolling acts."""
         return self.friction_rolling == 0.0
+
+    @property
+    def sticky(self) -> bool:
+        """Whether grains adhere to each other."""
+        return self.pull > 0.0
 
 
 def equal_rolling(poisson: float) -> float:
@@ -74,6 +84,9 @@ FREE = Column(0.0, "epsd", rim_d=9.0)  # the rim keeps grains from rolling for e
 ONE_LAW = Column(equal_rolling(POISSON), "epsd2")
 BOUNCING = replace(ONE_LAW, restitution=0.9)  # grains hardly damped: all limits of friction are alike
 USUAL = Column(0.15, "epsd")
+# by Rumpf's strength, 0.8 pulls per d^2 in tension and three times that under weight, a column of five
+# diameters just falls if its grains pull each other with two weights
+STICKY_FREE, STICKY = replace(FREE, pull=2.0), replace(USUAL, pull=2.0)
 
 
 @cache
@@ -88,6 +101,7 @@ def column_scene(column: Column) -> Scene:
     rim = {"shape": '"cylinder"', "material": '"tube"', "radius_d": column.rim_d, "length_d": 30.0}
     changes += [f"geometry.rim.{name}={value}" for name, value in rim.items()]
     changes += ["laws.rolling=none"] * column.rolls_freely
+    changes += sticking(column) if column.sticky else []
     scene = load_scene(SCENE, (*APPARATUS, *UNDAMPED, *changes, *column.changes))
     return scene.model_copy(update={"measure": {}})
 
@@ -109,6 +123,18 @@ def column_soil(column: Column) -> Soil:
         gravity=scene.gravity.magnitude,
         time_step=setup.time_step,
     )
+
+
+def surface_energy(column: Column) -> float:
+    """Gamma of the pull-off force 3 pi gamma R*, R* = d / 4 [J m-2]."""
+    soil = column_soil(replace(column, pull=0.0))
+    return column.pull * weight(soil) / (0.75 * pi * soil.diameter)
+
+
+def sticking(column: Column) -> list[str]:
+    """Changes of the scene that let its grains adhere to each other."""
+    grains = f"contact.grain-grain.surface_energy={surface_energy(column)!r}"
+    return ["laws.normal=jkr", "laws.friction_cap=thornton", grains]
 
 
 def played(scene: Scene, setups: Sequence[Setup]) -> list[Rest]:

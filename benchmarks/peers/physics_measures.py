@@ -22,6 +22,7 @@ from taichi_erosion.measures.heap import angle_of_repose_outline, centroid_heigh
 
 QUANTILES = (0.1, 0.5, 0.9)
 CUTS = (0.25, 0.5, 0.75)  # heights at which stress is looked at, over the height of the bed [1]
+CLOSE = 1.001  # distance of grains that count as neighbours over d; a neck of two weights tears at 1.0005
 TALL = 1.0  # m, a period along z that nothing reaches across
 
 Numbers = Iterator[tuple[str, float]]
@@ -133,6 +134,12 @@ def heap_numbers(rest: Rest, soil: Soil, flank: bool) -> Numbers:
         yield f"{name}, d", measure(state).value / soil.diameter
     moving = 0.5 * float((rest.velocity**2).sum(axis=1).mean()) / (soil.gravity * soil.diameter)
     yield "energy of translation of a grain, 1e-7 m g d", 1e7 * moving
+
+
+def close_numbers(rest: Rest, soil: Soil) -> Numbers:
+    """Grains that touch, stretched necks among them, as far as places tell."""
+    pairs = KDTree(rest.position).query_pairs(CLOSE * soil.diameter, output_type="ndarray")
+    yield f"grains within {CLOSE:g} d of a grain", 2.0 * len(pairs) / len(rest.position)
 
 
 def stack_numbers(rest: Rest) -> Numbers:

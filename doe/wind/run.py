@@ -16,7 +16,7 @@ from taichi_erosion.effects.dry_adhesion import Params
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.threshold import publish
 from taichi_erosion.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
-from taichi_erosion.verification.resting_bed import thresholds_over_beds
+from taichi_erosion.verification.resting_bed import roughness, winds_over_beds
 from taichi_erosion.verification.saltation import SMALLEST, at_rest
 
 FOLDER = Path(__file__).parent
@@ -46,6 +46,8 @@ TIMES = {  # s, at the reference: they go with d, as about does the time in whic
 HOPS = {"threshold.fall_hold": 0.4}  # s, at the reference, a dozen hops: with the root of d, as a hop
 # m s-1, with the root of d and of what holds a grain over its weight
 WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}
+
+FAR = 100.0  # diameters over a bed, from where its roughness is seen
 
 BEDS = 5  # of a threshold
 FALLING = 4  # of an impact threshold
@@ -135,13 +137,14 @@ def patch_orders(side: float) -> tuple[str, ...]:
 def write_hopping() -> None:
     """The threshold of one grain that hops by the measured law of bounces, over a plane and over beds."""
     sands = [Sand(d) for d in sorted(DIAMETERS)]
-    over_beds = thresholds_over_beds([at_rest(sand.diameter / SMALLEST) for sand in sands], sands)
-    header = ("diameter [mm]", "u_star [m/s]", "u_star over a bed [m/s]")
-    lines = [
-        (f"{1e3 * sand.diameter:g}", f"{hopping_threshold(sand):.4g}", f"{over_bed:.4g}")
-        for sand, over_bed in zip(sands, over_beds, strict=True)
-    ]
-    write_whole(HOPPING, "".join(",".join(line) + "\n" for line in [header, *lines]).encode())
+    lines = [("diameter [mm]", "u_star [m/s]", "u_star over a bed [m/s]", "roughness of that bed [mm]")]
+    winds = winds_over_beds([at_rest(sand.diameter / SMALLEST) for sand in sands], sands)
+    for sand, over in zip(sands, winds, strict=True):
+        threshold = hopping_threshold(sand, over)
+        rough = roughness(over(threshold), threshold, FAR * sand.diameter)
+        cells = (1e3 * sand.diameter, hopping_threshold(sand), threshold, 1e3 * rough)
+        lines.append(tuple(f"{cell:.4g}" for cell in cells))
+    write_whole(HOPPING, "".join(",".join(line) + "\n" for line in lines).encode())
 
 
 def put_in_order(table: Path, cases: Sequence[Case]) -> None:

@@ -1,15 +1,17 @@
-"""Cell-steps per second of air: a box of wind over a rough floor, on grids of growing size."""
+"""Cell-steps per second of air: a wind tunnel, and boxes of wind over a rough floor on growing grids."""
 
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taichi_erosion.air.assemble import allocate_air
-from taichi_erosion.air.step import advance_air
+from taichi_erosion.air.step import STAGES, advance_air
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, log_profile, stretched_faces
 from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import Numerics
+from taichi_erosion.scene.air import build_air, parse_air_scene
 
 AIR = {  # of the box of wind, SI units
     "height": 0.4,
@@ -22,7 +24,39 @@ AIR = {  # of the box of wind, SI units
 }
 AIR_LAYERS, AIR_COLUMNS = 32, (16, 32, 64)
 AIR_UNTIMED, AIR_STEPS = 2, 5  # steps before the clock starts, and timed ones
-AIR_STAGES = 3  # pressure solves a step
+TUNNEL: dict[str, Any] = {  # scenes/tunnel_section.toml
+    "scene": {"kind": "tunnel"},
+    "run": {"duration": 3.2, "averaging": 0.2, "courant": 1.0},
+    "air": {
+        "extents": [7.2, 0.6, 1.0],
+        "cells": [96, 8, 40],
+        "lowest": 4e-3,
+        "both_ends": True,
+        "density": 1.2,
+        "viscosity": 1.5e-5,
+        "closure": "mixing_length",
+        "advection": "limited",
+        "implicitness": 1.0,
+        "length_share": 0.09,
+        "sides": {
+            "x_low": {"kind": "inlet"},
+            "x_high": {"kind": "outlet"},
+            "y_low": {"kind": "rough", "roughness_length": 0.0},
+            "y_high": {"kind": "symmetry"},
+            "z_low": {"kind": "rough", "roughness_length": 8.3e-6},
+            "z_high": {"kind": "rough", "roughness_length": 0.0},
+        },
+        "inlet": {"law": "uniform", "speed": 6.5},
+    },
+}
+
+
+@dataclass(frozen=True)
+class AirCase:
+    """A flow that is timed."""
+
+    name: str
+    setup: AirSetup
 
 
 def air_setup(columns: int) -> AirSetup:
@@ -49,20 +83,32 @@ def air_setup(columns: int) -> AirSetup:
     )
 
 
-def air_case(columns: int, threads: int) -> dict[str, Any]:
+def box_of_wind(columns: int) -> AirCase:
+    """The box on so many columns a side."""
+    return AirCase(f"air, {columns} x {columns} x {AIR_LAYERS} cells", air_setup(columns))
+
+
+def tunnel_section() -> AirCase:
+    """The working section of a wind tunnel."""
+    setup = build_air(parse_air_scene(TUNNEL), 0)
+    return AirCase("tunnel section, {} x {} x {} cells".format(*setup.cells), setup)
+
+
+def air_case(case: AirCase, threads: int) -> dict[str, Any]:
     """Cells advanced by one step a second, and iterations of a pressure solve, on one grid of air."""
     workers = start_device(Numerics("cpu", threads, "f64"))
-    air = allocate_air([air_setup(columns)])
+    air = allocate_air([case.setup])
     advance_air(air, AIR_UNTIMED)
     start = time.perf_counter()
     iterations = advance_air(air, AIR_STEPS)
     seconds = time.perf_counter() - start
     rate_of_cells = air.cells[0] * air.cells[1] * air.cells[2] * AIR_STEPS / seconds
+    solves = len(STAGES[case.setup.model.scheme]) * AIR_STEPS
     return {
-        "case": f"air, {columns} x {columns} x {AIR_LAYERS} cells",
+        "case": case.name,
         "threads": threads,
         "precision": "f64",
         "M cell-steps/s": 1e-6 * rate_of_cells,
         "per core": 1e-6 * rate_of_cells / min(threads, workers),
-        "pressure iterations": iterations / (AIR_STAGES * AIR_STEPS),
+        "pressure iterations": iterations / solves,
     }

@@ -36,7 +36,8 @@ FUNNEL = {
     "funnel_bottom": 10.0,
     "funnel_height": 14.0,
     "orifice_radius": 5.0,
-}  # in diameters, flanks of 45 deg
+}  # of about 4,000 grains, in diameters; flanks of 45 deg
+FUNNEL_GRAINS = 4016
 PITCH = 1.08  # of the lattices that they settle from, over the diameter [1]
 JITTER = 0.03  # of those lattices, over the diameter [1]
 
@@ -126,14 +127,15 @@ def lattice_bed(seed: int) -> Setup:
     return bed_setup(SOIL | {"position": position, "period": (diameter * PITCH * BED_SIDE,) * 2})
 
 
-def filled_funnel(seed: int) -> Setup:
-    """Jittered lattice that fills a cone above a floor, and runs out of it."""
-    diameter = SOIL["diameter"]
-    rim = FUNNEL["orifice_radius"] + FUNNEL["funnel_height"]
-    across, up = (int(length / PITCH) for length in (2.0 * rim, FUNNEL["funnel_height"]))
-    corner = np.array([-rim, -rim, FUNNEL["funnel_bottom"] + 0.6])
+def filled_funnel(seed: int, grains: int = FUNNEL_GRAINS) -> Setup:
+    """Jittered lattice of about so many grains that fills a cone above a floor, and runs out of it."""
+    diameter, size = SOIL["diameter"], (grains / FUNNEL_GRAINS) ** (1.0 / 3.0)
+    funnel = {name: size * length for name, length in FUNNEL.items()}
+    rim = funnel["orifice_radius"] + funnel["funnel_height"]
+    across, up = (int(length / PITCH) for length in (2.0 * rim, funnel["funnel_height"]))
+    corner = np.array([-rim, -rim, funnel["funnel_bottom"] + 0.6])
     place = corner + lattice((across, across, up), seed)
     radius = np.hypot(place[:, 0], place[:, 1])
-    inside = radius < place[:, 2] - FUNNEL["funnel_bottom"] + FUNNEL["orifice_radius"] - 1.0  # off the flank
-    lengths = {name: diameter * length for name, length in FUNNEL.items()}
+    inside = radius < place[:, 2] - funnel["funnel_bottom"] + funnel["orifice_radius"] - 1.0  # off the flank
+    lengths = {name: diameter * length for name, length in funnel.items()}
     return funnel_setup(SOIL | lengths | {"position": diameter * place[inside]})

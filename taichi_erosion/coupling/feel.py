@@ -93,10 +93,9 @@ def feel_effects(world_out: ti.template(), around: ti.template(), r, i, open_sha
 @ti.func
 def feel_partition(world_out: ti.template(), around: ti.template(), r, p):
     """Renew what the grains of one partition hold."""
-    grains, held_out = ti.static((world_out.grains, world_out.held))
-    base = side_block(grains, r, world_out.replicas.side[r])
-    count, parts = world_out.replicas.released[r], world_out.replicas.partitions[r]
-    for rank in range(partition_first(count, parts, p), partition_first(count, parts, p + 1)):
+    grains, held_out, replicas = ti.static((world_out.grains, world_out.held, world_out.replicas))
+    base = side_block(grains, r, replicas.side[r])
+    for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
         i = base + rank
         open_share, shear = 1.0, 0.0
         held_out.push[i] = 0.0 * held_out.push[i]

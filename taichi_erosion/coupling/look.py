@@ -120,9 +120,9 @@ def give_partition(world_out: ti.template(), around_out: ti.template(), r, p):
         layers_out.flow[row, k] = 0.0
         layers_out.pull[row, k] = 0.0 * layers_out.pull[row, k]
         layers_out.given[row, k] = 0.0 * layers_out.given[row, k]
-    base = side_block(world_out.grains, r, world_out.replicas.side[r])
-    count, parts = world_out.replicas.released[r], world_out.replicas.partitions[r]
-    for rank in range(partition_first(count, parts, p), partition_first(count, parts, p + 1)):
+    (replicas,) = ti.static((world_out.replicas,))
+    base = side_block(world_out.grains, r, replicas.side[r])
+    for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
         give_grain(world_out, around_out, r, row, base + rank)
 
 

@@ -1,8 +1,9 @@
 """Cells: sorting grains in space, so that neighbours in space are neighbours in memory.
 
-A fixed box around the scene is cut into cells at least as wide as the longest list distance. Grains outside
-fall to the border cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are
-numbered with x fastest.
+A box is cut into cells at least as wide as the longest list distance. Grains outside fall to the border
+cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are numbered with x
+fastest. The box follows the grains from rebuild to rebuild; under wind, where some fly far above a bed, it is
+that of the scene.
 """
 
 from dataclasses import dataclass
@@ -11,12 +12,18 @@ from typing import Any
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.state import side_block
 
+SPREAD = 2.0  # sd of the grains' places about their mean that the box may hold [1]; beyond it lie few
+WIDER = 1.1  # factor on the width of cells while they are too many [1]
+PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
+
 
 @dataclass(frozen=True, eq=False)
 class Cells:
     """Cell grids of all replicas and the order of grains in them."""
 
     capacity: int  # cells a replica
+    most: Any  # i32 by replica, cells
+    width_least: Any  # f64 by replica [m]
     low: Any  # f64 vec3 by replica, corner of the grid [m]
     inverse_width: Any  # f64 vec3 by replica [m-1]
     number: Any  # i32 vec3 by replica, cells along each axis
@@ -29,6 +36,8 @@ def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
     """Fields of `capacity` cells a replica."""
     return Cells(
         capacity,
+        most=ti.field(ti.i32, shape=replicas),
+        width_least=ti.field(ti.f64, shape=replicas),
         low=ti.Vector.field(3, ti.f64, shape=replicas),
         inverse_width=ti.Vector.field(3, ti.f64, shape=replicas),
         number=ti.Vector.field(3, ti.i32, shape=replicas),
@@ -93,6 +102,45 @@ def position_of(grains: ti.template(), replicas: ti.template(), r, i):
     """Position of the grain at place i [m], in f64, wrapped into the period."""
     position = grains.origin[i] + ti.cast(grains.shift[i], ti.f64)
     return wrapped(position, replicas.period[r], replicas.low[r])
+
+
+@ti.func
+def occupied_box(grains: ti.template(), replicas: ti.template(), r):
+    """Low and high corner of the box that holds most grains of replica r [m]; along a period, the period."""
+    count = replicas.released[r]
+    base = side_block(grains, r, replicas.side[r])
+    low = replicas.high[r]
+    high = replicas.low[r]
+    total, squares = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
+    for i in range(base, base + count):
+        place = grains.origin[i] + ti.cast(grains.shift[i], ti.f64)
+        low, high = ti.min(low, place), ti.max(high, place)
+        total += place
+        squares += place * place
+    mean = total / ti.max(count, 1)
+    spread = SPREAD * ti.sqrt(ti.max(squares / ti.max(count, 1) - mean * mean, 0.0))
+    low, high = ti.max(low, mean - spread), ti.min(high, mean + spread)
+    for k in ti.static(range(3)):
+        if replicas.period[r][k] > 0.0:
+            low[k] = replicas.low[r][k]
+            high[k] = low[k] + replicas.period[r][k]
+    return low, high
+
+
+@ti.func
+def fit_cells(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
+    """Lay the grid of replica r around its grains; where that makes too many cells, they are widened."""
+    low, high = occupied_box(grains, replicas, r)
+    width = cells_out.width_least[r]
+    span = ti.max(high - low, width)
+    fewest = ti.select(replicas.period[r] > 0.0, float(PERIOD_CELLS_LEAST), 1.0)
+    number = ti.max(ti.floor(span / width), fewest)
+    while number[0] * number[1] * number[2] > cells_out.most[r]:
+        width *= WIDER
+        number = ti.max(ti.floor(span / width), fewest)
+    cells_out.low[r] = low
+    cells_out.inverse_width[r] = number / span
+    cells_out.number[r] = ti.cast(number, ti.i32)
 
 
 @ti.func

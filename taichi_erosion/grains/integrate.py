@@ -19,10 +19,9 @@ SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
 def gather_forces(world_out: ti.template(), r, p):
     """Add what other partitions put on the grains of partition p to its own buffer, in a fixed order."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
-    count = replicas.released[r]
     own = force_block(grains_out, replicas, r, p)
-    first = partition_first(count, replicas.partitions[r], p)
-    last = partition_first(count, replicas.partitions[r], p + 1)
+    first = partition_first(replicas, r, p)
+    last = partition_first(replicas, r, p + 1)
     for q in range(replicas.partitions[r]):
         if q != p:
             other = force_block(grains_out, replicas, r, q)
@@ -91,11 +90,10 @@ def advance_grains(world_out: ti.template(), r, p, step, is_last):
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     base = side_block(grains_out, r, replicas.side[r])
     buffer = force_block(grains_out, replicas, r, p)
-    count = replicas.released[r]
     kick = kick_time(replicas, r, step)
     need = 0
-    first = partition_first(count, replicas.partitions[r], p)
-    for rank in range(first, partition_first(count, replicas.partitions[r], p + 1)):
+    first = partition_first(replicas, r, p)
+    for rank in range(first, partition_first(replicas, r, p + 1)):
         place = ti.select(is_last, r * grains_out.capacity + rank, -1)
         moves = True
         if ti.static(world_out.sleeps):

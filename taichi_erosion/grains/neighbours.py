@@ -46,6 +46,7 @@ def release_grains(world_out: ti.template(), r):
             bounds_out.stop[base + count] = 0
         count += 1
     replicas_out.released[r] = count
+    replicas_out.bounds[r, replicas_out.partitions[r]] = count
 
 
 @ti.func
@@ -54,9 +55,8 @@ def move_grains(world_out: ti.template(), r, p):
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     old = side_block(grains_out, r, replicas.side[r])
     new = side_block(grains_out, r, 1 - replicas.side[r])
-    count = replicas.released[r]
-    first = partition_first(count, replicas.partitions[r], p)
-    for rank in range(first, partition_first(count, replicas.partitions[r], p + 1)):
+    first = partition_first(replicas, r, p)
+    for rank in range(first, partition_first(replicas, r, p + 1)):
         i = old + world_out.cells.order[r * grains_out.capacity + rank]
         k = new + rank
         velocity = grains_out.velocity[i]
@@ -158,9 +158,8 @@ def list_partition(world_out: ti.template(), r, p):
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
     base = side_block(world_out.grains, r, side)
-    count = replicas_out.released[r]
-    first = partition_first(count, replicas_out.partitions[r], p)
-    last = partition_first(count, replicas_out.partitions[r], p + 1)
+    first = partition_first(replicas_out, r, p)
+    last = partition_first(replicas_out, r, p + 1)
     entry = entry_block(pairs_out, r, side) + partition_entries(pairs_out, replicas_out, r, p)
     limit = entry + pairs_out.capacity // replicas_out.partitions[r]
     low = first

@@ -6,9 +6,8 @@ law runs over all of them, and what it gives is dealt out to the grains.
 
 from taichi_erosion.core.effect import passes, pull_of
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.batches import LANES, lane, put
+from taichi_erosion.grains.batches import LANES, gather_entry, lane, put, strike
 from taichi_erosion.grains.cells import position_of
-from taichi_erosion.grains.contact import contact_force, describe_contact
 from taichi_erosion.grains.pairs import ENGAGED, MET, ROW_SHIFT
 from taichi_erosion.grains.sleep import hear, next_awake
 from taichi_erosion.grains.state import force_block, partition_first, side_block
@@ -124,32 +123,18 @@ def passing(world: ti.template(), r, e, places, overlap):
 @ti.func
 def gather_pair(world: ti.template(), batch_out: ti.template(), n, base):
     """Write what the contact law reads of the pair in lane n."""
-    grains, pairs, materials = ti.static((world.grains, world.pairs, world.materials))
-    e = batch_out.entry[n]
+    (grains,) = ti.static((world.grains,))
     i, j = base + batch_out.owner[n], base + batch_out.partner[n]
-    row = pairs.label[e] >> ROW_SHIFT
     batch_out.radius_i[n] = grains.radius[i]
     batch_out.radius_j[n] = grains.radius[j]
-    batch_out.root_radius[n] = pairs.root_radius[e]
-    batch_out.damping[n] = pairs.damping[e]
-    batch_out.rolling_damping[n] = pairs.rolling_damping[e]
-    batch_out.young[n] = materials.young[row]
-    batch_out.shear[n] = materials.shear[row]
-    batch_out.shear_damping[n] = materials.shear_damping[row]
-    batch_out.friction_sliding[n] = materials.friction_sliding[row]
-    batch_out.friction_rolling[n] = materials.friction_rolling[row]
-    if ti.static(world.laws.adhesive):
-        batch_out.adhesion[n] = materials.adhesion[row]
-        batch_out.engaged[n] = pairs.label[e] & ENGAGED
+    gather_entry(world, world.pairs, batch_out, n)
     put(batch_out.velocity, n, grains.velocity[i] - grains.velocity[j])
     put(batch_out.spin_i, n, grains.spin[i])
     put(batch_out.spin_j, n, grains.spin[j])
-    put(batch_out.slip, n, pairs.slip[e])
-    put(batch_out.tilt, n, pairs.tilt[e])
 
 
 @ti.func
-def strike(laws: ti.template(), batch_out: ti.template(), n, dt):
+def strike_pair(laws: ti.template(), batch_out: ti.template(), n, dt):
     """Contact law in lane n.
 
     Both grains turn about one point of contact, which keeps the angular momentum of the pair; the lever is
@@ -158,25 +143,7 @@ def strike(laws: ti.template(), batch_out: ti.template(), n, dt):
     offset = lane(batch_out.offset, n)
     span = batch_out.radius_i[n] + batch_out.radius_j[n]
     distance = offset.norm()
-    normal = offset * (1.0 / distance)
-    lever = distance / span
-    root = batch_out.root_radius[n]
-    elastic = laws.normal_force(batch_out, n, span - distance, root, batch_out.engaged[n])
-    spin_i, spin_j = lane(batch_out.spin_i, n), lane(batch_out.spin_j, n)
-    arms = batch_out.radius_i[n] * spin_i + batch_out.radius_j[n] * spin_j
-    velocity = lane(batch_out.velocity, n) - lever * arms.cross(normal)
-    constants = (root, batch_out.damping[n], batch_out.rolling_damping[n])
-    touch = describe_contact(laws, normal, velocity, spin_i - spin_j, constants, elastic)
-    force, tangential, moment, slip, tilt = contact_force(
-        laws, batch_out, n, touch, lane(batch_out.slip, n), lane(batch_out.tilt, n), dt
-    )
-    batch_out.overlap[n] = span - distance
-    batch_out.acts[n] = elastic[3]
-    put(batch_out.force, n, force)
-    put(batch_out.moment, n, moment)
-    put(batch_out.twist, n, lever * ti.math.cross(normal, tangential))
-    put(batch_out.slip, n, slip)
-    put(batch_out.tilt, n, tilt)
+    strike(laws, batch_out, n, dt, offset * (1.0 / distance), span - distance, distance / span)
 
 
 @ti.func
@@ -241,9 +208,8 @@ def add_pair_forces(world_out: ti.template(), r, p):
     """Forces of all pairs that one partition owns."""
     grains, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
-    count = replicas.released[r]
-    first = partition_first(count, replicas.partitions[r], p)
-    last = partition_first(count, replicas.partitions[r], p + 1)
+    first = partition_first(replicas, r, p)
+    last = partition_first(replicas, r, p + 1)
     dt = replicas.time_step[r]
     batch = world_out.batch_type()
     if first < last:
@@ -257,6 +223,6 @@ def add_pair_forces(world_out: ti.template(), r, p):
             for n in range(taken):
                 gather_pair(world_out, batch, n, base)
             for n in range(taken):
-                strike(world_out.laws, batch, n, dt)
+                strike_pair(world_out.laws, batch, n, dt)
             for n in range(taken):
                 finish_pair(world_out, batch, n, r, p, base)

@@ -174,12 +174,12 @@ def lull(world_out: ti.template(), r, member, size, turn):
     """Who of replica r sleeps until the next look; returns the next meeting of the team."""
     (replicas_out,) = ti.static((world_out.replicas,))
     if world_out.sleep.looks[r] > 0:
-        base, count = side_block(world_out.grains, r, replicas_out.side[r]), replicas_out.released[r]
+        base = side_block(world_out.grains, r, replicas_out.side[r])
         for task in ti.static((count_calm, spread_unrest, choose_sleep)):
             for p in range(replicas_out.partitions[r]):
                 if is_mine(replicas_out, r, p, member, size):
-                    first = partition_first(count, replicas_out.partitions[r], p)
-                    for rank in range(first, partition_first(count, replicas_out.partitions[r], p + 1)):
+                    first = partition_first(replicas_out, r, p)
+                    for rank in range(first, partition_first(replicas_out, r, p + 1)):
                         task(world_out, r, base + rank)
             turn = wait_for_team(replicas_out, r, size, turn)
     return turn

@@ -15,6 +15,8 @@ from taichi_erosion.core.ti import ti
 
 REBUILD = 1  # of Replicas.need: a grain has used up its list margin
 STOP = 2  # of Replicas.need: two bodies overlap beyond the limit
+APART = 64  # numbers: four lines of a cache, so that who looks at the one in the middle disturbs no other
+MEETING = APART // 2  # where that one lies
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +89,8 @@ class Replicas:
     fault_grain: Any  # i32 [replica, partition]
     fault_partner: Any  # i32 [replica, partition]
     fault_value: Any  # [replica, partition]
-    arrivals: Any  # i32, team members that reached the barrier
+    bounds: Any  # i32 [replica, partition]: first rank of each partition, and one past the last of all
+    arrivals: Any  # i32 [replica, place]: team members that reached the barrier, at `MEETING` alone
 
 
 def vector(dtype: Any = float) -> Any:
@@ -127,7 +130,7 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 
 def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
-    clocks = ("step", "steps_left", "rebuilds", "status", "arrivals")
+    clocks = ("step", "steps_left", "rebuilds", "status")
     whole = ("side", "partitions", "stale", "crowded", "released", "total", *clocks)
     margins = ("margin_least", "margin_most", "margin_time", "grasp_most", "reach", "wall_travel")
     reals = ("time_step", *margins, "overlap_limit")
@@ -136,6 +139,8 @@ def allocate_replicas(count: int, partitions: int) -> Replicas:
     table |= {name: ti.field(float, shape=count) for name in reals}
     table |= {name: ti.field(ti.i32, shape=(count, partitions)) for name in shared}
     table |= {name: ti.Vector.field(3, ti.f64, shape=count) for name in ("low", "high", "period")}
+    table["bounds"] = ti.field(ti.i32, shape=(count, partitions + 1))
+    table["arrivals"] = ti.field(ti.i32, shape=(count, APART))
     table["gravity"] = ti.Vector.field(3, float, shape=count)
     table["fault_value"] = ti.field(float, shape=(count, partitions))
     return Replicas(count, **table)
@@ -148,9 +153,9 @@ def side_block(grains: ti.template(), r, side):
 
 
 @ti.func
-def partition_first(count, partitions, p):
-    """First rank of partition p; partitions share the sorted grains evenly."""
-    return count * p // partitions
+def partition_first(replicas: ti.template(), r, p):
+    """First rank of partition p of replica r."""
+    return replicas.bounds[r, p]
 
 
 @ti.func

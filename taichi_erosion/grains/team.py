@@ -6,6 +6,7 @@ Partitions and their order of summation are properties of the replica, so the re
 """
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.state import MEETING
 
 CPU_CHUNK = 512  # Taichi hands out CPU iterations in blocks of this size: one worker needs a whole block
 
@@ -14,9 +15,9 @@ CPU_CHUNK = 512  # Taichi hands out CPU iterations in blocks of this size: one w
 def wait_for_team(replicas_out: ti.template(), r, size, turn):
     """Wait until all `size` members have come here; returns the number of the next meeting."""
     if size > 1:
-        ti.atomic_add(replicas_out.arrivals[r], 1)
+        ti.atomic_add(replicas_out.arrivals[r, MEETING], 1)
         # an atomic read: a plain one may be hoisted out of the loop
-        while ti.atomic_add(replicas_out.arrivals[r], 0) < turn * size:
+        while ti.atomic_add(replicas_out.arrivals[r, MEETING], 0) < turn * size:
             pass
     return turn + 1
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.contact import ROLLING_INERTIA, contact_force, describe_contact
+from taichi_erosion.grains.batches import LANES, gather_entry, lane, put, strike
 from taichi_erosion.grains.pair_contacts import (
     acted_on,
     forget,
@@ -24,6 +24,7 @@ from taichi_erosion.grains.sleep import is_asleep
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 from taichi_erosion.grains.walls import (
     into_wall_frame,
+    out_of_wall_frame,
     surface_of,
     surface_velocity,
     wall_distance,
@@ -43,6 +44,9 @@ class WallPairs:
     label: Any  # i32, as in `Pairs`
     offset: Any  # f64 vec3, from the closest point of the wall to the grain, in the wall's frame [m]
     pushes: Any  # i32, whether the closest point is one where the surface pushes
+    root_radius: Any  # square root of the grain's radius [m^0.5]
+    damping: Any  # as in `Pairs`
+    rolling_damping: Any  # as in `Pairs`
     slip: Any  # vec3, tangential displacement since engagement [m]
     tilt: Any  # vec3, rolling angle since engagement [rad]
     start: Any  # i32 by grain place
@@ -53,6 +57,7 @@ class WallPairs:
 def allocate_wall_pairs(replicas: int, grains: int, capacity: int) -> WallPairs:
     """Fields of `capacity` entries a replica and side."""
     entries: dict[str, Any] = {name: ti.field(ti.i32) for name in ("owner", "wall", "label", "pushes")}
+    entries |= {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
     entries |= {name: ti.Vector.field(3, float) for name in ("slip", "tilt")}
     entries["offset"] = ti.Vector.field(3, ti.f64)
     ti.root.dense(ti.i, 2 * replicas * capacity).place(*entries.values())
@@ -123,93 +128,103 @@ def hand_over(world_out: ti.template(), i):
 
 
 @ti.func
-def act_on_wall(world_out: ti.template(), r, i, e, normal, speed, elastic):
-    """Force [N] and torque [N m] on the grain of an acting contact; `speed` is the wall's there [m s-1]."""
-    grains, entries_out, materials = ti.static((world_out.grains, world_out.wall_pairs, world_out.materials))
+def pull_to_wall(world_out: ti.template(), r, batch: ti.template(), n, i):
+    """Force on the grain of lane n, at place i, by the effects [N]; the wall counts as at rest."""
+    grains, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
+    e, radius, normal = batch.entry[n], batch.radius_i[n], lane(batch.offset, n)
     row = entries_out.label[e] >> ROW_SHIFT
-    radius = grains.radius[i]
-    mass = 1.0 / grains.mass_inverse[i]
-    root = ti.sqrt(radius)
-    rolling = world_out.laws.rolling_constant(materials, row, root, ROLLING_INERTIA * mass * radius * radius)
-    constants = (root, materials.damping[row] * ti.sqrt(mass), rolling)
-    velocity = grains.velocity[i] - speed - radius * grains.spin[i].cross(normal)
-    spin = ti.cast(world_out.walls.spin[surface_of(world_out.walls, entries_out.wall[e])], float)
-    touch = describe_contact(world_out.laws, normal, velocity, grains.spin[i] - spin, constants, elastic)
-    dt = world_out.replicas.time_step[r]
-    force, tangential, moment, slip, tilt = contact_force(
-        world_out.laws, materials, row, touch, entries_out.slip[e], entries_out.tilt[e], dt
-    )
-    remember(entries_out, e, slip, tilt)
-    entries_out.clear_squared[i] = 0.0  # until the next rebuild: what ended must be forgotten at once
-    return force, moment - radius * normal.cross(tangential)
-
-
-@ti.func
-def pull_to_wall(world_out: ti.template(), r, i, e, normal, gap):
-    """Force on the grain by the effects [N]; the wall counts as at rest."""
-    (grains,) = ti.static((world_out.grains,))
-    radius = grains.radius[i]
-    row = world_out.wall_pairs.label[e] >> ROW_SHIFT
     pair = world_out.pair_type(
-        gap=gap,
+        gap=-batch.overlap[n],
         radius_i=radius,
         radius_j=0.0,
         radius_effective=radius,
         mass_i=1.0 / grains.mass_inverse[i],
         mass_j=0.0,
         closing_speed=-grains.velocity[i].dot(normal),
-        stiffness=touch_stiffness(world_out.materials, row, ti.sqrt(radius), -gap),
+        stiffness=touch_stiffness(world_out.materials, row, batch.root_radius[n], batch.overlap[n]),
         met=0.0,
     )
-    return -hold(world_out.pair_effects, world_out.wall_pairs, r, e, pair) * normal
+    return -hold(world_out.pair_effects, entries_out, r, e, pair) * normal
 
 
 @ti.func
-def wall_force(world_out: ti.template(), r, p, base, i, e):
-    """Force [N] and torque [N m] of one wall entry on its grain."""
+def place_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, e):
+    """Write to lane n how a grain stands to the wall of entry e; says whether it is within reach of it.
+
+    The column of the offset holds the normal.
+    """
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
-    w = entries_out.wall[e]
+    i, w = base + entries_out.owner[e], entries_out.wall[e]
     s = surface_of(walls, w)
     distance = wall_distance(walls, w, entries_out.offset[e])
     radius = grains.radius[i]
-    force = 0.0 * grains.velocity[i]
-    torque = force
-    acts = 0
-    if walls.present[s] * entries_out.pushes[e] == 1 and distance < radius + world_out.replicas.reach[r]:
-        overlap = ti.cast(ti.cast(radius, ti.f64) - distance, float)
-        label = entries_out.label[e]
-        report_overlap(world_out.replicas, r, p, (i - base, -1 - w), overlap, radius)
-        root = ti.sqrt(radius)
-        row, engaged = label >> ROW_SHIFT, label & ENGAGED
-        elastic = world_out.laws.normal_force(world_out.materials, row, overlap, root, engaged)
-        acts = elastic[3]
-        exact = walls.turn[s] @ (entries_out.offset[e] * (1.0 / distance))
-        normal = ti.cast(exact, float)
-        if acts == 1:
-            there = position_at(grains, i) - distance * exact
-            speed = ti.cast(surface_velocity(walls, s, there), float)
-            force, torque = act_on_wall(world_out, r, i, e, normal, speed, elastic)
-        if ti.static(world_out.pair_effects.any):
-            if acted_on(world_out.materials, entries_out, e):
-                force += pull_to_wall(world_out, r, i, e, normal, -overlap)
-    if acts == 0:
+    near = walls.present[s] * entries_out.pushes[e]
+    if near == 1 and distance < radius + world_out.replicas.reach[r]:
+        normal = out_of_wall_frame(walls, s, entries_out.offset[e] * (1.0 / distance))
+        there = position_at(grains, i) - distance * normal
+        batch_out.entry[n] = e
+        batch_out.owner[n] = entries_out.owner[e]
+        batch_out.partner[n] = -1 - w
+        batch_out.radius_i[n] = radius
+        batch_out.radius_j[n] = 0.0
+        batch_out.overlap[n] = ti.cast(ti.cast(radius, ti.f64) - distance, float)
+        put(batch_out.offset, n, ti.cast(normal, float))
+        put(batch_out.velocity, n, grains.velocity[i] - ti.cast(surface_velocity(walls, s, there), float))
+        put(batch_out.spin_i, n, grains.spin[i])
+        put(batch_out.spin_j, n, ti.cast(walls.spin[s], float))
+    else:
+        near = 0
         forget(entries_out, e)
-    return force, torque
+    return near
 
 
 @ti.func
-def add_wall_force(world_out: ti.template(), r, p, rank):
-    """Forces of all walls near one grain."""
-    grains_out, entries, replicas = ti.static((world_out.grains, world_out.wall_pairs, world_out.replicas))
-    base = side_block(grains_out, r, replicas.side[r])
-    place = force_block(grains_out, replicas, r, p) + rank
-    i = base + rank
-    locate_contacts(world_out, i)
-    hand_over(world_out, i)
-    for e in range(entries.start[i], entries.stop[i]):
-        force, torque = wall_force(world_out, r, p, base, i, e)
-        grains_out.force[place] = grains_out.force[place] + force
+def strike_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
+    """Contact law in lane n; the grain turns about a point of its own surface."""
+    strike(laws, batch_out, n, dt, lane(batch_out.offset, n), batch_out.overlap[n], 1.0)
+
+
+@ti.func
+def finish_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
+    """What the contact in lane n does to its grain."""
+    grains_out, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
+    e, rank, radius = batch.entry[n], batch.owner[n], batch.radius_i[n]
+    place = force_block(grains_out, world_out.replicas, r, p) + rank
+    report_overlap(world_out.replicas, r, p, (rank, batch.partner[n]), batch.overlap[n], radius)
+    if batch.acts[n] == 1:
+        remember(entries_out, e, lane(batch.slip, n), lane(batch.tilt, n))
+        entries_out.clear_squared[base + rank] = 0.0  # until the next rebuild: what ends is forgotten at once
+        grains_out.force[place] = grains_out.force[place] + lane(batch.force, n)
+        torque = lane(batch.moment, n) - radius * lane(batch.twist, n)
         grains_out.torque[place] = grains_out.torque[place] + torque
+    else:
+        forget(entries_out, e)
+    if ti.static(world_out.pair_effects.any):
+        if acted_on(world_out.materials, entries_out, e):
+            pull = pull_to_wall(world_out, r, batch, n, base + rank)
+            grains_out.force[place] = grains_out.force[place] + pull
+
+
+@ti.func
+def next_due(world_out: ti.template(), base, e, end):
+    """First entry from e on whose grain may touch a wall; where a grain begins, its contacts are located."""
+    grains, entries = ti.static((world_out.grains, world_out.wall_pairs))
+    found = e
+    clear = True
+    while found < end and clear:
+        i = base + entries.owner[found]
+        if found == entries.start[i]:
+            clear = grains.shift[i].norm_sqr() < entries.clear_squared[i]
+            if ti.static(world_out.sleeps):
+                clear = clear or is_asleep(world_out.sleep, i)
+            if clear:
+                found = entries.stop[i]
+            else:
+                locate_contacts(world_out, i)
+                hand_over(world_out, i)
+        else:
+            clear = False
+    return found
 
 
 @ti.func
@@ -217,18 +232,23 @@ def add_wall_forces(world_out: ti.template(), r, p):
     """Forces of all walls on the grains of one partition; those that cannot touch one yet are left out."""
     grains, entries, replicas = ti.static((world_out.grains, world_out.wall_pairs, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
-    count = replicas.released[r]
-    first = partition_first(count, replicas.partitions[r], p)
-    last = partition_first(count, replicas.partitions[r], p + 1)
+    first = partition_first(replicas, r, p)
+    last = partition_first(replicas, r, p + 1)
+    dt = replicas.time_step[r]
+    batch = world_out.batch_type()
     if first < last:
         e = entries.start[base + first]
         end = entries.stop[base + last - 1]
         while e < end:
-            rank = entries.owner[e]
-            i = base + rank
-            due = grains.shift[i].norm_sqr() >= entries.clear_squared[i]
-            if ti.static(world_out.sleeps):
-                due = due and not is_asleep(world_out.sleep, i)
-            if due:
-                add_wall_force(world_out, r, p, rank)
-            e = entries.stop[i]
+            taken = 0
+            while e < end and taken < LANES:
+                e = next_due(world_out, base, e, end)
+                if e < end:
+                    taken += place_wall(world_out, batch, taken, r, base, e)
+                    e += 1
+            for n in range(taken):
+                gather_entry(world_out, world_out.wall_pairs, batch, n)
+            for n in range(taken):
+                strike_wall(world_out.laws, batch, n, dt)
+            for n in range(taken):
+                finish_wall(world_out, batch, n, r, p, base)

@@ -1,6 +1,7 @@
 """Rebuilding the list of grains near walls, at the same moment as the neighbour list."""
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.pairs import MEMORY, ROW_SHIFT, entry_block, partition_entries
 from taichi_erosion.grains.state import partition_first, side_block
@@ -36,11 +37,16 @@ def list_margin(world: ti.template(), r, i, w):
 
 @ti.func
 def recall_wall(world_out: ti.template(), r, e, rank, w):
-    """Write entry e with the memory that the grain had of primitive w."""
+    """Write entry e: its constants, and the memory that the grain had of primitive w."""
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
     before = world_out.cells.order[r * grains.capacity + rank]
     old = side_block(grains, r, world_out.replicas.side[r]) + before
     row = pair_row(world_out.materials, r, grains.material[old], walls.material[surface_of(walls, w)])
+    root, mass = ti.sqrt(grains.radius[old]), 1.0 / grains.mass_inverse[old]
+    inertia = ROLLING_INERTIA * mass * grains.radius[old] * grains.radius[old]
+    entries_out.root_radius[e] = root
+    entries_out.damping[e] = world_out.materials.damping[row] * ti.sqrt(mass)
+    entries_out.rolling_damping[e] = world_out.laws.rolling_constant(world_out.materials, row, root, inertia)
     entries_out.owner[e] = rank
     entries_out.wall[e] = w
     entries_out.label[e] = row << ROW_SHIFT
@@ -87,12 +93,11 @@ def list_walls(world_out: ti.template(), r, p):
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
     base = side_block(world_out.grains, r, side)
-    count = replicas_out.released[r]
-    first = partition_first(count, replicas_out.partitions[r], p)
+    first = partition_first(replicas_out, r, p)
     entry = entry_block(entries_out, r, side) + partition_entries(entries_out, replicas_out, r, p)
     limit = entry + entries_out.capacity // replicas_out.partitions[r]
     short = 0
-    for rank in range(first, partition_first(count, replicas_out.partitions[r], p + 1)):
+    for rank in range(first, partition_first(replicas_out, r, p + 1)):
         wanted = list_grain(world_out, r, rank, entry, limit)
         listed = ti.min(wanted, limit - entry)
         short += wanted - listed

@@ -35,6 +35,7 @@ class Walls:
     material: Any  # i32 by surface
     present: Any  # i32 by surface, 0 once removed
     moving: Any  # i32 by surface
+    moved: Any  # i32 by surface, 1 once it has been set in motion; till then it stands where it was put
     shift: Any  # f64 vec3 by surface, displacement since the start [m]
     turn: Any  # f64 mat3 by surface, rotation since the start
     velocity: Any  # f64 vec3 by surface [m s-1]
@@ -51,7 +52,7 @@ def allocate_walls(replicas: int, primitives: int, surfaces: int) -> Walls:
     table: dict[str, Any] = {name: ti.Vector.field(3, ti.f64, shape=pieces) for name in points}
     table |= {name: ti.Vector.field(3, ti.f64, shape=bodies) for name in motions}
     table |= {name: ti.field(ti.i32, shape=pieces) for name in ("kind", "surface")}
-    table |= {name: ti.field(ti.i32, shape=bodies) for name in ("material", "present", "moving")}
+    table |= {name: ti.field(ti.i32, shape=bodies) for name in ("material", "present", "moving", "moved")}
     table |= {"size": ti.field(ti.f64, shape=pieces), "sweep": ti.field(ti.f64, shape=bodies)}
     table["profile"] = ti.Vector.field(4, ti.f64, shape=pieces)
     table["turn"] = ti.Matrix.field(3, 3, ti.f64, shape=bodies)
@@ -139,14 +140,29 @@ def wall_distance(walls: ti.template(), w, offset):
 @ti.func
 def into_wall_frame(walls: ti.template(), s, position):
     """Position seen from surface s as if it had not moved [m]."""
-    centre = walls.centre[s]
-    return walls.turn[s].transpose() @ (position - centre - walls.shift[s]) + centre
+    seen = position
+    if walls.moved[s] == 1:
+        centre = walls.centre[s]
+        seen = walls.turn[s].transpose() @ (position - centre - walls.shift[s]) + centre
+    return seen
+
+
+@ti.func
+def out_of_wall_frame(walls: ti.template(), s, direction):
+    """Where a direction points to that is seen from surface s as if it had not moved."""
+    turned = direction
+    if walls.moved[s] == 1:
+        turned = walls.turn[s] @ direction
+    return turned
 
 
 @ti.func
 def surface_velocity(walls: ti.template(), s, position):
     """Velocity of the material of surface s at a position [m s-1]."""
-    return walls.velocity[s] + walls.spin[s].cross(position - walls.centre[s] - walls.shift[s])
+    velocity = 0.0 * position
+    if walls.moved[s] == 1:
+        velocity = walls.velocity[s] + walls.spin[s].cross(position - walls.centre[s] - walls.shift[s])
+    return velocity
 
 
 @ti.func

@@ -103,6 +103,9 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
         stream.set_sinks(*sinks, default_blueprint=blueprint(header.kind, focus))
     except OSError as error:
         raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
+    except RuntimeError as error:  # so rerun says that the disk takes not even the first bytes
+        call_off_the_wait(stream)
+        raise BadInput(f"{path}: the recording cannot be begun ({error})") from error
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(header.name)

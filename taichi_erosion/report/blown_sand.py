@@ -159,7 +159,7 @@ def adhesion_table(found: Found, measured: Table) -> str:
         [label, *(threshold_cell(found.get((g, label), {}), n) for n in IMPACT for g in BOTH.values())]
         for label in labels
     ]
-    errors = [shown(rms_error(found, measured, n, g, labels)) for n in IMPACT for g in BOTH.values()]
+    errors = [shown(rms_error(found, measured, n, g)) for n in IMPACT for g in BOTH.values()]
     return markdown_table(header, [*rows, ["rms of ln simulated / measured", *errors]])
 
 
@@ -168,10 +168,14 @@ def threshold_cell(case: dict[str, Row], name: str) -> str:
     return shown(case[name].value, case[name].standard_error) if name in case else ""
 
 
-def rms_error(found: Found, measured: Table, name: str, group: str, labels: Sequence[str]) -> float:
-    """Root mean square of ln(simulated / measured) [1] over the measured sands between given diameters."""
+def rms_error(found: Found, measured: Table, name: str, group: str) -> float:
+    """Root mean square of ln(simulated / measured) [1] over the measured sands between simulated ones.
+
+    Only diameters count that were simulated both with adhesion and without.
+    """
     sizes, values = simulated_thresholds(found, name, group)
-    kept = np.isin(np.round(sizes / MILLI, 6), [round(float(label), 6) for label in labels])
+    both = [set(simulated_thresholds(found, name, which)[0]) for which in BOTH.values()]
+    kept = np.isin(sizes, list(set.intersection(*both)))
     sand = (sizes[kept], values[kept])
     gaps = [
         np.log(predicted(MILLI * float(line["diameter [mm]"]), density_of(line), sand) / float(line["value"]))
@@ -269,6 +273,9 @@ def draw_impact(found: Found, measured: Table, hopping: Table, file: Path) -> No
     alone = [(float(line["diameter [mm]"]), float(line[OVER_BED])) for line in hopping]
     frame.plot(*zip(*alone, strict=True), "-.", color=OURS, label=HOPPING)
     frame.set(xscale="log", yscale="log", xlabel="diameter [mm]", ylabel="impact threshold u* [m/s]")
+    for set_formatter in (frame.xaxis.set_major_formatter, frame.yaxis.set_major_formatter):
+        set_formatter("{x:g}")
+    frame.yaxis.set_minor_formatter("{x:g}")
     frame.legend(frameon=False, fontsize=8)
     figure.savefig(file, dpi=110)
     plt.close(figure)

@@ -61,6 +61,11 @@ def together(found: Found, more: Found) -> Found:
     }
 
 
+def wind_of(label: str) -> float:
+    """Friction velocity in the label of a case [m s-1]."""
+    return float(label.rsplit(maxsplit=1)[1])
+
+
 def saturated_table(found: Found) -> str:
     """The winds over every sand: flux, and who carries the stress."""
     header = (
@@ -71,8 +76,8 @@ def saturated_table(found: Found) -> str:
     thresholds = saturated_thresholds(found)
     for name, winds in sorted(winds_of(found).items(), key=lambda item: (item[0][0], float(item[0][1]))):
         end = thresholds[name][STRESS_LINE].value if name in thresholds else nan
-        for (group, label), case in winds.items():
-            wind = float(label.rsplit(maxsplit=1)[1])
+        for (group, label), case in sorted(winds.items(), key=lambda item: wind_of(item[0][1])):
+            wind = wind_of(label)
             left, carried = (case[share].value for share in SHARES)
             rows.append(
                 (

@@ -8,25 +8,32 @@ from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.page import fill_table, markdown_table
 
 PAGE = "speed.md"
-STAGES = ("pairs", "walls", "motion", "rebuild")
+STAGES = ("pairs", "walls", "motion", "rebuild", "looks")
 
 Case = Mapping[str, Any]
 
 
 def grain_table(cases: Sequence[Case]) -> str:
     """Speed on grains, with the share of every stage."""
-    header = ("case", "grains", "threads", "precision", "M grain-steps/s", "per core", "contacts per grain")
+    known, rates = ("grains", "threads", "precision"), ("M grain-steps/s", "per core", "contacts per grain")
     rows = [
         (
             case["case"],
-            *(str(case[key]) for key in ("grains", "threads", "precision")),
-            *(f"{case[key]:.2f}" for key in ("M grain-steps/s", "per core", "contacts per grain")),
-            *(f"{100.0 * case['stages'][stage]:.0f} %" for stage in STAGES),
+            *(str(case[key]) for key in known),
+            *(f"{case[key]:.2f}" for key in rates),
+            f"{case['bytes per grain']:.0f}",
+            *shares(case, STAGES),
         )
         for case in cases
         if "contacts per grain" in case
     ]
-    return markdown_table((*header, *STAGES), rows)
+    return markdown_table(("case", *known, *rates, "bytes per grain", *STAGES), rows)
+
+
+def shares(case: Case, stages: Sequence[str]) -> tuple[str, ...]:
+    """Share of every stage; those that a case does not have stay empty."""
+    found = case["stages"]
+    return tuple(f"{100.0 * found[stage]:.0f} %" if stage in found else "" for stage in stages)
 
 
 def air_table(cases: Sequence[Case]) -> str:
@@ -43,8 +50,9 @@ def air_table(cases: Sequence[Case]) -> str:
 
 def scaling_table(cases: Sequence[Case]) -> str:
     """Cost of a grain-step and memory on wider and wider beds, the cost also over that of the smallest."""
-    beds = [case for case in cases if "bytes per grain" in case]
+    beds = [case for case in cases if "ns per grain-step" in case]
     header = ("grains", "ns per grain-step", "over the smallest", "contacts per grain", "bytes per grain")
+    stages = STAGES[:-1]  # no looks at the air
     rows = [
         (
             str(bed["grains"]),
@@ -52,10 +60,11 @@ def scaling_table(cases: Sequence[Case]) -> str:
             f"{bed['ns per grain-step'] / beds[0]['ns per grain-step']:.2f}",
             f"{bed['touching']:.2f}",
             f"{bed['bytes per grain']:.0f}",
+            *shares(bed, stages),
         )
         for bed in beds
     ]
-    return markdown_table(header, rows)
+    return markdown_table((*header, *stages), rows)
 
 
 def threshold_table(cases: Sequence[Case]) -> str:
@@ -74,6 +83,12 @@ def threshold_table(cases: Sequence[Case]) -> str:
         for case in cases
     ]
     return markdown_table(header, rows)
+
+
+def start_table(starts: Mapping[str, Mapping[str, float]]) -> str:
+    """What it takes from the call of `run` to the first step, by the state of the cache."""
+    rows = [(name, f"{took['wall']:.1f} s", f"{took['cpu']:.1f} s") for name, took in starts.items()]
+    return markdown_table(("cache", "wall time", "of one core"), rows)
 
 
 def publish(document: Mapping[str, Any], docs: Path) -> Path:

@@ -7,7 +7,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.core.transfer import download, read, upload
+from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.sizes import grown
 from taichi_erosion.simulation.state import export_state, import_state
@@ -54,7 +54,8 @@ def launch_steps(sim: Simulation) -> int:
 def launch(sim: Simulation, steps: Integers) -> Integers:
     """Run once; returns the steps that each replica did not do."""
     replicas, count = sim.world.replicas, len(steps)
-    upload([(replicas.steps_left, steps), (replicas.arrivals, np.zeros(count))])
+    upload([(replicas.steps_left, steps)])
+    write(replicas.arrivals, 0)
     start = time.perf_counter()
     size = min(sim.workers // count, sim.sizes.partitions)
     if size > 1:

@@ -12,7 +12,7 @@ from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import read
 from taichi_erosion.coupling.surroundings import Surroundings, surround
 from taichi_erosion.grains.batches import batch_type
-from taichi_erosion.grains.cells import allocate_cells
+from taichi_erosion.grains.cells import PERIOD_CELLS_LEAST, allocate_cells
 from taichi_erosion.grains.clumps import allocate_clumps
 from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
 from taichi_erosion.grains.held import allocate_held
@@ -30,7 +30,6 @@ from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.turns import Turns, allocate_turns
 
 POOL_LEAST = 2  # threads: runs on one core and on two share their kernels; who has no work sleeps
-PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
 
 
 @dataclass

@@ -7,7 +7,7 @@ import numpy as np
 
 from taichi_erosion.core.effect import Acting, rebind
 from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
-from taichi_erosion.core.transfer import upload
+from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.grains.materials import device_columns
 from taichi_erosion.simulation.assemble import Simulation
 
@@ -33,9 +33,11 @@ def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> No
     walls = sim.world.walls
     place = surface_index(sim, replica, name)
     moves = any((*motion.velocity, *motion.spin))
+    moved = moves or download([walls.moved], place, 1)[0][0] > 0.0
     sweep = shape_speed(sim.setups[replica], place % sim.sizes.surfaces, motion)
     vectors = [(getattr(walls, name), [getattr(motion, name)]) for name in ("velocity", "spin", "centre")]
-    upload([(walls.moving, [float(moves)]), (walls.sweep, [sweep]), *vectors], place)
+    words = [(walls.moving, [float(moves)]), (walls.moved, [float(moved)]), (walls.sweep, [sweep])]
+    upload([*words, *vectors], place)
     make_stale(sim, replica)
 
 

@@ -89,7 +89,7 @@ def fill_replicas(
 def fill_cells(world: World, setups: list[Setup], reaches: list[float]) -> None:
     """Cell grids."""
     grids = [cell_grid(s, reach, world.cells.capacity) for s, reach in zip(setups, reaches, strict=True)]
-    names = ("low", "inverse_width", "number")
+    names = ("most", "width_least", "low", "inverse_width", "number")
     upload([(getattr(world.cells, name), [getattr(grid, name) for grid in grids]) for name in names])
 
 

@@ -57,8 +57,8 @@ def sum_pair_forces(
             add_pair_forces(world_out, r, p)
         for p in range(replicas.partitions[r]):
             gather_forces(world_out, r, p)
-            first = partition_first(replicas.released[r], replicas.partitions[r], p)
-            for rank in range(first, partition_first(replicas.released[r], replicas.partitions[r], p + 1)):
+            first = partition_first(replicas, r, p)
+            for rank in range(first, partition_first(replicas, r, p + 1)):
                 place = force_block(grains_out, replicas, r, p) + rank
                 for k in ti.static(range(3)):
                     sums_out[k] += ti.cast(grains_out.force[place][k], ti.f64)

@@ -128,6 +128,8 @@ def margins(setup: Setup) -> Margins:
 class Grid:
     """Cells of one replica."""
 
+    most: int  # cells
+    width_least: float  # m
     low: Floats  # [3] m
     inverse_width: Floats  # [3] m-1
     number: tuple[int, int, int]
@@ -141,12 +143,12 @@ def cell_grid(setup: Setup, reach: float, cells: int) -> Grid:
     low, high = occupied_box(setup)
     least = 2.0 * margins(setup).grasp + reach
     span = np.maximum(high - low, least)
-    budget = min(cells, max(CELLS_LEAST, round_up(len(setup.grains.radius) * CELLS_PER_GRAIN)))
+    most = min(cells, max(CELLS_LEAST, round_up(len(setup.grains.radius) * CELLS_PER_GRAIN)))
     width = least
-    while np.prod(np.maximum(np.floor(span / width), 1.0)) > budget:
+    while np.prod(np.maximum(np.floor(span / width), 1.0)) > most:
         width *= 1.1
     number = np.maximum(np.floor(span / width), 1.0)
-    return Grid(low, number / span, (int(number[0]), int(number[1]), int(number[2])))
+    return Grid(most, least, low, number / span, (int(number[0]), int(number[1]), int(number[2])))
 
 
 def occupied_box(setup: Setup) -> tuple[Floats, Floats]:

@@ -6,6 +6,8 @@ from functools import partial
 from typing import Any
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import read
+from taichi_erosion.coupling.look import look
 from taichi_erosion.grains.integrate import advance_grains, gather_forces
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.wall_contacts import add_wall_forces
@@ -69,6 +71,19 @@ def repeat_rebuild(
         rebuild(world_out, 0, 0, 1, 1)
 
 
+@ti.kernel
+def repeat_looks(
+    # parameters
+    repeats: ti.i32,
+    # out
+    world_out: ti.template(),
+    around_out: ti.template(),
+):
+    ti.loop_config(serialize=True)
+    for _ in range(repeats):
+        look(world_out, around_out, 0, 0, 1, 1)
+
+
 STAGES: dict[str, Any] = {
     "pairs": repeat_pairs,
     "walls": repeat_walls,
@@ -78,17 +93,21 @@ STAGES: dict[str, Any] = {
 
 
 def stage_times(sim: Simulation) -> dict[str, float]:
-    """Nanoseconds per grain and call of every stage of replica 0, on one thread.
+    """Nanoseconds per grain and step of every stage of replica 0, on one thread; of `rebuild` per call.
 
-    The motion comes last, since it moves the grains.
+    The motion comes last, since it moves the grains. Looks at the air, of which there is one in many steps,
+    are shared among those.
     """
     _, released, _, _ = replica_row(sim, 0)
     times = {}
-    for name, kernel in STAGES.items():
+    looks = {"looks": partial(repeat_looks, around_out=sim.around)} if sim.world.driven else {}
+    for name, kernel in (looks | STAGES).items():
         run: Callable[[], None] = partial(kernel, REPEATS, sim.world)
         kernel(1, sim.world)
         start = time.perf_counter()
         run()
         times[name] = 1e9 * (time.perf_counter() - start) / (REPEATS * max(released, 1))
+    if looks:
+        times["looks"] /= float(read(sim.around.exchange.look_steps)[0])
     make_stale(sim, 0)
     return times

@@ -20,8 +20,8 @@ GRAIN = (*MOTION, "radius", "mass_inverse", "travel_squared", "material", "ident
 FAULT = ("fault_grain", "fault_partner", "fault_value")
 RATE = ("acceleration", "spin_rate")
 PAIR = ("neighbour", "label", "separation", "root_radius", "damping", "rolling_damping", "slip", "tilt")
-WALL_PAIR = ("wall", "label", "slip", "tilt")
-SURFACE = ("present", "moving", "shift", "turn", "velocity", "spin", "centre", "sweep")
+WALL_PAIR = ("wall", "label", "root_radius", "damping", "rolling_damping", "slip", "tilt")
+SURFACE = ("present", "moving", "moved", "shift", "turn", "velocity", "spin", "centre", "sweep")
 BODY = ("position", "velocity", "momentum", "orientation")
 
 
@@ -51,6 +51,7 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     world, rows = sim.world, sim.sizes.grains
     out: Arrays = dict(zip(GRAIN, download(fields_of(world.grains, GRAIN), block * rows, count), strict=True))
     out |= dict(zip(RATE, download(fields_of(world.grains, RATE), r * rows, count), strict=True))
+    out["bounds"] = read(world.replicas.bounds)[r]
     if world.driven:
         held = download(fields_of(world.held, HELD), block * rows, count)
         out |= {f"held_{name}": values for name, values in zip(HELD, held, strict=True)}
@@ -128,7 +129,7 @@ def capacity_wanted(state: Arrays, prefix: str) -> int:
     wanted = 0
     for r, partitions in enumerate(state["partitions"].astype(int)):
         joined = np.concatenate([[0], np.cumsum(state[f"replica{r}_{prefix}_number"])]).astype(int)
-        bounds = (len(joined) - 1) * np.arange(partitions + 1) // partitions
+        bounds = state[f"replica{r}_bounds"][: partitions + 1]
         wanted = max(wanted, int(partitions * np.diff(joined[bounds]).max()))
     return wanted
 
@@ -142,6 +143,9 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
         upload([(getattr(world.held, name), part[f"held_{name}"]) for name in HELD], 2 * r * rows)
     if world.sleeps:
         upload([(getattr(world.sleep, name), part[f"sleep_{name}"]) for name in CARRIED], 2 * r * rows)
+    bounds = read(world.replicas.bounds)
+    bounds[r] = part["bounds"]
+    write(world.replicas.bounds, bounds)
     part = part | {"wall_wall": part["wall_wall"] + r * sim.sizes.primitives}
     for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
         number = part[f"{prefix}_number"].astype(np.int64)
@@ -161,13 +165,14 @@ def upload_entries(
 ) -> None:
     """Lay the joined entries of a replica out by partition and write where each grain's begin and end."""
     partitions = int(download([sim.world.replicas.partitions], r, 1)[0][0])
+    bounds = read(sim.world.replicas.bounds)[r]
     count = len(number)
     begin = np.zeros(count, np.int64)
     joined = np.cumsum(number) - number
     block = 2 * r * table.capacity
     reach = []
     for p in range(partitions):
-        first, last = count * p // partitions, count * (p + 1) // partitions
+        first, last = int(bounds[p]), int(bounds[p + 1])
         if first < last:
             place = block + table.capacity // partitions * p
             begin[first:last] = place + joined[first:last] - joined[first]

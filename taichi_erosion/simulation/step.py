@@ -3,13 +3,14 @@
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.look import look
-from taichi_erosion.grains.cells import position_of, sort_grains
+from taichi_erosion.grains.cells import fit_cells, position_of, sort_grains
 from taichi_erosion.grains.clumps import advance_clumps, locate_spheres
 from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
 from taichi_erosion.grains.margins import count_wide
 from taichi_erosion.grains.neighbours import list_partition, move_grains, release_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
-from taichi_erosion.grains.state import REBUILD, STOP, side_block
+from taichi_erosion.grains.shares import share_grains
+from taichi_erosion.grains.state import MEETING, REBUILD, STOP, side_block
 from taichi_erosion.grains.team import is_mine, wait_for_team
 from taichi_erosion.grains.wall_contacts import add_wall_forces
 from taichi_erosion.grains.wall_lists import list_walls
@@ -38,12 +39,15 @@ def check_positions(world_out: ti.template(), r):
 
 @ti.func
 def prepare_rebuild(world_out: ti.template(), r):
-    """The part of a rebuild that one worker does: release, check, sort."""
+    """The part of a rebuild that one worker does: release, check, sort, share."""
     release_grains(world_out, r)
     check_positions(world_out, r)
     if world_out.replicas.status[r] == 0:
         count_wide(world_out, r)
+        if ti.static(not world_out.driven):
+            fit_cells(world_out.cells, world_out.grains, world_out.replicas, r)
         sort_grains(world_out.cells, world_out.grains, world_out.replicas, r)
+        share_grains(world_out, r)
 
 
 @ti.func
@@ -176,10 +180,10 @@ def run_turns(world_out: ti.template(), around_out: ti.template(), turns: ti.tem
     """Run the turns of one worker in order; a replica that another worker began is waited for."""
     for turn in range(turns.first[worker], turns.first[worker + 1]):
         r = turns.replica[turn]
-        while ti.atomic_add(world_out.replicas.arrivals[r], 0) < turns.order[turn]:
+        while ti.atomic_add(world_out.replicas.arrivals[r, MEETING], 0) < turns.order[turn]:
             pass
         run_replica(world_out, around_out, r, 0, 1, turns.steps[turn])
-        ti.atomic_add(world_out.replicas.arrivals[r], 1)
+        ti.atomic_add(world_out.replicas.arrivals[r, MEETING], 1)
 
 
 @ti.kernel

@@ -1,4 +1,4 @@
-"""A few hundred to a few thousand soft glass grains: loose filling, cylinder, orifice, plate.
+"""A few hundred to a few thousand soft glass grains: loose filling, cylinder, orifice, slot, plate.
 
 Grains are 2 mm glass with the shear modulus lowered to 5 MPa, so that 15 us is a fifth of the Rayleigh
 time; in beds of a few centimetres the overlap stays below 0.3 % of the radius, where flow and angle do not
@@ -32,6 +32,9 @@ MASS = sphere_mass(DIAMETER / 2.0, SOFT_GLASS.density)
 TIME_STEP = 1.5e-5  # s
 GRAVITY = (0.0, 0.0, -9.81)  # m s-2
 LATTICE = 1.1  # grain diameters between the centres of a loose filling [1]
+SLOT_LENGTH = 5.6 * DIAMETER  # m, five rows of a loose filling; the period along a slot
+TRAY = (0.0, 0.0, -30.0 * DIAMETER, 0.0, 0.0, 1.0)  # plane far below a silo
+PLUG = "wall2"  # of a silo's opening
 
 
 def soft_touch(friction: float, friction_rolling: float, surface_energy: float = 0.0) -> Touch:
@@ -78,16 +81,50 @@ def column_scene(touch: Touch, count: int, radius: float, seed: int) -> Setup:
     return sphere_setup(grains, contact_table(touch, touch), TIME_STEP, walls, GRAVITY)
 
 
-def silo_scene(touch: Touch, count: int, radius: float, orifice: float, seed: int) -> Setup:
-    """A flat-bottomed round silo; wall0 tube, wall1 bottom with a hole, wall2 its plug, wall3 tray below."""
+def silo_scene(touch: Touch, count: int, width: float, hole: float, seed: int) -> Setup:
+    """A flat-bottomed round silo with a round hole [m].
+
+    wall0 tube, wall1 bottom, wall2 plug, wall3 tray below.
+    """
+    radius, reach = width / 2.0, hole / 2.0
     grains = loose_grains(count, (radius, radius), True, seed)
     walls = joined(
         tube(radius, 0.0, 80.0 * DIAMETER),
-        revolved_segment((orifice / 2.0, 0.0), (radius, 0.0)),
-        revolved_segment((0.0, 0.0), (orifice / 2.0, 0.0)),
-        planes((0.0, 0.0, -30.0 * DIAMETER, 0.0, 0.0, 1.0)),
+        revolved_segment((reach, 0.0), (radius, 0.0)),
+        revolved_segment((0.0, 0.0), (reach, 0.0)),
+        planes(TRAY),
     )
     return sphere_setup(grains, contact_table(touch, touch), TIME_STEP, walls, GRAVITY)
+
+
+def slot_scene(touch: Touch, count: int, width: float, slot: float, seed: int) -> Setup:
+    """A flat-bottomed silo with a slot [m], periodic along it.
+
+    wall0 and wall1 sides, wall2 plug, wall3 bottom, wall4 tray below.
+    """
+    half, reach = width / 2.0, slot / 2.0
+    walls = joined(
+        planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
+        primitive_table(PrimitiveKind.TRIANGLE, strip(-reach, reach)),
+        primitive_table(PrimitiveKind.TRIANGLE, strip(-half, -reach) + strip(reach, half)),
+        planes(TRAY),
+    )
+    grains = loose_grains(count, (half, SLOT_LENGTH / 2.0), False, seed)
+    setup = sphere_setup(grains, contact_table(touch, touch), TIME_STEP, walls, GRAVITY)
+    return replace(setup, domain=endless(SLOT_LENGTH), period=(0.0, SLOT_LENGTH, 0.0))
+
+
+def strip(left: float, right: float) -> list[list[float]]:
+    """Two triangles at z = 0 between two x [m], along y much longer than any period."""
+    y = 100.0 * DIAMETER
+    corners = [[left, -y, 0.0], [right, -y, 0.0], [right, y, 0.0], [left, y, 0.0]]
+    return [corners[0] + corners[1] + corners[2], corners[0] + corners[2] + corners[3]]
+
+
+def endless(width: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Corners of a domain that is periodic along y and open elsewhere [m]."""
+    inf = float("inf")
+    return (-inf, -width / 2.0, -inf), (inf, width / 2.0, inf)
 
 
 def plate_scene(grain: Touch, plate: Touch, count: int, half_length: float, seed: int) -> Setup:
@@ -97,11 +134,9 @@ def plate_scene(grain: Touch, plate: Touch, count: int, half_length: float, seed
     do not matter.
     """
     width = 5.0 * DIAMETER
-    x, y = half_length, 100.0 * DIAMETER
-    corners = [[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]]
-    plate_triangles = [corners[0] + corners[1] + corners[2], corners[0] + corners[2] + corners[3]]
+    x = half_length
     walls = joined(
-        primitive_table(PrimitiveKind.TRIANGLE, plate_triangles),
+        primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x)),
         planes(
             (-x, 0.0, 0.0, 1.0, 0.0, 0.0),
             (x, 0.0, 0.0, -1.0, 0.0, 0.0),
@@ -110,6 +145,4 @@ def plate_scene(grain: Touch, plate: Touch, count: int, half_length: float, seed
     )
     grains = loose_grains(count, (x, width / 2.0), False, seed)
     setup = sphere_setup(grains, contact_table(grain, plate), TIME_STEP, walls, GRAVITY)
-    inf = float("inf")
-    domain = ((-inf, -width / 2.0, -inf), (inf, width / 2.0, inf))
-    return replace(setup, domain=domain, period=(0.0, width, 0.0))
+    return replace(setup, domain=endless(width), period=(0.0, width, 0.0))

@@ -71,7 +71,7 @@ LADDER: dict[str, Check] = {
     "V30": settling.terminal_velocities,
     "V31": packed_bed.packed_bed,
     "V32": exchange.action_and_reaction,
-    "V33": discharge.orifice_flow,
+    "V33": discharge.opening_flow,
     "V34": heaps.repose_trends,
     "V36": saltation.saltation,
     "V37": designed_effects.recovered_effects,

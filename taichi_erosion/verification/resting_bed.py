@@ -6,7 +6,7 @@ The air is that of the simulator, a column that the bed's own grains slow down; 
 """
 
 from collections.abc import Callable, Sequence
-from math import log
+from math import exp, log
 
 import numpy as np
 
@@ -17,16 +17,21 @@ from taichi_erosion.run.stages import Actor
 from taichi_erosion.scene import Scene, build_setup, laws
 from taichi_erosion.simulation import Simulation, assemble, snapshot
 from taichi_erosion.simulation.wind import air_profile, develop_wind
-from taichi_erosion.verification.reference.hopping import CENTRE, KARMAN, Blow, Sand, hopping_threshold
+from taichi_erosion.verification.reference.hopping import CENTRE, KARMAN, Blow, Sand
 
 DROPS = 2000  # places on a bed where a grain is laid down
 SEED = 1
 
 
-def thresholds_over_beds(scenes: Sequence[Scene], sands: Sequence[Sand]) -> list[float]:
-    """Lowest friction velocity in which one grain goes on over the bed of each scene [m s-1]."""
+def winds_over_beds(scenes: Sequence[Scene], sands: Sequence[Sand]) -> list[Callable[[float], Blow]]:
+    """The wind of a friction velocity [m s-1] over the bed that each scene comes to."""
     sim = resting_beds(scenes)
-    return [hopping_threshold(sand, bed_wind(sim, k, sand.diameter)) for k, sand in enumerate(sands)]
+    return [bed_wind(sim, k, sand.diameter) for k, sand in enumerate(sands)]
+
+
+def roughness(blow: Blow, friction: float, height: float) -> float:
+    """Roughness length z0 [m] of u = (u* / kappa) ln(z / z0), as seen from a height [m] far above the bed."""
+    return height * exp(-KARMAN * blow(height) / friction)
 
 
 def resting_beds(scenes: Sequence[Scene]) -> Simulation:

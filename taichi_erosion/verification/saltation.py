@@ -42,8 +42,8 @@ from taichi_erosion.run.stages import Actor
 from taichi_erosion.scene import Scene, build_setup, laws, parse_scene
 from taichi_erosion.simulation import assemble
 from taichi_erosion.verification.claim import Outcome, below, holds, relative
-from taichi_erosion.verification.reference.hopping import Sand
-from taichi_erosion.verification.resting_bed import thresholds_over_beds
+from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
+from taichi_erosion.verification.resting_bed import winds_over_beds
 
 SMALLEST = 0.25e-3  # m
 DIAMETERS = (1.0, 2.0)  # over the smallest [1]
@@ -177,7 +177,8 @@ def saltation() -> Iterator[Outcome]:
     ratio = second.middle / first.middle
     yield relative(claim, ratio, sqrt(DIAMETERS[1]), 0.1, "f32")
     sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in DIAMETERS]
-    alone = thresholds_over_beds([at_rest(size) for size in DIAMETERS], sands)
+    winds = winds_over_beds([at_rest(size) for size in DIAMETERS], sands)
+    alone = [hopping_threshold(sand, over) for sand, over in zip(sands, winds, strict=True)]
     claim = "the same over that of winds in which one grain goes on over either bed"
     yield relative(claim, ratio / (alone[1] / alone[0]), 1.0, 0.1, "f32")
     fluid = rest.get("fluid_threshold", nan)

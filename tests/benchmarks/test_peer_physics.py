@@ -13,25 +13,37 @@ from benchmarks.peers.physics_cases import (
     BED_SIDE,
     falling_bed,
     shear_effective,
+    weight,
     young_effective,
 )
-from benchmarks.peers.physics_codes import LAMMPS_TSUJI, ROLLING_SPRING, told_for, told_restitution
+from benchmarks.peers.physics_codes import (
+    LAMMPS_TSUJI,
+    ROLLING_SPRING,
+    lammps_normal,
+    told_for,
+    told_restitution,
+)
 from benchmarks.peers.physics_column import (
     BOX_D,
     FREE,
     ONE_LAW,
     POISSON,
+    STICKY,
+    STICKY_FREE,
     TUBE_D,
     USUAL,
     column_scene,
     column_soil,
     lammps_rolling,
     rolling_spring,
+    surface_energy,
 )
 from benchmarks.peers.physics_impact import IMPACT, LAWS, SPEED, oblique, speed_left
 from benchmarks.peers.physics_measures import (
+    CLOSE,
     Rest,
     bed_numbers,
+    close_numbers,
     depth,
     heap_numbers,
     stack_numbers,
@@ -126,8 +138,35 @@ def test_without_rolling_friction_no_code_has_a_law_of_rolling():
     assert column_scene(USUAL).laws.rolling == "elastic_plastic"
 
 
+def test_sticky_grains_pull_each_other_with_two_weights_and_walls_with_nothing():
+    for column in (STICKY_FREE, STICKY):
+        soil, scene = column_soil(column), column_scene(column)
+        energy = {name: contact.surface_energy for name, contact in scene.contact.items()}
+        pull = 3.0 * np.pi * energy.pop("grain-grain") * 0.25 * soil.diameter
+        assert pull == pytest.approx(2.0 * weight(soil))
+        assert set(energy.values()) == {0.0}
+        assert scene.laws.normal == "jkr"
+        law, *words = lammps_normal(column, 0.6).split()
+        assert law == "jkr"
+        assert list(map(float, words)) == [soil.young, 0.6, soil.poisson, surface_energy(column)]
+    assert column_scene(USUAL).laws.normal == "hertz"
+    assert lammps_normal(USUAL, 0.6).startswith("hertz/material")
+
+
+def test_grains_with_a_stretched_neck_count_as_neighbours():
+    soil = column_soil(STICKY)
+    neck = (np.pi * surface_energy(STICKY) * (0.25 * soil.diameter) ** 2 / young_effective(soil)) ** (
+        1.0 / 3.0
+    )
+    tear = -jkr.overlap_at(jkr.CUBE_TEAR) * neck**2 / (0.25 * soil.diameter)
+    assert 1.0 + tear / soil.diameter < CLOSE
+    place = np.array([[0.0, 0.0, 0.0], [soil.diameter + tear, 0.0, 0.0], [3.0 * soil.diameter, 0.0, 0.0]])
+    (found,) = dict(close_numbers(Rest(place, place, place), soil)).values()
+    assert found == pytest.approx(2.0 / 3.0)
+
+
 def test_the_rim_stands_between_the_tube_and_the_sides_of_the_box():
-    for column in (FREE, ONE_LAW, USUAL):
+    for column in (FREE, ONE_LAW, USUAL, STICKY_FREE, STICKY):
         assert TUBE_D < column.rim_d < BOX_D
 
 

@@ -35,8 +35,8 @@ room.ROOM_LEAST = 0  # as if another program had filled the disk since
 stream.FLUSH_LIMIT = 1.0  # s
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-recording = stream.open_recording(path, HEADER)
 try:
+    recording = stream.open_recording(path, HEADER)
     for frame in range(60):
         stream.log_frame(recording, heap_snapshot(frame), MOVING)
         stream.flush(recording)
@@ -87,6 +87,14 @@ def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path:
 def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(small_disk: Path):
     path = small_disk / "heap.rrd"
     assert_beginning_is_kept(write_until_refused(path, limit=0), path)
+
+
+def test_a_recording_whose_first_byte_is_refused_is_told_in_one_line(tmp_path: Path):
+    ended = write_until_refused(tmp_path / "heap.rrd", limit=1)
+    told = [line for line in ended.stderr.splitlines() if "rrd" in line]
+    assert len(told) == 1
+    assert told[0].startswith(f"told: {tmp_path}/heap.rrd: the recording cannot be begun (")
+    assert ended.returncode == 1
 
 
 def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(small_disk: Path):

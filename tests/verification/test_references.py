@@ -118,11 +118,20 @@ def test_weight_costs_a_damped_bounce_some_height() -> None:
     assert bouncing.rebound_speed(spring, 2.0, 9.81) < bouncing.rebound_speed(spring, 2.0, 0.0)
 
 
-def test_beverloo_fits_return_the_law_they_were_given() -> None:
+@pytest.mark.parametrize("exponent", [1.5, 2.5])
+def test_beverloo_fits_return_the_law_they_were_given(exponent: float) -> None:
     orifice, diameter = np.array([0.01, 0.013, 0.016]), 0.002
-    flow = 7.0 * (orifice - 1.5 * diameter) ** 2.5
-    assert bulk.discharge_fit(orifice, diameter, flow) == pytest.approx((1.5, 2.5))
-    assert bulk.discharge_edge(orifice, diameter, flow) == pytest.approx(1.5)
+    flow = 7.0 * (orifice - 1.5 * diameter) ** exponent
+    assert bulk.discharge_fit(orifice, diameter, flow) == pytest.approx((1.5, exponent))
+    assert bulk.discharge_edge(orifice, diameter, flow, exponent) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.5])
+def test_the_coefficient_of_a_discharge_is_the_one_in_its_law(exponent: float) -> None:
+    density, width, diameter = np.full(2, 1500.0), np.array([0.012, 0.022]), 0.002
+    flow = 0.6 * density * np.sqrt(9.81) * (width - 1.4 * diameter) ** exponent
+    found = bulk.discharge_coefficient(flow, density, width, diameter, exponent)
+    assert found == pytest.approx(0.6)
 
 
 def test_zhou_formula_gives_the_angle_of_the_known_example() -> None:

@@ -1,13 +1,13 @@
 """Where grains land on a bed, against geometry."""
 
-from math import pi, sqrt
+from math import log, pi, sqrt
 
 import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold, wind
-from taichi_erosion.verification.resting_bed import DROPS, landing_heights
+from taichi_erosion.verification.reference.hopping import KARMAN, Sand, hopping_threshold, wind
+from taichi_erosion.verification.resting_bed import DROPS, landing_heights, roughness
 
 DIAMETER = 2.5e-4  # m
 
@@ -58,3 +58,8 @@ def test_a_wind_that_a_bed_slows_down_must_be_stronger_to_keep_a_grain_going():
     alone = hopping_threshold(sand)
     # u goes with u* and somewhat more near the bed, where the viscous layer becomes thinner
     assert 1.05 < hopping_threshold(sand, slowed) / alone < 1.25
+
+
+def test_the_roughness_of_a_log_law_is_found_again():
+    z0, friction = 1e-5, 0.3
+    assert roughness(lambda z: friction / KARMAN * log(z / z0), friction, 0.02) == pytest.approx(z0, rel=1e-9)

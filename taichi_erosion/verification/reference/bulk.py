@@ -1,4 +1,4 @@
-"""Correlations for flowing grains: discharge through an orifice and the angle of a discharged heap.
+"""Correlations for flowing grains: discharge through an opening and the angle of a discharged heap.
 
 Reference: Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260; Zhou, Xu, Yu & Zulli (2002),
 Powder Technology 125, 45.
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-BEVERLOO_EXPONENT = 2.5  # circular orifice [1]
+HOLE_EXPONENT, SLOT_EXPONENT = 2.5, 1.5  # round hole, slot without ends [1]
 BEVERLOO_EDGES = np.linspace(1.2, 1.6, 41)  # k of spheres [1]
 BEVERLOO_EDGE = 1.4  # k: grain diameters that the rim takes from the orifice [1], spheres
 
@@ -28,16 +28,18 @@ def discharge_fit(orifice: Floats, diameter: float, flow: Floats) -> tuple[float
     return float(edge), exponent
 
 
-def discharge_edge(orifice: Floats, diameter: float, flow: Floats) -> float:
-    """K of W = c (D - k d)^(5/2): W^(2/5) is a straight line in D that crosses zero at k d."""
-    slope, offset = np.polyfit(orifice, flow ** (1.0 / BEVERLOO_EXPONENT), 1)
+def discharge_edge(orifice: Floats, diameter: float, flow: Floats, exponent: float) -> float:
+    """K of W = c (D - k d)^n with n given: W^(1/n) is a straight line in D that crosses zero at k d."""
+    slope, offset = np.polyfit(orifice, flow ** (1.0 / exponent), 1)
     return float(-offset / slope / diameter)
 
 
-def discharge_coefficient(flow: float, bulk_density: float, orifice: float, diameter: float) -> float:
-    """C of W = C rho_b sqrt(g) (D - k d)^(5/2) [1]; 0.55 to 0.65 for spheres."""
+def discharge_coefficient(
+    flow: Floats, bulk_density: Floats, orifice: Floats, diameter: float, exponent: float
+) -> Floats:
+    """C of W = C rho_b sqrt(g) (D - k d)^n [1], W for a slot that per length; k = 1.4."""
     open_width = orifice - BEVERLOO_EDGE * diameter
-    return flow / (bulk_density * np.sqrt(9.81) * open_width**BEVERLOO_EXPONENT)
+    return flow / (bulk_density * np.sqrt(9.81) * open_width**exponent)
 
 
 def zhou_angle(

@@ -1,0 +1,31 @@
+"""The tables of `docs/speed.md` that need no other code: `python -m benchmarks.page`.
+
+On a machine that does nothing else; a quarter of an hour. What other codes take is asked by
+`benchmarks.peers`, a quick discovery is timed by `benchmarks.discovery`; `benchmarks.threshold` adds a row to
+the table of thresholds.
+"""
+
+import sys
+from pathlib import Path
+
+from benchmarks import start
+from taichi_erosion.benchmark import run_benchmarks
+from taichi_erosion.report.speed import publish
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def tell(_: float, name: str) -> None:
+    """Say what is timed now."""
+    sys.stderr.write(f"{name}\n")
+
+
+def main() -> int:
+    """Time all cases and fill the tables."""
+    publish(run_benchmarks(tell), DOCS)
+    start.main([])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

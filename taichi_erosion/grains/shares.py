@@ -1,0 +1,53 @@
+"""Sharing the grains of a replica among its partitions, so that all take about as long.
+
+A grain costs what its motion, its listed pairs and its contacts took before the rebuild. Counted, not timed:
+the bounds must be the same in every run, since forces are summed partition by partition.
+"""
+
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.pairs import ENGAGED
+from taichi_erosion.grains.state import side_block
+
+# in the time that it takes to see that a listed pair is apart; measured in a funnel that empties
+GRAIN = 2  # motion and a share of the rebuild
+CONTACT = 3  # of a pair that touches, beyond that
+WALL = 4  # of a wall in the list
+WALL_CONTACT = 12  # of a wall that is touched, beyond that
+
+
+@ti.func
+def touching(entries: ti.template(), i):
+    """Contacts that act, of those that stand with the grain at place i."""
+    number = 0
+    for e in range(entries.start[i], entries.stop[i]):
+        number += entries.label[e] & ENGAGED
+    return number
+
+
+@ti.func
+def cost(world: ti.template(), i):
+    """Cost of the grain at place i, from its lists before the rebuild."""
+    pairs, walls = ti.static((world.pairs, world.wall_pairs))
+    listed = pairs.stop[i] - pairs.start[i] + WALL * (walls.stop[i] - walls.start[i])
+    return GRAIN + listed + CONTACT * touching(pairs, i) + WALL_CONTACT * touching(walls, i)
+
+
+@ti.func
+def share_grains(world_out: ti.template(), r):
+    """Bounds of all partitions of replica r in the new order, by one worker."""
+    grains, cells, replicas_out = ti.static((world_out.grains, world_out.cells, world_out.replicas))
+    base = side_block(grains, r, replicas_out.side[r])
+    count, parts = replicas_out.released[r], replicas_out.partitions[r]
+    whole = ti.cast(0, ti.i64)
+    if parts > 1:
+        for i in range(base, base + count):
+            whole += cost(world_out, i)
+    begun = 1
+    spent = ti.cast(0, ti.i64)
+    for rank in range(count * ti.cast(parts > 1, ti.i32)):
+        while begun < parts and spent * parts >= whole * begun:
+            replicas_out.bounds[r, begun] = rank
+            begun += 1
+        spent += cost(world_out, base + cells.order[r * grains.capacity + rank])
+    for p in range(begun, parts):
+        replicas_out.bounds[r, p] = count
