@@ -40,11 +40,11 @@ goes on, by more than the fifth that is allowed; over 0.25 mm it does not. It is
 beds of 0.5 and 1 mm under other winds (`docs/threshold.md`, wind by wind) show the same growth with the wind.
 Owen has it constant; why it grows over coarse grains is not known here, and until then those rows fail.
 
-The thresholds of V36 are known to a twentieth or a tenth: four winds of two seconds leave as much scatter. Two
-runs, alike but for the time after which deep grains sleep, read 0.250 and 0.278 m/s for 0.5 mm, 1.48 and 1.65
-of that for 0.25 mm. One grain that hops in the wind over these very beds goes on down to 0.171 and 0.255 m/s,
-in a ratio of 1.49: more than the root of two, because grains of 0.5 mm stick out of the viscous sublayer and
-slow the wind down (over a plane it goes on down to 0.167 and 0.233 m/s).
+The thresholds of V36 are known to a twentieth or a tenth: four winds of two seconds leave as much scatter.
+Two runs, alike but for the time after which deep grains sleep, read 0.250 and 0.278 m/s for 0.5 mm, 1.48 and
+1.65 of that for 0.25 mm. One grain that hops in the wind over these very beds goes on down to 0.171 and
+0.255 m/s, in a ratio of 1.49: more than the root of two, because grains of 0.5 mm stick out of the viscous
+sublayer and slow the wind down (over a plane it goes on down to 0.167 and 0.233 m/s).
 
 V36 read 0.128 m/s for 0.25 mm from the line of the flux of beds over which the wind fell by 7 percent
 every 0.4 s. That flux was not saturated: in a wind a tenth too weak one grain hops on for 1.3 s, and in
