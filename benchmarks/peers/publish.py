@@ -63,10 +63,7 @@ def joined(files: Sequence[Path]) -> list[Sample]:
 def cells(row: Row) -> tuple[str, ...]:
     """One row of the page."""
     rates = [f"{rate / MEGA:.2f}" for rate in (row.rate, row.rate_low, row.rate_high)]
-    ours = row.code.startswith("ours")
-    gains = [
-        "" if ours or name not in row.gain else f"{row.gain[name]:.2f}" for name in ("ours f32", "ours f64")
-    ]
+    gains = ["" if row.code in OURS or name not in row.gain else f"{row.gain[name]:.2f}" for name in OURS]
     asked = ASKED.get((row.case, row.code))
     return (
         NAMES[row.case],

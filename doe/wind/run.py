@@ -86,6 +86,12 @@ def bond_number(diameter: float) -> float:
     return BETA * diameter / (pi / 6.0 * diameter**3 * Sand(diameter).density * GRAVITY)
 
 
+def size_order(diameter: float) -> str:
+    """Setting of the sizes about a median [m]."""
+    sizes = ", ".join(f"{name} = {share * diameter:.6g}" for name, share in SIZES.items())
+    return f'grains.size={{ law = "lognormal", sigma_log = 0.1, {sizes} }}'
+
+
 def impact_orders(diameter: float, pull: float = 0.0) -> tuple[str, ...]:
     """Settings of one diameter [m]: all ratios of lengths and forces but those of the air stay.
 
@@ -93,9 +99,8 @@ def impact_orders(diameter: float, pull: float = 0.0) -> tuple[str, ...]:
     """
     size = diameter / REFERENCE
     winds = {path: (1.0 + pull) ** 0.5 * value for path, value in WINDS.items()}
-    sizes = ", ".join(f"{name} = {share * diameter:.6g}" for name, share in SIZES.items())
     return (
-        f'grains.size={{ law = "lognormal", sigma_log = 0.1, {sizes} }}',
+        size_order(diameter),
         f"materials.sand.shear_modulus={MODULUS * size:.6g}",
         *(f"{path}={size * value:.6g}" for path, value in TIMES.items()),
         *(f"{path}={size**0.5 * value:.6g}" for path, value in (HOPS | winds).items()),

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from run import ADHESION, DIAMETERS, FINE, SIZES, bond_number
+from run import ADHESION, DIAMETERS, FINE, bond_number, size_order
 
 from taichi_erosion.campaign.cases import Case, perform, read_rows, settings
 from taichi_erosion.report.blown_sand import STICKY
@@ -47,9 +47,8 @@ def cases(diameter: float, sticky: bool) -> Iterator[Case]:
     heavier = (1.0 + bond_number(diameter)) ** 0.5 if sticky else 1.0
     goes_on = heavier * hopping_threshold(Sand(diameter))
     faster = goes_on / hopping_threshold(Sand(REFERENCE))
-    sizes = ", ".join(f"{name} = {share * diameter:.6g}" for name, share in SIZES.items())
     common = (
-        f'grains.size={{ law = "lognormal", sigma_log = 0.1, {sizes} }}',
+        size_order(diameter),
         "materials.sand.density=2650",
         f"materials.sand.shear_modulus={MODULUS * faster**2:.6g}",
         f"wind.height={HEIGHT * faster**2:.4g}",

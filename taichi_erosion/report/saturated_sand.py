@@ -5,7 +5,7 @@ from math import isfinite, nan
 
 import numpy as np
 
-from taichi_erosion.measures.threshold import flux_intercept
+from taichi_erosion.measures.threshold import vanishing_wind
 from taichi_erosion.report.blown_sand import AIR, MILLI, STICKY, STRESS_LINE, Found, known, shown
 from taichi_erosion.report.page import markdown_table
 
@@ -22,21 +22,12 @@ def winds_of(found: Found) -> dict[tuple[str, str], Found]:
     return sands
 
 
-def stresses(winds: Found) -> np.ndarray:
-    """Stress of air and grains at the bed, and of the grains, wind by wind [n, 2], in Pa."""
-    shares = np.array([[case[name].value for name in SHARES] for case in winds.values()])
-    return np.column_stack([shares.sum(axis=1), shares[:, 1]])
-
-
 def saturated_thresholds(found: Found) -> Found:
-    """One row a sand: the threshold with `sd` such that the standard error is that of the line.
-
-    The stress of air and grains together counts, not that of the lid: air above stores momentum.
-    """
+    """One row a sand: the threshold with `sd` such that the standard error is that of the line."""
     thresholds: Found = {}
     for name, winds in winds_of(found).items():
-        both, carried = stresses(winds).T
-        line = flux_intercept(list(zip(np.sqrt(both / AIR), carried, strict=True)))
+        left, borne = np.array([[case[share].value for share in SHARES] for case in winds.values()]).T
+        line = vanishing_wind(left, borne, borne, AIR)
         if line is None:
             continue
         first = next(iter(winds.values()))["grain_stress"]
@@ -76,12 +67,13 @@ def saturated_table(found: Found) -> str:
     thresholds = saturated_thresholds(found)
     for name, winds in sorted(winds_of(found).items(), key=lambda item: (item[0][0], float(item[0][1]))):
         end = thresholds[name][STRESS_LINE].value if name in thresholds else nan
-        for (group, label), case in sorted(winds.items(), key=lambda item: wind_of(item[0][1])):
+        sand = f"{name[1]} mm{', adhesion' if name[0] == STICKY else ''}"
+        for (_, label), case in sorted(winds.items(), key=lambda item: wind_of(item[0][1])):
             wind = wind_of(label)
             left, carried = (case[share].value for share in SHARES)
             rows.append(
                 (
-                    f"{name[1]} mm{', adhesion' if group == STICKY else ''}",
+                    sand,
                     shown(wind),
                     shown(case["flux"].value / MILLI),
                     shown(left),

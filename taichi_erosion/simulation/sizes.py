@@ -10,6 +10,7 @@ from math import prod
 import numpy as np
 
 from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
+from taichi_erosion.grains.cells import WIDER
 
 PARTITION_GRAINS = 4000  # grains that keep one worker busy long enough to be worth a meeting
 PAIR_GRAINS = 1000  # the same for two workers, who wait for one other only
@@ -146,7 +147,7 @@ def cell_grid(setup: Setup, reach: float, cells: int) -> Grid:
     most = min(cells, max(CELLS_LEAST, round_up(len(setup.grains.radius) * CELLS_PER_GRAIN)))
     width = least
     while np.prod(np.maximum(np.floor(span / width), 1.0)) > most:
-        width *= 1.1
+        width *= WIDER
     number = np.maximum(np.floor(span / width), 1.0)
     return Grid(most, least, low, number / span, (int(number[0]), int(number[1]), int(number[2])))
 

@@ -8,6 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.run.play import Play, play
+from taichi_erosion.run.stages import Actor
+from taichi_erosion.scene import Scene, build_setup
+from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, snapshot
 from taichi_erosion.verification.claim import Precision
 
@@ -33,6 +37,14 @@ class Trace:
 def bench(setups: Sequence[Setup], precision: Precision, laws: Laws = HERTZ, threads: int = 0) -> Simulation:
     """The scenes on the CPU."""
     return assemble(setups, laws, Numerics(threads=threads, precision=precision))
+
+
+def played_out(scenes: Sequence[Scene], seed: int) -> Play:
+    """Scenes of one law, each a replica of the seed, played to their ends on the CPU in single precision."""
+    sim = assemble([build_setup(scene, seed) for scene in scenes], laws_of(scenes[0]), Numerics())
+    whole = Play(list(scenes), sim, [Actor(seed) for _ in scenes])
+    play(whole, [])
+    return whole
 
 
 def states(sim: Simulation, replicas: int) -> list[Snapshot]:

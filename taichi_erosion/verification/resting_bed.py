@@ -10,13 +10,12 @@ from math import exp, log
 
 import numpy as np
 
-from taichi_erosion.core.setup import Floats, Numerics
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.run.play import Play, play
-from taichi_erosion.run.stages import Actor
-from taichi_erosion.scene import Scene, build_setup, laws
-from taichi_erosion.simulation import Simulation, assemble, snapshot
+from taichi_erosion.scene import Scene
+from taichi_erosion.simulation import Simulation, snapshot
 from taichi_erosion.simulation.wind import air_profile, develop_wind
+from taichi_erosion.verification.bench_run import played_out
 from taichi_erosion.verification.reference.hopping import CENTRE, KARMAN, Blow, Sand
 
 DROPS = 2000  # places on a bed where a grain is laid down
@@ -25,20 +24,13 @@ SEED = 1
 
 def winds_over_beds(scenes: Sequence[Scene], sands: Sequence[Sand]) -> list[Callable[[float], Blow]]:
     """The wind of a friction velocity [m s-1] over the bed that each scene comes to."""
-    sim = resting_beds(scenes)
+    sim = played_out(scenes, SEED).sim
     return [bed_wind(sim, k, sand.diameter) for k, sand in enumerate(sands)]
 
 
 def roughness(blow: Blow, friction: float, height: float) -> float:
     """Roughness length z0 [m] of u = (u* / kappa) ln(z / z0), as seen from a height [m] far above the bed."""
     return height * exp(-KARMAN * blow(height) / friction)
-
-
-def resting_beds(scenes: Sequence[Scene]) -> Simulation:
-    """The beds that scenes without wind come to, one replica each."""
-    sim = assemble([build_setup(scene, SEED) for scene in scenes], laws(scenes[0]), Numerics())
-    play(Play(list(scenes), sim, [Actor(SEED) for _ in scenes]), [])
-    return sim
 
 
 def landing_heights(bed: Snapshot, extent: Floats, diameter: float) -> Floats:

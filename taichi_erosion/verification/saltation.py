@@ -35,12 +35,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.setup import Numerics
-from taichi_erosion.measures.threshold import Bracket, flux_intercept
-from taichi_erosion.run.play import Play, play
-from taichi_erosion.run.stages import Actor
-from taichi_erosion.scene import Scene, build_setup, laws, parse_scene
-from taichi_erosion.simulation import assemble
+from taichi_erosion.measures.threshold import Bracket, vanishing_wind
+from taichi_erosion.scene import Scene, parse_scene
+from taichi_erosion.verification.bench_run import played_out
 from taichi_erosion.verification.claim import Outcome, below, holds, relative
 from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 from taichi_erosion.verification.resting_bed import winds_over_beds
@@ -135,11 +132,8 @@ def steady(size: float, patch: Patch) -> Scene:
 
 def played(scenes: Sequence[Scene]) -> list[dict[str, float]]:
     """All scenes as one ensemble, to their ends: what was measured, by name."""
-    setups = [build_setup(scene, SEED) for scene in scenes]
-    sim = assemble(setups, laws(scenes[0]), Numerics())
-    whole = Play(list(scenes), sim, [Actor(SEED) for _ in scenes])
-    play(whole, [])
-    return [{name: m.value for name, m in actor.measurements.items()} for actor in whole.actors]
+    actors = played_out(scenes, SEED).actors
+    return [{name: m.value for name, m in actor.measurements.items()} for actor in actors]
 
 
 def of_winds(values: Sequence[dict[str, float]], name: str) -> Any:
@@ -157,8 +151,8 @@ def stresses(values: Sequence[dict[str, float]]) -> Any:
 
 def vanishing(values: Sequence[dict[str, float]], name: str) -> Bracket:
     """Wind in which a measure of saturated transport, extrapolated along a line, vanishes [m s-1]."""
-    pairs = zip(np.sqrt(stresses(values) / AIR), of_winds(values, name), strict=True)
-    return flux_intercept(list(pairs)) or Bracket(nan, nan)
+    left, borne, measure = (of_winds(values, one) for one in ("bed_stress", "grain_stress", name))
+    return vanishing_wind(left, borne, measure, AIR) or Bracket(nan, nan)
 
 
 def ends(line: Bracket) -> str:
