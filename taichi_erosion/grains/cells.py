@@ -1,9 +1,10 @@
 """Cells: sorting grains in space, so that neighbours in space are neighbours in memory.
 
 A box is cut into cells at least as wide as the longest list distance. Grains outside fall to the border
-cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are numbered with x
-fastest. The box follows the grains from rebuild to rebuild; under wind, where some fly far above a bed, it is
-that of the scene.
+cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are numbered along the
+axis with the fewest of them first and along the one with the most last: layers of cells are small, and what
+touches lies near in memory. The box follows the grains from rebuild to rebuild; under wind, where some fly
+far above a bed, it is that of the scene.
 """
 
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ class Cells:
     low: Any  # f64 vec3 by replica, corner of the grid [m]
     inverse_width: Any  # f64 vec3 by replica [m-1]
     number: Any  # i32 vec3 by replica, cells along each axis
+    axes: Any  # i32 vec3 by replica, axes of the box, the one with fewest cells first
     first: Any  # i32, rank of the first grain of each cell: by `row_of_cells` + cell + 1, see `cell_start`
     cell: Any  # i32 by grain place of one side: cell of the grain, by rank before the sort
     order: Any  # i32 by grain place of one side: rank before the sort, by rank after it
@@ -41,6 +43,7 @@ def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
         low=ti.Vector.field(3, ti.f64, shape=replicas),
         inverse_width=ti.Vector.field(3, ti.f64, shape=replicas),
         number=ti.Vector.field(3, ti.i32, shape=replicas),
+        axes=ti.Vector.field(3, ti.i32, shape=replicas),
         first=ti.field(ti.i32, shape=replicas * (capacity + 2)),
         cell=ti.field(ti.i32, shape=replicas * grains),
         order=ti.field(ti.i32, shape=replicas * grains),
@@ -84,17 +87,37 @@ def shortest_way(away, period):
 
 
 @ti.func
-def cell_coordinates(cells: ti.template(), r, position):
-    """Integer coordinates of the cell that holds a position, clamped to the grid."""
-    place = ti.floor((position - cells.low[r]) * cells.inverse_width[r], ti.i32)
-    return ti.math.clamp(place, 0, cells.number[r] - 1)
+def arranged(cells: ti.template(), r, along):
+    """A vector of what stands along x, y and z, in the order of the axes of replica r."""
+    axes = cells.axes[r]
+    return ti.Vector([along[axes[0]], along[axes[1]], along[axes[2]]])
 
 
 @ti.func
-def cell_index(cells: ti.template(), r, x, y, z):
-    """Number of a cell in its replica."""
-    number = cells.number[r]
-    return (z * number[1] + y) * number[0] + x
+def arrange_axes(cells_out: ti.template(), r):
+    """Order the axes of replica r by their number of cells; as many stand in the order x, y, z."""
+    number = cells_out.number[r]
+    for axis in ti.static(range(3)):
+        rank = 0
+        for other in ti.static(range(3)):
+            before = number[other] < number[axis]
+            if ti.static(other < axis):
+                before = number[other] <= number[axis]
+            rank += ti.cast(before, ti.i32)
+        cells_out.axes[r][rank] = axis
+
+
+@ti.func
+def cell_coordinates(cells: ti.template(), r, position):
+    """Integer coordinates along the arranged axes of the cell that holds a position, clamped to the grid."""
+    place = ti.floor((position - cells.low[r]) * cells.inverse_width[r], ti.i32)
+    return arranged(cells, r, ti.math.clamp(place, 0, cells.number[r] - 1))
+
+
+@ti.func
+def cell_index(number, place):
+    """Number of the cell at `place` of a grid of so many, both along the arranged axes."""
+    return (place[2] * number[1] + place[1]) * number[0] + place[0]
 
 
 @ti.func
@@ -150,13 +173,14 @@ def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.te
     base = side_block(grains, r, replicas.side[r])
     row = r * grains.capacity
     first = row_of_cells(cells_out, r)
-    number = cells_out.number[r]
+    arrange_axes(cells_out, r)
+    number = arranged(cells_out, r, cells_out.number[r])
     total = number[0] * number[1] * number[2]
     for c in range(total + 1):
         cells_out.first[first + c] = 0
     for i in range(count):
         place = cell_coordinates(cells_out, r, position_of(grains, replicas, r, base + i))
-        c = cell_index(cells_out, r, place[0], place[1], place[2])
+        c = cell_index(number, place)
         cells_out.cell[row + i] = c
         cells_out.first[first + c + 1] = cells_out.first[first + c + 1] + 1
     for c in range(total):

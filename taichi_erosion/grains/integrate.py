@@ -25,8 +25,9 @@ def gather_forces(world_out: ti.template(), r, p):
     for q in range(replicas.partitions[r]):
         if q != p:
             other = force_block(grains_out, replicas, r, q)
-            low = ti.max(first, replicas.touched_low[r, q])
-            for rank in range(low, ti.min(last, replicas.touched_high[r, q])):
+            low = ti.select(p < q, replicas.before_low[r, q], replicas.after_low[r, q])
+            high = ti.select(p < q, replicas.before_high[r, q], replicas.after_high[r, q])
+            for rank in range(ti.max(first, low), ti.min(last, high)):
                 i, j = own + rank, other + rank
                 grains_out.force[i] = grains_out.force[i] + grains_out.force[j]
                 grains_out.torque[i] = grains_out.torque[i] + grains_out.torque[j]

@@ -153,6 +153,12 @@ def fill_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
 
 
 @ti.func
+def wider(ranks, rank):
+    """Lowest of some ranks, and one past the highest, with one more among them."""
+    return ti.Vector([ti.min(ranks[0], rank), ti.max(ranks[1], rank + 1)])
+
+
+@ti.func
 def list_partition(world_out: ti.template(), r, p):
     """Fill the lists of one partition; remember how far its forces will reach."""
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
@@ -162,8 +168,7 @@ def list_partition(world_out: ti.template(), r, p):
     last = partition_first(replicas_out, r, p + 1)
     entry = entry_block(pairs_out, r, side) + partition_entries(pairs_out, replicas_out, r, p)
     limit = entry + pairs_out.capacity // replicas_out.partitions[r]
-    low = first
-    high = last
+    before, behind = ti.Vector([first, 0]), ti.Vector([replicas_out.released[r], 0])
     short = 0
     for rank in range(first, last):
         wanted = search_grain(world_out, r, rank, entry, limit)
@@ -173,10 +178,12 @@ def list_partition(world_out: ti.template(), r, p):
         pairs_out.stop[base + rank] = entry + listed
         for e in range(entry, entry + listed):
             j = pairs_out.neighbour[e]
-            low = ti.min(low, j)
-            high = ti.max(high, j + 1)
+            if j < first:
+                before = wider(before, j)
+            if j >= last:
+                behind = wider(behind, j)
             fill_entry(world_out, r, e, rank, j)
         entry += listed
     replicas_out.short[r, p] = short
-    replicas_out.touched_low[r, p] = low
-    replicas_out.touched_high[r, p] = high
+    replicas_out.before_low[r, p], replicas_out.before_high[r, p] = before
+    replicas_out.after_low[r, p], replicas_out.after_high[r, p] = behind

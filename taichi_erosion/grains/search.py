@@ -1,7 +1,7 @@
 """Searching the partners of a grain: in adjacent cells, and for a few wide grains among all others."""
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.cells import cell_coordinates, cell_index, cell_start, shortest_way
+from taichi_erosion.grains.cells import arranged, cell_coordinates, cell_index, cell_start, shortest_way
 from taichi_erosion.grains.margins import is_wide
 from taichi_erosion.grains.state import side_block
 
@@ -27,12 +27,13 @@ def closeness(world: ti.template(), r, i, j, period):
 
 
 @ti.func
-def row_piece(cells: ti.template(), periodic, r, place, row, piece):
+def row_piece(cells: ti.template(), grid, r, place, row, piece):
     """Ranks [first, last) of one run of cells in row `row` after the cell `place`; empty outside the grid.
 
-    Piece 0 is the run inside the grid, piece 1 the one cell beyond a periodic edge in x.
+    `grid` is (number of cells, whether periodic), and x, y, z here are the arranged axes. Piece 0 is the run
+    inside the grid, piece 1 the one cell beyond a periodic edge in x.
     """
-    number = cells.number[r]
+    number, periodic = grid
     y = place[1] + (row == 1) + (row >= 2) * (row - 3)
     z = place[2] + (row >= 2)
     if periodic[1] == 1:
@@ -48,8 +49,8 @@ def row_piece(cells: ti.template(), periodic, r, place, row, piece):
     first = 0
     last = 0
     if wanted and 0 <= y < number[1] and z < number[2]:
-        first = cell_start(cells, r, cell_index(cells, r, left, y, z))
-        last = cell_start(cells, r, cell_index(cells, r, right, y, z) + 1)
+        first = cell_start(cells, r, cell_index(number, (left, y, z)))
+        last = cell_start(cells, r, cell_index(number, (right, y, z)) + 1)
     return first, last
 
 
@@ -80,10 +81,11 @@ def search_cells(world_out: ti.template(), r, rank, entry, limit):
     base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
     place = cell_coordinates(cells, r, world_out.grains.origin[base + rank])
     period = world_out.replicas.period[r]
-    periodic = ti.cast(period > 0.0, ti.i32)
+    periodic = arranged(cells, r, ti.cast(period > 0.0, ti.i32))
+    grid = (arranged(cells, r, cells.number[r]), periodic)
     wanted, touching = 0, 0
     for run in range(2 * ROWS):
-        first, last = row_piece(cells, periodic, r, place, run // 2, run % 2)
+        first, last = row_piece(cells, grid, r, place, run // 2, run % 2)
         if run == 0:
             first = rank + 1
         for j in range(first, last):

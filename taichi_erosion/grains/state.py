@@ -15,6 +15,7 @@ from taichi_erosion.core.ti import ti
 
 REBUILD = 1  # of Replicas.need: a grain has used up its list margin
 STOP = 2  # of Replicas.need: two bodies overlap beyond the limit
+REACHED = ("before_low", "before_high", "after_low", "after_high")  # of Replicas
 APART = 64  # numbers: four lines of a cache, so that who looks at the one in the middle disturbs no other
 MEETING = APART // 2  # where that one lies
 
@@ -84,8 +85,10 @@ class Replicas:
     need: Any  # i32 [replica, partition]: REBUILD or STOP, written while integrating only
     short: Any  # i32 [replica, partition]: list entries wanted beyond the capacity
     wall_short: Any  # i32 [replica, partition]: wall entries wanted beyond the capacity
-    touched_low: Any  # i32 [replica, partition]: lowest rank its forces reach
-    touched_high: Any  # i32 [replica, partition]: one past the highest rank its forces reach
+    before_low: Any  # i32 [replica, partition]: lowest rank before its own that its forces reach
+    before_high: Any  # i32 [replica, partition]: one past the highest rank before its own that they reach
+    after_low: Any  # i32 [replica, partition]: lowest rank behind its own that its forces reach
+    after_high: Any  # i32 [replica, partition]: one past the highest rank behind its own that they reach
     fault_grain: Any  # i32 [replica, partition]
     fault_partner: Any  # i32 [replica, partition]
     fault_value: Any  # [replica, partition]
@@ -134,7 +137,7 @@ def allocate_replicas(count: int, partitions: int) -> Replicas:
     whole = ("side", "partitions", "stale", "crowded", "released", "total", *clocks)
     margins = ("margin_least", "margin_most", "margin_time", "grasp_most", "reach", "wall_travel")
     reals = ("time_step", *margins, "overlap_limit")
-    shared = ("need", "short", "wall_short", "touched_low", "touched_high", "fault_grain", "fault_partner")
+    shared = ("need", "short", "wall_short", "fault_grain", "fault_partner", *REACHED)
     table: dict[str, Any] = {name: ti.field(ti.i32, shape=count) for name in whole}
     table |= {name: ti.field(float, shape=count) for name in reals}
     table |= {name: ti.field(ti.i32, shape=(count, partitions)) for name in shared}

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.grains.held import HELD
 from taichi_erosion.grains.sleep import CARRIED
+from taichi_erosion.grains.state import REACHED
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.sizes import grown
 from taichi_erosion.simulation.wind import export_surroundings, import_surroundings
@@ -189,10 +190,14 @@ def upload_touched(
 ) -> None:
     """Ranks that the forces of every partition reach, as the list search notes them."""
     replicas = sim.world.replicas
-    low, high = read(replicas.touched_low), read(replicas.touched_high)
+    table = {name: read(getattr(replicas, name)) for name in REACHED}
+    count = max((last for _, last, _ in reach), default=0)
     for p, (first, last, entries) in enumerate(reach):
         partners = neighbour[entries]
-        low[r, p] = min(first, partners.min(initial=first))
-        high[r, p] = max(last, partners.max(initial=last - 1) + 1)
-    write(replicas.touched_low, low)
-    write(replicas.touched_high, high)
+        before, behind = partners[partners < first], partners[partners >= last]
+        table["before_low"][r, p] = before.min(initial=first)
+        table["before_high"][r, p] = before.max(initial=-1) + 1
+        table["after_low"][r, p] = behind.min(initial=count)
+        table["after_high"][r, p] = behind.max(initial=-1) + 1
+    for name, values in table.items():
+        write(getattr(replicas, name), values)

@@ -9,13 +9,14 @@ from taichi_erosion.core.setup import Floats, Laws, Numerics
 from taichi_erosion.core.transfer import read
 from taichi_erosion.grains import shares
 from taichi_erosion.grains.pairs import ENGAGED
-from taichi_erosion.simulation import advance, assemble, export_state, sizes
+from taichi_erosion.simulation import advance, assemble, export_state, momentum_astray, sizes
 from taichi_erosion.simulation.control import make_stale
 
 LAWS = Laws(rolling="elastic_plastic")
 GRAINS = 120
 FALLEN = 0.02  # s, in which the heap has fallen half together
 ALONE = 20.0  # m from the others
+ROD = 40  # grains along a rod
 
 
 def costs(state: dict[str, Floats]) -> Floats:
@@ -61,6 +62,30 @@ def test_a_grain_far_from_all_others_does_not_widen_the_cells_of_the_crowd():
     stop_device()
     # of 4,097 grains it is the one that adds to the sd a 64th of its distance
     assert width.max() < 1.5 * least
+
+
+def rod() -> Floats:
+    """Places of grains that overlap a little, in a rod along x; its ends touch across the period."""
+    sites = np.stack(np.meshgrid(np.arange(ROD), *[np.arange(4)] * 2, indexing="ij"), axis=-1).reshape(-1, 3)
+    return 1.99 * RADIUS * (sites + 0.5)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_grains_are_sorted_along_the_longest_side_and_forces_cancel_across_its_period(monkeypatch, axis):
+    monkeypatch.setattr(sizes, "PARTITION_GRAINS", 16 * ROD // 4)
+    place = np.roll(np.random.default_rng(3).permutation(rod()), axis, axis=1)
+    period = np.roll((1.99 * RADIUS * ROD, 0.0, 0.0), axis)
+    box = ((0.0, 0.0, 0.0), tuple(np.maximum(period, 10.0 * RADIUS)))
+    scene = setup(grains(place), NONE, gravity=(0.0, 0.0, 0.0), period=tuple(period), domain=box)
+    sim = assemble([scene], LAWS, Numerics("cpu", 1))
+    advance(sim, [scene.time_step])
+    where = export_state(sim)["replica0_origin"][:, axis]
+    width = 1.0 / read(sim.world.cells.inverse_width)[0][axis]
+    astray = momentum_astray(sim, 0)
+    stop_device()
+    assert np.all(np.diff(where) > -width)
+    # the first and the last of four parts touch across the period
+    assert astray < 1e-6
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.3])

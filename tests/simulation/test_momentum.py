@@ -38,10 +38,10 @@ def test_forces_between_grains_cancel_to_rounding_and_looking_changes_no_bit(mon
 def test_reactions_that_are_lost_between_workers_stop_the_replica(monkeypatch):
     sim = collapsing(monkeypatch, "f32")
     assert momentum_failure(sim, 0, HALF) is None
-    high = sim.world.replicas.touched_high.to_numpy()
+    high = sim.world.replicas.after_high.to_numpy()
     # the first partition no longer tells how far its forces reach into the others
     high[0, 0] = PARTITION
-    sim.world.replicas.touched_high.from_numpy(high)
+    sim.world.replicas.after_high.from_numpy(high)
     failed = momentum_failure(sim, 0, HALF)
     stop_device()
     assert failed is not None
