@@ -5,7 +5,8 @@ python doe/wind/saturated.py GROUP/SAND...  some anew, as impact/0.24 or adhesio
 
 Four winds over each sand, as far above the one in which a single grain goes on (hopping.csv). Hops last and
 rise as the wind asks: times go with u*, heights and stiffness with its square. Where grains stick with a
-multiple of their weight, all goes as if they were heavier by it.
+multiple of their weight, all goes as if they were heavier by it. Light grains, and some effects at textbook
+strength, are asked at few diameters: what they change is what counts.
 """
 
 import sys
@@ -16,7 +17,7 @@ from pathlib import Path
 from run import ADHESION, DIAMETERS, FINE, bond_number, size_order
 
 from taichi_erosion.campaign.cases import Case, perform, read_rows, settings
-from taichi_erosion.report.blown_sand import STICKY
+from taichi_erosion.report.blown_sand import LIGHT, STICKY
 from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 
 TABLE = Path(__file__).with_name("saturated.csv")
@@ -28,6 +29,9 @@ SLEEP = 1e-3  # s at rest after which deep grains are held
 STAGES = {1: 0.1, 2: 0.1, 3: 0.1, 4: 0.1, 5: 0.1, 6: 2.0}  # s: the start, four adjustments, the mean
 SPEED_UP = 2.0  # wind that starts the transport, over the one that follows [1]
 GRAINS = 4.0  # on the square of a diameter
+CHEPIL, LIGHT_DIAMETER = 1940.0, 0.24e-3  # kg m-3, m: nearly a sand of Chepil (1945)
+FEW = (0.1e-3, 0.5e-3, 1.0e-3)  # m, where effects are asked for
+EFFECTS = ("rolling_resistance", "shear_lift", "turbulent_gusts")
 
 
 @dataclass(frozen=True)
@@ -42,19 +46,34 @@ class Blow:
 WINDS = (Blow(1.7, 28.0, 16.0), Blow(2.2, 28.0, 8.0), Blow(2.65, 16.0, 8.0), Blow(3.1, 16.0, 8.0))
 
 
-def cases(diameter: float, sticky: bool) -> Iterator[Case]:
-    """The four winds over one sand; the diameter in metres."""
-    heavier = (1.0 + bond_number(diameter)) ** 0.5 if sticky else 1.0
-    goes_on = heavier * hopping_threshold(Sand(diameter))
+@dataclass(frozen=True)
+class Blown:
+    """A sand and what is added to the bare model."""
+
+    group: str
+    sand: Sand
+    orders: tuple[str, ...] = ()
+    pull: float = 0.0  # of grains that stick, over their weight [1]
+
+    @property
+    def name(self) -> str:
+        """As it is asked for."""
+        return f"{self.group}/{1e3 * self.sand.diameter:g}"
+
+
+def cases(blown: Blown) -> Iterator[Case]:
+    """The four winds over one sand."""
+    diameter, density = blown.sand.diameter, blown.sand.density
+    goes_on = (1.0 + blown.pull) ** 0.5 * hopping_threshold(blown.sand)
     faster = goes_on / hopping_threshold(Sand(REFERENCE))
     common = (
         size_order(diameter),
-        "materials.sand.density=2650",
+        f"materials.sand.density={density:g}",
         f"materials.sand.shear_modulus={MODULUS * faster**2:.6g}",
         f"wind.height={HEIGHT * faster**2:.4g}",
         f"wind.sleep_after={SLEEP * faster:.4g}",
         *(f"stages.{place}.duration_max={faster * time:.5g}" for place, time in STAGES.items()),
-        *([ADHESION] if sticky else []),
+        *blown.orders,
     )
     for blow in WINDS:
         wind = blow.over * goes_on
@@ -66,14 +85,18 @@ def cases(diameter: float, sticky: bool) -> Iterator[Case]:
             f"wind.width_d={blow.width:g}",
             *(f"stages.{place}.friction_velocity={speed:.5g}" for place, speed in winds.items()),
         )
-        group = STICKY if sticky else BARE
-        yield Case(group, f"{1e3 * diameter:g} mm, u* {wind:.3g}", settings(*orders))
+        yield Case(blown.group, f"{1e3 * diameter:g} mm, u* {wind:.3g}", settings(*orders))
 
 
 def sands() -> dict[str, list[Case]]:
     """The cases of every sand, bare ones first."""
-    plain = {f"{BARE}/{1e3 * d:g}": list(cases(d, sticky=False)) for d in DIAMETERS}
-    return plain | {f"{STICKY}/{1e3 * d:g}": list(cases(d, sticky=True)) for d in FINE}
+    asked = [
+        *(Blown(BARE, Sand(d)) for d in DIAMETERS),
+        *(Blown(STICKY, Sand(d), (ADHESION,), bond_number(d)) for d in FINE),
+        Blown(LIGHT, Sand(LIGHT_DIAMETER, CHEPIL)),
+        *(Blown(name, Sand(d), (f"effects.{name}.strength=1",)) for name in EFFECTS for d in FEW),
+    ]
+    return {blown.name: list(cases(blown)) for blown in asked}
 
 
 def main(words: Sequence[str]) -> None:

@@ -3,7 +3,7 @@
 import contextlib
 import importlib.util
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -14,6 +14,11 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.problem import Floats, Integers, Model
 
+COVARIANCE = "_covariance"  # after a function's name: the function that says how far off it may be
+READ = "READS"  # of a module: the files beside it that it reads
+
+Covariance = Callable[[str, dict[str, Floats], dict[str, float], dict[str, float]], Floats]
+
 
 @dataclass(frozen=True)
 class Plugin:
@@ -21,7 +26,8 @@ class Plugin:
 
     name: str
     function: Model
-    version: str  # digest of the source files beside it: an edited model forgets its earlier runs
+    version: str  # digest of the files beside it: an edited model forgets its earlier runs
+    covariance: Covariance | None = None  # of the model's own errors over rows; None: it is what it says
 
     def __call__(
         self,
@@ -32,24 +38,51 @@ class Plugin:
         seeds: Integers,
     ) -> Floats:
         """Predictions [seed, row]; raises SimulationStopped where the function fails."""
-        rows = len(next(iter(conditions.values()))) if conditions else 1
-        try:
-            with stdout_kept_clean():
-                found = self.function(observable, conditions, parameters, effects, seeds)
-        except Exception as error:
-            kind = type(error).__name__
-            raise SimulationStopped(f"model {self.name} failed on {observable}: {kind}: {error}") from error
-        return checked(found, (len(seeds), rows), f"model {self.name}, {observable}")
+        with told(self.name, observable):
+            found = self.function(observable, conditions, parameters, effects, seeds)
+        shape = (len(seeds), rows_in(conditions))
+        return checked(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
+
+    def own_covariance(
+        self,
+        observable: str,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+    ) -> Floats:
+        """Covariance of the model's own errors [row, row], in the unit of the observable squared."""
+        assert self.covariance is not None
+        with told(self.name + COVARIANCE, observable):
+            found = self.covariance(observable, conditions, parameters, effects)
+        rows = rows_in(conditions)
+        where = f"model {self.name}{COVARIANCE}, {observable}"
+        return checked(found, (rows, rows), "(conditions, conditions)", where)
 
 
-def checked(found: object, shape: tuple[int, int], where: str) -> Floats:
+def rows_in(conditions: dict[str, Floats]) -> int:
+    """Number of rows that are asked for."""
+    return len(next(iter(conditions.values()))) if conditions else 1
+
+
+@contextlib.contextmanager
+def told(name: str, observable: str) -> Iterator[None]:
+    """What goes wrong in a user's function stops the simulation with its name."""
+    try:
+        with stdout_kept_clean():
+            yield
+    except Exception as error:
+        kind = type(error).__name__
+        raise SimulationStopped(f"model {name} failed on {observable}: {kind}: {error}") from error
+
+
+def checked(found: object, shape: tuple[int, int], meant: str, where: str) -> Floats:
     """What a model returned, as an array of the promised shape; raises BadInput."""
     try:
         values = np.asarray(found, dtype=np.float64)
     except (TypeError, ValueError):
         raise BadInput(f"{where}: returned {type(found).__name__}; an array of numbers is needed") from None
     if values.shape != shape:
-        raise BadInput(f"{where}: returned shape {values.shape}; {shape} is needed: (seeds, conditions)")
+        raise BadInput(f"{where}: returned shape {values.shape}; {shape} is needed: {meant}")
     return np.where(np.isfinite(values), values, np.nan)
 
 
@@ -68,7 +101,8 @@ def load_plugin(name: str, folder: Path, file: str) -> Plugin:
     function = getattr(module, function_name, None)
     if not callable(function):
         raise BadInput(f"{where}: {module_name} has no function {function_name}")
-    return Plugin(name, function, source_digest(module))  # pyright: ignore[reportArgumentType]
+    doubt = getattr(module, function_name + COVARIANCE, None)
+    return Plugin(name, function, source_digest(module, where), doubt)  # pyright: ignore[reportArgumentType]
 
 
 def load_module(name: str, folder: Path, where: str) -> ModuleType:
@@ -108,10 +142,15 @@ def importable(folder: Path) -> Iterator[None]:
         sys.path.remove(str(folder.resolve()))
 
 
-def source_digest(module: ModuleType) -> str:
-    """Digest of all Python files in the folder of a module."""
+def source_digest(module: ModuleType, where: str) -> str:
+    """Digest of all Python files in the folder of a module, and of the files that it says it reads."""
     file = getattr(module, "__file__", None)
-    digest = sha256()
-    for source in sorted(Path(file).parent.glob("*.py")) if file else ():
+    if not file:
+        return sha256().hexdigest()[:16]
+    folder, digest = Path(file).parent, sha256()
+    read = [folder / name for name in getattr(module, READ, ())]
+    for source in [*sorted(folder.glob("*.py")), *read]:
+        if not source.is_file():
+            raise BadInput(f"{where}: {READ} names {source}: no such file")
         digest.update(source.name.encode() + source.read_bytes())
     return digest.hexdigest()[:16]

@@ -19,7 +19,8 @@ from taichi_erosion.evidence.idle import why_idle
 from taichi_erosion.evidence.problem import Budget, Candidate, Floats, Observable, Problem
 from taichi_erosion.evidence.scales import Axis, parameter_axis
 from taichi_erosion.evidence.simulator import Simulator, paths_in, read_scene_once
-from taichi_erosion.evidence.study import Spoken, Study
+from taichi_erosion.evidence.spoken import Spoken
+from taichi_erosion.evidence.study import Study
 from taichi_erosion.evidence.surface_plan import (
     AMOUNTS,
     Amount,
@@ -237,8 +238,7 @@ def surfaced(rehearsal: Rehearsal, surfaces: Surfaces) -> Problem:
         parameters: dict[str, float],
         effects: dict[str, float],
     ) -> Floats:
-        at = {spoken.names[c]: v for c, v in conditions.items() if not bool(np.isnan(v).all())}
-        return surfaces.uncertainty(observable, at, parameters, effects)
+        return surfaces.uncertainty(observable, spoken.known(conditions), parameters, effects)
 
     # a surface costs nothing: its calibration need not be frugal
     return replace(problem, model=spoken, uncertainty=uncertainty, budget=Budget("full", 10**6))

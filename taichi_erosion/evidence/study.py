@@ -5,17 +5,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.cache import FILE, Remembered, Store
 from taichi_erosion.evidence.measured import read_table
-from taichi_erosion.evidence.plugin import load_plugin
+from taichi_erosion.evidence.plugin import Plugin, load_plugin
 from taichi_erosion.evidence.problem import (
     Budget,
     Candidate,
-    Floats,
-    Integers,
     Measurements,
     Model,
     Observable,
@@ -23,6 +19,7 @@ from taichi_erosion.evidence.problem import (
     Problem,
     Vault,
 )
+from taichi_erosion.evidence.spoken import OwnErrors, Spoken
 from taichi_erosion.evidence.study_file import (
     ALL,
     AdoptedEntry,
@@ -64,27 +61,7 @@ class Answering:
     adopted: tuple[Candidate, ...]
     store: Store
     numbers: tuple[Parameter, ...] = ()  # of effects themselves, to be calibrated with them
-
-
-@dataclass(frozen=True)
-class Spoken:
-    """A model that calls conditions by other names than the table; what was not written down is left out."""
-
-    model: Model
-    names: dict[str, str]  # column -> what the model calls it
-    observables: dict[str, str]  # likewise
-
-    def __call__(
-        self,
-        observable: str,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
-        seeds: Integers,
-    ) -> Floats:
-        """Predictions [seed, row]."""
-        known = {self.names[c]: v for c, v in conditions.items() if not bool(np.isnan(v).all())}
-        return self.model(self.observables[observable], known, parameters, effects, seeds)
+    plugin: Plugin | None = None  # the function, where one answers
 
 
 def load_study(
@@ -104,6 +81,7 @@ def load_study(
         answering = function_study(path, file, results)
     else:
         answering = scene_answers(path, file, results, measurements, report)
+    spoken = Spoken(answering.model, dict(file.conditions), measures_of(file))
     problem = Problem(
         measurements=measurements,
         observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
@@ -115,10 +93,11 @@ def load_study(
             *answering.numbers,
         ),
         candidates=tuple(answering.candidates),
-        model=Spoken(answering.model, dict(file.conditions), measures_of(file)),
+        model=spoken,
         budget=budget_of(file, budget),
         vault=Vault(hidden, openings(results, digest)),
         adopted=answering.adopted,
+        uncertainty=own_errors(answering.plugin, spoken, file.study.seed),
     )
     return Study(path, file, problem, results, digest, answering.identity, answering.store, (*notes, said))
 
@@ -130,9 +109,13 @@ def function_study(path: Path, file: StudyFile, results: Path) -> Answering:
     identity = f"{plugin.name} {plugin.version}"
     store = Store(results / FILE)
     adopted = tuple(candidate_of(name, entry) for name, entry in file.adopted.items())
-    return Answering(
-        Remembered(plugin, identity, store), identity, candidates_of(file, str(path)), adopted, store
-    )
+    model, candidates = Remembered(plugin, identity, store), candidates_of(file, str(path))
+    return Answering(model, identity, candidates, adopted, store, plugin=plugin)
+
+
+def own_errors(plugin: Plugin | None, spoken: Spoken, seed: int) -> OwnErrors | None:
+    """What a model function says of its own errors; None where it says nothing."""
+    return None if plugin is None or plugin.covariance is None else OwnErrors(plugin, spoken, seed)
 
 
 def scene_answers(

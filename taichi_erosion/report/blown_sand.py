@@ -29,6 +29,7 @@ SPLASH = {
     "ejecta_share": "grains ejected per landing",
 }
 STICKY = "adhesion"  # group of the cases with dry adhesion
+LIGHT = "light"  # group of the cases with grains lighter than quartz
 BOTH = {"without": "impact", "with": STICKY}
 # relative differences up to which a model holds: those between laboratories
 HOLDS = {"impact": 0.10, "flux": 0.20}
