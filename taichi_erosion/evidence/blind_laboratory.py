@@ -58,6 +58,7 @@ class CaseModel:
     chaos: float  # share of the variance that paired seeds do not share
     aliases: dict[str, str]  # candidate -> law
     drawn: dict[tuple[str, bytes, bytes], Floats] = field(default_factory=dict)
+    states: dict[tuple[str, bytes], np.ndarray] = field(default_factory=dict)
 
     def __call__(
         self,
@@ -75,18 +76,22 @@ class CaseModel:
         value = reduced.expected(observable, conditions, parameters, acting)
         if self.scatter == 0.0:
             return np.repeat(value[np.newaxis], seeds.size, axis=0)
-        kick = np.sqrt(1.0 - self.chaos) * self.kick(observable, conditions, seeds)
+        place = (observable, b"".join(column.tobytes() for column in conditions.values()))
+        if place not in self.states:
+            self.states[place] = reduced.row_states(observable, conditions)
+        kick = np.sqrt(1.0 - self.chaos) * self.kick(place, seeds)
         if self.chaos > 0.0:
             setting = np.array([*parameters.values(), *effects.values()]).view(np.uint64)
             other = seeds.astype(np.uint64) ^ np.bitwise_xor.reduce(reduced.scrambled(setting))
-            kick = kick + np.sqrt(self.chaos) * reduced.disturbance(observable, conditions, other)
+            kick = kick + np.sqrt(self.chaos) * reduced.disturbance_of(self.states[place], other)
         kick = kick * self.scatter * NOISE[observable]
         return value + kick if observable == "repose_angle" else value * np.exp(kick)
 
-    def kick(self, observable: str, conditions: dict[str, Floats], seeds: Integers) -> Floats:
-        key = (observable, seeds.tobytes(), b"".join(column.tobytes() for column in conditions.values()))
+    def kick(self, place: tuple[str, bytes], seeds: Integers) -> Floats:
+        """What paired seeds share."""
+        key = (*place, seeds.tobytes())
         if key not in self.drawn:
-            self.drawn[key] = reduced.disturbance(observable, conditions, seeds)
+            self.drawn[key] = reduced.disturbance_of(self.states[place], seeds)
         return self.drawn[key]
 
 

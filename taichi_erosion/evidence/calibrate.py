@@ -1,6 +1,7 @@
 """Recalibration of one hypothesis in the model itself: global search, then damped Gauss-Newton steps."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -54,15 +55,15 @@ class Objective:
     names: tuple[str, ...]
     seeds: Integers
 
-    @property
+    @cached_property
     def low(self) -> Floats:
         return np.concatenate([self.exam.low, np.zeros(len(self.names))])
 
-    @property
+    @cached_property
     def high(self) -> Floats:
         return np.concatenate([self.exam.high, [self.exam.candidate(name).maximum for name in self.names]])
 
-    @property
+    @cached_property
     def scale(self) -> Floats:
         """Prior sd of every entry."""
         widths = [max(self.exam.candidate(name).prior_scale, 1e-9) for name in self.names]

@@ -5,6 +5,7 @@ noise of one run correlate by chance, and an effect that does nothing looks pres
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -47,19 +48,19 @@ class Examination:
     def axes(self) -> tuple[Axis, ...]:
         return self.predictor.axes
 
-    @property
+    @cached_property
     def low(self) -> Floats:
         return np.array([axis.low for axis in self.axes])
 
-    @property
+    @cached_property
     def high(self) -> Floats:
         return np.array([axis.high for axis in self.axes])
 
-    @property
+    @cached_property
     def sd(self) -> Floats:
         return np.sqrt(self.variance)
 
-    @property
+    @cached_property
     def noisy(self) -> bool:
         return bool(np.any(self.seed_variance > 0.0))
 

@@ -39,7 +39,7 @@ class Plugin:
     ) -> Floats:
         """Predictions [seed, row]; raises SimulationStopped where the function fails."""
         with told(self.name, observable):
-            found = self.function(observable, conditions, parameters, effects, seeds)
+            found = self.function(observable, own_copies(conditions), parameters, effects, seeds)
         shape = (len(seeds), rows_in(conditions))
         return checked(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
 
@@ -53,10 +53,15 @@ class Plugin:
         """Covariance of the model's own errors [row, row], in the unit of the observable squared."""
         assert self.covariance is not None
         with told(self.name + COVARIANCE, observable):
-            found = self.covariance(observable, conditions, parameters, effects)
+            found = self.covariance(observable, own_copies(conditions), parameters, effects)
         rows = rows_in(conditions)
         where = f"model {self.name}{COVARIANCE}, {observable}"
         return checked(found, (rows, rows), "(conditions, conditions)", where)
+
+
+def own_copies(conditions: dict[str, Floats]) -> dict[str, Floats]:
+    """Arrays that a user's function may write to."""
+    return {name: column.copy() for name, column in conditions.items()}
 
 
 def rows_in(conditions: dict[str, Floats]) -> int:

@@ -51,6 +51,18 @@ class Predictor:
         return replace(self, observables=observables, which=which, conditions=conditions, seen={}, spectra={})
 
     @cached_property
+    def asked(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
+        """Every observable that has rows, these rows, and their conditions, which nobody may write to."""
+        parts = []
+        for observable, rows in zip(self.observables, self.rows, strict=True):
+            if rows.size:
+                chosen = {name: column[rows] for name, column in self.conditions.items()}
+                for column in chosen.values():
+                    column.setflags(write=False)
+                parts.append((observable, rows, chosen))
+        return tuple(parts)
+
+    @cached_property
     def rows(self) -> tuple[Integers, ...]:
         """Rows of every observable."""
         return tuple(np.flatnonzero(self.which == index) for index in range(len(self.observables)))
@@ -70,15 +82,14 @@ class Predictor:
         parameters, adopted = split_setting(self.axes, x)
         effects = {**strengths(self.candidates, acting), **adopted}
         result = np.empty((seeds.size, self.which.size))
-        for observable, rows in zip(self.observables, self.rows, strict=True):
-            if rows.size:
-                chosen = {name: column[rows] for name, column in self.conditions.items()}
-                answer = self.model(observable.name, chosen, dict(parameters), dict(effects), seeds)
-                result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
-        failed = ~np.isfinite(result)
+        for observable, rows, chosen in self.asked:
+            answer = self.model(observable.name, dict(chosen), dict(parameters), dict(effects), seeds)
+            result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
         self.ledger.runs += int(seeds.size)
-        self.ledger.failures += int(failed.sum())
-        result[failed] = np.nan
+        failed = ~np.isfinite(result)
+        if failed.any():
+            self.ledger.failures += int(failed.sum())
+            result[failed] = np.nan
         return result
 
     def own_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
@@ -91,15 +102,13 @@ class Predictor:
         parameters, adopted = split_setting(self.axes, x)
         effects = {**strengths(self.candidates, acting), **adopted}
         parts = []
-        for observable, rows in zip(self.observables, self.rows, strict=True):
-            if rows.size:
-                chosen = {name: column[rows] for name, column in self.conditions.items()}
-                own = self.uncertainty(observable, chosen, dict(parameters), dict(effects))
-                values, vectors = np.linalg.eigh(np.nan_to_num(own))
-                kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
-                part = np.zeros((self.which.size, int(kept.sum())))
-                part[rows] = vectors[:, kept] * np.sqrt(values[kept])
-                parts.append(part)
+        for observable, rows, chosen in self.asked:
+            own = self.uncertainty(observable, dict(chosen), dict(parameters), dict(effects))
+            values, vectors = np.linalg.eigh(np.nan_to_num(own))
+            kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
+            part = np.zeros((self.which.size, int(kept.sum())))
+            part[rows] = vectors[:, kept] * np.sqrt(values[kept])
+            parts.append(part)
         return np.hstack(parts)
 
 

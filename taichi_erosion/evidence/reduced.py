@@ -14,6 +14,8 @@ when one is not given.
 Reference: Bagnold (1941) for the threshold, Ungar & Haff (1987), Sedimentology 34, 289, for the flux.
 """
 
+from math import isfinite
+
 import numpy as np
 from scipy.special import ndtri
 
@@ -77,8 +79,9 @@ def complete_conditions(conditions: Conditions) -> Conditions:
     """Conditions with the default where one is not given or not known; a default alone stays one number."""
     complete = dict(DEFAULT_COLUMNS)
     for name, column in conditions.items():
-        known = np.isfinite(column)
-        complete[name] = column if known.all() else np.where(known, column, DEFAULTS.get(name, 0.0))
+        missing = not isfinite(np.add.reduce(column))  # one pass, where most columns are complete
+        known = np.isfinite(column) if missing else None
+        complete[name] = column if known is None else np.where(known, column, DEFAULTS.get(name, 0.0))
     return complete
 
 
@@ -88,7 +91,19 @@ def row_count(conditions: Conditions) -> int:
 
 
 def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Floats:
-    """Standard normal number of every (seed, condition), the same whatever the parameters and effects.
+    """Standard normal number of every (seed, condition), the same whatever the parameters and effects."""
+    return disturbance_of(row_states(observable, conditions), seeds)
+
+
+def disturbance_of(rows: np.ndarray, seeds: Integers) -> Floats:
+    """Standard normal numbers (seeds, rows) of rows in their states."""
+    grid = scrambled(rows[np.newaxis, :] ^ scrambled(np.asarray(seeds).astype(np.uint64))[:, np.newaxis])
+    uniform = (np.right_shift(grid, np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
+    return ndtri(uniform)
+
+
+def row_states(observable: str, conditions: Conditions) -> np.ndarray:
+    """A number for every row that its observable and conditions make.
 
     A hash of the bits, so that the order of rows does not matter. Reference: the finaliser of Steele, Lea &
     Flood (2014), OOPSLA, fig. 15 (splitmix64).
@@ -97,9 +112,7 @@ def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Flo
     state = np.full(size, OBSERVABLES.index(observable) + 1, dtype=np.uint64)
     for name in sorted(conditions):
         state = scrambled(state ^ np.asarray(conditions[name], dtype=np.float64).view(np.uint64))
-    grid = scrambled(state[np.newaxis, :] ^ scrambled(np.asarray(seeds).astype(np.uint64))[:, np.newaxis])
-    uniform = (np.right_shift(grid, np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
-    return ndtri(uniform)
+    return state
 
 
 def scrambled(state: np.ndarray) -> np.ndarray:
