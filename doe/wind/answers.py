@@ -23,7 +23,9 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.effects import friction_velocity_calibration, sieve_diameter
 from taichi_erosion.report.blown_sand import (
     AIR,
+    BARE,
     GRAVITY,
+    LIGHT,
     MILLI,
     QUARTZ,
     STICKY,
@@ -35,7 +37,6 @@ from taichi_erosion.report.saturated_sand import saturated_thresholds
 
 READS = ("saturated.csv",)
 OBSERVABLE = "threshold_u_star"
-BARE = "impact"  # group of the sands without any effect
 ADHESION, SIEVE, READING = "dry_adhesion", "sieve_diameter", "friction_velocity_calibration"
 GROUPS = {ADHESION: STICKY}  # of the table, where it has not the name of the effect
 FADING = {ADHESION: -2.0}  # power of d with which an effect fades beyond its coarsest sand
@@ -81,7 +82,7 @@ def relative_variance(row: Row) -> float:
 
 
 THRESHOLDS = saturated_thresholds(found_in(Path(__file__).with_name(READS[0])))
-SIMULATED = {group: sands_of(THRESHOLDS, group) for group in dict.fromkeys(name[0] for name in THRESHOLDS)}
+SIMULATED = {group: sands_of(THRESHOLDS, group) for group in {name[0] for name in THRESHOLDS} - {LIGHT}}
 
 
 def predict(observable, conditions, parameters, effects, seeds):

@@ -17,12 +17,11 @@ from pathlib import Path
 from run import ADHESION, DIAMETERS, FINE, bond_number, size_order
 
 from taichi_erosion.campaign.cases import Case, perform, read_rows, settings
-from taichi_erosion.report.blown_sand import LIGHT, STICKY
+from taichi_erosion.report.blown_sand import BARE, LIGHT, STICKY
 from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 
 TABLE = Path(__file__).with_name("saturated.csv")
 SCENE = "scenes/saltation.toml"
-BARE = "impact"  # group of the sands without adhesion, as in impact.csv
 REFERENCE = 0.25e-3  # m, to which the values below belong
 MODULUS, HEIGHT = 1e5, 0.05  # Pa; m, a few times the highest hops
 SLEEP = 1e-3  # s at rest after which deep grains are held

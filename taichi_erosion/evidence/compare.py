@@ -11,6 +11,7 @@ from taichi_erosion.evidence.evidence import Scored, expand, score
 from taichi_erosion.evidence.examination import Examination, examine
 from taichi_erosion.evidence.findings import Comparison
 from taichi_erosion.evidence.intervals import parameter_fits
+from taichi_erosion.evidence.lab_noise import doubt_sentence
 from taichi_erosion.evidence.misfit import misfit_p, residuals_of, where_it_fails
 from taichi_erosion.evidence.problem import Floats, Measurements, Observable, Problem, Progress
 from taichi_erosion.evidence.scales import slope, to_scale
@@ -32,14 +33,14 @@ def compare(problem: Problem, progress: Progress = silent, seed: int = SEED) -> 
     misfits = observable_misfits(exam, base.expansion, table)
     if not known:
         misfits = {name: replace(misfit, chi2=nan, p=nan) for name, misfit in misfits.items()}
-    noise = noise_table(exam, None)
+    noise = noise_table(exam, None, known)
     return Comparison(
         observables=misfits,
         where=where_it_fails(exam, base.expansion),
         chi2=chi_square(exam, base.expansion) if known else nan,
         dof=freedom(exam, base.expansion),
         p=misfit_p(residuals_of(exam, base.expansion)) if known else nan,
-        noise=replace(noise, known=known),
+        noise=noise,
         parameters=parameter_fits(exam, base),
         rows=table,
         failures=exam.predictor.ledger.failures,
@@ -68,7 +69,9 @@ def known_or_guessed(problem: Problem, seed: int, progress: Progress) -> tuple[E
 def guessed(problem: Problem, scatter: dict[str, float], seed: int) -> tuple[Examination, Scored]:
     """The bare model calibrated as if the scatter were known."""
     supposed = replace(problem, measurements=with_scatter(problem, scatter))
-    return calibrated(examine(supposed, supposed.visible(), seed))
+    exam = examine(supposed, supposed.visible(), seed)
+    told = tuple(words for words in exam.warnings if words != doubt_sentence(exam.rows.freedom))
+    return calibrated(replace(exam, warnings=told))
 
 
 def residual_scatter(exam: Examination, base: Scored, scatter: dict[str, float]) -> dict[str, float]:

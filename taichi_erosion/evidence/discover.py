@@ -22,6 +22,7 @@ from taichi_erosion.evidence.words import summary
 
 SURVIVING = 0.01  # probability below which an explanation is not carried to the next experiment
 MOST_SURVIVORS = 6
+NO_CANDIDATE = "No candidate is listed, so nothing can be named; `compare` says where the model fails."
 
 
 def discover(problem: Problem, seed: int, budget: Budget, progress: Progress) -> Discovery:
@@ -134,7 +135,7 @@ def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Di
     exam, base, known = known_or_guessed(problem, seed, progress)
     nothing = {candidate.name: untested(candidate.name) for candidate in problem.candidates}
     share = 1.0 / (len(nothing) + 2)
-    noise = noise_table(exam, None)
+    noise = noise_table(exam, None, known)
     rows = rows_table(exam, base.expansion)
     chi2 = chi_square(exam, base.expansion) if known else nan
     return Discovery(
@@ -156,9 +157,9 @@ def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Di
         p_misfit_after=nan,
         decoy_rank=len(nothing) + 1,
         stability=1.0,
-        sentences=noise.sentences,
+        sentences=noise.sentences if problem.candidates else (NO_CANDIDATE, *noise.sentences),
         warnings=exam.warnings,
-        noise=replace(noise, known=known),
+        noise=noise,
         ambiguity={},
         absorbed_by={},
         survivors=(),

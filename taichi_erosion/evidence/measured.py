@@ -23,6 +23,7 @@ REQUIRED = ("observable", "value", "unit")
 OPTIONAL = ("sd", "n", "group", "source")
 REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
 NOTHING_SEEN = ("", "no transport")  # values of a censored row
+CELSIUS, ICE_POINT = ("degC", "°C", "℃"), 273.15  # K
 HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
@@ -57,11 +58,12 @@ class Table:
 
 @dataclass(frozen=True)
 class Column:
-    """Where a column stands, what it is called, and the factor from its unit to SI."""
+    """Where a column stands, what it is called, and how its numbers become SI."""
 
     place: int
     name: str
     factor: float
+    origin: float  # SI value of its 0
 
 
 def read_table(path: Path, file: str = "") -> Table:
@@ -89,11 +91,22 @@ def csv_lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
             if not any(cell.strip() for cell in cells):
                 continue
             width = width or len(cells)
+            if width == 1:
+                refuse_separator(cells[0], name)
             if len(cells) != width:
                 raise BadInput(f"{name}: row {reader.line_num} has {len(cells)} cells, the heading {width}")
             yield reader.line_num, [cell.strip() for cell in cells]
     except csv.Error as error:
         raise BadInput(f"{name}: not a CSV table: {error}") from None
+
+
+def refuse_separator(heading: str, name: str) -> None:
+    """Refuse a table of one column whose heading looks like several."""
+    if ";" in heading or "\t" in heading:
+        raise BadInput(
+            f"{name}: heading {quoted(heading)} is one column; separate columns by commas, "
+            "write decimals with a point"
+        )
 
 
 def read_heading(cells: Sequence[str], name: str) -> list[Column]:
@@ -102,24 +115,25 @@ def read_heading(cells: Sequence[str], name: str) -> list[Column]:
     for place, cell in enumerate(cells):
         match = HEADING.fullmatch(cell)
         if match is None or not NAME.fullmatch(match["name"]):
-            hint = "; separate columns by commas" if ";" in cell or "\t" in cell else ""
-            raise BadInput(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _{hint}")
+            raise BadInput(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _")
         if match["name"] in [column.name for column in columns]:
             raise BadInput(f"{name}: column '{match['name']}' stands in the heading twice")
-        columns.append(Column(place, match["name"], heading_factor(match, name)))
+        columns.append(Column(place, match["name"], *heading_unit(match, name)))
     for wanted in (*REQUIRED, *OPTIONAL):
         refuse_misspelt(wanted, [column.name for column in columns], name)
     return columns
 
 
-def heading_factor(match: re.Match[str], name: str) -> float:
-    """Factor to SI of the unit in a heading."""
+def heading_unit(match: re.Match[str], name: str) -> tuple[float, float]:
+    """Factor to SI of the unit in a heading, and the SI value of its 0."""
     if match["unit"] is None:
-        return 1.0
+        return 1.0, 0.0
     if match["name"] in REQUIRED + OPTIONAL:
         raise BadInput(f"{name}: heading {quoted(match[0])}: the unit of values stands in column 'unit'")
     try:
-        return parse_unit(match["unit"]).factor
+        if match["unit"].strip() in CELSIUS:
+            return 1.0, ICE_POINT
+        return parse_unit(match["unit"]).factor, 0.0
     except UnknownUnit:
         raise BadInput(f"{name}: heading {quoted(match[0])}: unknown unit; allowed: {EXAMPLES}") from None
 
@@ -172,7 +186,8 @@ def read_row(
         group=cell("group"),
         source=cell("source"),
         conditions=tuple(
-            column.factor * number(cells[column.place], f"{where}, {column.name}") for column in conditions
+            column.origin + column.factor * number(cells[column.place], f"{where}, {column.name}")
+            for column in conditions
         ),
     )
 

@@ -137,6 +137,8 @@ def axis_words(column: Floats, free: Floats) -> str:
         return f"{direction} up to {{axis}} = {values.max():.3g}"
     if worst == len(parts) - 1:
         return f"{direction} from {{axis}} = {values.min():.3g}"
+    if values.min() == values.max():
+        return f"{direction} at {{axis}} = {values.max():.3g}"
     return f"{direction} for {{axis}} between {values.min():.3g} and {values.max():.3g}"
 
 

@@ -10,6 +10,7 @@ from taichi_erosion.evidence.problem import Candidate, Floats, Observable, Param
 
 EFFECTS = "effects."  # prefix of the strength of an effect that is calibrated with the parameters
 STRENGTH = ".strength"
+ROUNDING = 1e-14  # of a raised value, below which nothing is left of it [1]
 
 
 def to_scale(observable: Observable, value: Floats) -> Floats:
@@ -26,7 +27,9 @@ def from_scale(observable: Observable, scaled: Floats) -> Floats:
     """Values in the observable's own unit."""
     if observable.transform == "identity":
         return np.asarray(scaled, dtype=float)
-    return np.exp(np.clip(scaled, -700.0, 700.0)) - offset(observable)
+    raised = np.exp(np.clip(scaled, -700.0, 700.0))
+    value = raised - offset(observable)
+    return np.where(np.abs(value) > ROUNDING * raised, value, 0.0)
 
 
 def slope(observable: Observable, value: Floats) -> Floats:

@@ -75,8 +75,8 @@ def observable_misfits(exam: Examination, expansion: Expansion, table: Rows) -> 
     return found
 
 
-def noise_table(exam: Examination, correlation: Floats | None) -> Noise:
-    """Noise budget with the simulator's share, and what must be said about it."""
+def noise_table(exam: Examination, correlation: Floats | None, known: bool = True) -> Noise:
+    """Noise budget with the simulator's share, and what must be said about it; `known` unless guessed."""
     budgets, sentences = {}, []
     simulated = np.sqrt(np.maximum(exam.variance - exam.rows.variance, 0.0))
     for index, observable in enumerate(exam.rows.observables):
@@ -89,10 +89,7 @@ def noise_table(exam: Examination, correlation: Floats | None) -> Noise:
             given.lab, own, given.shared, given.numerical, given.repeats, given.stated_factor, given.p, seeds
         )
         sentences += noise_words(observable.name, given)
-    known = bool(exam.rows.size)
-    if not known:
-        sentences.append(ASK_REPEATS)
-    return Noise(budgets, known, tuple(sentences))
+    return Noise(budgets, known, tuple(sentences) if known else (ASK_REPEATS,))
 
 
 def noise_words(name: str, given: ObservableNoise) -> list[str]:

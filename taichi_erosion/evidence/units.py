@@ -42,7 +42,7 @@ SIMPLE: dict[str, tuple[float, Exponents]] = {
 }
 PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "h": 1e2, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
 PREFIXED = ("g", "m", "L", "s", "Hz", "N", "Pa", "bar", "J", "W", "rad")
-EXAMPLES = "1, %, deg, m, mm, um, m/s, Pa, kg/m3, kg/(m s), g m-1 s-1, kg/kg"
+EXAMPLES = "1, %, deg, m, mm, um, m/s, Pa, kg/m3, kg/(m s), g m-1 s-1, kg/kg, K; a condition also degC"
 TOKEN = re.compile(
     r"\s*(?:(?P<mark>[/()])|(?P<symbol>[A-Za-z%‰°]+|1)(?:(?:\^|\*\*)?(?P<power>[+-]?\d+))?|[*·.])"
 )

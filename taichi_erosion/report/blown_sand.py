@@ -28,9 +28,10 @@ SPLASH = {
     "rebound_speed": "speed after a rebound over that before",
     "ejecta_share": "grains ejected per landing",
 }
-STICKY = "adhesion"  # group of the cases with dry adhesion
-LIGHT = "light"  # group of the cases with grains lighter than quartz
-BOTH = {"without": "impact", "with": STICKY}
+BARE = "impact"  # group of the cases without any effect
+STICKY = "adhesion"  # of those with dry adhesion
+LIGHT = "light"  # of those with grains lighter than quartz
+BOTH = {"without": BARE, "with": STICKY}
 # relative differences up to which a model holds: those between laboratories
 HOLDS = {"impact": 0.10, "flux": 0.20}
 QUARTZ, AIR = 2650.0, 1.225  # kg m-3, of the simulated grains and their air
@@ -73,7 +74,7 @@ def shown(value: float, half: float = nan, digits: int = 3) -> str:
     return f"{value:.{places}f} ± {half:.{places}f}"
 
 
-def simulated_thresholds(found: Found, name: str, group: str = "impact") -> tuple[np.ndarray, np.ndarray]:
+def simulated_thresholds(found: Found, name: str, group: str = BARE) -> tuple[np.ndarray, np.ndarray]:
     """Diameters [m] and thresholds [m s-1] of one way to read them, in order."""
     pairs = sorted(
         (MILLI * float(label), case[name].value)
@@ -133,7 +134,7 @@ def scaling_table(found: Found, hopping: Table) -> str:
     ways = (*IMPACT.values(), HOPPING)
     header = ("d [mm]", "seeds", *(f"u* [m/s], {way}" for way in ways), *(f"A, {way}" for way in ways))
     rows = []
-    plain = {label: case for (group, label), case in found.items() if group == "impact"}
+    plain = {label: case for (group, label), case in found.items() if group == BARE}
     for label in sorted({*plain, *alone}, key=float):
         case = plain.get(label, {})
         values = [case[name].value if name in case else nan for name in IMPACT]

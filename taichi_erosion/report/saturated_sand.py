@@ -6,7 +6,7 @@ from math import isfinite, nan
 import numpy as np
 
 from taichi_erosion.measures.threshold import vanishing_wind
-from taichi_erosion.report.blown_sand import AIR, MILLI, STICKY, STRESS_LINE, Found, known, shown
+from taichi_erosion.report.blown_sand import AIR, BARE, MILLI, STRESS_LINE, Found, known, shown
 from taichi_erosion.report.page import markdown_table
 
 APART = " mm, "  # between the diameter and the wind in the label of a case
@@ -67,7 +67,8 @@ def saturated_table(found: Found) -> str:
     thresholds = saturated_thresholds(found)
     for name, winds in sorted(winds_of(found).items(), key=lambda item: (item[0][0], float(item[0][1]))):
         end = thresholds[name][STRESS_LINE].value if name in thresholds else nan
-        sand = f"{name[1]} mm{', adhesion' if name[0] == STICKY else ''}"
+        added = "" if name[0] == BARE else f", {name[0].replace('_', ' ')}"
+        sand = f"{name[1]} mm{added}"
         for (_, label), case in sorted(winds.items(), key=lambda item: wind_of(item[0][1])):
             wind = wind_of(label)
             left, carried = (case[share].value for share in SHARES)

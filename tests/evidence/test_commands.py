@@ -12,7 +12,7 @@ from time import monotonic, sleep
 import pytest
 
 from taichi_erosion.cli.main import main
-from tests.evidence.small_study import LIBRARY, STUDY, study_text, write_study
+from tests.evidence.small_study import LIBRARY, STUDY, study_text, table_text, write_study
 
 VERDICTS = {"present", "group", "none_detected", "outside_library", "not_testable", "unstable"}
 STATUSES = {"present", "excluded", "not_testable"}
@@ -143,6 +143,19 @@ def test_the_report_is_one_page_that_asks_nobody_for_anything(wet, capsys):
     assert page.count("<img") == 5
     assert "control: " in page
     assert "outside" not in page or "not in the list" in page
+
+
+def test_the_report_says_where_it_lies_in_a_document_too(wet, capsys):
+    assert Path(document(capsys, "report", str(wet))["report"]).is_file()
+
+
+def test_measurements_without_any_scatter_name_nothing_and_say_why(tmp_path, capsys):
+    path = write_study(tmp_path, {"liquid_bridge": 1.0})
+    (tmp_path / "heap.csv").write_text(table_text({"liquid_bridge": 1.0}, 1, repeats=1), encoding="utf-8")
+    found = document(capsys, "discover", str(path))
+    assert found["verdict"] == "not_testable"
+    assert found["sentences"][0].startswith("Neither an sd nor repeated measurements are given")
+    assert not any("stated sd" in words for words in found["warnings"]), "none is stated"
 
 
 def test_a_report_of_nothing_is_refused(tmp_path, capsys):

@@ -61,6 +61,12 @@ def test_spreadsheet_marks_and_blank_lines_do_no_harm(tmp_path):
     assert [row.value for row in dressed.rows] == [row.value for row in plain.rows]
 
 
+@pytest.mark.parametrize("unit", ["degC", "°C"])
+def test_degrees_celsius_in_a_heading_become_kelvin(tmp_path, unit):
+    (row, *_) = table(tmp_path, GOOD.replace("moisture [%]", f"temperature [{unit}]")).rows
+    assert row.conditions == (pytest.approx(1.65 + 273.15),)
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -78,6 +84,7 @@ def test_spreadsheet_marks_and_blank_lines_do_no_harm(tmp_path):
         (GOOD.replace("unit,", "kind,"), "heap.csv: column 'unit' is missing"),
         (GOOD.replace("group", "value"), "heap.csv: column 'value' stands in the heading twice"),
         (GOOD.replace(",", ";"), "separate columns by commas"),
+        (GOOD.replace(",", ";").replace("33.5", "33,5"), "separate columns by commas, write decimals with"),
         (
             GOOD + GOOD.splitlines()[1] + "\n",
             "heap.csv: row 4 repeats row 2 cell by cell; remove one of them",

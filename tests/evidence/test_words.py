@@ -11,7 +11,10 @@ from taichi_erosion.evidence.discover import worded
 from taichi_erosion.evidence.examination import examine
 from taichi_erosion.evidence.findings import HypothesisFit, Rows
 from taichi_erosion.evidence.loop import opened
+from taichi_erosion.evidence.misfit import axis_words
 from taichi_erosion.evidence.posterior import OUTSIDE, posterior
+from taichi_erosion.evidence.problem import Observable
+from taichi_erosion.evidence.scales import from_scale, to_scale
 from taichi_erosion.evidence.shortlist import REJECTED, doubted_p, hypotheses
 from tests.evidence.small_study import write_study
 
@@ -42,6 +45,18 @@ def test_a_name_that_leaves_a_misfit_is_told_with_it(wet):
 def test_without_a_name_there_is_nothing_that_could_fail(wet):
     bare = worded(replace(wet, final=wet.base, p_misfit_after=1e-4), SEED, 0.0)
     assert not any("Even with" in sentence for sentence in bare.sentences)
+
+
+def test_an_axis_of_few_values_is_told_by_the_value_where_the_model_fails():
+    column = np.repeat([1.0, 2.0, 4.0, 8.0], 4)
+    free = np.where(column == 2.0, 3.0, 0.0)
+    assert axis_words(column, free) == "too low at {axis} = 2"
+
+
+def test_a_flux_of_which_only_rounding_is_left_is_none():
+    flux = Observable("flux", "log_floor", floor=2e-4)
+    assert from_scale(flux, to_scale(flux, np.array([0.0, 1e-12]))) == pytest.approx([0.0, 1e-12], rel=1e-3)
+    assert np.all(from_scale(flux, np.log([2e-4 * (1.0 - 1e-15)])) == 0.0)
 
 
 @pytest.mark.parametrize(
