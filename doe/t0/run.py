@@ -1,6 +1,7 @@
 """Sealed cases on the reduced model: draws, solves and opens them, writes results.csv, fills the page.
 
 python doe/t0/run.py --cases 3000 --seed 1 --processes 2     goes on where it was stopped
+python doe/t0/run.py --cases 3000 --seed 1 --further 3000    and the pairs among 3000 more
 python doe/t0/run.py --cases 3000 --seed 1 --score           opens what is answered
 python doe/t0/run.py --page                                  only the page, from results.csv
 """
@@ -29,12 +30,13 @@ TOLD = 100  # cases from one line of progress to the next
 def main(
     cases: int = 3000,
     seed: Annotated[int, typer.Option(help="Family of cases; each is used once.")] = 1,
+    further: Annotated[int, typer.Option(help="Cases beyond, of which the pairs are asked.")] = 0,
     processes: int = 1,
     score: Annotated[bool, typer.Option("--score", help="Open what is answered, solve no more.")] = False,
     page: Annotated[bool, typer.Option("--page", help="Only fill the page from results.csv.")] = False,
 ) -> None:
     """Whatever was asked for, then the page."""
-    trial = Trial(seed, cases, WORK / f"{seed}-{cases}")
+    trial = Trial(seed, cases, WORK / f"{seed}-{cases}-{further}", further)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read by the processes when they start
     if not page:
         seal(trial)
@@ -46,11 +48,11 @@ def main(
 
 def solve(trial: Trial, processes: int) -> None:
     """Answer every problem that has no answer yet; solving processes are given problem files only."""
-    paths = [(trial.problem(number), trial.answer(number)) for number in range(trial.count)]
+    paths = [(trial.problem(number), trial.answer(number)) for number in trial.numbers]
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         for done, _ in enumerate(pool.map(solve_file, *zip(*paths, strict=True)), 1):
-            if done % TOLD == 0 or done == trial.count:
-                typer.echo(f"{done} of {trial.count} solved")
+            if done % TOLD == 0 or done == len(paths):
+                typer.echo(f"{done} of {len(paths)} solved")
 
 
 def scored(trial: Trial, processes: int) -> list[dict[str, str]]:

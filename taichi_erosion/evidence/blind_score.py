@@ -23,6 +23,7 @@ class Marked:
     truth: Truth
     hard: Difficulty
     answer: Outcome
+    further: bool = False  # asked for because cases of its kind are few; counts with that kind only
 
     @property
     def told(self) -> set[str]:
@@ -76,8 +77,9 @@ def number(name: str, values: Sequence[float], target: tuple[str, float]) -> Met
     return Metric(name, value, low, high, finite.size, f"{target[0]} {target[1]:g}", bool(met))
 
 
-def scores(cases: Sequence[Marked]) -> Iterator[Metric]:
+def scores(everything: Sequence[Marked]) -> Iterator[Metric]:
     """All metrics of the protocol."""
+    cases = [case for case in everything if not case.further]
 
     def by_kind(kind: str) -> list[Marked]:
         return [case for case in cases if case.truth.kind == kind]
@@ -85,7 +87,7 @@ def scores(cases: Sequence[Marked]) -> Iterator[Metric]:
     yield from null_scores(by_kind("null"))
     yield from single_scores(by_kind("single"))
     yield from outside_scores(cases, by_kind("outside"))
-    yield from pair_scores(by_kind("pair"))
+    yield from pair_scores([case for case in everything if case.truth.kind == "pair"])
     impossible = [c for c in by_kind("impossible") if c.hard.separation < DISTINCT]
     lone = [c.answer.verdict != "present" for c in impossible]
     yield share("impossible designs: no lone name", lone, (">=", 0.97))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.evidence.blind_cases import Case, draw_case
+from taichi_erosion.evidence.blind_cases import Case, case_generator, draw_case, kind_of
 from taichi_erosion.evidence.blind_laboratory import Truth
 from taichi_erosion.evidence.blind_oracle import Difficulty, difficulty
 from taichi_erosion.evidence.blind_score import Marked
@@ -22,16 +22,27 @@ from taichi_erosion.evidence.blind_solve import answer_of, outcome_of
 from taichi_erosion.recording.whole_file import write_whole
 
 SALT_BYTES = 16
-COLUMNS = ("number", "sha256", "truth", "difficulty", "answer")  # of a table of results
+COLUMNS = ("number", "sha256", "further", "truth", "difficulty", "answer")  # of a table of results
+FURTHER = "pair"  # kind of the cases that are asked for beyond the others, for they are few
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Cases 0 to count - 1 of one seed family, and the folder in which they are solved."""
+    """Cases 0 to count - 1 of one seed family, then the pairs among as many as `further`; where they lie."""
 
     family: int
     count: int
     folder: Path
+    further: int = 0
+
+    @property
+    def numbers(self) -> list[int]:
+        """Cases that are asked."""
+        beyond = range(self.count, self.count + self.further)
+        return [
+            *range(self.count),
+            *(k for k in beyond if kind_of(case_generator(self.family, k)) == FURTHER),
+        ]
 
     def problem(self, number: int) -> Path:
         """What the solver is given."""
@@ -59,7 +70,7 @@ def seal(trial: Trial) -> None:
     for path in (trial.problem(0), trial.answer(0)):
         path.parent.mkdir(parents=True, exist_ok=True)
     lines = ["number,sha256"]
-    for number in range(trial.count):
+    for number in trial.numbers:
         case = draw_case(trial.family, number)
         write_whole(trial.problem(number), pickle.dumps(case.problem))
         lines.append(f"{number},{seal_of(trial.family, case)}")
@@ -80,6 +91,7 @@ def opened(trial: Trial, number: int, digest: str) -> dict[str, str]:
     return {
         "number": str(number),
         "sha256": digest,
+        "further": "yes" if number >= trial.count else "",
         "truth": json.dumps(rounded(asdict(case.truth))),
         "difficulty": json.dumps(rounded(asdict(difficulty(case)))),
         "answer": json.dumps(rounded(asdict(answer_of(trial.answer(number))))),
@@ -105,6 +117,7 @@ def marked(rows: list[dict[str, str]]) -> list[Marked]:
             Truth(**json.loads(row["truth"])),
             Difficulty(**json.loads(row["difficulty"])),
             outcome_of(json.loads(row["answer"])),
+            row.get("further") == "yes",
         )
         for row in rows
     ]

@@ -27,7 +27,7 @@ def publish(table: Path, page: Path) -> None:
     tables = {
         "cases": case_table(cases),
         "metrics": metric_table(list(scores(cases))),
-        "calibration": calibration_table(cases),
+        "calibration": calibration_table([case for case in cases if not case.further]),
     }
     write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
 

@@ -16,7 +16,7 @@ import pytest
 
 from taichi_erosion.evidence.blind_cases import draw_case
 from taichi_erosion.evidence.blind_laboratory import CaseModel
-from taichi_erosion.evidence.blind_score import STRONG, Marked, is_top
+from taichi_erosion.evidence.blind_score import STRONG, Marked, is_top, scores
 from taichi_erosion.evidence.blind_solve import Outcome, solve, solve_file
 from taichi_erosion.evidence.blind_trial import Trial, marked, opened, seal, sealed
 from taichi_erosion.evidence.problem import Candidate, Problem
@@ -39,6 +39,22 @@ def cases(tmp_path_factory) -> list[Marked]:
         around.setenv("OPENBLAS_NUM_THREADS", "1")  # read by the processes when they start
         list(pool.map(solve_file, problems, answers, repeat(False), chunksize=5))
         return marked(list(pool.map(opened, repeat(trial), numbers, sealed(trial).values(), chunksize=5)))
+
+
+def test_beyond_the_drawn_cases_only_pairs_are_asked(tmp_path):
+    trial = Trial(FAMILY, 3, tmp_path, further=60)
+    assert trial.numbers[:3] == [0, 1, 2]
+    assert {draw_case(FAMILY, k).truth.kind for k in trial.numbers[3:]} == {"pair"}
+    assert 1 <= len(trial.numbers) - 3 <= 15, "a tenth of the cases are pairs"
+
+
+def test_further_pairs_count_with_pairs_only(cases):
+    again = [replace(case, further=True) for case in of_kind(cases, "pair")]
+    alone, both = ({m.name: m.count for m in scores(c)} for c in (cases, [*cases, *again]))
+    moved = {name for name in alone if both[name] != alone[name]}
+    assert moved
+    assert all(name.startswith("pair") for name in moved)
+    assert all(both[name] == 2 * alone[name] for name in moved)
 
 
 def below(share: float, count: int) -> float:
