@@ -1,4 +1,4 @@
-"""Fills the tutorial with what its commands print: `python docs/tutorial.py`.
+"""Fills the tutorial and the thresholds with what their commands print: `python docs/tutorial.py`.
 
 A block behind the mark `<!-- output: N -->` shows the first N lines of the command above it.
 """
@@ -14,7 +14,14 @@ from pathlib import Path
 from taichi_erosion.cli.main import main as command
 
 DOCS = Path(__file__).resolve().parent
-PAGE = DOCS / "discover.md"
+PAGES = (DOCS / "discover.md", DOCS / "threshold.md")
+READ = (
+    "measured/*.csv",
+    "impact_threshold*.toml",
+    "hao2022*_reduced.toml",
+    "wind/answers.py",
+    "wind/saturated.csv",
+)
 ORDER = r"```sh\n\./erosion (?P<words>[^\n]+)\n```\n\n<!-- output: (?P<lines>\d+) -->\n```text\n"
 STEP = re.compile(rf"(?P<order>{ORDER}).*?```", re.DOTALL)
 
@@ -38,13 +45,15 @@ def filled(step: re.Match[str]) -> str:
 def fill(page: str) -> str:
     """The page with every output made afresh, in a copy of doe/ so that no results are left behind."""
     with tempfile.TemporaryDirectory() as folder:
-        shutil.copytree(DOCS.parent / "doe" / "measured", Path(folder) / "doe" / "measured")
-        for study in (DOCS.parent / "doe").glob("*_reduced.toml"):
-            shutil.copy(study, Path(folder) / "doe")
+        for file in (file for pattern in READ for file in (DOCS.parent / "doe").glob(pattern)):
+            place = Path(folder) / file.relative_to(DOCS.parent)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, place)
         with chdir(folder):
             return STEP.sub(filled, page)
 
 
 if __name__ == "__main__":
     os.environ["COLUMNS"] = "400"  # sentences stay on their lines
-    PAGE.write_text(fill(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in PAGES:
+        page.write_text(fill(page.read_text(encoding="utf-8")), encoding="utf-8")
