@@ -18,7 +18,7 @@ from taichi_erosion.evidence.evidence import expand, score
 from taichi_erosion.evidence.examination import Examination, bound_predictor, examine
 from taichi_erosion.evidence.findings import Adoption, HypothesisFit, Rows
 from taichi_erosion.evidence.intervals import parameter_fits, strength_fits
-from taichi_erosion.evidence.problem import Floats, Problem, Progress
+from taichi_erosion.evidence.problem import Bools, Floats, Problem, Progress
 from taichi_erosion.evidence.scaled import Scaled, scaled_measurements
 from taichi_erosion.evidence.screen import Screen, screen
 from taichi_erosion.evidence.shortlist import likely_strength, refit
@@ -66,7 +66,7 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = silent)
         best_wrong=fits[2],
         random_wrong=fits[3],
         vault_opened=problem.vault.opened + (1 if vault else 0),
-        sentence=proof_words(effect, fits[0], added, fits[2], fits[3]),
+        sentence=proof_words(effect, fits[0], added, fits[2], fits[3]) + unanswered_words(vault, fits[0]),
         runs=runs,
         wall_s=perf_counter() - start,
     )
@@ -140,8 +140,8 @@ def tested(exam: Examination, fitted: Fit, vault: VaultSide | None) -> Hypothesi
         mean = mean + shared_shift(exam, expansion.mean, vault)
         good = np.isfinite(mean)
         part = replace(expansion, mean=np.where(good, mean, vault.rows.z), shared=vault.rows.shared)
-        hidden = rows_table(vault.exam, part)
-        chi2 = float(np.mean(hidden.residual[good] ** 2)) if good.any() else nan
+        hidden = rows_of(rows_table(vault.exam, part), good)
+        chi2 = float(np.mean(hidden.residual**2)) if good.any() else nan
         rmse = errors_by_observable(hidden)
     return HypothesisFit(
         effects=fitted.names,
@@ -181,6 +181,26 @@ def errors_by_observable(rows: Rows) -> dict[str, float]:
     names = np.array(rows.observable)
     gap = rows.measured - rows.predicted
     return {str(name): float(np.sqrt(np.mean(gap[names == name] ** 2))) for name in np.unique(names)}
+
+
+def rows_of(rows: Rows, chosen: Bools) -> Rows:
+    """Some rows of a table."""
+    kept = np.flatnonzero(chosen)
+    names = ("measured", "measured_sd", "predicted", "predicted_sd", "residual")
+    return Rows(
+        observable=tuple(rows.observable[i] for i in kept),
+        group=tuple(rows.group[i] for i in kept),
+        conditions={name: column[chosen] for name, column in rows.conditions.items()},
+        **{name: getattr(rows, name)[chosen] for name in names},
+    )
+
+
+def unanswered_words(vault: VaultSide | None, base: HypothesisFit) -> str:
+    """How many held-out rows the model has no value for; nothing where it has all."""
+    if vault is None or base.vault_rows is None:
+        return ""
+    missing = vault.rows.size - len(base.vault_rows.observable)
+    return f" The model has no value for {missing} of {vault.rows.size} held-out rows." if missing else ""
 
 
 def proof_words(

@@ -17,7 +17,7 @@ from taichi_erosion.evidence.screen import Screen, screen
 from taichi_erosion.evidence.shortlist import Judged, chosen_singles, hypotheses, judge_singles
 from taichi_erosion.evidence.significance import DRAWS, Significance, power, significance
 from taichi_erosion.evidence.unknown import Kernel, discrepancy_gain, kernels
-from taichi_erosion.evidence.verdict import Decision, best_hypothesis, decide
+from taichi_erosion.evidence.verdict import Decision, best_hypothesis, borne_out, decide
 
 ROUGH_DRAWS = 200  # of a null that only ranks
 
@@ -64,8 +64,7 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
         decision = Decision("not_testable", (), ())
     gains = {item.names[0]: held_out(exam, expansion, item.scored.expansion) for item in usable(judged)}
     stability, decision = settled(exam, base, found, rough, judged, family, decision)
-    names = best_hypothesis(believed, judged, decision)
-    final = next((item for item in judged if item.names == names), base)
+    decision, final, left = concluded(exam, base, judged, believed, decision)
     return Autopsy(
         exam,
         base,
@@ -76,12 +75,25 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
         decision,
         final,
         p_misfit,
-        misfit_p(residuals_of(exam, final.scored.expansion)),
+        left,
         family,
         gains,
         stability,
         tuple(warnings),
     )
+
+
+def concluded(
+    exam: Examination, base: Judged, judged: list[Judged], believed: Posterior, decision: Decision
+) -> tuple[Decision, Judged, float]:
+    """The verdict, the hypothesis whose calibration is reported, and the chance of what that leaves."""
+    names = best_hypothesis(believed, judged, decision)
+    final = next((item for item in judged if item.names == names), base)
+    left = misfit_p(residuals_of(exam, final.scored.expansion))
+    kept = borne_out(decision, believed, left)
+    if kept != decision:
+        return concluded(exam, base, judged, believed, kept)
+    return decision, final, left
 
 
 def too_few_rows(exam: Examination) -> bool:

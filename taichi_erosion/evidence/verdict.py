@@ -12,6 +12,7 @@ LEVEL = 0.05  # family-wise, of a first name
 MISSING = 0.4  # probability of "nothing" below which something is said to be missing
 ALONE = 0.5  # probability that an effect named alone must have
 MISFIT_LEVEL = 0.01  # of the base model's misfit where no single signature explains it
+NAME_ODDS = 3.0  # of a name over something outside the list, which a name that leaves a misfit must have
 SURE = 0.8  # share of the named probability from which one effect stands alone
 CREDIBLE = 0.9  # probability that a group holds
 RIVAL = 3.0  # misfit behind the best below which a rival explains as well [1]
@@ -45,6 +46,21 @@ def decide(
     if believed.probability[OUTSIDE] > named_mass:
         return Decision("outside_library", (), ())
     return name(believed, judged, named_mass)
+
+
+def borne_out(decision: Decision, believed: Posterior, p_left: float) -> Decision:
+    """The decision, but that a name which leaves a misfit must be clearly likelier than something unlisted.
+
+    An effect of the list imitates one that is not there, and takes most of the misfit away: its probability
+    then is that of the best of the list. Odds of three to one are the least that count as positive evidence.
+
+    Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773, section 3.2.
+    """
+    outside = believed.probability[OUTSIDE]
+    named = 1.0 - believed.probability[NONE] - outside
+    if decision.verdict in ("present", "group") and p_left < MISFIT_LEVEL and named < NAME_ODDS * outside:
+        return Decision("outside_library", (), ())
+    return decision
 
 
 def name(believed: Posterior, judged: list[Judged], mass: float) -> Decision:

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from taichi_erosion.evidence.adopt import proof_words
-from taichi_erosion.evidence.autopsy import Autopsy, autopsy
+from taichi_erosion.evidence.autopsy import Autopsy, autopsy, concluded
 from taichi_erosion.evidence.discover import worded
 from taichi_erosion.evidence.examination import examine
 from taichi_erosion.evidence.findings import HypothesisFit, Rows
 from taichi_erosion.evidence.loop import opened
 from taichi_erosion.evidence.misfit import axis_words
-from taichi_erosion.evidence.posterior import OUTSIDE, posterior
+from taichi_erosion.evidence.posterior import NONE, OUTSIDE, posterior
 from taichi_erosion.evidence.problem import Observable
 from taichi_erosion.evidence.scales import from_scale, to_scale
 from taichi_erosion.evidence.shortlist import REJECTED, doubted_p, hypotheses
+from taichi_erosion.evidence.verdict import borne_out
 from tests.evidence.small_study import write_study
 
 FAILS = "Even with liquid_bridge the model fails"
@@ -81,3 +82,30 @@ def test_what_the_measurements_reject_counts_as_something_not_in_the_list(wet):
     assert [h.told for h in told if h.names == right.names] == [False, False]
     believed = posterior(wet.exam, told)
     assert believed.inclusion["liquid_bridge"] < 0.01 < 0.5 < believed.probability[OUTSIDE]
+
+
+@pytest.mark.parametrize(
+    ("outside", "left", "verdict"),
+    [
+        (0.38, 1.5e-3, "outside_library"),  # an effect that another one imitates
+        (0.38, 0.2, "present"),  # nothing is left that would ask for another
+        (0.05, 1.5e-3, "present"),  # the scatter is understated, or a second effect is small
+    ],
+)
+def test_a_name_that_leaves_a_misfit_must_be_likelier_than_something_unlisted(wet, outside, left, verdict):
+    probability = {NONE: 0.0, OUTSIDE: outside, "liquid_bridge": 1.0 - outside}
+    decided = borne_out(wet.decision, replace(wet.believed, probability=probability), left)
+    assert decided.verdict == verdict
+    assert decided.named == (() if verdict == "outside_library" else ("liquid_bridge",))
+
+
+def test_what_is_not_borne_out_is_not_reported_as_an_explanation(wet):
+    believed = replace(wet.believed, probability={NONE: 0.0, OUTSIDE: 0.4, "liquid_bridge": 0.6})
+    (right,) = [item for item in wet.judged if item.names == wet.decision.named]
+    jagged = 2.0 * wet.exam.sd * np.where(np.arange(wet.exam.sd.size) % 2, 1.0, -1.0)
+    moved = replace(right.scored.expansion, mean=right.scored.expansion.mean + jagged)
+    wrong = replace(right, scored=replace(right.scored, expansion=moved))
+    decided, final, left = concluded(wet.exam, wet.base, [wrong], believed, wet.decision)
+    assert decided.verdict == "outside_library"
+    assert final is wet.base
+    assert left == wet.p_misfit
