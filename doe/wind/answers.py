@@ -27,7 +27,6 @@ from taichi_erosion.report.blown_sand import (
     AIR,
     BARE,
     GRAVITY,
-    LIGHT,
     MILLI,
     QUARTZ,
     STICKY,
@@ -35,7 +34,7 @@ from taichi_erosion.report.blown_sand import (
     Found,
     found_in,
 )
-from taichi_erosion.report.saturated_sand import saturated_thresholds
+from taichi_erosion.report.saturated_sand import LIGHT, saturated_thresholds
 
 READS = ("saturated.csv",)
 OBSERVABLE = "threshold_u_star"

@@ -17,7 +17,8 @@ from pathlib import Path
 from run import ADHESION, DIAMETERS, FINE, bond_number, size_order
 
 from taichi_erosion.campaign.cases import Case, perform, read_rows, settings
-from taichi_erosion.report.blown_sand import BARE, LIGHT, STICKY
+from taichi_erosion.report.blown_sand import BARE, STICKY
+from taichi_erosion.report.saturated_sand import LIGHT
 from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 
 TABLE = Path(__file__).with_name("saturated.csv")

@@ -55,6 +55,7 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = silent)
     for index, name in enumerate((effect, best_wrong, random_wrong)):
         progress(f"recalibrating with {name}", 0.25 * (index + 1))
         fits.append(None if name is None else tested(exam, added_fit(exam, found, name), vault))
+    fits = compared(fits)
     added = fits[1]
     assert added is not None
     assert fits[0] is not None
@@ -130,26 +131,25 @@ def simulated_variance(exam: Examination, rows: Scaled) -> Floats:
 
 
 def tested(exam: Examination, fitted: Fit, vault: VaultSide | None) -> HypothesisFit:
-    """One hypothesis on both sides."""
+    """One hypothesis on both sides; the residual of a held-out row without a value is NaN."""
     expansion = expand(exam, fitted)
     scored = score(exam, expansion)
     visible = rows_table(exam, expansion)
-    hidden, chi2, rmse = None, nan, {}
+    hidden = None
     if vault is not None:
         mean = vault.exam.predictor.mean(fitted.x, fitted.acting(), exam.seeds.judging)
         mean = mean + shared_shift(exam, expansion.mean, vault)
         good = np.isfinite(mean)
         part = replace(expansion, mean=np.where(good, mean, vault.rows.z), shared=vault.rows.shared)
-        hidden = rows_of(rows_table(vault.exam, part), good)
-        chi2 = float(np.mean(hidden.residual**2)) if good.any() else nan
-        rmse = errors_by_observable(hidden)
+        table = rows_table(vault.exam, part)
+        hidden = replace(table, residual=np.where(good, table.residual, nan))
     return HypothesisFit(
         effects=fitted.names,
         strengths=strength_fits(exam, scored),
         parameters=parameter_fits(exam, scored),
         chi2=chi_square(exam, expansion) / exam.rows.size,
-        vault_chi2=chi2,
-        vault_rmse=rmse,
+        vault_chi2=nan,
+        vault_rmse={},
         rows=visible,
         vault_rows=hidden,
     )
@@ -183,6 +183,23 @@ def errors_by_observable(rows: Rows) -> dict[str, float]:
     return {str(name): float(np.sqrt(np.mean(gap[names == name] ** 2))) for name in np.unique(names)}
 
 
+def compared(fits: list[HypothesisFit | None]) -> list[HypothesisFit | None]:
+    """All hypotheses on the held-out rows for which each of them has a value."""
+    tables = [fit.vault_rows.residual for fit in fits if fit is not None and fit.vault_rows is not None]
+    if not tables:
+        return fits
+    common = np.all(np.isfinite(tables), axis=0)
+    return [None if fit is None else scored_on(fit, common) for fit in fits]
+
+
+def scored_on(fit: HypothesisFit, chosen: Bools) -> HypothesisFit:
+    """A hypothesis and its errors on some of the held-out rows."""
+    assert fit.vault_rows is not None
+    hidden = rows_of(fit.vault_rows, chosen)
+    chi2 = float(np.mean(hidden.residual**2)) if chosen.any() else nan
+    return replace(fit, vault_chi2=chi2, vault_rmse=errors_by_observable(hidden), vault_rows=hidden)
+
+
 def rows_of(rows: Rows, chosen: Bools) -> Rows:
     """Some rows of a table."""
     kept = np.flatnonzero(chosen)
@@ -196,11 +213,11 @@ def rows_of(rows: Rows, chosen: Bools) -> Rows:
 
 
 def unanswered_words(vault: VaultSide | None, base: HypothesisFit) -> str:
-    """How many held-out rows the model has no value for; nothing where it has all."""
+    """How many held-out rows do not count for want of a value; nothing where all do."""
     if vault is None or base.vault_rows is None:
         return ""
     missing = vault.rows.size - len(base.vault_rows.observable)
-    return f" The model has no value for {missing} of {vault.rows.size} held-out rows." if missing else ""
+    return f" For {missing} of {vault.rows.size} held-out rows there is no value." if missing else ""
 
 
 def proof_words(

@@ -7,8 +7,9 @@ import numpy as np
 from taichi_erosion.evidence.calibrate import Fit, fit_base
 from taichi_erosion.evidence.evidence import expand, score
 from taichi_erosion.evidence.examination import Examination
+from taichi_erosion.evidence.findings import Where
 from taichi_erosion.evidence.held_out import HeldOut, held_out
-from taichi_erosion.evidence.misfit import misfit_p, residuals_of
+from taichi_erosion.evidence.misfit import misfit_p, residuals_of, where_it_fails
 from taichi_erosion.evidence.pairs import judge_pairs
 from taichi_erosion.evidence.posterior import Posterior, label, posterior
 from taichi_erosion.evidence.predictor import seed_mean
@@ -36,6 +37,7 @@ class Autopsy:
     final: Judged  # the hypothesis whose calibration is reported
     p_misfit: float
     p_misfit_after: float  # of what the final hypothesis leaves
+    where: tuple[Where, ...]  # the bare model fails, worst first
     family: list[Kernel]
     held_out: dict[str, HeldOut]
     stability: float
@@ -51,17 +53,15 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
     base = Judged((), score(exam, expansion), discrepancy_gain(exam, expansion, family))
     progress("making signatures", 0.15)
     found = screen(exam, expansion)
-    p_misfit = misfit_p(residuals_of(exam, expansion))
+    p_misfit, where = misfit_p(residuals_of(exam, expansion)), where_it_fails(exam, expansion)
     rough = significance(exam, found, np.ones(ROUGH_DRAWS), seed)
     judged = judge_singles(exam, found, chosen_singles(exam, found, rough), family, progress)
     judged += judge_pairs(exam, found, judged, family, progress)
     progress("weighing the evidence", 0.9)
     believed = posterior(exam, hypotheses(exam, base, found, rough, judged))
     seen = significance(exam, found, noise_draws(exam, believed, seed), seed)
-    powers = [power(signature.norm, seen.threshold) for signature in found.signatures]
-    decision = decide(believed, judged, seen.p, p_misfit, powers)
-    if too_few_rows(exam):
-        decision = Decision("not_testable", (), ())
+    least = min([p_misfit, *(place.p for place in where)])
+    decision = decided(exam, found, judged, believed, seen, least)
     gains = {item.names[0]: held_out(exam, expansion, item.scored.expansion) for item in usable(judged)}
     stability, decision = settled(exam, base, found, rough, judged, family, decision)
     decision, final, left = concluded(exam, base, judged, believed, decision)
@@ -76,11 +76,27 @@ def autopsy(exam: Examination, seed: int, progress: Progress) -> Autopsy:
         final,
         p_misfit,
         left,
+        where,
         family,
         gains,
         stability,
         tuple(warnings),
     )
+
+
+def decided(
+    exam: Examination,
+    found: Screen,
+    judged: list[Judged],
+    believed: Posterior,
+    seen: Significance,
+    p_misfit: float,
+) -> Decision:
+    """The first verdict; none where almost anything would explain the rows."""
+    powers = [power(signature.norm, seen.threshold) for signature in found.signatures]
+    if too_few_rows(exam):
+        return Decision("not_testable", (), ())
+    return decide(believed, judged, seen.p, p_misfit, powers)
 
 
 def concluded(

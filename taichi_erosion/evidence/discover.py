@@ -41,7 +41,7 @@ def worded(found: Autopsy, seed: int, start: float) -> Discovery:
     strengths = fitted_strengths(found)
     told = Verdicts(found.decision, found.believed, found.seen, final, strengths, found.held_out)
     effects = effect_table(exam, found.found.signatures, told)
-    where = where_it_fails(exam, base)
+    where = found.where
     clues = clues_of(exam, base, where) if found.decision.verdict == "outside_library" else ()
     expected = {name: fitted.value for name, fitted in strengths.items()}
     return Discovery(

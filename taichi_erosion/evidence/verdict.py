@@ -11,7 +11,7 @@ from taichi_erosion.evidence.shortlist import Judged
 LEVEL = 0.05  # family-wise, of a first name
 MISSING = 0.4  # probability of "nothing" below which something is said to be missing
 ALONE = 0.5  # probability that an effect named alone must have
-MISFIT_LEVEL = 0.01  # of the base model's misfit where no single signature explains it
+MISFIT_LEVEL = 0.01  # of the base model's misfit, or of its worst place, where no signature explains it
 NAME_ODDS = 3.0  # of a name over something outside the list, which a name that leaves a misfit must have
 SURE = 0.8  # share of the named probability from which one effect stands alone
 CREDIBLE = 0.9  # probability that a group holds
@@ -30,7 +30,10 @@ class Decision:
 
 
 def detected(believed: Posterior, p: float, p_misfit: float) -> bool:
-    """Whether anything at all is missing: unlikely by chance, and clearly likelier than not."""
+    """Whether anything at all is missing: unlikely by chance, and clearly likelier than not.
+
+    `p` is that of the best signature, `p_misfit` the least of the misfit as a whole and of its worst place.
+    """
     return believed.probability[NONE] < MISSING and (p < LEVEL or p_misfit < MISFIT_LEVEL)
 
 

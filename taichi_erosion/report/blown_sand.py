@@ -30,7 +30,6 @@ SPLASH = {
 }
 BARE = "impact"  # group of the cases without any effect
 STICKY = "adhesion"  # of those with dry adhesion
-LIGHT = "light"  # of those with grains lighter than quartz
 BOTH = {"without": BARE, "with": STICKY}
 # relative differences up to which a model holds: those between laboratories
 HOLDS = {"impact": 0.10, "flux": 0.20}

@@ -10,6 +10,7 @@ from taichi_erosion.report.blown_sand import AIR, BARE, MILLI, STRESS_LINE, Foun
 from taichi_erosion.report.page import markdown_table
 
 APART = " mm, "  # between the diameter and the wind in the label of a case
+LIGHT = "light"  # group of the cases with grains lighter than quartz
 SHARES = ("bed_stress", "grain_stress")
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.adopt import proof_words
-from taichi_erosion.evidence.autopsy import Autopsy, autopsy, concluded
+from taichi_erosion.evidence.adopt import compared, proof_words
+from taichi_erosion.evidence.autopsy import Autopsy, autopsy, concluded, decided
 from taichi_erosion.evidence.discover import worded
 from taichi_erosion.evidence.examination import examine
 from taichi_erosion.evidence.findings import HypothesisFit, Rows
@@ -70,6 +70,20 @@ def test_adopting_says_where_the_held_out_rows_contradict_the_name(before, after
     assert words.endswith("What was held out does not bear liquid_bridge out.") == told
 
 
+def test_all_hypotheses_are_held_against_the_rows_that_each_has_a_value_for():
+    def fit(*residual: float) -> HypothesisFit:
+        column = np.array(residual)
+        rows = Rows(
+            ("angle",) * 3, ("g",) * 3, {"x": np.arange(3.0)}, column, column, 0.0 * column, column, column
+        )
+        return HypothesisFit((), {}, {}, 1.0, np.nan, {}, NO_ROWS, rows)
+
+    told = compared([fit(1.0, np.nan, 3.0), fit(2.0, 9.0, 2.0), None])
+    assert told[2] is None
+    assert [one.vault_chi2 for one in told if one is not None] == [5.0, 4.0]
+    assert all(list(one.vault_rows.conditions["x"]) == [0.0, 2.0] for one in told[:2])
+
+
 def test_what_the_measurements_reject_counts_as_something_not_in_the_list(wet):
     (right,) = [item for item in wet.judged if item.names == wet.decision.named]
     assert doubted_p(wet.exam, right) > REJECTED
@@ -109,3 +123,13 @@ def test_what_is_not_borne_out_is_not_reported_as_an_explanation(wet):
     assert decided.verdict == "outside_library"
     assert final is wet.base
     assert left == wet.p_misfit
+
+
+def test_a_misfit_in_one_place_is_seen_where_the_whole_hides_it(wet):
+    probability = {NONE: 0.01, OUTSIDE: 0.97, "liquid_bridge": 0.02}
+    believed = replace(wet.believed, probability=probability)
+    seen = replace(wet.seen, p=0.5)
+    asked = (wet.exam, wet.found, wet.judged, believed, seen)
+    assert decided(*asked, p_misfit=0.02).verdict in ("none_detected", "not_testable")
+    assert decided(*asked, p_misfit=0.005).verdict == "outside_library"
+    assert min(place.p for place in wet.where) < 0.01
