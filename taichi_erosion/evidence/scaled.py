@@ -130,6 +130,9 @@ def merged_rows(
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
+    if unknown.any():
+        count = f"{int(unknown.sum())} of {unknown.size}"
+        notes.append(f"{observable.name}: the scatter of {count} rows is not known; they are not used")
     shared = np.zeros((first.size, width))
     growing = observable.sd_shared_relative * value[usable][first]
     shared[:, index] = np.hypot(observable.sd_shared, growing) * steep

@@ -158,6 +158,17 @@ def test_measurements_without_any_scatter_name_nothing_and_say_why(tmp_path, cap
     assert not any("stated sd" in words for words in found["warnings"]), "none is stated"
 
 
+def test_an_observable_without_scatter_is_left_out_with_a_word(tmp_path, capsys):
+    path = write_study(tmp_path, {})
+    single = table_text({}, 1, repeats=1).splitlines()[1:]
+    rows = [line for line in table_text({}, 1).splitlines() if not line.startswith("repose_angle")]
+    rows += [line for line in single if line.startswith("repose_angle")]
+    (tmp_path / "heap.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    found = document(capsys, "compare", str(path))
+    assert list(found["observables"]) == ["threshold_u_star"]
+    assert any("repose_angle: the scatter of" in words and "not used" in words for words in found["warnings"])
+
+
 def test_a_report_of_nothing_is_refused(tmp_path, capsys):
     assert main(["report", str(write_study(tmp_path, {}))]) == 2
     assert "nothing has been found yet" in capsys.readouterr().err
