@@ -5,8 +5,7 @@ python doe/wind/saturated.py GROUP/SAND...  some anew, as impact/0.24 or adhesio
 
 Four winds over each sand, as far above the one in which a single grain goes on (hopping.csv). Hops last and
 rise as the wind asks: times go with u*, heights and stiffness with its square. Where grains stick with a
-multiple of their weight, all goes as if they were heavier by it. Light grains, and some effects at textbook
-strength, are asked at few diameters: what they change is what counts.
+multiple of their weight, all goes as if they were heavier by it. One sand is blown with lighter grains too.
 """
 
 import sys
@@ -30,8 +29,6 @@ STAGES = {1: 0.1, 2: 0.1, 3: 0.1, 4: 0.1, 5: 0.1, 6: 2.0}  # s: the start, four 
 SPEED_UP = 2.0  # wind that starts the transport, over the one that follows [1]
 GRAINS = 4.0  # on the square of a diameter
 CHEPIL, LIGHT_DIAMETER = 1940.0, 0.24e-3  # kg m-3, m: nearly a sand of Chepil (1945)
-FEW = (0.1e-3, 0.5e-3, 1.0e-3)  # m, where effects are asked for
-EFFECTS = ("rolling_resistance", "shear_lift", "turbulent_gusts")
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,6 @@ def sands() -> dict[str, list[Case]]:
         *(Blown(BARE, Sand(d)) for d in DIAMETERS),
         *(Blown(STICKY, Sand(d), (ADHESION,), bond_number(d)) for d in FINE),
         Blown(LIGHT, Sand(LIGHT_DIAMETER, CHEPIL)),
-        *(Blown(name, Sand(d), (f"effects.{name}.strength=1",)) for name in EFFECTS for d in FEW),
     ]
     return {blown.name: list(cases(blown)) for blown in asked}
 
