@@ -144,7 +144,8 @@ def pull_to_wall(world_out: ti.template(), r, batch: ti.template(), n, i):
         stiffness=touch_stiffness(world_out.materials, row, batch.root_radius[n], batch.overlap[n]),
         met=0.0,
     )
-    return -hold(world_out.pair_effects, entries_out, r, e, pair) * normal
+    (bound,) = ti.static((world_out.pair_effects,))
+    return -hold(bound, entries_out, r, e, pair, i, bound.nobody) * normal
 
 
 @ti.func
