@@ -40,7 +40,7 @@ class Params:
     rupture: float = quantity(
         0.1, "1", "way over its radius by which a grain has broken out", low=1e-3, high=2.0
     )
-    setting: float = quantity(0.005, "s", "time at rest after which the cement has set", low=0.0, high=1e6)
+    setting: float = quantity(0.005, "s", "time at rest after which the cement has set", low=1e-5, high=1e6)
     still: float = quantity(2e-3, "m s-1", "speed below which a grain is at rest", low=1e-6, high=0.1)
 
 
