@@ -1,7 +1,8 @@
 """What some effects move on a small bed under wind, with paired seeds; writes beds.csv beside this file.
 
 python doe/effects/beds.py              all cases
-python doe/effects/beds.py EFFECT...    the cases of some effects, or of one plan: start ceasing flux laws tilt
+python doe/effects/beds.py EFFECT...    the cases of some effects
+python doe/effects/beds.py PLAN...      those of a plan: start ceasing flux laws tilt
 
 Thresholds: the bed of scenes/wind_threshold.toml with 500 equal grains of 0.2 mm on a patch of 12 x 12
 diameters and shorter holds. Flux: that of scenes/saltation.toml with 500 grains on a patch of 16 x 8
@@ -59,7 +60,10 @@ THIN_AIR = (  # ISO 2533 at 5000 m
     "conditions.temperature=255.65",
 )
 LAW_CASES = [
-    *(Case("bed_slope", label=f"slope {t:g}", circumstances=(f"conditions.slope={t}",)) for t in (-15.0, 15.0)),
+    *(
+        Case("bed_slope", label=f"slope {t:g}", circumstances=(f"conditions.slope={t}",))
+        for t in (-15.0, 15.0)
+    ),
     *(
         Case("grain_density", label=f"density {rho:g}", parameters=(f"solid_density={rho}",))
         for rho in (2130.0, 4000.0)
@@ -72,7 +76,11 @@ TILTED = (  # without wind, the bed is turned until it flows: 15 deg/s, against 
     "wind.friction_velocity=0.01",
     "measured={}",
     'measure={ sliding_angle = { stage = "tilt", plate = "ground", every = 0.01 } }',
-    'stages.1={ name = "tilt", until = "time", duration_max = 2.4, tilt_rate = 15, tilt_axis = [0.0, -1.0, 0.0] }',
+    "stages.1.name=tilt",
+    "stages.1.until=time",
+    "stages.1.duration_max=2.4",
+    "stages.1.tilt_rate=15",
+    "stages.1.tilt_axis=[0.0, -1.0, 0.0]",
 )
 TILT_CASES = [Case("bed_slope", label="tilted on from 5", circumstances=("conditions.slope=5",))]
 FLUX_ORDERS = (

@@ -76,8 +76,9 @@ class Effect:
         scene       (params, strength, conditions, scene) -> scene
         instrument  (params, strength, conditions, observable, value) -> value
 
-    With a memory, a pair effect is (constants, pair, mine, other): that of grain i and of grain j, and zeros
-    for a wall; a grain effect is (constants, grain, mine).
+    A pair effect that is `whole` gives the force on grain i [N], a vector; grain j, or the wall, gets its
+    opposite. With a memory, a pair effect is (constants, pair, mine, other): that of grain i, and that of
+    grain j or zeros for a wall; a grain effect is (constants, grain, mine).
     """
 
     name: str
@@ -89,6 +90,7 @@ class Effect:
     checks: Callable[[Probe], Iterator[Check]]
     constants: Callable[[Any, float, Conditions], Constants] | None = None  # on the device only
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
+    whole: bool = False  # a pair effect that gives a vector, and pulls not only along the line of centres
     memory: type | None = None  # frozen dataclass of `quantity` fields: what it remembers of a grain
     begin: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions) -> memory
     remember: Callable[..., Any] | None = None  # ti.func (constants, grain, memory) -> memory after a look
@@ -150,6 +152,7 @@ def begun(effect: Effect, params: Any, strength: float, conditions: Conditions) 
 
 def pair_type() -> Any:
     """Two grains, or a grain and a wall, as a pair effect sees them."""
+    real3 = ti.types.vector(3, float)
     return ti.types.struct(
         gap=float,  # surface distance [m]; negative where they overlap
         radius_i=float,  # [m]
@@ -160,6 +163,9 @@ def pair_type() -> Any:
         closing_speed=float,  # at which the gap shrinks [m s-1]
         stiffness=float,  # of the elastic contact, dF/d(overlap); 0 where they do not touch [N m-1]
         met=float,  # 1 where they have touched since they were last out of reach, else 0
+        normal=real3,  # unit vector from grain j, or from the wall, to grain i [1]
+        offset=real3,  # centre of grain i less that of grain j; of a wall: the centre of grain i [m]
+        period=real3,  # of the box [m], 0 where it is open
     )
 
 

@@ -25,6 +25,8 @@ class Bound:
     names: tuple[str, ...]  # in the same order
     present: Any  # i32 [replica, effect]: 0 where the replica is without it
     any: bool  # compiled in: with none, nothing of them is in the kernels
+    whole: tuple[bool, ...]  # whether each gives a vector, compiled in
+    thrusts: bool  # whether any does
     keeps: tuple[bool, ...]  # whether each remembers something, compiled in
     memories: tuple[Any, ...]  # struct field by grain place, its last place nobody's; one number where none
     starts: tuple[Any, ...]  # struct field by replica, of grains that enter
@@ -64,6 +66,8 @@ def bind(place: str, replicas: Sequence[Sequence[Acting]], grain_places: int = 0
         names=tuple(effect.name for effect in effects),
         present=present,
         any=bool(effects),
+        whole=tuple(effect.whole for effect in effects),
+        thrusts=any(effect.whole for effect in effects),
         keeps=keeps,
         memories=tuple(memories),
         starts=tuple(starts),
@@ -105,7 +109,7 @@ def rebind(bound: Bound, replica: int, effects: Sequence[Acting]) -> None:
 
 
 def memory_fields(bound: Bound) -> dict[str, tuple[Any, Any]]:
-    """By `effect.number`: the field of a remembered number by grain place, and that of its start by replica."""
+    """By `effect.number`: field of a remembered number by grain place, and of its start by replica."""
     return {
         f"{name}.{number}": (getattr(memory, number), getattr(start, number))
         for name, keeps, memory, start in zip(
@@ -117,16 +121,33 @@ def memory_fields(bound: Bound) -> dict[str, tuple[Any, Any]]:
 
 
 @ti.func
+def one_pull(bound: ti.template(), k: ti.template(), r, pair: ti.template(), i, j):
+    """What effect k gives between places i and j: an attraction, or a force on place i [N]."""
+    if ti.static(bound.keeps[k]):
+        return bound.acts[k](bound.constants[k][r], pair, bound.memories[k][i], bound.memories[k][j])
+    else:
+        return bound.acts[k](bound.constants[k][r], pair)
+
+
+@ti.func
 def pull_of(bound: ti.template(), r, pair: ti.template(), i, j):
     """Sum of the attractions of all pair effects of replica r between places i and j [N]."""
     total = 0.0
     for k in ti.static(range(len(bound.acts))):
-        if bound.present[r, k] == 1:
-            if ti.static(bound.keeps[k]):
-                mine, other = bound.memories[k][i], bound.memories[k][j]
-                total += bound.acts[k](bound.constants[k][r], pair, mine, other)
-            else:
-                total += bound.acts[k](bound.constants[k][r], pair)
+        if ti.static(not bound.whole[k]):
+            if bound.present[r, k] == 1:
+                total += one_pull(bound, k, r, pair, i, j)
+    return total
+
+
+@ti.func
+def force_of(bound: ti.template(), r, pair: ti.template(), i, j):
+    """Sum of the forces on place i of all pair effects of replica r that are whole [N]."""
+    total = 0.0 * pair.normal
+    for k in ti.static(range(len(bound.acts))):
+        if ti.static(bound.whole[k]):
+            if bound.present[r, k] == 1:
+                total += one_pull(bound, k, r, pair, i, j)
     return total
 
 

@@ -1,8 +1,8 @@
 """Asking an effect alone what it does at one place: with this its verification table is made.
 
-A probe of a pair effect gives its attraction [N]; of a meeting effect 1 where two grains pass; of a grain
-effect its force [N] and torque [N m]; of a scene effect the scene that it makes of `scene`; of an instrument
-the value that it reads instead of `value`.
+A probe of a pair effect gives its attraction, of a whole one its force [N]; of a meeting effect 1 where two
+grains pass; of a grain effect its force [N] and torque [N m]; of a scene effect the scene that it makes of
+`scene`; of an instrument the value that it reads instead of `value`.
 
 Where the effect has a memory, `mine` and `other` are what it remembers of the grains, each as it begins where
 left out. With `before=MEMORY` and members of a grain the probe gives the memory after a look at that grain;
@@ -25,7 +25,7 @@ from taichi_erosion.core.effect import (
     meeting_type,
     pair_type,
 )
-from taichi_erosion.core.effect_device import Bound, bind, passes, pull_of, push_of, update_memory
+from taichi_erosion.core.effect_device import Bound, bind, force_of, passes, pull_of, push_of, update_memory
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download, read, upload
 
@@ -39,6 +39,9 @@ PAIR = {  # two grains of 0.2 mm in contact
     "closing_speed": 0.1,
     "stiffness": 100.0,
     "met": 1.0,
+    "normal": (1.0, 0.0, 0.0),
+    "offset": (2e-4, 0.0, 0.0),
+    "period": (0.0, 0.0, 0.0),
 }
 GRAIN = {  # a grain of 0.2 mm in the wind above a bed
     "position": (0.01, 0.002, 0.005),
@@ -76,6 +79,20 @@ def feel_pair(
         pair = pairs[i]
         other = ti.select(pair.radius_j > 0.0, OTHER, bound.nobody)
         pull_out[i] = pull_of(bound, 0, pair, MINE, other)
+
+
+@ti.kernel
+def feel_force(
+    # in
+    bound: ti.template(),
+    pairs: ti.template(),
+    # out
+    force_out: ti.template(),
+):
+    for i in force_out:
+        pair = pairs[i]
+        other = ti.select(pair.radius_j > 0.0, OTHER, bound.nobody)
+        force_out[i] = force_of(bound, 0, pair, MINE, other)
 
 
 @ti.kernel
@@ -180,6 +197,9 @@ def acted(effect: Effect, bound: Bound, bench: Bench) -> Any:
     if effect.place == "grain":
         feel_grain(bound, bench.grain, bench.force, bench.torque)
         return tuple(read(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
+    if effect.whole:
+        feel_force(bound, bench.pair, bench.force)
+        return read(bench.force)[0].astype(np.float64)
     feel, place = (feel_pair, bench.pair) if effect.place == "pair" else (feel_meeting, bench.meeting)
     feel(bound, place, bench.pull)
     return float(read(bench.pull)[0])

@@ -1,4 +1,4 @@
-"""What grains and air share on the device: what grains put into each layer of air, and how they look at it."""
+"""What grains and air share on the device: what grains put into each layer of air, and when they look."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -9,7 +9,7 @@ import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from io import StringIO
-from math import nan, sqrt
+from math import cos, nan, radians, sin, sqrt, tan
 from pathlib import Path
 from typing import Any
 
@@ -189,6 +189,14 @@ LAWS: dict[str, Callable[[float], float]] = {
     "air_density": lambda altitude: (288.15 / (288.15 - 0.0065 * altitude)) ** 2.128,
     "grain_density": lambda density: sqrt(density / BARE.density),
 }
+
+
+def bed_law(effect: str, place: float, flowing: float) -> float:
+    """Ratio of thresholds over a small bed [1]; `flowing` is the slope at which that bed flows [deg]."""
+    if effect == "bed_slope":
+        return sqrt(cos(radians(place)) + sin(radians(place)) / tan(radians(flowing)))
+    return LAWS[effect](place)
+
 
 READ = {  # factor by the formula of each page at its defaults [1]
     "camera_threshold": lambda p: float(np.exp(np.log(p.criterion) / p.exponent)),

@@ -91,7 +91,9 @@ def remembers_in_order(effect: Effect, probe: Probe) -> Iterator[str]:
     for f in fields(effect.memory):
         if not told(f):
             yield f"memory.{f.name} is declared without unit or meaning; use quantity"
-    ends = [replace(effect.params(), **{f.name: f.metadata[end]}) for f in fields(effect.params) for end in ENDS]
+    ends = [
+        replace(effect.params(), **{f.name: f.metadata[end]}) for f in fields(effect.params) for end in ENDS
+    ]
     for params in (effect.params(), *ends):
         for memory in memories(effect, probe, params, 1.0):
             if not np.all(np.isfinite(list(asdict(memory).values()))):
@@ -148,7 +150,7 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
         return
     beyond = TYPICAL["pair"] | {"gap": 1.001 * reach + 1e-9, "stiffness": 0.0}
     for partner in ({}, {"radius_j": 0.0, "radius_effective": 1e-4, "mass_j": 0.0}):
-        if probe(effect.params(), SAID, **(beyond | partner)) != 0.0:
+        if np.any(probe(effect.params(), SAID, **(beyond | partner)) != 0.0):
             yield f"it still pulls beyond its reach of {reach:.4g} m"
 
 

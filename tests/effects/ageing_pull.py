@@ -1,11 +1,11 @@
-"""Ageing pull: grains that touch attract each other the harder, the longer the younger of them has lain still.
+"""Ageing pull: grains that touch attract each other the harder, the longer both have lain still.
 
     F = F0 min(t / T, 1)    s <= 0
     F = 0                   s > 0
 
-with F0 the pull-off force of an old contact [N], s the gap [m], t the time that the grain which moved last has
-been slower than v_0 [s], and T the time in which a contact grows old [s]. A wall is as old as can be. Strength
-multiplies F0. Holds for stiff grains and looks that come often within T.
+with F0 the pull-off force of an old contact [N], s the gap [m], t the time that the grain which moved last
+has been slower than v_0 [s], and T the time in which a contact grows old [s]. A wall is as old as can be.
+Strength multiplies F0. Holds for stiff grains and looks that come often within T.
 
 Reference: Castellanos (2005), Adv. Phys. 54, 263 (pull-off forces of powders, and how they grow in time).
 """
