@@ -106,6 +106,7 @@ def test_a_memory_goes_where_its_grain_goes():
     advance(sim, [WHOLE])
     assert int(export_state(sim)["rebuilds"][0]) > 5, "must have been sorted"
     assert remembered(sim, "mark.mass") == pytest.approx(unlike().grains.mass, rel=1e-15)
+    assert list(snapshot(sim, 0).memory["mark.mass"]) == list(remembered(sim, "mark.mass"))
     # one look in ten steps of 1e-5 s; the first of all looks is taken twice and counts once
     assert list(remembered(sim, "mark.looks")) == [200.0] * GRAINS
 
