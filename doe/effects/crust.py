@@ -61,11 +61,8 @@ STILL = 0.02  # m s-1, friction velocity in which nothing moves
 SPEED, ANGLE = 2.0, radians(10.0)  # of the impacts
 ABOVE, CRATER = 2.0, 0.06  # diameters over the bed from which a grain strikes; s after which is looked
 FAR = 0.5  # of a diameter: a grain that has gone further has moved
-STANDING, BLOW, SPREAD = (
-    0.15,
-    0.3,
-    0.3,
-)  # s without the tube; m s-1, sd of each component of the blow; s after it
+STANDING, SPREAD = 0.15, 0.3  # s without the tube, and after the blow
+BLOW = 0.05  # m s-1, sd of each component of the velocity that it gives
 
 
 @ti.func
@@ -226,8 +223,9 @@ def shaken() -> Iterator[Row]:
 
 
 def heights(sim: Simulation) -> list[float]:
-    """Pile height of every replica [m]."""
-    return [pile_height(snapshot(sim, r)).value for r in range(len(sim.setups))]
+    """Pile height of every replica [m]; NaN where one failed."""
+    replicas = range(len(sim.setups))
+    return [float("nan") if failure(sim, r) else pile_height(snapshot(sim, r)).value for r in replicas]
 
 
 PLANS: dict[str, Callable[[], Iterator[Row]]] = {"wind": blown, "impact": struck, "heap": shaken}

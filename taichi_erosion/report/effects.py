@@ -212,12 +212,25 @@ def cost_table(costs: Sequence[Cost]) -> str:
     return markdown_table(header, [first, *lines])
 
 
+def crust_table(rows: Sequence[dict[str, str]]) -> str:
+    """A crust before and after it is broken, beside the bare model and a cement that heals."""
+    if not rows:
+        return NOT_MEASURED
+    lines = []
+    for what in dict.fromkeys(row["what"] for row in rows):
+        cells = [row for row in rows if row["what"] == what]
+        found = [f"{float(c['value']):.3g} ± {float(c['standard_error']):.1g} ({c['n']})" for c in cells]
+        lines.append((f"{cells[0]['plan']}: {what}", *found))
+    return markdown_table(("", "bare", "`surface_crust`", "a cement that heals"), lines)
+
+
 def publish(doe: Path, docs: Path) -> None:
     """Draw the figure and fill the tables of the page."""
     answers = read_answers(doe / "effects" / "answers.csv")
     shifts = read_shifts(doe / "effect_signatures" / "signatures.csv")
     beds = read_shifts(doe / "effects" / "beds.csv")
     sayings = read_sayings(doe / "effects" / "literature.csv")
+    crusts = read_shifts(doe / "effects" / "crust.csv")
     costs = read_costs(doe / "effects" / "cost.csv")
     (docs / CURVES).parent.mkdir(parents=True, exist_ok=True)
     draw_curves(answers, docs / CURVES)
@@ -226,6 +239,7 @@ def publish(doe: Path, docs: Path) -> None:
         "count": count_table(sayings, answers, shifts, beds),
         "verdicts": verdict_table(sayings, answers, shifts, beds),
         "beds": shift_table(beds),
+        "crust": crust_table(crusts),
         "heaps": shift_table(
             [row for row in shifts if row["observable"] in ("angle_of_repose", "pile_height")]
         ),
