@@ -1,7 +1,8 @@
 """What some effects move on a small bed under wind, with paired seeds; writes beds.csv beside this file.
 
 python doe/effects/beds.py              all cases
-python doe/effects/beds.py EFFECT...    the cases of some effects, or of one plan: start ceasing flux
+python doe/effects/beds.py EFFECT...    the cases of some effects
+python doe/effects/beds.py PLAN...      those of a plan: start ceasing flux laws tilt
 
 Thresholds: the bed of scenes/wind_threshold.toml with 500 equal grains of 0.2 mm on a patch of 12 x 12
 diameters and shorter holds. Flux: that of scenes/saltation.toml with 500 grains on a patch of 16 x 8
@@ -19,6 +20,7 @@ from taichi_erosion.core.setup import Numerics
 TABLE = Path(__file__).with_name("beds.csv")
 THRESHOLD, FLUX = (ROOT / "scenes" / f"{name}.toml" for name in ("wind_threshold", "saltation"))
 SEEDS = range(1, 5)
+LAW_SEEDS = range(1, 17)  # a law is judged by its size, for which beds that differ by a tenth need more pairs
 DIAMETER = 2e-4  # m
 STRONG = 0.6  # m s-1, friction velocity
 ORDERS = (
@@ -52,6 +54,35 @@ CEASING = [
     Case("dry_adhesion", label="and cessation", circumstances=CESSATION),
     Case("size_distribution", label="and cessation", circumstances=CESSATION),
 ]
+THIN_AIR = (  # ISO 2533 at 5000 m
+    "conditions.altitude=5000",
+    "conditions.pressure=54020",
+    "conditions.temperature=255.65",
+)
+LAW_CASES = [
+    *(
+        Case("bed_slope", label=f"slope {t:g}", circumstances=(f"conditions.slope={t}",))
+        for t in (-15.0, 15.0)
+    ),
+    *(
+        Case("grain_density", label=f"density {rho:g}", parameters=(f"solid_density={rho}",))
+        for rho in (2130.0, 4000.0)
+    ),
+    Case("air_density", label="altitude 5000", circumstances=THIN_AIR),
+]
+TILTED = (  # without wind, the bed is turned until it flows: 15 deg/s, against the wind
+    *(order for order in ORDERS if not order.startswith(("threshold", "measure"))),
+    "scene.kind=incline",
+    "wind.friction_velocity=0.01",
+    "measured={}",
+    'measure={ sliding_angle = { stage = "tilt", plate = "ground", every = 0.01 } }',
+    "stages.1.name=tilt",
+    "stages.1.until=time",
+    "stages.1.duration_max=2.4",
+    "stages.1.tilt_rate=15",
+    "stages.1.tilt_axis=[0.0, -1.0, 0.0]",
+)
+TILT_CASES = [Case("bed_slope", label="tilted on from 5", circumstances=("conditions.slope=5",))]
 FLUX_ORDERS = (
     "grains.count=500",
     "wind.length_d=16.0",
@@ -69,14 +100,16 @@ FLUX_CASES = [
 
 def main(words: list[str]) -> None:
     """Simulate what was asked for, telling every effect as it is done."""
-    plans: dict[str, tuple[Path, Orders, list[Case]]] = {
-        "start": (THRESHOLD, ORDERS, CASES),
-        "ceasing": (THRESHOLD, ORDERS, CEASING),
-        "flux": (FLUX, FLUX_ORDERS, FLUX_CASES),
+    plans: dict[str, tuple[Path, Orders, list[Case], range]] = {
+        "start": (THRESHOLD, ORDERS, CASES, SEEDS),
+        "ceasing": (THRESHOLD, ORDERS, CEASING, SEEDS),
+        "flux": (FLUX, FLUX_ORDERS, FLUX_CASES, SEEDS),
+        "laws": (THRESHOLD, ORDERS, LAW_CASES, LAW_SEEDS),
+        "tilt": (THRESHOLD, TILTED, TILT_CASES, LAW_SEEDS[:8]),
     }
-    for plan, (scene, orders, cases) in plans.items():
+    for plan, (scene, orders, cases, seeds) in plans.items():
         asked = [case for case in cases if not words or plan in words or case.effect in words]
-        tabulate(TABLE, measure_shifts(scene, orders, asked, list(SEEDS), Numerics(threads=1)), sys.stderr)
+        tabulate(TABLE, measure_shifts(scene, orders, asked, list(seeds), Numerics(threads=1)), sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""Begins a file with an effect of one's own: a pull that keeps the contract already, or a discovered law."""
+"""Begins a file with an effect of one's own: a pull that keeps the contract already, or a discovered law.
+
+The pull may be one that remembers something of every grain.
+"""
 
 import json
 import re
@@ -17,7 +20,7 @@ FACTOR = re.compile(r"\((?P<name>\w+) / (?P<typical>[-+.\deE]+)\)\^(?P<power>[-+
 WIDEST = 10.0  # range of a coefficient over the one that was found [1]
 
 
-def begin_file(name: str, discovery: Path | None = None) -> Path:
+def begin_file(name: str, discovery: Path | None = None, memory: bool = False) -> Path:
     """Write a file that keeps the contract of effects, for the user to change."""
     from taichi_erosion.effects import load_library
 
@@ -26,7 +29,8 @@ def begin_file(name: str, discovery: Path | None = None) -> Path:
         raise BadInput(f"effects new {name}: give a new name of small letters, digits and _")
     if path.exists():
         raise BadInput(f"{path}: exists already")
-    path.write_text(law_file(name, discovery) if discovery else scaffold("effect").replace("NAME", name))
+    begun = scaffold("memory" if memory else "effect").replace("NAME", name)
+    path.write_text(law_file(name, discovery) if discovery else begun)
     return path
 
 

@@ -38,20 +38,30 @@ Discovery = Annotated[
         help="Begin the file with the law that a discovery proposed (STUDY.discover.json).",
     ),
 ]
+WithMemory = Annotated[
+    bool,
+    typer.Option("--with-memory", help="Begin the file with an effect that remembers something of grains."),
+]
 
 
 @app.command(**help_of("effects"))
 def effects(
-    words: Words = None, effect: EffectFile = None, discovery: Discovery = None, as_json: AsJson = False
+    words: Words = None,
+    effect: EffectFile = None,
+    discovery: Discovery = None,
+    with_memory: WithMemory = False,
+    as_json: AsJson = False,
 ) -> None:
     """Optional physics that a scene can switch on: all of it, one effect with its numbers, or a new file."""
     from taichi_erosion.effects import load_library
 
     if discovery is not None and (words or [""])[0] != NEW:
         raise BadInput("effects --from-discovery: goes with new NAME")
+    if with_memory and (discovery is not None or (words or [""])[0] != NEW):
+        raise BadInput("effects --with-memory: goes with new NAME, and with no discovery")
     match words or []:
         case ["new", name]:
-            typer.echo(str(begin_file(name, discovery)))
+            typer.echo(str(begin_file(name, discovery, with_memory)))
         case []:
             show_library(list(load_library(effect or ()).values()), as_json)
         case [name]:
@@ -106,6 +116,11 @@ def print_parameters(effect: "Effect") -> None:
         span = f"{about['low']:g} to {about['high']:g}"
         table.add_row(f.name, f"{f.default:g}", about["unit"], span, about["meaning"])
     output.print_table(table)
+    if effect.memory is not None:
+        kept = output.empty_table("remembered of every grain", "number", "unit", "meaning")
+        for f in fields(effect.memory):
+            kept.add_row(f.name, f.metadata["unit"], f.metadata["meaning"])
+        output.print_table(kept)
     if effect.reads:
         typer.echo(f"reads the conditions {', '.join(effect.reads)}")
     if effect.uncertain:
@@ -151,6 +166,7 @@ def record(effect: "Effect", measured: dict[str, list[dict[str, str]]]) -> dict[
         "prior_scale": effect.prior_scale,
         "max": effect.most,
         "parameters": {f.name: {"value": f.default, **f.metadata} for f in fields(effect.params)},
+        "memory": {f.name: dict(f.metadata) for f in fields(effect.memory)} if effect.memory else {},
         "description": effect.doc or "",
     }
 

@@ -13,10 +13,16 @@ Pair, meeting and grain effects run on the device with a few `constants` that th
 replica from parameters, strength and conditions; so each replica of an ensemble has its own. Among those
 conditions they find two that the scene knows: `grain_diameter`, the nominal one, and under wind `bed_height`,
 the height of the undisturbed bed's surface [m].
+
+An effect may remember some numbers of every grain: `memory` declares them as `params` are, `begin` says what
+they are when a grain enters, and `remember` what they are after a look at the grain. Looks come in a fixed
+number of time steps (`grain.interval`); each sees one grain alone. What is remembered goes where the grain
+goes: through sorting, checkpoints, and beds that are put back. Pair effects read it of both grains, grain
+effects of the one.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -24,11 +30,11 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.quantity import check_range
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import read, upload, write
 
 Conditions = Mapping[str, float]  # what a laboratory wrote beside a measurement, in SI units
 Constants = dict[str, float]  # numbers that the device reads, named as the effect's file names them
 Probe = Callable[..., Any]  # (params, conditions, **members of the place) -> what the effect does there
+REMEMBERING = ("pair", "grain")  # places of effects that may have a memory
 STRENGTH = "strength"  # reserved among an effect's entries in a scene
 STRENGTH_MOST = 100.0  # largest strength that a scene may ask for [1]
 
@@ -69,6 +75,10 @@ class Effect:
         grain       ti.func (constants, grain) -> force [N], torque [N m]
         scene       (params, strength, conditions, scene) -> scene
         instrument  (params, strength, conditions, observable, value) -> value
+
+    A pair effect that is `whole` gives the force on grain i [N], a vector; grain j, or the wall, gets its
+    opposite. With a memory, a pair effect is (constants, pair, mine, other): that of grain i, and that of
+    grain j or zeros for a wall; a grain effect is (constants, grain, mine).
     """
 
     name: str
@@ -80,6 +90,10 @@ class Effect:
     checks: Callable[[Probe], Iterator[Check]]
     constants: Callable[[Any, float, Conditions], Constants] | None = None  # on the device only
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
+    whole: bool = False  # a pair effect that gives a vector, and pulls not only along the line of centres
+    memory: type | None = None  # frozen dataclass of `quantity` fields: what it remembers of a grain
+    begin: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions) -> memory
+    remember: Callable[..., Any] | None = None  # ti.func (constants, grain, memory) -> memory after a look
     reads: tuple[str, ...] = ()  # conditions that it reads
     can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
     dose: Callable[[Any, Mapping[str, Any]], Any] = undiminished  # (params, conditions) -> what acts of it
@@ -87,6 +101,13 @@ class Effect:
     prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
     most: float = 3.0  # largest strength that is physical [1]
     expected: Mapping[str, int] = field(default_factory=dict)  # observable -> +1 up, -1 down: literature
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for a memory that nothing updates, or at a place where no grain is seen."""
+        if (self.memory is None) != (self.remember is None):
+            raise ValueError(f"effect '{self.name}': memory and remember go together")
+        if self.memory is not None and self.place not in REMEMBERING:
+            raise ValueError(f"effect '{self.name}': of place {self.place}, which cannot remember grains")
 
 
 @dataclass(frozen=True)
@@ -96,21 +117,7 @@ class Acting:
     effect: Effect
     constants: Constants
     reach: float  # gap beyond which it vanishes [m]
-
-
-@dataclass(frozen=True, eq=False)
-class Bound:
-    """Device functions of the effects of a run; each reads the constants of its replica."""
-
-    acts: tuple[Any, ...]  # ti.func of each effect
-    constants: tuple[Any, ...]  # struct field by replica
-    names: tuple[str, ...]  # in the same order
-    present: Any  # i32 [replica, effect]: 0 where the replica is without it
-    any: bool  # compiled in: with none, nothing of them is in the kernels
-
-    def holds(self, effect: Effect) -> bool:
-        """Whether an effect is compiled into the run."""
-        return effect.name in self.names
+    start: Constants = field(default_factory=dict)  # what it remembers of a grain that enters
 
 
 def read_params(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, float]:
@@ -132,48 +139,20 @@ def acting(effect: Effect, params: Any, strength: float, conditions: Conditions,
     """Constants and reach of an effect on the device, in one replica whose largest radius [m] is given."""
     assert effect.constants is not None
     constants = effect.constants(params, strength, conditions)
-    return Acting(effect, constants, effect.reach(constants, radius))
+    start = begun(effect, params, strength, conditions)
+    return Acting(effect, constants, effect.reach(constants, radius), start)
 
 
-def bind(place: str, replicas: Sequence[Sequence[Acting]]) -> Bound:
-    """Put the effects of one place on the device; a replica may lack an effect that another has.
-
-    They act in the order of their names, so that their sum has the same bits beside any other replicas.
-    """
-    known = {a.effect.name: a.effect for row in replicas for a in row if a.effect.place == place}
-    effects = [known[name] for name in sorted(known)]
-    count = len(replicas)
-    present = ti.field(ti.i32, shape=(count, max(len(effects), 1)))
-    held = np.zeros(present.shape, np.int32)
-    tables = []
-    for k, effect in enumerate(effects):
-        rows = [next((a for a in acts if a.effect.name == effect.name), None) for acts in replicas]
-        names = list(next(row.constants for row in rows if row is not None))
-        table = ti.types.struct(**dict.fromkeys(names, float)).field(shape=count)
-        columns = [[0.0 if row is None else row.constants[name] for row in rows] for name in names]
-        upload([(getattr(table, name), column) for name, column in zip(names, columns, strict=True)])
-        held[:, k] = [row is not None for row in rows]
-        tables.append(table)
-    if effects:
-        write(present, held)
-    names = tuple(effect.name for effect in effects)
-    return Bound(tuple(e.act for e in effects), tuple(tables), names, present, bool(effects))
-
-
-def rebind(bound: Bound, replica: int, effects: Sequence[Acting]) -> None:
-    """Give one replica other constants; all its effects must be held."""
-    given = {one.effect.name: one for one in effects}
-    held = read(bound.present)
-    for k, name in enumerate(bound.names):
-        held[replica, k] = name in given
-        if name in given:
-            values = given[name].constants
-            upload([(getattr(bound.constants[k], key), [value]) for key, value in values.items()], replica)
-    write(bound.present, held)
+def begun(effect: Effect, params: Any, strength: float, conditions: Conditions) -> Constants:
+    """What an effect remembers of a grain that enters; nothing where it has no memory."""
+    if effect.memory is None:
+        return {}
+    return asdict(effect.memory() if effect.begin is None else effect.begin(params, strength, conditions))
 
 
 def pair_type() -> Any:
     """Two grains, or a grain and a wall, as a pair effect sees them."""
+    real3 = ti.types.vector(3, float)
     return ti.types.struct(
         gap=float,  # surface distance [m]; negative where they overlap
         radius_i=float,  # [m]
@@ -184,6 +163,9 @@ def pair_type() -> Any:
         closing_speed=float,  # at which the gap shrinks [m s-1]
         stiffness=float,  # of the elastic contact, dF/d(overlap); 0 where they do not touch [N m-1]
         met=float,  # 1 where they have touched since they were last out of reach, else 0
+        normal=real3,  # unit vector from grain j, or from the wall, to grain i [1]
+        offset=real3,  # centre of grain i less that of grain j; of a wall: the centre of grain i [m]
+        period=real3,  # of the box [m], 0 where it is open
     )
 
 
@@ -212,41 +194,9 @@ def grain_type() -> Any:
         friction_velocity=float,  # of the driving stress [m s-1]
         void_fraction=float,  # of the air around the grain [1]
         height=float,  # above the undisturbed bed surface [m]
+        period=real3,  # of the box [m], 0 where it is open
         noise=real3,  # three standard normal numbers of this grain and turn, fixed by the seed [1]
         interval=float,  # time until the next look at this grain [s]
         time=float,  # since the start [s]
         chance=float,  # a number between 0 and 1 of this replica, fixed by the seed [1]
     )
-
-
-@ti.func
-def pull_of(bound: ti.template(), r, pair: ti.template()):
-    """Sum of the attractions of all pair effects of replica r [N]."""
-    total = 0.0
-    for k in ti.static(range(len(bound.acts))):
-        if bound.present[r, k] == 1:
-            total += bound.acts[k](bound.constants[k][r], pair)
-    return total
-
-
-@ti.func
-def passes(bound: ti.template(), r, meeting: ti.template()):
-    """Whether any meeting effect of replica r lets the two grains pass through each other."""
-    free = 0
-    for k in ti.static(range(len(bound.acts))):
-        if bound.present[r, k] == 1:
-            free = ti.max(free, ti.cast(bound.acts[k](bound.constants[k][r], meeting), ti.i32))
-    return free
-
-
-@ti.func
-def push_of(bound: ti.template(), r, grain: ti.template()):
-    """Sum of the forces [N] and torques [N m] of all grain effects of replica r."""
-    force = 0.0 * grain.velocity
-    torque = force
-    for k in ti.static(range(len(bound.acts))):
-        if bound.present[r, k] == 1:
-            part, moment = bound.acts[k](bound.constants[k][r], grain)
-            force += part
-            torque += moment
-    return force, torque

@@ -1,12 +1,16 @@
 """Asking an effect alone what it does at one place: with this its verification table is made.
 
-A probe of a pair effect gives its attraction [N]; of a meeting effect 1 where two grains pass; of a grain
-effect its force [N] and torque [N m]; of a scene effect the scene that it makes of `scene`; of an instrument
-the value that it reads instead of `value`.
+A probe of a pair effect gives its attraction, of a whole one its force [N]; of a meeting effect 1 where two
+grains pass; of a grain effect its force [N] and torque [N m]; of a scene effect the scene that it makes of
+`scene`; of an instrument the value that it reads instead of `value`.
+
+Where the effect has a memory, `mine` and `other` are what it remembers of the grains, each as it begins where
+left out. With `before=MEMORY` and members of a grain the probe gives the memory after a look at that grain;
+`before=None` stands for a memory as it begins.
 The device must have been started for effects that act on it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,16 +20,14 @@ from taichi_erosion.core.effect import (
     Conditions,
     Effect,
     Probe,
-    bind,
+    begun,
     grain_type,
     meeting_type,
     pair_type,
-    passes,
-    pull_of,
-    push_of,
 )
+from taichi_erosion.core.effect_device import Bound, bind, force_of, passes, pull_of, push_of, update_memory
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import read, upload
+from taichi_erosion.core.transfer import download, read, upload
 
 PAIR = {  # two grains of 0.2 mm in contact
     "gap": 0.0,
@@ -37,6 +39,9 @@ PAIR = {  # two grains of 0.2 mm in contact
     "closing_speed": 0.1,
     "stiffness": 100.0,
     "met": 1.0,
+    "normal": (1.0, 0.0, 0.0),
+    "offset": (2e-4, 0.0, 0.0),
+    "period": (0.0, 0.0, 0.0),
 }
 GRAIN = {  # a grain of 0.2 mm in the wind above a bed
     "position": (0.01, 0.002, 0.005),
@@ -51,12 +56,14 @@ GRAIN = {  # a grain of 0.2 mm in the wind above a bed
     "friction_velocity": 0.3,
     "void_fraction": 1.0,
     "height": 0.005,
+    "period": (0.0, 0.0, 0.0),
     "noise": (0.3, -0.5, 1.1),
     "interval": 1e-4,
     "time": 0.5,
     "chance": 0.37,
 }
 MEETING = {"height": 0.01, "depth": 0.01, "chance": 0.37}  # high in the air, at first touch
+MINE, OTHER, PLACES = 0, 1, 2  # of two grains whose memory an effect reads
 TYPICAL = {"pair": PAIR, "meeting": MEETING, "grain": GRAIN}
 
 
@@ -70,7 +77,22 @@ def feel_pair(
 ):
     for i in pull_out:
         pair = pairs[i]
-        pull_out[i] = pull_of(bound, 0, pair)
+        other = ti.select(pair.radius_j > 0.0, OTHER, bound.nobody)
+        pull_out[i] = pull_of(bound, 0, pair, MINE, other)
+
+
+@ti.kernel
+def feel_force(
+    # in
+    bound: ti.template(),
+    pairs: ti.template(),
+    # out
+    force_out: ti.template(),
+):
+    for i in force_out:
+        pair = pairs[i]
+        other = ti.select(pair.radius_j > 0.0, OTHER, bound.nobody)
+        force_out[i] = force_of(bound, 0, pair, MINE, other)
 
 
 @ti.kernel
@@ -97,7 +119,19 @@ def feel_grain(
 ):
     for i in force_out:
         grain = grains[i]
-        force_out[i], torque_out[i] = push_of(bound, 0, grain)
+        force_out[i], torque_out[i] = push_of(bound, 0, grain, MINE)
+
+
+@ti.kernel
+def look_at(
+    # in
+    grains: ti.template(),
+    # out
+    bound_out: ti.template(),
+):
+    for i in grains:
+        grain = grains[i]
+        update_memory(bound_out, 0, grain, MINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,21 +168,55 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
     """Probe of an effect on the device; members that are not named are 0."""
     assert effect.constants is not None
     constants = effect.constants
-    bound = bind(effect.place, [[Acting(effect, constants(effect.params(), 1.0, {}), 0.0)]])
-    place = getattr(bench, effect.place)
-    silent = {name: np.zeros(value.n if hasattr(value, "n") else 1) for name, value in parts(place).items()}
+    start = begun(effect, effect.params(), 1.0, {})
+    bound = bind(effect.place, [[Acting(effect, constants(effect.params(), 1.0, {}), 0.0, start)]], PLACES)
 
     def probe(params: Any, conditions: Conditions, strength: float = 1.0, **members: Any) -> Any:
         numbers = constants(params, strength, conditions)
         upload([(getattr(bound.constants[0], name), [value]) for name, value in numbers.items()])
-        upload([(parts(place)[name], [value]) for name, value in (silent | members).items()])
-        if effect.place != "grain":
-            (feel_pair if effect.place == "pair" else feel_meeting)(bound, place, bench.pull)
-            return float(read(bench.pull)[0])
-        feel_grain(bound, place, bench.force, bench.torque)
-        return tuple(read(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
+        looked = "before" in members
+        first = members.pop("before", None) if looked else members.pop("mine", None)
+        if effect.memory is not None:
+            fresh = effect.memory(**begun(effect, params, strength, conditions))
+            set_memory(bound, MINE, first or fresh)
+            set_memory(bound, OTHER, members.pop("other", None) or fresh)
+        place = bench.grain if looked else getattr(bench, effect.place)
+        upload([(parts(place)[name], [value]) for name, value in (silent(place) | members).items()])
+        return after_look(effect, bound, bench) if looked else acted(effect, bound, bench)
 
     return probe
+
+
+def silent(place: Any) -> dict[str, Any]:
+    """Zeros for all members of a struct field."""
+    return {name: np.zeros(value.n if hasattr(value, "n") else 1) for name, value in parts(place).items()}
+
+
+def acted(effect: Effect, bound: Bound, bench: Bench) -> Any:
+    """What an effect does to what lies in the bench."""
+    if effect.place == "grain":
+        feel_grain(bound, bench.grain, bench.force, bench.torque)
+        return tuple(read(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
+    if effect.whole:
+        feel_force(bound, bench.pair, bench.force)
+        return read(bench.force)[0].astype(np.float64)
+    feel, place = (feel_pair, bench.pair) if effect.place == "pair" else (feel_meeting, bench.meeting)
+    feel(bound, place, bench.pull)
+    return float(read(bench.pull)[0])
+
+
+def set_memory(bound: Bound, place: int, memory: Any) -> None:
+    """Write what is remembered of one place."""
+    upload([(getattr(bound.memories[0], name), [value]) for name, value in asdict(memory).items()], place)
+
+
+def after_look(effect: Effect, bound: Bound, bench: Bench) -> Any:
+    """What an effect remembers after a look at the grain in the bench."""
+    assert effect.memory is not None
+    look_at(bench.grain, bound)
+    names = [f.name for f in fields(effect.memory)]
+    numbers = download([getattr(bound.memories[0], name) for name in names], MINE, 1)
+    return effect.memory(**{name: float(one[0]) for name, one in zip(names, numbers, strict=True)})
 
 
 def parts(place: Any) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Plain NumPy state that measures and recordings read."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -35,6 +36,8 @@ class Snapshot:
     contacts: NDArray[np.int32]  # [n] touching partners, walls included
     ident: NDArray[np.int32]  # [n] row of the GrainTable
     waiting: int  # spheres not released yet
+    # by `effect.number`: [n] what effects remember of every sphere, in their own units
+    memory: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

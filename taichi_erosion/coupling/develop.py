@@ -37,7 +37,7 @@ def develop_air(
             for _ in range(STEPS):
                 advance_column(around_out.air, r, LONGEST)
             for p in range(world_out.replicas.partitions[r]):
-                feel_partition(world_out, around_out, r, p)
+                feel_partition(world_out, around_out, r, p, False)
         count_grains(world_out, around_out, r)
         if turn == 0:
             settle(world_out, around_out, r)

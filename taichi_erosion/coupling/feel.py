@@ -6,7 +6,7 @@ The pull of the pressure gradient on a grain of volume V is that of the weight o
 
 from math import pi
 
-from taichi_erosion.core.effect import push_of
+from taichi_erosion.core.effect_device import push_of, update_memory
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.noise import normal, uniform
 from taichi_erosion.coupling.slices import layer_range, share_below
@@ -62,9 +62,9 @@ def feel_air(world_out: ti.template(), around: ti.template(), r, i, height):
 
 
 @ti.func
-def feel_effects(world_out: ti.template(), around: ti.template(), r, i, open_share, shear):
-    """Add forces and torques of the grain effects to what the grain at place i holds."""
-    grains, held_out, replicas = ti.static((world_out.grains, world_out.held, world_out.replicas))
+def seen(world: ti.template(), around: ti.template(), r, i, open_share, shear):
+    """The grain at place i and the air around it, as effects see them."""
+    grains, replicas = ti.static((world.grains, world.replicas))
     position = ti.cast(position_of(grains, replicas, r, i), float)
     grain = around.grain_type(
         position=position,
@@ -72,35 +72,51 @@ def feel_effects(world_out: ti.template(), around: ti.template(), r, i, open_sha
         spin=grains.spin[i],
         radius=grains.radius[i],
         mass=1.0 / grains.mass_inverse[i],
-        air_velocity=held_out.drift[i],
         air_shear=shear,
         void_fraction=open_share,
         height=position[2] - ti.cast(around.exchange.surface[r], float),
+        period=ti.cast(replicas.period[r], float),
         noise=normal(around.exchange.seed[r], grains.ident[i], replicas.step[r]),
         interval=replicas.time_step[r] * around.exchange.look_steps[r],
         time=replicas.time_step[r] * replicas.step[r],
         chance=ti.cast(uniform(around.exchange.seed[r], 0, 0)[0], float),
     )
+    if ti.static(world.driven):
+        grain.air_velocity = world.held.drift[i]
     if ti.static(around.windy):
         grain.air_density = ti.cast(around.air.numbers.density[r], float)
         grain.air_viscosity = grain.air_density * ti.cast(around.air.numbers.viscosity[r], float)
         grain.friction_velocity = ti.cast(around.air.numbers.friction_velocity[r], float)
-    force, torque = push_of(around.effects, r, grain)
+    return grain
+
+
+@ti.func
+def feel_effects(world_out: ti.template(), r, i, grain: ti.template()):
+    """Add forces and torques of the grain effects to what the grain at place i holds."""
+    grains, held_out = ti.static((world_out.grains, world_out.held))
+    force, torque = push_of(world_out.grain_effects, r, grain, i)
     held_out.push[i] = held_out.push[i] + force * grains.mass_inverse[i]
     held_out.twist[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
 
 
 @ti.func
-def feel_partition(world_out: ti.template(), around: ti.template(), r, p):
-    """Renew what the grains of one partition hold."""
+def feel_partition(world_out: ti.template(), around: ti.template(), r, p, counts):
+    """Renew what the grains of one partition hold; a look that `counts` is remembered by the effects."""
     grains, held_out, replicas = ti.static((world_out.grains, world_out.held, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
     for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
         i = base + rank
         open_share, shear = 1.0, 0.0
-        held_out.push[i] = 0.0 * held_out.push[i]
+        if ti.static(world_out.driven):
+            held_out.push[i] = 0.0 * held_out.push[i]
         if ti.static(around.windy):
             height = position_of(grains, world_out.replicas, r, i)[2]
             open_share, shear = feel_air(world_out, around, r, i, height)
-        if ti.static(around.effects.any):
-            feel_effects(world_out, around, r, i, open_share, shear)
+        if ti.static(world_out.grain_effects.any or world_out.remembers):
+            grain = seen(world_out, around, r, i, open_share, shear)
+            if ti.static(world_out.remembers):
+                if counts:
+                    update_memory(world_out.pair_effects, r, grain, i)
+                    update_memory(world_out.grain_effects, r, grain, i)
+            if ti.static(world_out.grain_effects.any):
+                feel_effects(world_out, r, i, grain)

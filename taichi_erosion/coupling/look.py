@@ -222,7 +222,10 @@ def look(world_out: ti.template(), around_out: ti.template(), r, member, size, t
             turn = exchange(world_out, around_out, r, member, size, turn, passage == before)
         for p in range(replicas_out.partitions[r]):
             if is_mine(replicas_out, r, p, member, size):
-                feel_partition(world_out, around_out, r, p)
+                feel_partition(world_out, around_out, r, p, passage == before)
+    if ti.static(world_out.remembers):
+        # forces read what is remembered of grains of other partitions
+        turn = wait_for_team(replicas_out, r, size, turn)
     if ti.static(world_out.sleeps):
         turn = lull(world_out, r, member, size, turn)
     return turn

@@ -1,4 +1,4 @@
-"""What grains and air share on the device: what grains put into each layer of air, and effects on grains."""
+"""What grains and air share on the device: what grains put into each layer of air, and when they look."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 from taichi_erosion.air.assemble import allocate_air
 from taichi_erosion.air.state import Air
 from taichi_erosion.core.air_setup import AirSetup
-from taichi_erosion.core.effect import Bound, bind, grain_type
+from taichi_erosion.core.effect import grain_type
 from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import upload
@@ -50,7 +50,6 @@ class Surroundings:
     layers: Layers
     exchange: Exchange
     drag_rate: Any  # ti.func of coupling.drag
-    effects: Bound
     grain_type: Any
 
 
@@ -72,7 +71,7 @@ def allocate_exchange(replicas: int, layers: int) -> Exchange:
 
 
 def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundings:
-    """Put air and effects on the device; all setups have air, or none has."""
+    """Put the air on the device; all setups have air, or none has."""
     airs: list[AirSetup] = [s.air for s in setups if s.air is not None]
     layers = airs[0].cells[2] if airs else 1
     exchange = allocate_exchange(len(setups), layers)
@@ -92,6 +91,5 @@ def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundin
         layers=allocate_layers(len(setups), partitions, layers),
         exchange=exchange,
         drag_rate=DRAG[laws.drag],
-        effects=bind("grain", [s.effects for s in setups]),
         grain_type=grain_type(),
     )

@@ -4,7 +4,7 @@ Pairs within reach are struck in batches (`grains.batches`): the walk fills the 
 law runs over all of them, and what it gives is dealt out to the grains.
 """
 
-from taichi_erosion.core.effect import passes, pull_of
+from taichi_erosion.core.effect_device import force_of, passes, pull_of
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.batches import LANES, gather_entry, lane, put, strike
 from taichi_erosion.grains.cells import position_of
@@ -55,12 +55,12 @@ def acted_on(materials: ti.template(), entries: ti.template(), e):
 
 
 @ti.func
-def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.template()):
-    """Attraction by the effects [N]; remembers that the two have met until all have let go."""
+def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.template(), i, j):
+    """Attraction of places i and j by the effects [N]; remembers that they have met until all have let go."""
     if pair_out.gap <= 0.0:
         entries_out.label[e] = entries_out.label[e] | MET
     pair_out.met = ti.cast((entries_out.label[e] & MET) / MET, float)
-    pull = pull_of(bound, r, pair_out)
+    pull = pull_of(bound, r, pair_out, i, j)
     if pair_out.gap > 0.0 and pull == 0.0:
         entries_out.label[e] = entries_out.label[e] & ~MET
     return pull
@@ -84,8 +84,13 @@ def pull_pair(world_out: ti.template(), batch: ti.template(), n, r, base, buffer
         closing_speed=-lane(batch.velocity, n).dot(normal),
         stiffness=touch_stiffness(world_out.materials, row, root, batch.overlap[n]),
         met=0.0,
+        normal=normal,
+        offset=lane(batch.offset, n),
+        period=ti.cast(world_out.replicas.period[r], float),
     )
-    force = -hold(world_out.pair_effects, pairs_out, r, e, pair) * normal
+    force = -hold(world_out.pair_effects, pairs_out, r, e, pair, i, j) * normal
+    if ti.static(world_out.pair_effects.thrusts):
+        force += force_of(world_out.pair_effects, r, pair, i, j)
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
     grains_out.force[action] = grains_out.force[action] + force
     grains_out.force[reaction] = grains_out.force[reaction] - force

@@ -9,6 +9,7 @@ primitive of a surface to the next, the memory of the contact goes with it.
 from dataclasses import dataclass
 from typing import Any
 
+from taichi_erosion.core.effect_device import force_of
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.batches import LANES, gather_entry, lane, put, strike
 from taichi_erosion.grains.pair_contacts import (
@@ -143,8 +144,15 @@ def pull_to_wall(world_out: ti.template(), r, batch: ti.template(), n, i):
         closing_speed=-grains.velocity[i].dot(normal),
         stiffness=touch_stiffness(world_out.materials, row, batch.root_radius[n], batch.overlap[n]),
         met=0.0,
+        normal=normal,
+        offset=ti.cast(position_at(grains, i), float),
+        period=ti.cast(world_out.replicas.period[r], float),
     )
-    return -hold(world_out.pair_effects, entries_out, r, e, pair) * normal
+    (bound,) = ti.static((world_out.pair_effects,))
+    force = -hold(bound, entries_out, r, e, pair, i, bound.nobody) * normal
+    if ti.static(bound.thrusts):
+        force += force_of(bound, r, pair, i, bound.nobody)
+    return force
 
 
 @ti.func

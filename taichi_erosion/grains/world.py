@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.core.effect import Bound
+from taichi_erosion.core.effect_device import Bound
 from taichi_erosion.grains.cells import Cells
 from taichi_erosion.grains.clumps import Clumps
 from taichi_erosion.grains.contact import ContactLaws
@@ -36,6 +36,8 @@ class World:
     pair_type: Any  # struct type of a pair as its effects see it, in the run's precision
     meeting_effects: Bound
     meeting_type: Any  # likewise, of two grains that begin to overlap
+    grain_effects: Bound
+    remembers: bool  # compiled in: whether any effect remembers something of grains
     driven: bool  # compiled in: whether air or grain effects act between contacts
     held: Held
     sleeps: bool  # compiled in: whether deep grains are held until disturbed

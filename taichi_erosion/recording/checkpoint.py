@@ -16,7 +16,7 @@ from taichi_erosion.recording.whole_file import growing, make_folder
 
 Arrays = dict[str, NDArray[Any]]
 
-SCHEMA = "taichi_erosion checkpoint 2"  # raised when the layout of the file, or what a state holds, changes
+SCHEMA = "taichi_erosion checkpoint 3"  # raised when the layout of the file, or what a state holds, changes
 HEAD = "head"  # member that holds the header
 STATE = "state/"  # prefix of the members that hold the arrays
 # what damaged archives and foreign members raise, from the zip layer up to the header

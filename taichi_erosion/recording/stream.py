@@ -174,7 +174,10 @@ def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> 
 def log_grains(
     recording: Recording, entity: str, snapshot: Snapshot, rows: NDArray[np.bool_], colours: NDArray[np.uint8]
 ) -> None:
-    """Write some of the grains; their radii too, since which grains they are changes from frame to frame."""
+    """Write some of the grains, and what effects remember of them.
+
+    Their radii too, since which grains they are changes from frame to frame.
+    """
     import pyarrow as pa
     import rerun as rr
 
@@ -185,7 +188,11 @@ def log_grains(
     )
     # an Arrow array has a type even where it is empty, which rerun cannot guess
     ident = pa.array(snapshot.ident[rows], type=pa.int32())
-    recording.stream.log(entity, points, rr.AnyValues(ident=ident))
+    remembered = {
+        name.replace(".", "_"): pa.array(values[rows], type=pa.float32())
+        for name, values in snapshot.memory.items()
+    }
+    recording.stream.log(entity, points, rr.AnyValues(ident=ident, **remembered))
 
 
 def log_ledger(recording: Recording, ledger: Ledger) -> None:

@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from taichi_erosion.campaign.signatures import read_shifts
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.report.effect_figures import draw_bars, draw_curves
 from taichi_erosion.report.page import fill_tables, markdown_table
-from taichi_erosion.verification.effect_answers import Answer, read_answers
+from taichi_erosion.verification.effect_answers import Answer, bed_law, read_answers
 from taichi_erosion.verification.effect_cost import Cost, read_costs
 
 PAGE = "effects.md"
@@ -32,7 +32,7 @@ class Saying:
     table: str  # answers, shifts or beds; empty where it was not tried
     quantity: str
     label: str
-    place: float  # on the axis of the answers; NaN: all places
+    place: float  # on the axis of the answers, or of the law of a bed; NaN: all places, or no law
     low: float  # of the range that the literature gives; NaN where it gives none
     high: float
     sign: int  # which way the quantity should go; 0: either
@@ -46,6 +46,7 @@ class Verdict:
     kept: str
 
 
+FLOWING = "sliding_angle"  # observable: slope at which a bed without wind flows
 NOT_MEASURED = "Not measured yet.\n"
 NOT_RUN = Verdict("not simulated", "open")
 
@@ -70,6 +71,8 @@ def judged(saying: Saying, answers: Sequence[Answer], shifts: Shifts, beds: Shif
         return judged_answers(saying, rows) if rows else NOT_RUN
     for row in beds if saying.table == "beds" else shifts if saying.table == "shifts" else ():
         if (row["effect"], row["observable"], row["label"]) == (saying.effect, saying.quantity, saying.label):
+            if isfinite(saying.place):
+                return judged_by_law(saying, row, flowing_slope(beds))
             return judged_shift(saying, row)
     return NOT_RUN
 
@@ -132,6 +135,26 @@ def judged_shift(saying: Saying, row: dict[str, str]) -> Verdict:
     return Verdict(came, "yes" if shift * saying.sign > 0.0 else "no")
 
 
+def flowing_slope(beds: Shifts) -> float:
+    """Slope at which the small beds flow without wind [deg]."""
+    angles = [float(row["bare"]) for row in beds if row["observable"] == FLOWING]
+    return angles[0] if angles else nan
+
+
+def judged_by_law(saying: Saying, row: dict[str, str], flowing: float) -> Verdict:
+    """A ratio of thresholds of small beds beside the law of whole beds, within its standard error."""
+    bare, law = float(row["bare"]), bed_law(saying.effect, saying.place, flowing)
+    ratio, error = 1.0 + float(row["shift"]) / bare, float(row["standard_error"]) / bare
+    if not isfinite(ratio):
+        return judged_shift(saying, row)
+    came = f"{ratio:.3f} ± {error:.1g} times {bare:.3g} {row['unit']}; the law says {law:.3f}"
+    if abs(ratio - 1.0) <= TOLD * error:
+        return Verdict(came, "not told")
+    if (ratio - 1.0) * (law - 1.0) < 0.0:
+        return Verdict(came, "no")
+    return Verdict(came, "yes" if abs(ratio - law) <= TOLD * error else "in sign")
+
+
 def verdict_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
     """One row a sentence."""
     header = ("effect", "the literature says", "what came out", "kept")
@@ -189,12 +212,25 @@ def cost_table(costs: Sequence[Cost]) -> str:
     return markdown_table(header, [first, *lines])
 
 
+def crust_table(rows: Sequence[dict[str, str]]) -> str:
+    """A crust before and after it is broken, beside the bare model and a cement that heals."""
+    if not rows:
+        return NOT_MEASURED
+    lines = []
+    for what in dict.fromkeys(row["what"] for row in rows):
+        cells = [row for row in rows if row["what"] == what]
+        found = [f"{float(c['value']):.3g} ± {float(c['standard_error']):.1g} ({c['n']})" for c in cells]
+        lines.append((f"{cells[0]['plan']}: {what}", *found))
+    return markdown_table(("", "bare", "`surface_crust`", "a cement that heals"), lines)
+
+
 def publish(doe: Path, docs: Path) -> None:
     """Draw the figure and fill the tables of the page."""
     answers = read_answers(doe / "effects" / "answers.csv")
     shifts = read_shifts(doe / "effect_signatures" / "signatures.csv")
     beds = read_shifts(doe / "effects" / "beds.csv")
     sayings = read_sayings(doe / "effects" / "literature.csv")
+    crusts = read_shifts(doe / "effects" / "crust.csv")
     costs = read_costs(doe / "effects" / "cost.csv")
     (docs / CURVES).parent.mkdir(parents=True, exist_ok=True)
     draw_curves(answers, docs / CURVES)
@@ -203,6 +239,7 @@ def publish(doe: Path, docs: Path) -> None:
         "count": count_table(sayings, answers, shifts, beds),
         "verdicts": verdict_table(sayings, answers, shifts, beds),
         "beds": shift_table(beds),
+        "crust": crust_table(crusts),
         "heaps": shift_table(
             [row for row in shifts if row["observable"] in ("angle_of_repose", "pile_height")]
         ),

@@ -115,7 +115,7 @@ def new_trial(sim: Simulation, replica: int, friction_velocity: float, time: flo
 def pursue(sim: Simulation, replica: int, hunt: Hunt, time: float) -> bool:
     """Look at the bed and choose the next wind; says whether the hunt is over."""
     watch(hunt, snapshot(sim, replica))
-    outcome = judge(hunt, time, steady=not sim.around.effects.any)
+    outcome = judge(hunt, time, steady=not sim.world.grain_effects.any)
     if outcome is None:
         return False
     note(hunt, outcome, time)

@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from taichi_erosion.core.device import start_device
-from taichi_erosion.core.effect import bind, meeting_type, pair_type
+from taichi_erosion.core.effect import meeting_type, pair_type
+from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import read
@@ -53,6 +54,8 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
     """Allocate all fields and write the Setups to them, one a replica; the device must have been started."""
     compiled = compile_contact_laws(laws)
     driven, sleeps = is_driven(setups), any(s.coupling.sleep_looks > 0 for s in setups)
+    effects, places = [s.effects for s in setups], 2 * sizes.replicas * sizes.grains
+    pair_effects, grain_effects = (bind(place, effects, places) for place in ("pair", "grain"))
     world = World(
         grains=allocate_grains(sizes.replicas, sizes.partitions, sizes.grains),
         source=allocate_source(sizes.replicas, sizes.grains),
@@ -66,10 +69,12 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
         batch_type=batch_type(),
         clumped=setups[0].clumps is not None,
         clumps=allocate_clumps(sizes.replicas, sizes.bodies, sizes.grains),
-        pair_effects=bind("pair", [s.effects for s in setups]),
+        pair_effects=pair_effects,
         pair_type=pair_type(),
-        meeting_effects=bind("meeting", [s.effects for s in setups]),
+        meeting_effects=bind("meeting", effects),
         meeting_type=meeting_type(),
+        grain_effects=grain_effects,
+        remembers=pair_effects.remembers or grain_effects.remembers,
         driven=driven,
         held=allocate_held(sizes.replicas if driven else 1, sizes.grains if driven else 1),
         sleeps=sleeps,

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_erosion.core.effect import Acting, rebind
+from taichi_erosion.core.effect import Acting
+from taichi_erosion.core.effect_device import rebind
 from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.grains.materials import device_columns
@@ -91,7 +92,7 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[Acting]) -> boo
     bounds = {
         "pair": sim.world.pair_effects,
         "meeting": sim.world.meeting_effects,
-        "grain": sim.around.effects,
+        "grain": sim.world.grain_effects,
     }
     if any(not bounds[e.effect.place].holds(e.effect) for e in effects):
         return False

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.effect_device import memory_fields
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.grains.held import HELD
 from taichi_erosion.grains.sleep import CARRIED
@@ -59,6 +60,8 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     if world.sleeps:
         sleep = download(fields_of(world.sleep, CARRIED), block * rows, count)
         out |= {f"sleep_{name}": values for name, values in zip(CARRIED, sleep, strict=True)}
+    for name, (numbers, _) in remembered(sim).items():
+        out[f"memory_{name}"] = download([numbers], block * rows, count)[0]
     for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
         start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], block * rows, count))
         entries = download(fields_of(table, names), block * table.capacity, table.capacity)
@@ -144,6 +147,7 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
         upload([(getattr(world.held, name), part[f"held_{name}"]) for name in HELD], 2 * r * rows)
     if world.sleeps:
         upload([(getattr(world.sleep, name), part[f"sleep_{name}"]) for name in CARRIED], 2 * r * rows)
+    import_memory(sim, r, part)
     bounds = read(world.replicas.bounds)
     bounds[r] = part["bounds"]
     write(world.replicas.bounds, bounds)
@@ -159,6 +163,19 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
         rank = np.zeros(rows)
         rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))
         upload([(world.clumps.rank, rank)], r * rows)
+
+
+def remembered(sim: Simulation) -> dict[str, tuple[Any, Any]]:
+    """What all effects remember, as `memory_fields` of each place."""
+    return memory_fields(sim.world.pair_effects) | memory_fields(sim.world.grain_effects)
+
+
+def import_memory(sim: Simulation, r: int, part: Arrays) -> None:
+    """What effects remember of grains; for one that the state did not know, all of them enter now."""
+    count = len(part["ident"])
+    for name, (numbers, start) in remembered(sim).items():
+        begun = np.full(count, download([start], r, 1)[0][0])
+        upload([(numbers, part.get(f"memory_{name}", begun))], 2 * r * sim.sizes.grains)
 
 
 def upload_entries(

@@ -9,7 +9,7 @@ import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from io import StringIO
-from math import nan, sqrt
+from math import cos, nan, radians, sin, sqrt, tan
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,7 @@ TILTS = (-15.0, -8.0, 8.0, 15.0)  # deg
 FRONTS = (0.01, 0.02, 0.05, 0.1)  # frontal area of obstacles over ground [1]
 ALTITUDES = (1100.0, 3000.0, 5000.0)  # m
 DENSITIES = (1500.0, 2130.0, 4000.0)  # kg m-3
+CEMENT = 2e3  # Pa: a stronger one holds the grain in winds that throw it out of the patch
 MEMORIES = (1e-3, 0.02, 0.1)  # s, of gusts
 SEEDS = range(1, 9)  # of gusts
 ANGULARITIES = (0.25, 0.5, 1.0)  # 1
@@ -98,7 +99,9 @@ def pocket_cases() -> Iterator[tuple[str, float, Pocket]]:
     for density in DENSITIES:
         entries = (("strength", 1.0), ("solid_density", density))
         yield "density [kg m-3]", density, replace(BARE, effect="grain_density", entries=entries)
-    for name in ("image_charge", "surface_crust", "electric_field"):
+    cement = (("strength", 1.0), ("tensile_strength", CEMENT))
+    yield "tensile strength [kPa]", 1e-3 * CEMENT, replace(BARE, effect="surface_crust", entries=cement)
+    for name in ("image_charge", "electric_field"):
         yield "", nan, replace(BARE, effect=name)
 
 
@@ -189,6 +192,14 @@ LAWS: dict[str, Callable[[float], float]] = {
     "air_density": lambda altitude: (288.15 / (288.15 - 0.0065 * altitude)) ** 2.128,
     "grain_density": lambda density: sqrt(density / BARE.density),
 }
+
+
+def bed_law(effect: str, place: float, flowing: float) -> float:
+    """Ratio of thresholds over a small bed [1]; `flowing` is the slope at which that bed flows [deg]."""
+    if effect == "bed_slope":
+        return sqrt(cos(radians(place)) + sin(radians(place)) / tan(radians(flowing)))
+    return LAWS[effect](place)
+
 
 READ = {  # factor by the formula of each page at its defaults [1]
     "camera_threshold": lambda p: float(np.exp(np.log(p.criterion) / p.exponent)),

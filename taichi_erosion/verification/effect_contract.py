@@ -5,7 +5,7 @@ must have been started.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import asdict, fields, is_dataclass, replace
 from math import isclose, isfinite
 from typing import Any
 
@@ -36,6 +36,8 @@ SCENES: tuple[dict[str, Any], ...] = (  # with and without wind
     {"conditions": SAID},
     {"conditions": SAID, "wind": {"length": 0.02, "width": 0.01, "height": 0.05}},
 )
+ENDS = ("low", "high")  # of the range of a parameter
+RESTING = TYPICAL["grain"] | {"velocity": (0.0, 0.0, 0.0), "spin": (0.0, 0.0, 0.0), "interval": 1.0}
 READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux", "pile_height")
 
 
@@ -67,7 +69,7 @@ def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "params is not a dataclass"
         return
     for f in fields(effect.params):
-        if not documented(f) or not f.metadata["meaning"] or not f.metadata["unit"]:
+        if not told(f):
             yield f"{f.name} is declared without unit or meaning; use quantity"
         elif not isfinite(f.metadata["low"]) or not isfinite(f.metadata["high"]):
             yield f"{f.name} has no range"
@@ -75,6 +77,27 @@ def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
         check_range(effect.params())
     except ValueError as error:
         yield str(error)
+
+
+def told(f: Any) -> bool:
+    """Whether a number is declared with unit and meaning."""
+    return documented(f) and bool(f.metadata["meaning"]) and bool(f.metadata["unit"])
+
+
+def remembers_in_order(effect: Effect, probe: Probe) -> Iterator[str]:
+    """What it remembers of grains carries unit and meaning, begins as declared, and stays finite."""
+    if effect.memory is None:
+        return
+    for f in fields(effect.memory):
+        if not told(f):
+            yield f"memory.{f.name} is declared without unit or meaning; use quantity"
+    ends = [
+        replace(effect.params(), **{f.name: f.metadata[end]}) for f in fields(effect.params) for end in ENDS
+    ]
+    for params in (effect.params(), *ends):
+        for memory in memories(effect, probe, params, 1.0):
+            if not np.all(np.isfinite(list(asdict(memory).values()))):
+                yield f"with {params} it remembers a number that is not finite"
 
 
 def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -97,7 +120,7 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
 def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
     """At both ends of every range what it does is finite; a scene may be refused with a clear line."""
     for f in fields(effect.params):
-        for end in ("low", "high"):
+        for end in ENDS:
             params = replace(effect.params(), **{f.name: f.metadata[end]})
             if not np.all(np.isfinite(numbers(effect, probe, params, 1.0))):
                 yield f"{f.name} = {f.metadata[end]:g} gives a number that is not finite"
@@ -127,7 +150,7 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
         return
     beyond = TYPICAL["pair"] | {"gap": 1.001 * reach + 1e-9, "stiffness": 0.0}
     for partner in ({}, {"radius_j": 0.0, "radius_effective": 1e-4, "mass_j": 0.0}):
-        if probe(effect.params(), SAID, **(beyond | partner)) != 0.0:
+        if np.any(probe(effect.params(), SAID, **(beyond | partner)) != 0.0):
             yield f"it still pulls beyond its reach of {reach:.4g} m"
 
 
@@ -149,7 +172,22 @@ def numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
         )
     if effect.place == "instrument":
         return np.array([effect.act(params, strength, SAID, name, 0.3) for name in READINGS])
-    return np.ravel(probe(params, SAID, strength=strength, **TYPICAL[effect.place]))
+    situation = TYPICAL[effect.place]
+    if effect.memory is None:
+        return np.ravel(probe(params, SAID, strength=strength, **situation))
+    found = [
+        probe(params, SAID, strength=strength, mine=memory, **situation)
+        for memory in memories(effect, probe, params, strength)
+    ]
+    return np.concatenate([np.ravel(one) for one in found])
+
+
+def memories(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
+    """What an effect remembers of a grain that enters, after a long rest, and of one that then flew on."""
+    found = [probe(params, SAID, strength=strength, before=None, **RESTING)]
+    for look in (RESTING, TYPICAL["grain"]):
+        found.append(probe(params, SAID, strength=strength, before=found[-1], **look))
+    return found
 
 
 def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str, Any]) -> list[float]:
@@ -181,6 +219,7 @@ CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
     "it does nothing at strength 0": vanishes_at_no_strength,
     "it is silent beyond its reach": has_a_sane_reach,
     "what it leaves to calibration is its own": leaves_open_its_own,
+    "it remembers in order": remembers_in_order,
 }
 
 

@@ -8,8 +8,9 @@ what draws it along the downwind plane exceeds what holds it,
     D cos(a) + L sin(a) = W (cos(t) sin(a) + sin(t) cos(a)) + P sin(2 a)
 
 with D the drag [N], L all forces upwards on it, W the weight less buoyancy, t the slope of the bed, uphill
-positive, and P the pull-off force of the upwind plane. D follows from the law with two limits at the mean
-wind over the sphere. What pulls is written here a second time, from the papers.
+positive, and P the pull-off force of the upwind plane; the bonds of a cement hold at both planes, along the
+way. D follows from the law with two limits at the mean wind over the sphere. What pulls is written here a
+second time, from the papers.
 
 The wind begins at once with SOFTLY of its speed. A bond that stretches without loss swings then to twice
 its rest length and breaks at half its strength: the work of a constant force F over s is F s = k s^2 / 2.
@@ -213,8 +214,9 @@ def image(params: Any, conditions: dict[str, float], mass: float, stream: Stream
 
 
 def cement(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:
-    """Strength of a neck of radius b d; that the grain rises by x d before it breaks changes u by 2 x."""
-    return params.tensile_strength * pi * (params.neck * stream.diameter) ** 2, 0.0
+    """Strength of two necks of radius b d along the way of the grain, which rises by x d till they break."""
+    along = 2.0 * params.tensile_strength * pi * (params.neck * stream.diameter) ** 2
+    return along / sin(2.0 * STEEP), 0.0
 
 
 def field_lift(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:

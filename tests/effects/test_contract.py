@@ -11,11 +11,12 @@ from taichi_erosion.core.effect import Check, Effect, Probe
 from taichi_erosion.core.effect_probe import Bench, make_bench, probe_of
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.ti import ti
 from taichi_erosion.effects import load_library, shipped
 from taichi_erosion.verification.effect_contract import CLAUSES, breaches
 
-THIRD_PARTY = Path(__file__).with_name("constant_pull.py")
-LIBRARY = load_library([THIRD_PARTY])
+THIRD_PARTY = [Path(__file__).with_name(f"{name}.py") for name in ("constant_pull", "ageing_pull")]
+LIBRARY = load_library(THIRD_PARTY)
 
 
 @pytest.fixture(scope="module")
@@ -39,13 +40,10 @@ def test_every_effect_keeps_the_contract(name, clause, bench, probes):
 
 
 def test_the_library_holds_every_file_of_its_folder_under_the_name_of_the_file():
-    assert [*shipped(), "constant_pull"] == [
-        *(name for name in LIBRARY if name != "constant_pull"),
-        "constant_pull",
-    ]
+    assert sorted([*shipped(), *(file.stem for file in THIRD_PARTY)]) == list(LIBRARY)
 
 
-GOOD = LIBRARY["constant_pull"]
+GOOD, AGEING = LIBRARY["constant_pull"], LIBRARY["ageing_pull"]
 
 
 def tableless(probe: Probe) -> Iterator[Check]:
@@ -68,6 +66,24 @@ def ranges() -> type:
     )
 
 
+def boundless() -> type:
+    from dataclasses import make_dataclass
+
+    return make_dataclass("Memory", [("age", float, 0.0)], frozen=True)
+
+
+@ti.func
+def forget_the_numbers(constants, grain, memory):
+    after = memory
+    after.age = grain.interval / 0.0
+    return after
+
+
+@ti.func
+def pull_anyway(constants, pair, mine, other):
+    return ti.min(mine.age, 1e-9)
+
+
 BAD: dict[str, Effect] = {
     "got 4e-06, want 2e-06": replace(GOOD, constants=twice),
     "its table has 1 lines": replace(GOOD, checks=tableless),
@@ -80,9 +96,20 @@ BAD: dict[str, Effect] = {
     "uncertain.colour is none of its parameters": replace(GOOD, uncertain={"colour": 0.5}),
     "uncertain.pull_off = 0.0 is no standard": replace(GOOD, uncertain={"pull_off": 0.0}),
     "prior_scale = 0.0 must lie": replace(GOOD, prior_scale=0.0),
+    "memory.age is declared without unit": replace(AGEING, memory=boundless()),
+    "it remembers a number that is not finite": replace(AGEING, remember=forget_the_numbers),
+    "it acts at strength": replace(AGEING, act=pull_anyway),
+    "no line of its table notices that still": replace(AGEING, checks=tableless),
 }
 
 
 @pytest.mark.parametrize("sentence", BAD)
 def test_a_breach_of_the_contract_is_told(sentence, bench):
     assert any(sentence in breach for breach in breaches(BAD[sentence], bench))
+
+
+def test_a_memory_that_nothing_keeps_is_refused_at_once():
+    with pytest.raises(ValueError, match="memory and remember go together"):
+        replace(AGEING, remember=None)
+    with pytest.raises(ValueError, match="of place meeting, which cannot remember"):
+        replace(LIBRARY["midair_passing"], memory=AGEING.memory, remember=AGEING.remember)

@@ -48,6 +48,13 @@ def test_the_scaffold_keeps_the_contract_as_it_is(here, bench, capsys):
     assert breaches(load_library([here / "my_pull.py"])["my_pull"], bench) == []
 
 
+def test_the_scaffold_with_a_memory_keeps_the_contract_as_it_is(here, bench):
+    assert main(["effects", "new", "my_memory", "--with-memory"]) == 0
+    effect = load_library([here / "my_memory.py"])["my_memory"]
+    assert effect.memory is not None
+    assert breaches(effect, bench) == []
+
+
 def test_an_installed_package_adds_its_effects(here, monkeypatch):
     about = here / "dust-1.0.dist-info"
     about.mkdir()
@@ -86,6 +93,7 @@ def test_a_discovered_law_gives_what_the_discovery_wrote(here):
         (["new", "dry_adhesion"], "give a new name"),
         (["new"], "is not in the library"),
         (["dry_adhesion", "--from-discovery", "x.json"], "goes with new NAME"),
+        (["dry_adhesion", "--with-memory"], "goes with new NAME"),
         (["new", "found", "--from-discovery", "x.json"], "is not the result of a discovery"),
     ],
 )

@@ -2,6 +2,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from math import sqrt
 from pathlib import Path
 
@@ -72,6 +73,18 @@ def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path:
         np.testing.assert_array_equal(frame.ident, snapshot.ident)
         np.testing.assert_array_equal(frame.position, snapshot.position.astype(np.float32))
         np.testing.assert_array_equal(frame.radius, snapshot.radius.astype(np.float32))
+
+
+def test_what_effects_remember_is_recorded_beside_the_grains(tmp_path: Path):
+    path, bare = tmp_path / "heap.rrd", heap_snapshot()
+    remembered = replace(bare, memory={"surface_crust.calm": np.linspace(-1.0, 1.0, len(bare.radius))})
+    with recorded(path, header()) as recording:
+        log_frame(recording, remembered, MOVING)
+    parts = [read_rows(path, f"world/{part}", "ident", "surface_crust_calm")[0] for part in ("bed", "mobile")]
+    ident, calm = (np.concatenate([part[column] for part in parts]) for column in (1, 2))
+    np.testing.assert_array_equal(
+        calm[np.argsort(ident)], np.linspace(-1.0, 1.0, len(ident)).astype(np.float32)
+    )
 
 
 def test_every_grain_is_either_in_the_bed_or_mobile(tmp_path: Path):

@@ -1,0 +1,220 @@
+"""What effects remember of grains: it goes where the grain goes, and a crust that has broken stays broken."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from grain_worlds import MASS, NONE, RADIUS, contacts, fingerprint, grains, heap, setup
+
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.effect import Acting, Effect, acting
+from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.ti import ti
+from taichi_erosion.effects import load_library
+from taichi_erosion.simulation import (
+    Simulation,
+    advance,
+    assemble,
+    export_bed,
+    export_state,
+    import_bed,
+    import_state,
+    set_gravity,
+    sizes,
+    snapshot,
+)
+
+LIBRARY = load_library([Path(__file__).with_name("ageing_pull.py")])
+LAWS = Laws(rolling="elastic_plastic")
+GRAINS, HALF, WHOLE = 120, 0.01, 0.02  # s
+CRUST = LIBRARY["surface_crust"]
+STRONG = {"tensile_strength": 1e4, "setting": 2e-3}
+STRENGTH = 1e4 * pi * (0.1 * 2.0 * RADIUS) ** 2  # of the bond of a grain with a wall [N]
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What a grain is known by, noted when it is first looked at, and how often it has been looked at."""
+
+    mass: float = quantity(0.0, "kg", "as first seen")
+    looks: float = quantity(0.0, "1", "so far")
+
+
+@ti.func
+def note(constants, grain, memory):
+    after = memory
+    if memory.looks == 0.0:
+        after.mass = grain.mass
+    after.looks = memory.looks + 1.0
+    return after
+
+
+@ti.func
+def no_pull(constants, pair, mine, other):
+    return 0.0 * constants.nothing
+
+
+MARK = replace(
+    LIBRARY["ageing_pull"],
+    name="mark",
+    act=no_pull,
+    memory=Mark,
+    remember=note,
+    constants=lambda params, strength, conditions: {"nothing": 0.0},
+)
+
+
+@pytest.fixture(autouse=True)
+def device() -> Iterator[None]:
+    yield
+    stop_device()
+
+
+def on(bare: Setup, effect: Effect, **parameters: float) -> Setup:
+    one: Acting = acting(effect, effect.params(**parameters), 1.0, {}, RADIUS)
+    return replace(bare, effects=(one,))
+
+
+def sticky() -> Setup:
+    """A heap whose grains attract each other the harder the longer they lie."""
+    return on(heap(GRAINS, 1), LIBRARY["ageing_pull"], pull_off=3e-5, ageing=5e-3, still=0.02)
+
+
+def unlike() -> Setup:
+    """A heap in which every grain has a mass of its own."""
+    bare = heap(GRAINS, 1)
+    return on(replace(bare, grains=replace(bare.grains, mass=MASS * (1.0 + 1e-3 * np.arange(GRAINS)))), MARK)
+
+
+def start(setups: list[Setup], threads: int = 1) -> Simulation:
+    return assemble(setups, LAWS, Numerics("cpu", threads, "f64"))
+
+
+def remembered(sim: Simulation, name: str, replica: int = 0) -> Any:
+    """A number by row of the GrainTable."""
+    bed = export_bed(sim, replica)
+    return bed[f"memory_{name}"][np.argsort(bed["ident"])]
+
+
+def test_a_memory_goes_where_its_grain_goes():
+    sim = start([unlike()])
+    advance(sim, [WHOLE])
+    assert int(export_state(sim)["rebuilds"][0]) > 5, "must have been sorted"
+    assert remembered(sim, "mark.mass") == pytest.approx(unlike().grains.mass, rel=1e-15)
+    assert list(snapshot(sim, 0).memory["mark.mass"]) == list(remembered(sim, "mark.mass"))
+    # one look in ten steps of 1e-5 s; the first of all looks is taken twice and counts once
+    assert list(remembered(sim, "mark.looks")) == [200.0] * GRAINS
+
+
+def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it():
+    sim = start([heap(GRAINS, 1)])
+    advance(sim, [HALF])
+    bare = fingerprint(snapshot(sim, 0))
+    stop_device()
+    sim = start([sticky()])
+    advance(sim, [HALF])
+    alone, age = fingerprint(snapshot(sim, 0)), list(remembered(sim, "ageing_pull.age"))
+    stop_device()
+    sim = start([heap(GRAINS, 1), sticky(), heap(GRAINS, 2)])
+    advance(sim, [HALF] * 3)
+    assert [fingerprint(snapshot(sim, r)) for r in (0, 1)] == [bare, alone]
+    assert list(remembered(sim, "ageing_pull.age", 1)) == age
+    assert bare != alone, "must have acted"
+    assert not remembered(sim, "ageing_pull.age", 2).any()
+
+
+def test_two_workers_that_share_grains_with_a_memory_change_no_bit(monkeypatch):
+    monkeypatch.setattr(sizes, "PARTITION_GRAINS", GRAINS // 2)
+    prints = []
+    for threads in (1, 2):
+        sim = start([sticky()], threads)
+        advance(sim, [HALF])
+        prints.append((fingerprint(snapshot(sim, 0)), list(remembered(sim, "ageing_pull.age"))))
+        stop_device()
+    assert prints[0] == prints[1]
+
+
+def test_a_resumed_run_remembers_to_the_last_bit():
+    sim = start([sticky()])
+    advance(sim, [HALF])
+    kept = export_state(sim)
+    advance(sim, [WHOLE])
+    end = fingerprint(snapshot(sim, 0)), list(remembered(sim, "ageing_pull.age"))
+    stop_device()
+    resumed = start([sticky()])
+    import_state(resumed, kept)
+    advance(resumed, [WHOLE])
+    assert (fingerprint(snapshot(resumed, 0)), list(remembered(resumed, "ageing_pull.age"))) == end
+
+
+def test_grains_of_a_state_that_knew_no_memory_enter_now():
+    sim = start([heap(GRAINS, 1)])
+    advance(sim, [HALF])
+    kept = export_state(sim)
+    stop_device()
+    later = start([on(heap(GRAINS, 1), CRUST)])
+    import_state(later, kept)
+    assert not remembered(later, "surface_crust.calm").any()
+
+
+def lying(count: int = 1) -> Setup:
+    """Grains that lie on a plate, cemented to it as soon as they have lain still."""
+    place = [[3.0 * RADIUS * k, 0.0, 0.9999 * RADIUS] for k in range(count)]
+    return on(setup(grains(place), law=contacts()), CRUST, **STRONG)
+
+
+def drawn(sim: Simulation, pull: float, time: float) -> float:
+    """Height of the first grain over the plate [m] after gravity has drawn it upwards with a force [N]."""
+    set_gravity(sim, 0, (0.0, 0.0, pull / MASS))
+    advance(sim, [time])
+    return float(snapshot(sim, 0).position[0, 2])
+
+
+def test_a_cemented_grain_holds_a_force_and_a_grain_that_has_broken_out_none():
+    sim = start([lying()])
+    advance(sim, [0.01])
+    bed = export_bed(sim, 0)
+    # a force that begins at once stretches a bond without loss to twice its length at rest
+    assert drawn(sim, 0.45 * STRENGTH, 0.03) < 1.02 * RADIUS
+    assert drawn(sim, 1.1 * STRENGTH, 0.033) > 1.1 * RADIUS
+    assert remembered(sim, "surface_crust.calm")[0] == -1.0
+    assert drawn(sim, -100.0 * MASS, 0.08) < RADIUS, "must lie on the plate again"
+    assert drawn(sim, 0.01 * STRENGTH, 0.1) > 1.1 * RADIUS
+    import_bed(sim, 0, bed)
+    assert drawn(sim, 0.45 * STRENGTH, 0.12) < 1.02 * RADIUS
+
+
+def test_a_broken_crust_frees_the_grain_that_moved_and_no_other():
+    sim = start([lying(2)])
+    advance(sim, [0.01])
+    state = export_state(sim)
+    row = int(np.flatnonzero(state["replica0_ident"] == 1)[0])
+    state["replica0_velocity"][row] = (0.0, 1.0, 0.0)
+    import_state(sim, state)
+    advance(sim, [0.02])
+    assert list(remembered(sim, "surface_crust.calm") < 0.0) == [False, True]
+
+
+def test_a_cement_pulls_both_partners_alike():
+    place = [[0.0, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0], [1.0 * RADIUS, 1.732 * RADIUS, 0.0]]
+    bare = setup(grains(place), NONE, law=contacts(0.5), gravity=(0.0, 0.0, 0.0))
+    sim = start([on(bare, CRUST, **STRONG), bare])
+    advance(sim, [1e-5] * 2)
+    state = export_state(sim)
+    for name, values in zip("xyz", state["replica0_origin"].T, strict=True):
+        state[f"replica0_memory_surface_crust.{name}"] = values
+    state["replica0_memory_surface_crust.calm"] = np.ones(3)
+    for replica in (0, 1):
+        row = int(np.flatnonzero(state[f"replica{replica}_ident"] == 0)[0])
+        state[f"replica{replica}_velocity"][row] = (-0.01, 0.0, 0.0)
+    import_state(sim, state)
+    advance(sim, [1e-3] * 2)
+    cemented, free = (snapshot(sim, r).velocity for r in (0, 1))
+    # f64 sums of a hundred steps
+    assert cemented.sum(axis=0) == pytest.approx(state["replica0_velocity"].sum(axis=0), abs=1e-12)
+    assert np.abs(cemented - free).max() > 1e-3, "must have acted"
