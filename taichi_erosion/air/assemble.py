@@ -6,14 +6,14 @@ import numpy as np
 
 from taichi_erosion.air.gusts import allocate_waves
 from taichi_erosion.air.levels import allocate_grids, allocate_krylov
-from taichi_erosion.air.state import GRIDS, Air, allocate_numbers, inlet_plane, layered, padded
+from taichi_erosion.air.state import GRIDS, VECTORS, Air, allocate_numbers, inlet_plane, layered, padded
 from taichi_erosion.core.air_setup import SIDES, AirSetup
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.transfer import upload, write
 
 CONSTANTS = ("karman", "sublayer", "van_driest", "smagorinsky", "length_most", "length_share")
-SCALARS = ("time_step", "density", "viscosity", "friction_velocity", "implicitness")
+SCALARS = ("time_step", "density", "viscosity", "friction_velocity", "implicitness", "ground")
 
 
 def allocate_air(setups: Sequence[AirSetup]) -> Air:
@@ -33,7 +33,7 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         model=first.model,
         kinds=kinds,
         numbers=allocate_numbers(count),
-        exchange_force=padded(first.cells, count, vector=True),
+        **{name: padded(first.cells, count, vector=True) for name in VECTORS},
         gust=inlet_plane(count, first.cells),
         grids=allocate_grids(first, count),
         krylov=allocate_krylov(first, count),

@@ -199,6 +199,21 @@ def is_unknown(air: ti.template(), i, j, axis: ti.template()):
     return not known
 
 
+@ti.func
+def rates_of_column(air_out: ti.template(), r, i, j):
+    """Explicit rates of the velocities of one column of cells [m s-2]."""
+    for axis in ti.static(range(3)):
+        rate_out, past_out = ti.static(air_out.rates[axis], air_out.pasts[axis])
+        if is_unknown(air_out, i, j, axis):
+            for k in range(ti.static(1 if axis == 2 else 0), air_out.cells[2]):
+                past_out[r, i, j, k] = rate_out[r, i, j, k]
+                place = ti.Vector([i, j, k])
+                rate = diffusion_across(air_out, r, place, axis)
+                if ti.static(air_out.model.advection != "none"):
+                    rate -= advection(air_out, r, place, axis)
+                rate_out[r, i, j, k] = rate
+
+
 @ti.kernel
 def find_rates(
     # out
@@ -206,13 +221,4 @@ def find_rates(
 ):
     """Explicit rates of all velocities [m s-2]; what the stage before found is kept as the past."""
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        for axis in ti.static(range(3)):
-            rate_out, past_out = ti.static(air_out.rates[axis], air_out.pasts[axis])
-            if is_unknown(air_out, i, j, axis):
-                for k in range(ti.static(1 if axis == 2 else 0), air_out.cells[2]):
-                    past_out[r, i, j, k] = rate_out[r, i, j, k]
-                    place = ti.Vector([i, j, k])
-                    rate = diffusion_across(air_out, r, place, axis)
-                    if ti.static(air_out.model.advection != "none"):
-                        rate -= advection(air_out, r, place, axis)
-                    rate_out[r, i, j, k] = rate
+        rates_of_column(air_out, r, i, j)

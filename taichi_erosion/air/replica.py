@@ -1,0 +1,284 @@
+"""The whole grid of one replica, advanced by the one worker that runs it: the step of `step.py` in one kernel.
+
+A small grid costs little arithmetic and hundreds of launches a step. One worker that walks from column to
+column needs none, and no replica waits for another: each solves for its own pressure until it is found. It
+serves a box that is periodic along x and y.
+
+While it goes, it books for who couples grains to the air, cell by cell over all stages t of a step T,
+
+    impulse   sum t (f - beta u)          with u the velocity that the stage ends with
+    gradient  sum (t / T) grad p          with p likewise, so that both are to rounding what the air has felt
+
+Shares of cells in what a face feels are those of `sweep.exchange_share`, halves by volume.
+"""
+
+from taichi_erosion.air.conjugate import (
+    ITERATIONS_MOST,
+    image_of_column,
+    move_column,
+    product_of_column,
+    product_of_replica,
+    step_of_replica,
+    turn_column,
+    worse_of,
+)
+from taichi_erosion.air.eddies import spread_over_column
+from taichi_erosion.air.ghosts import (
+    close_cells_x,
+    close_cells_y,
+    close_cells_z,
+    close_x,
+    close_y,
+    close_z,
+)
+from taichi_erosion.air.interpolate import prolong_to_line, restrict_to_line
+from taichi_erosion.air.momentum import rates_of_column
+from taichi_erosion.air.multigrid import (
+    clear_line,
+    coarsest_sweeps,
+    factor_line,
+    relax_colour,
+    rest_of_line,
+    sweep_to_and_fro,
+)
+from taichi_erosion.air.pressure import (
+    conduct_column,
+    correct_column,
+    excess_of_column,
+    merge_column,
+    spread_mean_excess,
+)
+from taichi_erosion.air.step import STAGES
+from taichi_erosion.air.sweep import predict_column
+from taichi_erosion.core.ti import ti
+
+real = ti.f64
+
+TOLERANCE = 1e-7  # air that may appear in a cell in one step over its volume [1]
+
+
+@ti.func
+def each_column(task: ti.template(), air_out: ti.template(), r):
+    """Do one task in every column of cells."""
+    for i in range(air_out.cells[0]):
+        for j in range(air_out.cells[1]):
+            task(air_out, r, i, j)
+
+
+@ti.func
+def each_line(task: ti.template(), grids_out: ti.template(), level, r):
+    """Do one task in every line of one grid of the pressure."""
+    for i in range(grids_out.shape[level, 1]):
+        for j in range(grids_out.shape[level, 2]):
+            task(grids_out, level, r, i, j)
+
+
+@ti.func
+def close_flow(air_out: ti.template(), r):
+    """Ghosts of all velocities; x first, so that y and z find the corners filled."""
+    nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
+    for j in range(ny):
+        for k in range(nz):
+            close_x(air_out, r, j, k)
+    for i in range(-1, nx + 1):
+        for k in range(nz):
+            close_y(air_out, r, i, k)
+    for i in range(-1, nx + 1):
+        for j in range(-1, ny + 1):
+            close_z(air_out, r, i, j)
+
+
+@ti.func
+def close_values(air: ti.template(), values_out: ti.template(), r):
+    """Ghosts of a cell quantity."""
+    nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
+    for j in range(ny):
+        for k in range(nz):
+            close_cells_x(air, values_out, 1, r, j, k)
+    for i in range(-1, nx + 1):
+        for k in range(nz):
+            close_cells_y(air, values_out, 1, r, i, k)
+    for i in range(-1, nx + 1):
+        for j in range(-1, ny + 1):
+            close_cells_z(air, values_out, 1, r, i, j)
+
+
+@ti.func
+def relax_lines(grids_out: ti.template(), level, colour, r):
+    """Relax the lines of one colour."""
+    for i in range(grids_out.shape[level, 1]):
+        for j in range(grids_out.shape[level, 2]):
+            relax_colour(grids_out, level, colour, r, i, j)
+
+
+@ti.func
+def cycle_replica(grids_out: ti.template(), r):
+    """One multigrid cycle, down to the coarsest grid and up again."""
+    last = ti.static(grids_out.number - 1)
+    for level in range(last):
+        each_line(clear_line, grids_out, level, r)
+        for colour in range(2):
+            relax_lines(grids_out, level, colour, r)
+        each_line(rest_of_line, grids_out, level, r)
+        each_line(restrict_to_line, grids_out, level, r)
+    each_line(clear_line, grids_out, last, r)
+    sweep_to_and_fro(grids_out, last, ti.static(coarsest_sweeps(grids_out)), r)
+    for down in range(last):
+        level = last - 1 - down
+        each_line(prolong_to_line, grids_out, level, r)
+        for colour in range(2):
+            relax_lines(grids_out, level, 1 - colour, r)
+
+
+@ti.func
+def worst_of(air: ti.template(), r):
+    """Air that appears in the worst cell in one step over its volume [1]; NaN where it is nowhere a number."""
+    worst = real(0.0)
+    for c in range(ti.static(air.cells[0] * air.cells[1])):
+        worst = worse_of(worst, air.krylov.worst[r, c])
+    return worst
+
+
+@ti.func
+def solve_replica(air_out: ti.template(), r):
+    """Find psi by conjugate gradients; returns what is left in the worst cell [1]."""
+    air_out.krylov.product[r] = 0.0
+    worst, done = worst_of(air_out, r), 0
+    while worst > TOLERANCE and done < ITERATIONS_MOST:
+        cycle_replica(air_out.grids, r)
+        each_column(product_of_column, air_out, r)
+        product_of_replica(air_out, r)
+        each_column(turn_column, air_out, r)
+        each_column(image_of_column, air_out, r)
+        step_of_replica(air_out, r)
+        each_column(move_column, air_out, r)
+        worst = worst_of(air_out, r)
+        done += 1
+    return worst
+
+
+@ti.func
+def set_conductances_of(air_out: ti.template(), r, share):
+    """Conductances of all grids for a stage."""
+    for i in range(air_out.cells[0]):
+        for j in range(air_out.cells[1]):
+            conduct_column(air_out, r, i, j, share)
+    for level in range(1, air_out.grids.number):
+        each_line(merge_column, air_out.grids, level, r)
+    for level in range(air_out.grids.number):
+        each_line(factor_line, air_out.grids, level, r)
+
+
+@ti.func
+def cell_air(air: ti.template(), r, i, j, k):
+    """Mean velocity of the air in a cell [m s-1]: of its two faces along each axis."""
+    u = air.velocity_x[r, i, j, k] + air.velocity_x[r, i + 1, j, k]
+    v = air.velocity_y[r, i, j, k] + air.velocity_y[r, i, j + 1, k]
+    w = air.velocity_z[r, i, j, k] + air.velocity_z[r, i, j, k + 1]
+    return 0.5 * ti.Vector([u, v, w])
+
+
+@ti.func
+def pressure_slope(air: ti.template(), r, i, j, k):
+    """Mean gradient of the pressure in a cell [Pa m-1]; beside floor and lid that of its other face."""
+    (p,) = ti.static((air.pressure,))
+    width, height = air.numbers.width[r], air.height[r, k]
+    below, above = p[r, i, j, k] - p[r, i, j, k - 1], p[r, i, j, k + 1] - p[r, i, j, k]
+    if k == 0:
+        below = above
+    if k == air.cells[2] - 1:
+        above = below
+    slope = ti.Vector([p[r, i + 1, j, k] - p[r, i - 1, j, k], p[r, i, j + 1, k] - p[r, i, j - 1, k], 0.0])
+    return 0.5 * slope / width + ti.Vector([0.0, 0.0, 0.5 * (below + above) / height])
+
+
+@ti.func
+def book_column(air_out: ti.template(), r, i, j, share):
+    """Note what one column of cells has felt of grains and pressure in one stage."""
+    time = share * air_out.numbers.time_step[r]
+    for k in range(air_out.cells[2]):
+        drag = air_out.exchange_coefficient[r, i, j, k] * cell_air(air_out, r, i, j, k)
+        gained = time * (air_out.exchange_force[r, i, j, k] - drag)
+        slope = pressure_slope(air_out, r, i, j, k) + air_out.numbers.driving_gradient[r]
+        air_out.impulse[r, i, j, k] = air_out.impulse[r, i, j, k] + gained
+        air_out.gradient[r, i, j, k] = air_out.gradient[r, i, j, k] + share * slope
+
+
+@ti.func
+def open_book(air_out: ti.template(), r, i, j):
+    """Begin a step with nothing booked in one column."""
+    for k in range(air_out.cells[2]):
+        air_out.impulse[r, i, j, k] = 0.0 * air_out.impulse[r, i, j, k]
+        air_out.gradient[r, i, j, k] = 0.0 * air_out.gradient[r, i, j, k]
+
+
+@ti.func
+def remember_void_of(air_out: ti.template(), r, i, j):
+    """Take the void fraction of one column as it stands for that of the step before."""
+    for k in range(air_out.cells[2]):
+        air_out.void_before[r, i, j, k] = air_out.void_fraction[r, i, j, k]
+
+
+@ti.func
+def stage_weights(air: ti.template(), number):
+    """Share of the step, and weights of the explicit rates now and before, of one stage [1]."""
+    weights = ti.Vector([real(0.0), real(0.0), real(0.0)])
+    for n in ti.static(range(len(STAGES[air.model.scheme]))):
+        (stage,) = ti.static((STAGES[air.model.scheme][n],))
+        if n == number:
+            weights = ti.Vector([real(stage.share), real(stage.now), real(stage.before)])
+    return weights
+
+
+@ti.func
+def predict_stage(air_out: ti.template(), r, weights):
+    """Velocities at the end of a stage, before the pressure has corrected them."""
+    if ti.static(air_out.model.closure != "none"):
+        each_column(spread_over_column, air_out, r)
+        close_values(air_out, air_out.eddy_cell, r)
+        close_values(air_out, air_out.eddy_face, r)
+    each_column(rates_of_column, air_out, r)
+    for axis in ti.static(range(3)):
+        for i in range(air_out.cells[0]):
+            for j in range(air_out.cells[1]):
+                predict_column(air_out, r, i, j, axis, weights)
+
+
+@ti.func
+def project_stage(air_out: ti.template(), r, share):
+    """Correct the velocities by the pressure; returns what is left in the worst cell [1]."""
+    set_conductances_of(air_out, r, share)
+    each_column(excess_of_column, air_out, r)
+    spread_mean_excess(air_out, r)
+    worst = solve_replica(air_out, r)
+    for i in range(air_out.cells[0]):
+        for j in range(air_out.cells[1]):
+            correct_column(air_out, r, i, j, share)
+    return worst
+
+
+@ti.func
+def advance_replica(air_out: ti.template(), r):
+    """Advance the grid of replica r by its time step; returns whether its pressure was found every time."""
+    for values_out in ti.static(
+        (air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force)
+    ):
+        close_values(air_out, values_out, r)
+    close_flow(air_out, r)
+    close_values(air_out, air_out.pressure, r)
+    each_column(open_book, air_out, r)
+    found = 1
+    for stage in range(ti.static(len(STAGES[air_out.model.scheme]))):
+        weights = stage_weights(air_out, stage)
+        predict_stage(air_out, r, weights)
+        close_flow(air_out, r)
+        worst = project_stage(air_out, r, weights[0])
+        close_flow(air_out, r)
+        close_values(air_out, air_out.pressure, r)
+        for i in range(air_out.cells[0]):
+            for j in range(air_out.cells[1]):
+                book_column(air_out, r, i, j, weights[0])
+        found = ti.select(worst <= TOLERANCE, found, 0)
+    each_column(remember_void_of, air_out, r)
+    air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
+    return found
