@@ -10,6 +10,7 @@ from taichi_erosion.air.state import GRIDS, VECTORS, Air, allocate_numbers, inle
 from taichi_erosion.core.air_setup import SIDES, AirSetup
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import upload, write
 
 CONSTANTS = ("karman", "sublayer", "van_driest", "smagorinsky", "length_most", "length_share")
@@ -35,6 +36,8 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         numbers=allocate_numbers(count),
         **{name: padded(first.cells, count, vector=True) for name in VECTORS},
         gust=inlet_plane(count, first.cells),
+        moving=ti.field(ti.i32, shape=count),
+        left=ti.field(ti.f64, shape=count),
         grids=allocate_grids(first, count),
         krylov=allocate_krylov(first, count),
         waves=allocate_waves(setups),

@@ -1,8 +1,9 @@
-"""The whole grid of one replica, advanced by the one worker that runs it: the step of `step.py` in one kernel.
+"""The step of `step.py` for small grids: every replica's grid by one worker, in a dozen launches.
 
-A small grid costs little arithmetic and hundreds of launches a step. One worker that walks from column to
-column needs none, and no replica waits for another: each solves for its own pressure until it is found. It
-serves a box that is periodic along x and y.
+A small grid costs little arithmetic and, kernel by kernel, hundreds of launches a step. One worker that walks
+from column to column needs few, and no replica waits for another: each solves for its own pressure until it
+is found, so that its bits do not depend on company. It serves boxes that are periodic along x and y. Only
+replicas that are `moving` take part.
 
 While it goes, it books for who couples grains to the air, cell by cell over all stages t of a step T,
 
@@ -48,6 +49,7 @@ from taichi_erosion.air.pressure import (
     merge_column,
     spread_mean_excess,
 )
+from taichi_erosion.air.state import Air
 from taichi_erosion.air.step import STAGES
 from taichi_erosion.air.sweep import predict_column
 from taichi_erosion.core.ti import ti
@@ -112,22 +114,33 @@ def relax_lines(grids_out: ti.template(), level, colour, r):
 
 
 @ti.func
+def go_down(grids_out: ti.template(), level, r):
+    """Relax one grid from 0, and hand its rest to the next."""
+    each_line(clear_line, grids_out, level, r)
+    relax_lines(grids_out, level, 0, r)
+    relax_lines(grids_out, level, 1, r)
+    each_line(rest_of_line, grids_out, level, r)
+    each_line(restrict_to_line, grids_out, level, r)
+
+
+@ti.func
+def go_up(grids_out: ti.template(), level, r):
+    """Take up what the next grid has found, and relax."""
+    each_line(prolong_to_line, grids_out, level, r)
+    relax_lines(grids_out, level, 1, r)
+    relax_lines(grids_out, level, 0, r)
+
+
+@ti.func
 def cycle_replica(grids_out: ti.template(), r):
     """One multigrid cycle, down to the coarsest grid and up again."""
     last = ti.static(grids_out.number - 1)
     for level in range(last):
-        each_line(clear_line, grids_out, level, r)
-        for colour in range(2):
-            relax_lines(grids_out, level, colour, r)
-        each_line(rest_of_line, grids_out, level, r)
-        each_line(restrict_to_line, grids_out, level, r)
+        go_down(grids_out, level, r)
     each_line(clear_line, grids_out, last, r)
     sweep_to_and_fro(grids_out, last, ti.static(coarsest_sweeps(grids_out)), r)
-    for down in range(last):
-        level = last - 1 - down
-        each_line(prolong_to_line, grids_out, level, r)
-        for colour in range(2):
-            relax_lines(grids_out, level, 1 - colour, r)
+    for level in range(last):
+        go_up(grids_out, last - 1 - level, r)
 
 
 @ti.func
@@ -188,20 +201,23 @@ def pressure_slope(air: ti.template(), r, i, j, k):
         below = above
     if k == air.cells[2] - 1:
         above = below
-    slope = ti.Vector([p[r, i + 1, j, k] - p[r, i - 1, j, k], p[r, i, j + 1, k] - p[r, i, j - 1, k], 0.0])
-    return 0.5 * slope / width + ti.Vector([0.0, 0.0, 0.5 * (below + above) / height])
+    along = (p[r, i + 1, j, k] - p[r, i - 1, j, k]) / width[0]
+    across = (p[r, i, j + 1, k] - p[r, i, j - 1, k]) / width[1]
+    return 0.5 * ti.Vector([along, across, (below + above) / height])
 
 
 @ti.func
-def book_column(air_out: ti.template(), r, i, j, share):
-    """Note what one column of cells has felt of grains and pressure in one stage."""
+def book_stage(air_out: ti.template(), r, share):
+    """Note what the cells have felt of grains and pressure in one stage."""
     time = share * air_out.numbers.time_step[r]
-    for k in range(air_out.cells[2]):
-        drag = air_out.exchange_coefficient[r, i, j, k] * cell_air(air_out, r, i, j, k)
-        gained = time * (air_out.exchange_force[r, i, j, k] - drag)
-        slope = pressure_slope(air_out, r, i, j, k) + air_out.numbers.driving_gradient[r]
-        air_out.impulse[r, i, j, k] = air_out.impulse[r, i, j, k] + gained
-        air_out.gradient[r, i, j, k] = air_out.gradient[r, i, j, k] + share * slope
+    for i in range(air_out.cells[0]):
+        for j in range(air_out.cells[1]):
+            for k in range(air_out.cells[2]):
+                drag = air_out.exchange_coefficient[r, i, j, k] * cell_air(air_out, r, i, j, k)
+                gained = time * (air_out.exchange_force[r, i, j, k] - drag)
+                slope = pressure_slope(air_out, r, i, j, k) + air_out.numbers.driving_gradient[r]
+                air_out.impulse[r, i, j, k] = air_out.impulse[r, i, j, k] + gained
+                air_out.gradient[r, i, j, k] = air_out.gradient[r, i, j, k] + share * slope
 
 
 @ti.func
@@ -231,54 +247,138 @@ def stage_weights(air: ti.template(), number):
 
 
 @ti.func
-def predict_stage(air_out: ti.template(), r, weights):
+def predict_stage(air_out: ti.template(), r, stage):
     """Velocities at the end of a stage, before the pressure has corrected them."""
     if ti.static(air_out.model.closure != "none"):
         each_column(spread_over_column, air_out, r)
         close_values(air_out, air_out.eddy_cell, r)
         close_values(air_out, air_out.eddy_face, r)
     each_column(rates_of_column, air_out, r)
+    weights = stage_weights(air_out, stage)
     for axis in ti.static(range(3)):
         for i in range(air_out.cells[0]):
             for j in range(air_out.cells[1]):
                 predict_column(air_out, r, i, j, axis, weights)
+    close_flow(air_out, r)
 
 
 @ti.func
-def project_stage(air_out: ti.template(), r, share):
-    """Correct the velocities by the pressure; returns what is left in the worst cell [1]."""
-    set_conductances_of(air_out, r, share)
+def find_pressure(air_out: ti.template(), r, stage):
+    """Pressure that the predicted velocities need; notes the worst that it leaves."""
+    set_conductances_of(air_out, r, stage_weights(air_out, stage)[0])
     each_column(excess_of_column, air_out, r)
     spread_mean_excess(air_out, r)
     worst = solve_replica(air_out, r)
-    for i in range(air_out.cells[0]):
-        for j in range(air_out.cells[1]):
-            correct_column(air_out, r, i, j, share)
-    return worst
+    air_out.left[r] = worse_of(air_out.left[r], worst)
 
 
 @ti.func
-def advance_replica(air_out: ti.template(), r):
-    """Advance the grid of replica r by its time step; returns whether its pressure was found every time."""
-    for values_out in ti.static(
-        (air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force)
-    ):
-        close_values(air_out, values_out, r)
+def correct_stage(air_out: ti.template(), r, stage):
+    """Correct the velocities by the pressure, and book the stage."""
+    share = stage_weights(air_out, stage)[0]
+    for i in range(air_out.cells[0]):
+        for j in range(air_out.cells[1]):
+            correct_column(air_out, r, i, j, share)
     close_flow(air_out, r)
     close_values(air_out, air_out.pressure, r)
+    book_stage(air_out, r, share)
+
+
+@ti.func
+def open_step(air_out: ti.template(), r):
+    """Fill all ghosts from what the grid holds now, and open the books."""
+    close_values(air_out, air_out.void_fraction, r)
+    close_values(air_out, air_out.exchange_coefficient, r)
+    close_values(air_out, air_out.exchange_force, r)
+    close_values(air_out, air_out.pressure, r)
+    close_flow(air_out, r)
     each_column(open_book, air_out, r)
-    found = 1
-    for stage in range(ti.static(len(STAGES[air_out.model.scheme]))):
-        weights = stage_weights(air_out, stage)
-        predict_stage(air_out, r, weights)
-        close_flow(air_out, r)
-        worst = project_stage(air_out, r, weights[0])
-        close_flow(air_out, r)
-        close_values(air_out, air_out.pressure, r)
-        for i in range(air_out.cells[0]):
-            for j in range(air_out.cells[1]):
-                book_column(air_out, r, i, j, weights[0])
-        found = ti.select(worst <= TOLERANCE, found, 0)
-    each_column(remember_void_of, air_out, r)
-    air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
-    return found
+    air_out.left[r] = 0.0
+
+
+@ti.kernel
+def open_steps(
+    # parameters
+    count: ti.i32,
+    chunk: ti.i32,
+    # out
+    air_out: ti.template(),
+):
+    """Open the step of every moving replica."""
+    for lane in range(count * chunk):
+        if lane % chunk == 0 and air_out.moving[lane // chunk] == 1:
+            open_step(air_out, lane // chunk)
+
+
+@ti.kernel
+def predict_stages(
+    # parameters
+    count: ti.i32,
+    chunk: ti.i32,
+    stage: ti.i32,
+    # out
+    air_out: ti.template(),
+):
+    """Predict the velocities of every moving replica."""
+    for lane in range(count * chunk):
+        if lane % chunk == 0 and air_out.moving[lane // chunk] == 1:
+            predict_stage(air_out, lane // chunk, stage)
+
+
+@ti.kernel
+def find_pressures(
+    # parameters
+    count: ti.i32,
+    chunk: ti.i32,
+    stage: ti.i32,
+    # out
+    air_out: ti.template(),
+):
+    """Find the pressure of every moving replica."""
+    for lane in range(count * chunk):
+        if lane % chunk == 0 and air_out.moving[lane // chunk] == 1:
+            find_pressure(air_out, lane // chunk, stage)
+
+
+@ti.kernel
+def correct_stages(
+    # parameters
+    count: ti.i32,
+    chunk: ti.i32,
+    stage: ti.i32,
+    # out
+    air_out: ti.template(),
+):
+    """Correct the velocities of every moving replica."""
+    for lane in range(count * chunk):
+        if lane % chunk == 0 and air_out.moving[lane // chunk] == 1:
+            correct_stage(air_out, lane // chunk, stage)
+
+
+@ti.kernel
+def close_steps(
+    # parameters
+    count: ti.i32,
+    chunk: ti.i32,
+    # out
+    air_out: ti.template(),
+):
+    """End the step of every moving replica."""
+    for lane in range(count * chunk):
+        r = lane // chunk
+        if lane % chunk == 0 and air_out.moving[r] == 1:
+            each_column(remember_void_of, air_out, r)
+            air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
+
+
+def advance_moving(air: Air, count: int, chunk: int) -> None:
+    """Advance the grids of those of the first `count` replicas that are moving by their own time steps.
+
+    `chunk` iterations of a parallel loop go to one worker. What no pressure corrected is noted in `air.left`.
+    """
+    open_steps(count, chunk, air)
+    for stage in range(len(STAGES[air.model.scheme])):
+        predict_stages(count, chunk, stage, air)
+        find_pressures(count, chunk, stage, air)
+        correct_stages(count, chunk, stage, air)
+    close_steps(count, chunk, air)

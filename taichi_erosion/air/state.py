@@ -90,6 +90,8 @@ class Air:
     past_y: Any
     past_z: Any
     elimination: Any  # upper factors of a sweep along z [1]
+    moving: Any  # i32 by replica: whether it takes part in the coming step of `replica.py`
+    left: Any  # air that appeared in the worst cell in that step over its volume [1], by replica
     grids: Grids  # of the pressure solve
     krylov: Krylov
     waves: Waves

@@ -18,12 +18,7 @@ A grain that reaches through several cells takes more from the faster ones: of i
 with velocity u_k and a share s_k of the grain gives  s_k (p + m b dt (u_k - sum s_l u_l)),  all cells p.
 Giving s_k p would drag the air between the grains backwards.
 
-On a grid of several columns all three components are exchanged so, and a grain of volume V in the gradient of
-the pressure gets  -V grad p,  the share 1 - eps that the air of its cells has not taken of it. Floor and lid
-take the vertical momentum that no velocity of the air can. A look stops the replica whose pressure is not
-found.
-
-Vertical momentum of a single column is carried by the pressure. Where air rises through the bed with the
+The grids of air of `patch.py` exchange all three components so. Vertical momentum of a single column is carried by the pressure. Where air rises through the bed with the
 superficial velocity W, continuity and the balance of drag and pressure give, layer by layer,
 
     w = (W - sum V v_z / V_cell) / eps,    -dp/dz = sum m b (w - v_z) / (V_cell eps).
@@ -31,8 +26,6 @@ superficial velocity W, continuity and the balance of drag and pressure give, la
 
 from taichi_erosion.air.column import advance_column
 from taichi_erosion.air.place import cell_volume
-from taichi_erosion.air.replica import advance_replica, each_column, remember_void_of
-from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.feel import feel_partition
 from taichi_erosion.coupling.give import buffer_row, cell_number, give_partition, look_interval
@@ -42,7 +35,6 @@ from taichi_erosion.grains.team import is_mine, wait_for_team
 
 real = ti.f64
 
-AIR = int(Status.AIR)
 VOID_LEAST = 0.05  # of a layer that grains of one height fill: keeps velocities between grains finite [1]
 
 
@@ -129,30 +121,6 @@ def advance_single(world: ti.template(), around_out: ti.template(), r):
 
 
 @ti.func
-def place_of(air: ti.template(), c):
-    """Place (i, j, k) of a cell by its number."""
-    (n,) = ti.static((air.cells,))
-    return c // (n[1] * n[2]), c // n[2] % n[1], c % n[2]
-
-
-@ti.func
-def advance_grid(world_out: ti.template(), around_out: ti.template(), r):
-    """Let the grid of replica r move on until the next look, which stops it where no pressure is found."""
-    air_out, exchange_out = ti.static((around_out.air, around_out.exchange))
-    interval = air_out.numbers.time_step[r]
-    for c in range(air_out.cell_count):
-        i, j, k = place_of(air_out, c)
-        back = exchange_out.owed[r, c] / (interval * cell_volume(air_out, r, k))
-        air_out.exchange_force[r, i, j, k] = air_out.exchange_force[r, i, j, k] + back
-    if advance_replica(air_out, r) == 0:
-        world_out.replicas.status[r] = AIR
-    for c in range(air_out.cell_count):
-        i, j, k = place_of(air_out, c)
-        gained = air_out.impulse[r, i, j, k] * cell_volume(air_out, r, k)
-        exchange_out.owed[r, c] = exchange_out.owed[r, c] - gained
-
-
-@ti.func
 def exchange(world_out: ti.template(), around_out: ti.template(), r, member, size, turn, advances):
     """Sum up the grains, cell by cell, and let the air move on where it `advances`; the next meeting."""
     (replicas_out,) = ti.static((world_out.replicas,))
@@ -163,13 +131,8 @@ def exchange(world_out: ti.template(), around_out: ti.template(), r, member, siz
     if member == 0:
         settle(world_out, around_out, r)
         load_air(world_out, around_out, r)
-        if ti.static(around_out.air.is_column):
-            if advances:
-                advance_single(world_out, around_out, r)
-        elif advances:
-            advance_grid(world_out, around_out, r)
-        else:
-            each_column(remember_void_of, around_out.air, r)
+        if advances:
+            advance_single(world_out, around_out, r)
     return wait_for_team(replicas_out, r, size, turn)
 
 

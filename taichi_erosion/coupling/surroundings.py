@@ -33,6 +33,7 @@ class Exchange:
     """One row a replica: how often grains look at the air, and what air and grains owe each other."""
 
     look_steps: Any  # i32, time steps from one look to the next
+    looked: Any  # i32, step of the last look at a grid of air, -1 before the first
     seed: Any  # i32, of random numbers
     surface: Any  # height of the undisturbed bed [m]
     through_flow: Any  # superficial velocity of air that rises through the bed [m s-1]
@@ -43,10 +44,11 @@ class Exchange:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Everything around the grains; `windy` and `rising` are compiled in."""
+    """Everything around the grains; `windy`, `rising` and `apart` are compiled in."""
 
     windy: bool  # whether there is air
     rising: bool  # whether air rises through the bed
+    apart: bool  # whether the host drives the looks, since the air is a grid
     air: Air | None
     sums: Sums
     exchange: Exchange
@@ -65,7 +67,9 @@ def allocate_sums(replicas: int, partitions: int, cells: int) -> Sums:
 
 def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
     """Fields by replica."""
-    table: dict[str, Any] = {name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "seed")}
+    table: dict[str, Any] = {
+        name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "looked", "seed")
+    }
     table |= {name: ti.field(real, shape=replicas) for name in ("surface", "through_flow")}
     table |= {name: ti.field(real, shape=(replicas, layers)) for name in ("rise", "lift")}
     table["owed"] = ti.Vector.field(3, real, shape=(replicas, cells))
@@ -82,6 +86,7 @@ def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundin
     upload(
         [
             (exchange.look_steps, [look.look_steps for look in looks]),
+            (exchange.looked, [-1] * len(looks)),
             (exchange.seed, [look.seed for look in looks]),
             (exchange.surface, [look.surface for look in looks]),
             (exchange.through_flow, [look.through_flow for look in looks]),
@@ -90,6 +95,7 @@ def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundin
     return Surroundings(
         windy=bool(airs),
         rising=any(look.rising or look.through_flow != 0.0 for look in looks),
+        apart=any(air.cells[:2] != (1, 1) for air in airs),
         air=allocate_air(airs) if airs else None,
         sums=allocate_sums(len(setups), partitions, cells),
         exchange=exchange,

@@ -1,14 +1,41 @@
-"""Setting the wind of a grid of air: eddies that grow from a stirred start, or that swell with u*."""
+"""Driving a grid of air over grains: its looks, and its wind, that is stirred or that swells with u*."""
 
 from math import ceil
+from typing import Any
+
+import numpy as np
 
 from taichi_erosion.air.observe import set_velocities
+from taichi_erosion.air.replica import advance_moving
 from taichi_erosion.air.stir import stirred_wind
-from taichi_erosion.core.transfer import read, write
-from taichi_erosion.coupling.eddies import flow_over, meet_air
+from taichi_erosion.core.setup import Integers
+from taichi_erosion.core.transfer import download, read, upload, write
+from taichi_erosion.coupling.patch import look_at_grids, meet_air
 from taichi_erosion.simulation.assemble import Simulation
 
-LAUNCH_STEPS = 50  # of the air in one launch: the host hears signals between launches
+
+def look_now(sim: Simulation, going: Any) -> Integers:
+    """Let those of the `going` replicas look whose time it is; returns the steps to the next look of each.
+
+    The first of all looks is taken twice, at first without the air: it must know the grains before.
+    """
+    replicas, exchange, count = sim.world.replicas, sim.around.exchange, len(sim.setups)
+    columns = [replicas.step, exchange.look_steps, exchange.looked]
+    step, every, looked = (column.astype(np.int64) for column in download(columns, 0, count))
+    due = going & (step % every == 0) & (looked != step)
+    if (due & (looked < 0)).any():
+        choose_moving(sim, due & (looked < 0))
+        meet_air(count, sim.chunk, 1, sim.world, sim.around)
+    if due.any():
+        choose_moving(sim, due)
+        look_at_grids(sim.world, sim.around, count, sim.chunk)
+    return (every - step % every).astype(np.int32)
+
+
+def choose_moving(sim: Simulation, moving: Any) -> None:
+    """Say which replicas take part."""
+    assert sim.around.air is not None
+    upload([(sim.around.air.moving, moving)])
 
 
 def develop_eddies(sim: Simulation, replica: int, before: float, after: float, anew: bool) -> None:
@@ -29,7 +56,8 @@ def develop_eddies(sim: Simulation, replica: int, before: float, after: float, a
     else:
         u, v, w = stirred_wind(setup, after)
         set_velocities(air, replica, (u, v, w))
-    meet_air(replica, int(anew), sim.world, sim.around)
+    choose_moving(sim, np.arange(len(sim.setups)) == replica)
+    meet_air(len(sim.setups), sim.chunk, int(not anew), sim.world, sim.around)
     if before == 0.0 and after > 0.0:
         grow_eddies(sim, replica, after)
 
@@ -39,8 +67,9 @@ def grow_eddies(sim: Simulation, replica: int, friction_velocity: float) -> None
     setup = sim.setups[replica].air
     assert setup is not None
     assert setup.stir is not None
+    assert sim.around.air is not None
     time = setup.stir.turnovers * (setup.high[2] - setup.ground) / friction_velocity
-    left = ceil(time / setup.time_step)
-    while left > 0:
-        flow_over(replica, min(left, LAUNCH_STEPS), sim.world, sim.around)
-        left -= LAUNCH_STEPS
+    count = len(sim.setups)
+    for _ in range(ceil(time / setup.time_step)):
+        advance_moving(sim.around.air, count, sim.chunk)
+        meet_air(count, sim.chunk, 1, sim.world, sim.around)

@@ -20,7 +20,7 @@ AIR_GRIDS = (
     *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
     *("exchange_coefficient", "exchange_force", "eddy_face"),
 )
-EXCHANGE = ("owed", "rise", "lift", "through_flow")
+EXCHANGE = ("looked", "owed", "rise", "lift", "through_flow")
 AIR_NUMBERS = ("time", "friction_velocity", "driving_gradient")
 
 
