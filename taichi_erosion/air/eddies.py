@@ -5,8 +5,8 @@ mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the 
                 to another wall, the stated largest length, or the stated share of the layer's thickness
                 (Escudier: 0.09)
 smagorinsky:    nu_t = l^2 |S| in cells,  1/l^2 = 1/(C_s D)^2 + 1/(kappa d (1 - exp(-d u*/(A+ nu))))^2, with
-                D the cube root of the cell's volume, d the height over the floor and u* its friction velocity;
-                where grains take part, over the bed and that of the wind: in the bed, D counts nothing
+                D the cube root of the cell's volume, d the height over the floor, u* its friction velocity;
+                over grains, those of bed and wind: in the bed nu_t is 0
 
 Reference: Escudier (1966), Imperial College report TWF/TN/1; Mason & Thomson (1992), J. Fluid Mech. 242, 51;
 van Driest (1956), J. Aeronaut. Sci. 23, 1007.

@@ -30,7 +30,7 @@ def stirred_wind(setup: AirSetup, friction_velocity: float) -> Floats:
 
 
 def random_waves(setup: AirSetup, height: Floats) -> Floats:
-    """Fluctuations [3, nx, ny, nz] of standard deviation 1 above the bed [1]; heights over that of the lid."""
+    """Fluctuations [3, nx, ny, nz] of standard deviation 1 above the bed [1]; heights over the lid's."""
     assert setup.stir is not None
     random = np.random.Generator(np.random.Philox(setup.stir.seed))
     x, y = (2.0 * np.pi * np.arange(n) / n for n in setup.cells[:2])

@@ -18,8 +18,9 @@ A grain that reaches through several cells takes more from the faster ones: of i
 with velocity u_k and a share s_k of the grain gives  s_k (p + m b dt (u_k - sum s_l u_l)),  all cells p.
 Giving s_k p would drag the air between the grains backwards.
 
-The grids of air of `patch.py` exchange all three components so. Vertical momentum of a single column is carried by the pressure. Where air rises through the bed with the
-superficial velocity W, continuity and the balance of drag and pressure give, layer by layer,
+The grids of air of `patch.py` exchange all three components so. Vertical momentum of a single column is
+carried by the pressure. Where air rises through the bed with the superficial velocity W,
+continuity and the balance of drag and pressure give, layer by layer,
 
     w = (W - sum V v_z / V_cell) / eps,    -dp/dz = sum m b (w - v_z) / (V_cell eps).
 """

@@ -1,16 +1,19 @@
 """Looks of grains at a grid of air over their patch, which the host drives between launches of the grains.
 
-They do what `look.py` does for a single column, with all three components of momentum. A grain of volume V in
-the gradient of the pressure gets  -V grad p,  the share 1 - eps that the air of its cells has not taken of it.
-Floor and lid take the vertical momentum that no velocity of the air can. The step of the air is the time from
-one look to the next. A look stops the replica whose pressure is not found.
+They do what `look.py` does for a single column, with all three components of momentum. A grain of volume V
+in the gradient of the pressure gets  -V grad p,  the share 1 - eps that the air of its cells has not taken of
+it. Floor and lid take the vertical momentum that no velocity of the air can. The step of the air is the time
+from one look to the next. A look stops the replica whose pressure is not found.
 
 Each replica looks in its own time: those are `moving` that do so now. Looks come before the lists of grains
 are renewed, and `looked` remembers the step of the last, so that none is taken twice.
 """
 
+from taichi_erosion.air.books import remember_void_of
 from taichi_erosion.air.place import cell_volume
-from taichi_erosion.air.replica import TOLERANCE, advance_moving, each_column, remember_void_of
+from taichi_erosion.air.replica import advance_moving
+from taichi_erosion.air.walk import each_column
+from taichi_erosion.air.walk_pressure import TOLERANCE
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.feel import feel_partition
@@ -76,7 +79,7 @@ def meet_air(
     world_out: ti.template(),
     around_out: ti.template(),
 ):
-    """Let grains and air of every moving replica know each other as they stand; without `books` nobody owes."""
+    """Let grains and air of every moving replica know each other; without `books` nobody owes."""
     for lane in range(count * chunk):
         r = lane // chunk
         if lane % chunk == 0 and around_out.air.moving[r] == 1:

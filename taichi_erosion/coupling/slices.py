@@ -11,8 +11,8 @@ it, each in proportion to how near it is along x and along y, round the period. 
 same shares with which they give, so that the drag on a grain is the sum of what its cells lose.
 """
 
+from taichi_erosion.air.books import cell_air
 from taichi_erosion.air.place import layer_of
-from taichi_erosion.air.replica import cell_air
 from taichi_erosion.core.ti import ti
 
 real = ti.f64

@@ -1,4 +1,4 @@
-"""Whether a grid of air over a patch fits together; each problem is one line that begins with a dotted path."""
+"""Whether a grid of air over a patch fits together; each problem is one line that begins with its path."""
 
 from collections.abc import Iterator
 from math import log
@@ -62,10 +62,10 @@ def courant_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     above = wind.height - surface_height(scene, wind)
     roughness = GRAIN_ROUGHNESS * nominal_diameter(scene.grains.size)
     fastest = friction * (log(1.0 + max(above, 0.0) / roughness) / ClosureConstants.karman + GUST)
-    interval = wind.look_steps * time_step(scene)
-    reach = COURANT_MOST * wind.length / wind.columns[0]
-    if fastest * interval > reach:
+    flown = fastest * wind.look_steps * time_step(scene)
+    most = COURANT_MOST * wind.length / wind.columns[0]
+    if flown > most:
         yield (
-            f"wind.look_steps = {wind.look_steps}: a gust of {fastest:.3g} m/s crosses {fastest * interval:.2g} m "
-            f"of air between two looks; at most {int(wind.look_steps * reach / (fastest * interval))}"
+            f"wind.look_steps = {wind.look_steps}: a gust of {fastest:.3g} m/s crosses {flown:.2g} m of air "
+            f"between two looks; at most {int(wind.look_steps * most / flown)}"
         )

@@ -1,4 +1,4 @@
-"""V38: grains and a grid of air over their patch exchange what they should, and one column's wind is a grid's.
+"""V38: what a grid of air over a patch gives to grains it loses, and its wind is that of one column.
 
 Grains without weight fly through stirred air between a floor and a lid without stress. Nothing is carried by
 the air itself, so that its momentum changes by grains and by their share of the pressure alone,
@@ -117,9 +117,14 @@ def action_and_reaction(precision: Precision) -> Iterator[Outcome]:
         last = now
     scale, over = np.abs(gained).max(), "what was exchanged"
     if precision == "f32":
-        scale, over = first.size, "the grains' momenta"  # whose rounding the pull of the pressure takes part in
+        scale, over = (
+            first.size,
+            "the grains' momenta",
+        )  # whose rounding the pull of the pressure takes part in
     limit, level = LIMIT[precision], (last.grains - first.grains)[:2] + gained
-    yield below(f"grid: momentum of air and grains along x and y, over {over}", level / scale, limit, precision)
+    yield below(
+        f"grid: momentum of air and grains along x and y, over {over}", level / scale, limit, precision
+    )
     got = last.drag - first.drag - pulled + felt
     yield below(f"grid: drag on grains less what the air booked, over {over}", got / scale, limit, precision)
 
