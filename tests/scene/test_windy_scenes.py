@@ -11,7 +11,7 @@ from taichi_erosion.scene.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.wind import surface_height
 
 SCENES = Path(__file__).parents[2] / "scenes"
-NAMES = ("impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
+NAMES = ("gusty_patch", "impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
 
 REFUSED = [
     ("wind_threshold", "wind.height=5e-4", "the lid lies inside the bed"),
