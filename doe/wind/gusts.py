@@ -18,7 +18,6 @@ import numpy as np
 from taichi_erosion.air.observe import face_velocities
 from taichi_erosion.air.replica import advance_moving
 from taichi_erosion.core.setup import Floats, Numerics
-from taichi_erosion.core.transfer import read
 from taichi_erosion.coupling.patch import meet_air
 from taichi_erosion.scene import build_setup, laws, load_scene
 from taichi_erosion.simulation import Simulation, advance, assemble, develop_wind, failure, snapshot
@@ -47,7 +46,7 @@ def patch(orders: Sequence[str], seed: int) -> Simulation:
 
 
 def profiles(sim: Simulation) -> tuple[Floats, ...]:
-    """Layer by layer: mean wind, deviations of u, v and w [m s-1], and the stress of eddies over rho [m2 s-2]."""
+    """Layer by layer: mean wind, deviations of u, v, w [m s-1], stress of eddies over rho [m2 s-2]."""
     assert sim.around.air is not None
     u, v, w = face_velocities(sim.around.air, 0)
     along, across = 0.5 * (u[1:] + u[:-1]), 0.5 * (v[:, 1:] + v[:, :-1])
