@@ -49,7 +49,7 @@ def develop_eddies(sim: Simulation, replica: int, before: float, after: float, a
     assert setup is not None
     if before > 0.0 or after == 0.0:
         factor = after / before if before > 0.0 else 0.0
-        for field, power in (*((velocity, 1) for velocity in air.velocities), (air.pressure, 2)):
+        for field, power in (*((part, 1) for part in air.velocities), (air.pressure, 2), (air.gradient, 2)):
             whole = read(field)
             whole[replica] *= factor**power
             write(field, whole)

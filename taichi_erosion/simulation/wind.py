@@ -20,8 +20,12 @@ AIR_GRIDS = (
     *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
     *("exchange_coefficient", "exchange_force", "eddy_face"),
 )
-EXCHANGE = ("looked", "owed", "rise", "lift", "through_flow")
-AIR_NUMBERS = ("time", "friction_velocity", "driving_gradient")
+EXCHANGE = ("owed", "rise", "lift", "through_flow")
+AIR_NUMBERS = ("time", "friction_velocity")
+# likewise of a grid of air alone
+GRID_GRIDS = ("impulse", "gradient")
+GRID_NUMBERS = ("driving_gradient",)
+GRID_EXCHANGE = ("looked",)
 
 
 def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
@@ -88,24 +92,22 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
     )
 
 
-def export_surroundings(sim: Simulation) -> Arrays:
-    """State of air and exchange of all replicas; empty where there is no air."""
-    air = sim.around.air
+def fields_carried(sim: Simulation) -> dict[str, Any]:
+    """Fields of air and exchange that the next step depends on, by their names in a checkpoint."""
+    air, exchange, apart = sim.around.air, sim.around.exchange, sim.around.apart
     if air is None:
         return {}
-    state = {f"air_{name}": read(getattr(air, name)) for name in AIR_GRIDS}
-    state |= {f"air_{name}": read(getattr(air.numbers, name)) for name in AIR_NUMBERS}
-    return state | {f"exchange_{name}": read(getattr(sim.around.exchange, name)) for name in EXCHANGE}
+    found = {f"air_{name}": getattr(air, name) for name in AIR_GRIDS + GRID_GRIDS * apart}
+    found |= {f"air_{name}": getattr(air.numbers, name) for name in AIR_NUMBERS + GRID_NUMBERS * apart}
+    return found | {f"exchange_{name}": getattr(exchange, name) for name in EXCHANGE + GRID_EXCHANGE * apart}
+
+
+def export_surroundings(sim: Simulation) -> Arrays:
+    """State of air and exchange of all replicas; empty where there is no air."""
+    return {name: read(field) for name, field in fields_carried(sim).items()}
 
 
 def import_surroundings(sim: Simulation, state: Arrays) -> None:
     """Put an exported state of air and exchange back."""
-    air = sim.around.air
-    if air is None:
-        return
-    for name in AIR_GRIDS:
-        write(getattr(air, name), state[f"air_{name}"])
-    for name in AIR_NUMBERS:
-        write(getattr(air.numbers, name), state[f"air_{name}"])
-    for name in EXCHANGE:
-        write(getattr(sim.around.exchange, name), state[f"exchange_{name}"])
+    for name, field in fields_carried(sim).items():
+        write(field, state[name])

@@ -96,7 +96,7 @@ def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
 
 
 def test_a_gust_crosses_no_more_than_a_cell_between_two_looks():
-    with pytest.raises(BadInput, match="a gust of .* crosses .* between two looks; at most"):
+    with pytest.raises(BadInput, match=r"a gust of .* crosses .* between two looks; at most"):
         check_scene(SCENES / "wind_threshold.toml", (*GRID, "wind.look_steps=100"))
 
 
