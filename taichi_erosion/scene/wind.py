@@ -13,6 +13,7 @@ from taichi_erosion.core.air_setup import (
     bed_gradient,
 )
 from taichi_erosion.core.setup import Coupling, GrainTable, Triple
+from taichi_erosion.core.stir import stirred_wind
 from taichi_erosion.scene.limits import time_step
 from taichi_erosion.scene.schema import Scene
 from taichi_erosion.scene.schema_wind import Wind
@@ -59,13 +60,15 @@ def air_setup(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup
 def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetup:
     """The same air on several columns: carried along by itself, and stirred when the wind sets in."""
     eddies = wind.closure != "mixing_length"
-    return replace(
+    grid = replace(
         column,
         model=AirModel(closure=wind.closure, exchange=True),
         implicitness=CENTRED if eddies else column.implicitness,
         driving_gradient=(bed_gradient(column, column.friction_velocity), 0.0, 0.0),
         stir=Stir(wind.stir if eddies else 0.0, wind.turnovers, GRAIN_ROUGHNESS * diameter, seed),
     )
+    blows = grid.friction_velocity > 0.0
+    return replace(grid, start=stirred_wind(grid, grid.friction_velocity)) if blows else grid
 
 
 def coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:

@@ -7,8 +7,8 @@ import numpy as np
 
 from taichi_erosion.air.observe import set_velocities
 from taichi_erosion.air.replica import advance_moving
-from taichi_erosion.air.stir import stirred_wind
 from taichi_erosion.core.setup import Integers
+from taichi_erosion.core.stir import stirred_wind
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.coupling.patch import look_at_grids, meet_air
 from taichi_erosion.simulation.assemble import Simulation
