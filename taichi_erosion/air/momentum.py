@@ -31,11 +31,22 @@ def face_share(values: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
+def held(air: ti.template(), index, axis: ti.template()):
+    """Place along x or y that holds what lies one below the ghosts: round the period, or the ghost."""
+    found = ti.max(index, -1)
+    if ti.static(air.kinds[PERIOD_SIDES[axis]] == "periodic"):
+        found = ti.select(index < -1, index + air.cells[axis], index)
+    return found
+
+
+@ti.func
 def face_void(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Void fraction on the low face along an axis [1]."""
     share = real(1.0)
     if ti.static(air.model.exchange):
-        share = face_share(air.void_fraction, r, i, j, k, axis)
+        a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
+        low = air.void_fraction[r, held(air, i - a0, 0), held(air, j - a1, 1), k - a2]
+        share = 0.5 * (air.void_fraction[r, i, j, k] + low)
     return share
 
 
