@@ -32,7 +32,7 @@ MOVED = 0.5  # diameters from its place by which a grain has moved
 DIAMETER = 0.25e-3  # m
 ARMS = {
     "eddies": (),
-    "calm": ("wind.closure=mixing_length", "wind.turnovers=3.0"),
+    "calm": ("wind.closure=mixing_length",),
     "column": ("wind.columns=[1,1]", "wind.closure=mixing_length", "wind.drive=lid", "wind.look_steps=20"),
 }
 
