@@ -6,14 +6,15 @@ import numpy as np
 
 from taichi_erosion.air.gusts import allocate_waves
 from taichi_erosion.air.levels import allocate_grids, allocate_krylov
-from taichi_erosion.air.state import GRIDS, Air, allocate_numbers, inlet_plane, layered, padded
+from taichi_erosion.air.state import GRIDS, VECTORS, Air, allocate_numbers, inlet_plane, layered, padded
 from taichi_erosion.core.air_setup import SIDES, AirSetup
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import upload, write
 
 CONSTANTS = ("karman", "sublayer", "van_driest", "smagorinsky", "length_most", "length_share")
-SCALARS = ("time_step", "density", "viscosity", "friction_velocity", "implicitness")
+SCALARS = ("time_step", "density", "viscosity", "friction_velocity", "implicitness", "ground")
 
 
 def allocate_air(setups: Sequence[AirSetup]) -> Air:
@@ -33,8 +34,10 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         model=first.model,
         kinds=kinds,
         numbers=allocate_numbers(count),
-        exchange_force=padded(first.cells, count, vector=True),
+        **{name: padded(first.cells, count, vector=True) for name in VECTORS},
         gust=inlet_plane(count, first.cells),
+        moving=ti.field(ti.i32, shape=count),
+        left=ti.field(ti.f64, shape=count),
         grids=allocate_grids(first, count),
         krylov=allocate_krylov(first, count),
         waves=allocate_waves(setups),

@@ -5,7 +5,8 @@ mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the 
                 to another wall, the stated largest length, or the stated share of the layer's thickness
                 (Escudier: 0.09)
 smagorinsky:    nu_t = l^2 |S| in cells,  1/l^2 = 1/(C_s D)^2 + 1/(kappa d (1 - exp(-d u*/(A+ nu))))^2, with
-                D the cube root of the cell's volume, d the height over the floor and u* its friction velocity
+                D the cube root of the cell's volume, d the height over the floor, u* its friction velocity;
+                over grains, those of bed and wind: in the bed nu_t is 0
 
 Reference: Escudier (1966), Imperial College report TWF/TN/1; Mason & Thomson (1992), J. Fluid Mech. 242, 51;
 van Driest (1956), J. Aeronaut. Sci. 23, 1007.
@@ -133,14 +134,16 @@ def floor_friction(air: ti.template(), r, i, j):
 def filter_column(air_out: ti.template(), r, i, j):
     """Eddy viscosity of scales below the grid, in cells."""
     (numbers,) = ti.static((air_out.numbers,))
-    friction = floor_friction(air_out, r, i, j)
+    friction, ground = floor_friction(air_out, r, i, j), air_out.face[r, 0]
+    if ti.static(air_out.model.exchange):
+        friction, ground = numbers.friction_velocity[r], numbers.ground[r]
     area = numbers.width[r][0] * numbers.width[r][1]
     for k in range(air_out.cells[2]):
         volume = area * air_out.height[r, k]
         inverse = 1.0 / (numbers.smagorinsky[r] * ti.exp(ti.log(volume) / real(3.0)))
         squares = inverse * inverse
         if ti.static(air_out.kinds["z_low"] in ("wall", "rough")):
-            distance = air_out.centre[r, k] - air_out.face[r, 0]
+            distance = ti.max(air_out.centre[r, k] - ground, SMALLEST)
             damping = 1.0 - ti.exp(-distance * friction / (numbers.van_driest[r] * numbers.viscosity[r]))
             near = numbers.karman[r] * distance * ti.max(damping, SMALLEST)
             squares += 1.0 / (near * near)
@@ -167,6 +170,16 @@ def share_eddies(air_out: ti.template(), r, i, j):
             )
 
 
+@ti.func
+def spread_over_column(air_out: ti.template(), r, i, j):
+    """Eddy viscosity of one column of cells."""
+    if ti.static(air_out.model.closure == "mixing_length"):
+        mix_column(air_out, r, i, j)
+    else:
+        filter_column(air_out, r, i, j)
+    share_eddies(air_out, r, i, j)
+
+
 @ti.kernel
 def spread_eddies(
     # out
@@ -174,8 +187,4 @@ def spread_eddies(
 ):
     """Eddy viscosity in cells and on their lower faces, from the velocities as they stand."""
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        if ti.static(air_out.model.closure == "mixing_length"):
-            mix_column(air_out, r, i, j)
-        else:
-            filter_column(air_out, r, i, j)
-        share_eddies(air_out, r, i, j)
+        spread_over_column(air_out, r, i, j)

@@ -128,6 +128,37 @@ def beyond(kind: ti.template(), inside, opposite, outlet_sign: ti.template()):
     return value
 
 
+@ti.func
+def close_cells_x(air: ti.template(), values_out: ti.template(), outlet_sign: ti.template(), r, j, k):
+    """Ghosts of a cell quantity beyond the sides along x."""
+    n = ti.static(air.cells[0])
+    (kinds,) = ti.static((air.kinds,))
+    first, last = values_out[r, 0, j, k], values_out[r, n - 1, j, k]
+    values_out[r, -1, j, k] = beyond(kinds["x_low"], first, last, outlet_sign)
+    values_out[r, n, j, k] = beyond(kinds["x_high"], last, first, outlet_sign)
+
+
+@ti.func
+def close_cells_y(air: ti.template(), values_out: ti.template(), outlet_sign: ti.template(), r, i, k):
+    """Ghosts of a cell quantity beyond the sides along y."""
+    n = ti.static(air.cells[1])
+    (kinds,) = ti.static((air.kinds,))
+    first, last = values_out[r, i, 0, k], values_out[r, i, n - 1, k]
+    values_out[r, i, -1, k] = beyond(kinds["y_low"], first, last, outlet_sign)
+    values_out[r, i, n, k] = beyond(kinds["y_high"], last, first, outlet_sign)
+
+
+@ti.func
+def close_cells_z(air: ti.template(), values_out: ti.template(), outlet_sign: ti.template(), r, i, j):
+    """Ghosts of a cell quantity below the floor and above the lid."""
+    n = ti.static(air.cells[2])
+    (kinds,) = ti.static((air.kinds,))
+    values_out[r, i, j, -1] = values_out[r, i, j, 0]
+    values_out[r, i, j, n] = values_out[r, i, j, n - 1]
+    if ti.static(kinds["z_high"] == "outlet" and outlet_sign < 0):
+        values_out[r, i, j, n] = 0.0
+
+
 @ti.kernel
 def close_cells(
     # parameters
@@ -139,20 +170,12 @@ def close_cells(
 ):
     """Fill the ghosts of a cell quantity; `outlet_sign` -1 makes it vanish on an outlet, as pressure does."""
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
-    (kinds,) = ti.static((air.kinds,))
     for r, j, k in ti.ndrange(air.count, ny, nz):
-        first, last = values_out[r, 0, j, k], values_out[r, nx - 1, j, k]
-        values_out[r, -1, j, k] = beyond(kinds["x_low"], first, last, outlet_sign)
-        values_out[r, nx, j, k] = beyond(kinds["x_high"], last, first, outlet_sign)
+        close_cells_x(air, values_out, outlet_sign, r, j, k)
     for r, i, k in ti.ndrange(air.count, nx + 2, nz):
-        first, last = values_out[r, i - 1, 0, k], values_out[r, i - 1, ny - 1, k]
-        values_out[r, i - 1, -1, k] = beyond(kinds["y_low"], first, last, outlet_sign)
-        values_out[r, i - 1, ny, k] = beyond(kinds["y_high"], last, first, outlet_sign)
+        close_cells_y(air, values_out, outlet_sign, r, i - 1, k)
     for r, i, j in ti.ndrange(air.count, nx + 2, ny + 2):
-        values_out[r, i - 1, j - 1, -1] = values_out[r, i - 1, j - 1, 0]
-        values_out[r, i - 1, j - 1, nz] = values_out[r, i - 1, j - 1, nz - 1]
-        if ti.static(kinds["z_high"] == "outlet" and outlet_sign < 0):
-            values_out[r, i - 1, j - 1, nz] = 0.0
+        close_cells_z(air, values_out, outlet_sign, r, i - 1, j - 1)
 
 
 @ti.func

@@ -53,6 +53,20 @@ class Krylov:
     ratio: Any  # new product over old one, by replica
 
 
+@ti.func
+def column_of(grids: ti.template(), level, i, j):
+    """Number of a column of a grid; beyond an end that of the opposite one, where conductances are zero."""
+    nx, ny = grids.shape[level, 1], grids.shape[level, 2]
+    return grids.shape[level, 0] + ((i + nx) % nx) * ny + (j + ny) % ny
+
+
+@ti.func
+def around(grids: ti.template(), level, i, j):
+    """Columns to the west, east, south and north."""
+    west, east = column_of(grids, level, i - 1, j), column_of(grids, level, i + 1, j)
+    return ti.Vector([west, east, column_of(grids, level, i, j - 1), column_of(grids, level, i, j + 1)])
+
+
 def grid_shapes(setup: AirSetup) -> list[tuple[int, int, int, int]]:
     """Cells along x and y of every grid, and how many merge along x and y in the next; the last: 1, 1."""
     nx, ny, _ = setup.cells

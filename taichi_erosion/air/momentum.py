@@ -31,11 +31,22 @@ def face_share(values: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
+def held(air: ti.template(), index, axis: ti.template()):
+    """Place along x or y that holds what lies one below the ghosts: round the period, or the ghost."""
+    found = ti.max(index, -1)
+    if ti.static(air.kinds[PERIOD_SIDES[axis]] == "periodic"):
+        found = ti.select(index < -1, index + air.cells[axis], index)
+    return found
+
+
+@ti.func
 def face_void(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Void fraction on the low face along an axis [1]."""
     share = real(1.0)
     if ti.static(air.model.exchange):
-        share = face_share(air.void_fraction, r, i, j, k, axis)
+        a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
+        low = air.void_fraction[r, held(air, i - a0, 0), held(air, j - a1, 1), k - a2]
+        share = 0.5 * (air.void_fraction[r, i, j, k] + low)
     return share
 
 
@@ -199,6 +210,21 @@ def is_unknown(air: ti.template(), i, j, axis: ti.template()):
     return not known
 
 
+@ti.func
+def rates_of_column(air_out: ti.template(), r, i, j):
+    """Explicit rates of the velocities of one column of cells [m s-2]."""
+    for axis in ti.static(range(3)):
+        rate_out, past_out = ti.static(air_out.rates[axis], air_out.pasts[axis])
+        if is_unknown(air_out, i, j, axis):
+            for k in range(ti.static(1 if axis == 2 else 0), air_out.cells[2]):
+                past_out[r, i, j, k] = rate_out[r, i, j, k]
+                place = ti.Vector([i, j, k])
+                rate = diffusion_across(air_out, r, place, axis)
+                if ti.static(air_out.model.advection != "none"):
+                    rate -= advection(air_out, r, place, axis)
+                rate_out[r, i, j, k] = rate
+
+
 @ti.kernel
 def find_rates(
     # out
@@ -206,13 +232,4 @@ def find_rates(
 ):
     """Explicit rates of all velocities [m s-2]; what the stage before found is kept as the past."""
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        for axis in ti.static(range(3)):
-            rate_out, past_out = ti.static(air_out.rates[axis], air_out.pasts[axis])
-            if is_unknown(air_out, i, j, axis):
-                for k in range(ti.static(1 if axis == 2 else 0), air_out.cells[2]):
-                    past_out[r, i, j, k] = rate_out[r, i, j, k]
-                    place = ti.Vector([i, j, k])
-                    rate = diffusion_across(air_out, r, place, axis)
-                    if ti.static(air_out.model.advection != "none"):
-                        rate -= advection(air_out, r, place, axis)
-                    rate_out[r, i, j, k] = rate
+        rates_of_column(air_out, r, i, j)

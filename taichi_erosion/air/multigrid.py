@@ -2,13 +2,14 @@
 
 Lines make the cycle indifferent to how cells are stretched along z. On each grid columns are relaxed in two
 colours, (i + j) even and odd, downwards even first and upwards odd first, so that the cycle is a symmetric
-operator, as conjugate gradients need. Corrections are interpolated linearly, 3/4 and 1/4; restriction is the
-transpose. The coarsest grid, whose numbers of columns are odd, is swept to and fro by one worker a replica.
+operator, as conjugate gradients need. The coarsest grid, whose numbers of columns are odd, is swept to and
+fro by one worker a replica.
 
 Reference: Trottenberg, Oosterlee & Schueller (2001), Multigrid, sections 4.7 and 5.1.
 """
 
-from taichi_erosion.air.levels import Grids
+from taichi_erosion.air.interpolate import prolong, restrict
+from taichi_erosion.air.levels import Grids, around, column_of
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
@@ -16,20 +17,6 @@ real = ti.f64
 SHIFT = 2.0**-24  # of the diagonal of a line: a closed box fixes pressure up to a constant only [1]
 SWEEPS_PER_COLUMN = 2  # to-and-fro sweeps on the coarsest grid, over the longer side of it
 SWEEPS_MOST = 12
-
-
-@ti.func
-def column_of(grids: ti.template(), level, i, j):
-    """Number of a column of a grid; beyond an end that of the opposite one, where conductances are zero."""
-    nx, ny = grids.shape[level, 1], grids.shape[level, 2]
-    return grids.shape[level, 0] + ((i + nx) % nx) * ny + (j + ny) % ny
-
-
-@ti.func
-def around(grids: ti.template(), level, i, j):
-    """Columns to the west, east, south and north."""
-    west, east = column_of(grids, level, i - 1, j), column_of(grids, level, i + 1, j)
-    return ti.Vector([west, east, column_of(grids, level, i, j - 1), column_of(grids, level, i, j + 1)])
 
 
 @ti.func
@@ -77,6 +64,19 @@ def relax_line(grids_out: ti.template(), r, c, beside):
         grids_out.solution[r, c, k] = above
 
 
+@ti.func
+def factor_line(grids_out: ti.template(), level, r, i, j):
+    """Inverse pivots of one line."""
+    c, beside = column_of(grids_out, level, i, j), around(grids_out, level, i, j)
+    below = real(0.0)
+    for k in range(grids_out.right.shape[2]):
+        here = diagonal(grids_out, r, c, beside, k)
+        here += SHIFT * here  # not times 1 + SHIFT, which single precision rounds to 1
+        lower = grids_out.across_z[r, c, k]
+        below = 1.0 / (here - lower * lower * below)
+        grids_out.pivot[r, c, k] = below
+
+
 @ti.kernel
 def factor_lines(
     # parameters
@@ -85,16 +85,16 @@ def factor_lines(
     grids_out: ti.template(),
 ):
     """Inverse pivots of all lines of one grid."""
-    nx, ny = grids_out.shape[level, 1], grids_out.shape[level, 2]
-    for r, i, j in ti.ndrange(grids_out.right.shape[0], nx, ny):
-        c, beside = column_of(grids_out, level, i, j), around(grids_out, level, i, j)
-        below = real(0.0)
-        for k in range(grids_out.right.shape[2]):
-            here = diagonal(grids_out, r, c, beside, k)
-            here += SHIFT * here  # not times 1 + SHIFT, which single precision rounds to 1
-            lower = grids_out.across_z[r, c, k]
-            below = 1.0 / (here - lower * lower * below)
-            grids_out.pivot[r, c, k] = below
+    for r, i, j in ti.ndrange(grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]):
+        factor_line(grids_out, level, r, i, j)
+
+
+@ti.func
+def clear_line(grids_out: ti.template(), level, r, i, j):
+    """Start one line from zero."""
+    c = column_of(grids_out, level, i, j)
+    for k in range(grids_out.right.shape[2]):
+        grids_out.solution[r, c, k] = 0.0
 
 
 @ti.kernel
@@ -105,10 +105,15 @@ def clear_solution(
     grids_out: ti.template(),
 ):
     """Start a grid from zero."""
-    first, nx, ny = grids_out.shape[level, 0], grids_out.shape[level, 1], grids_out.shape[level, 2]
-    for r, c in ti.ndrange(grids_out.right.shape[0], nx * ny):
-        for k in range(grids_out.right.shape[2]):
-            grids_out.solution[r, first + c, k] = 0.0
+    for r, i, j in ti.ndrange(grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]):
+        clear_line(grids_out, level, r, i, j)
+
+
+@ti.func
+def relax_colour(grids_out: ti.template(), level, colour, r, i, j):
+    """Relax one line where it has this colour."""
+    if (i + j) % 2 == colour:
+        relax_line(grids_out, r, column_of(grids_out, level, i, j), around(grids_out, level, i, j))
 
 
 @ti.kernel
@@ -122,11 +127,21 @@ def relax(
     """Relax the columns of both colours, `first` (0 or 1) before the other."""
     replicas, nx, ny = grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]
     for r, i, j in ti.ndrange(replicas, nx, ny):
-        if (i + j) % 2 == first:
-            relax_line(grids_out, r, column_of(grids_out, level, i, j), around(grids_out, level, i, j))
+        relax_colour(grids_out, level, first, r, i, j)
     for r, i, j in ti.ndrange(replicas, nx, ny):
-        if (i + j) % 2 == 1 - first:
-            relax_line(grids_out, r, column_of(grids_out, level, i, j), around(grids_out, level, i, j))
+        relax_colour(grids_out, level, 1 - first, r, i, j)
+
+
+@ti.func
+def sweep_to_and_fro(grids_out: ti.template(), level, sweeps, r):
+    """Relax all columns of one replica in order, then in reverse order, so many times."""
+    nx, ny = grids_out.shape[level, 1], grids_out.shape[level, 2]
+    for turn in range(sweeps * 2 * nx * ny):
+        column = turn % (2 * nx * ny)
+        if column >= nx * ny:
+            column = 2 * nx * ny - 1 - column
+        i, j = column // ny, column % ny
+        relax_line(grids_out, r, column_of(grids_out, level, i, j), around(grids_out, level, i, j))
 
 
 @ti.kernel
@@ -138,14 +153,17 @@ def sweep_coarsest(
     grids_out: ti.template(),
 ):
     """Relax all columns in order, then in reverse order, so many times."""
-    nx, ny = grids_out.shape[level, 1], grids_out.shape[level, 2]
     for r in range(grids_out.right.shape[0]):
-        for turn in range(sweeps * 2 * nx * ny):
-            column = turn % (2 * nx * ny)
-            if column >= nx * ny:
-                column = 2 * nx * ny - 1 - column
-            i, j = column // ny, column % ny
-            relax_line(grids_out, r, column_of(grids_out, level, i, j), around(grids_out, level, i, j))
+        sweep_to_and_fro(grids_out, level, sweeps, r)
+
+
+@ti.func
+def rest_of_line(grids_out: ti.template(), level, r, i, j):
+    """What the solution leaves of the right-hand side in one line."""
+    c, beside = column_of(grids_out, level, i, j), around(grids_out, level, i, j)
+    for k in range(grids_out.right.shape[2]):
+        left = applied(grids_out, grids_out.solution, r, c, beside, k)
+        grids_out.rest[r, c, k] = grids_out.right[r, c, k] - left
 
 
 @ti.kernel
@@ -156,103 +174,21 @@ def find_rest(
     grids_out: ti.template(),
 ):
     """What the solution leaves of the right-hand side."""
-    replicas, nx, ny = grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]
-    for r, i, j in ti.ndrange(replicas, nx, ny):
-        c, beside = column_of(grids_out, level, i, j), around(grids_out, level, i, j)
-        for k in range(grids_out.right.shape[2]):
-            left = applied(grids_out, grids_out.solution, r, c, beside, k)
-            grids_out.rest[r, c, k] = grids_out.right[r, c, k] - left
+    for r, i, j in ti.ndrange(grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]):
+        rest_of_line(grids_out, level, r, i, j)
 
 
-@ti.func
-def share(place, coarse, fine_cells, merged, is_round: ti.template()):
-    """Weight of a coarse cell in the interpolation to the fine cell at a place [1].
-
-    The fine cell may lie beyond an end: round a period it is another one, else it is none.
-    """
-    weight = real(1.0)
-    if merged == 2:
-        inside = place // 2 == coarse
-        weight = ti.select(inside, real(0.75), real(0.25))
-        if ti.static(not is_round):
-            if place < 0 or place >= fine_cells:
-                weight = 0.0
-            elif inside and (place == 0 or place == fine_cells - 1):
-                weight = 1.0
-    return weight
-
-
-@ti.kernel
-def restrict(
-    # parameters
-    level: ti.i32,
-    # out
-    grids_out: ti.template(),
-):
-    """Hand the rest of a grid to the next coarser one."""
-    replicas, layers = grids_out.right.shape[0], ti.static(grids_out.right.shape[2])
-    fine_x, fine_y = grids_out.shape[level, 1], grids_out.shape[level, 2]
-    by_x, by_y = grids_out.shape[level, 3], grids_out.shape[level, 4]
-    for r, i, j in ti.ndrange(replicas, fine_x // by_x, fine_y // by_y):
-        c = column_of(grids_out, level + 1, i, j)
-        for k in range(layers):
-            grids_out.right[r, c, k] = 0.0
-        # a coarse cell reaches the fine cells inside it and one beyond each of its ends
-        for a in range(3 * by_x - 2):
-            for b in range(3 * by_y - 2):
-                x, y = by_x * i + 1 - by_x + a, by_y * j + 1 - by_y + b
-                weight = share(x, i, fine_x, by_x, grids_out.round_x)
-                weight *= share(y, j, fine_y, by_y, grids_out.round_y)
-                fine = column_of(grids_out, level, x, y)
-                for k in range(layers):
-                    more = weight * grids_out.rest[r, fine, k]
-                    grids_out.right[r, c, k] = grids_out.right[r, c, k] + more
-
-
-@ti.func
-def partner(place, cells, merged, is_round: ti.template()):
-    """The second coarse cell that a fine cell is interpolated from; at a closed end the first again."""
-    other = place // merged
-    if merged == 2:
-        other += 2 * (place % 2) - 1
-        if ti.static(is_round):
-            other = (other + cells) % cells
-        else:
-            other = ti.min(ti.max(other, 0), cells - 1)
-    return other
-
-
-@ti.kernel
-def prolong(
-    # parameters
-    level: ti.i32,
-    # out
-    grids_out: ti.template(),
-):
-    """Add to a grid the solution of the next coarser one, interpolated linearly."""
-    fine_x, fine_y = grids_out.shape[level, 1], grids_out.shape[level, 2]
-    by_x, by_y = grids_out.shape[level, 3], grids_out.shape[level, 4]
-    for r, i, j in ti.ndrange(grids_out.right.shape[0], fine_x, fine_y):
-        c = column_of(grids_out, level, i, j)
-        east = partner(i, fine_x // by_x, by_x, grids_out.round_x)
-        north = partner(j, fine_y // by_y, by_y, grids_out.round_y)
-        west, south = i // by_x, j // by_y
-        own = column_of(grids_out, level + 1, west, south)
-        beside = column_of(grids_out, level + 1, east, south)
-        ahead = column_of(grids_out, level + 1, west, north)
-        corner = column_of(grids_out, level + 1, east, north)
-        for k in range(grids_out.right.shape[2]):
-            near = 0.75 * grids_out.solution[r, own, k] + 0.25 * grids_out.solution[r, beside, k]
-            far = 0.75 * grids_out.solution[r, ahead, k] + 0.25 * grids_out.solution[r, corner, k]
-            grids_out.solution[r, c, k] = grids_out.solution[r, c, k] + 0.75 * near + 0.25 * far
+def coarsest_sweeps(grids: Grids) -> int:
+    """To-and-fro sweeps over the coarsest grid."""
+    longer = grids.columns[-1]
+    return 1 if longer == 1 else min(SWEEPS_PER_COLUMN * longer, SWEEPS_MOST)
 
 
 def cycle(grids: Grids, level: int = 0) -> None:
     """Improve the solution of a grid from 0, given its right-hand side."""
     clear_solution(level, grids)
     if level == grids.number - 1:
-        longer = grids.columns[level]
-        sweep_coarsest(level, 1 if longer == 1 else min(SWEEPS_PER_COLUMN * longer, SWEEPS_MOST), grids)
+        sweep_coarsest(level, coarsest_sweeps(grids), grids)
         return
     relax(level, 0, grids)
     find_rest(level, grids)

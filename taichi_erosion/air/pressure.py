@@ -11,8 +11,9 @@ bit on any number of threads.
 Reference: Chorin (1968), Math. Comput. 22, 745; van Kan (1986), SIAM J. Sci. Stat. Comput. 7, 870.
 """
 
+from taichi_erosion.air.levels import column_of
 from taichi_erosion.air.momentum import UNIT, face_void, first_unknown
-from taichi_erosion.air.multigrid import column_of, factor_lines
+from taichi_erosion.air.multigrid import factor_lines
 from taichi_erosion.air.state import Air
 from taichi_erosion.air.sweep import drag_on_face
 from taichi_erosion.core.ti import ti
@@ -67,6 +68,21 @@ def drain_of(air: ti.template(), r, i, j, k, time):
     return value
 
 
+@ti.func
+def conduct_column(air_out: ti.template(), r, i, j, share):
+    """Conductances of one column of the finest grid."""
+    (grids_out,) = ti.static((air_out.grids,))
+    width, time = air_out.numbers.width[r], share * air_out.numbers.time_step[r]
+    c = i * air_out.cells[1] + j
+    for k in range(air_out.cells[2]):
+        conduct_across(air_out, r, i, j, k, time)
+        grids_out.drain[r, c, k] = drain_of(air_out, r, i, j, k, time)
+        if k > 0:
+            gap = air_out.centre[r, k] - air_out.centre[r, k - 1]
+            open_share = open_face(air_out, r, i, j, k, 2, time)
+            grids_out.across_z[r, c, k] = open_share * width[0] * width[1] / gap
+
+
 @ti.kernel
 def conduct(
     # parameters
@@ -75,17 +91,29 @@ def conduct(
     air_out: ti.template(),
 ):
     """Conductances of the finest grid for a stage that takes so large a share of the step."""
-    (grids_out,) = ti.static((air_out.grids,))
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        width, time = air_out.numbers.width[r], share * air_out.numbers.time_step[r]
-        c = i * air_out.cells[1] + j
-        for k in range(air_out.cells[2]):
-            conduct_across(air_out, r, i, j, k, time)
-            grids_out.drain[r, c, k] = drain_of(air_out, r, i, j, k, time)
-            if k > 0:
-                gap = air_out.centre[r, k] - air_out.centre[r, k - 1]
-                open_share = open_face(air_out, r, i, j, k, 2, time)
-                grids_out.across_z[r, c, k] = open_share * width[0] * width[1] / gap
+        conduct_column(air_out, r, i, j, share)
+
+
+@ti.func
+def merge_column(grids_out: ti.template(), level, r, i, j):
+    """Conductances of one column of a coarser grid: parallel faces add, doubled distances halve."""
+    by_x, by_y = grids_out.shape[level - 1, 3], grids_out.shape[level - 1, 4]
+    nx, ny, c = grids_out.shape[level, 1], grids_out.shape[level, 2], column_of(grids_out, level, i, j)
+    for k in range(grids_out.right.shape[2]):
+        along_x, along_y, along_z, drain = real(0.0), real(0.0), real(0.0), real(0.0)
+        for part in range(by_x * by_y):
+            a, b = part // by_y, part % by_y
+            fine = column_of(grids_out, level - 1, by_x * i + a, by_y * j + b)
+            along_x += ti.select(a == 0, grids_out.across_x[r, fine, k], 0.0)
+            along_y += ti.select(b == 0, grids_out.across_y[r, fine, k], 0.0)
+            along_z += grids_out.across_z[r, fine, k]
+            drain += grids_out.drain[r, fine, k]
+        # a single column round a period is its own neighbour and feels nothing of itself
+        grids_out.across_x[r, c, k] = ti.select(nx > 1, along_x / by_x, 0.0)
+        grids_out.across_y[r, c, k] = ti.select(ny > 1, along_y / by_y, 0.0)
+        grids_out.across_z[r, c, k] = along_z
+        grids_out.drain[r, c, k] = drain
 
 
 @ti.kernel
@@ -95,25 +123,9 @@ def conduct_coarser(
     # out
     grids_out: ti.template(),
 ):
-    """Conductances of a coarser grid: parallel faces add, doubled distances halve."""
-    by_x, by_y = grids_out.shape[level - 1, 3], grids_out.shape[level - 1, 4]
-    nx, ny = grids_out.shape[level, 1], grids_out.shape[level, 2]
-    for r, i, j in ti.ndrange(grids_out.right.shape[0], nx, ny):
-        c = column_of(grids_out, level, i, j)
-        for k in range(grids_out.right.shape[2]):
-            along_x, along_y, along_z, drain = real(0.0), real(0.0), real(0.0), real(0.0)
-            for part in range(by_x * by_y):
-                a, b = part // by_y, part % by_y
-                fine = column_of(grids_out, level - 1, by_x * i + a, by_y * j + b)
-                along_x += ti.select(a == 0, grids_out.across_x[r, fine, k], 0.0)
-                along_y += ti.select(b == 0, grids_out.across_y[r, fine, k], 0.0)
-                along_z += grids_out.across_z[r, fine, k]
-                drain += grids_out.drain[r, fine, k]
-            # a single column round a period is its own neighbour and feels nothing of itself
-            grids_out.across_x[r, c, k] = ti.select(nx > 1, along_x / by_x, 0.0)
-            grids_out.across_y[r, c, k] = ti.select(ny > 1, along_y / by_y, 0.0)
-            grids_out.across_z[r, c, k] = along_z
-            grids_out.drain[r, c, k] = drain
+    """Conductances of a coarser grid."""
+    for r, i, j in ti.ndrange(grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]):
+        merge_column(grids_out, level, r, i, j)
 
 
 def set_conductances(air: Air, share: float) -> None:
@@ -165,23 +177,41 @@ def total_of(air: ti.template(), r):
     return total
 
 
+@ti.func
+def excess_of_column(air_out: ti.template(), r, i, j):
+    """Right-hand side of one column."""
+    (krylov_out,) = ti.static((air_out.krylov,))
+    worst, total, c = real(0.0), real(0.0), i * air_out.cells[1] + j
+    for k in range(air_out.cells[2]):
+        excess = appearing(air_out, r, i, j, k)
+        air_out.grids.right[r, c, k] = -excess
+        krylov_out.found[r, c, k] = 0.0
+        worst = ti.max(worst, share_of_cell(air_out, r, k, excess))
+        total += excess
+    krylov_out.worst[r, c] = worst
+    krylov_out.partial[r, c] = total
+
+
 @ti.kernel
 def find_excess(
     # out
     air_out: ti.template(),
 ):
     """Right-hand side of the pressure equation; the solution starts at 0."""
-    (krylov_out,) = ti.static((air_out.krylov,))
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        worst, total, c = real(0.0), real(0.0), i * air_out.cells[1] + j
+        excess_of_column(air_out, r, i, j)
+
+
+@ti.func
+def spread_mean_excess(air_out: ti.template(), r):
+    """Take the mean off the right-hand side of one replica: in a closed box grains cannot press air out."""
+    total = total_of(air_out, r)
+    width, height = air_out.numbers.width[r], air_out.face[r, air_out.cells[2]] - air_out.face[r, 0]
+    density = total / (air_out.cells[0] * air_out.cells[1] * width[0] * width[1] * height)
+    for c in range(air_out.cells[0] * air_out.cells[1]):
         for k in range(air_out.cells[2]):
-            excess = appearing(air_out, r, i, j, k)
-            air_out.grids.right[r, c, k] = -excess
-            krylov_out.found[r, c, k] = 0.0
-            worst = ti.max(worst, share_of_cell(air_out, r, k, excess))
-            total += excess
-        krylov_out.worst[r, c] = worst
-        krylov_out.partial[r, c] = total
+            back = density * width[0] * width[1] * air_out.height[r, k]
+            air_out.grids.right[r, c, k] = air_out.grids.right[r, c, k] + back
 
 
 @ti.kernel
@@ -189,15 +219,9 @@ def spread_excess(
     # out
     air_out: ti.template(),
 ):
-    """Take the mean off the right-hand side: in a closed box grains cannot press air out."""
+    """Take the mean off the right-hand sides."""
     for r in range(air_out.count):
-        total = total_of(air_out, r)
-        width, height = air_out.numbers.width[r], air_out.face[r, air_out.cells[2]] - air_out.face[r, 0]
-        density = total / (air_out.cells[0] * air_out.cells[1] * width[0] * width[1] * height)
-        for c in range(air_out.cells[0] * air_out.cells[1]):
-            for k in range(air_out.cells[2]):
-                back = density * width[0] * width[1] * air_out.height[r, k]
-                air_out.grids.right[r, c, k] = air_out.grids.right[r, c, k] + back
+        spread_mean_excess(air_out, r)
 
 
 @ti.func
@@ -221,6 +245,27 @@ def correct_outlets(air_out: ti.template(), r, i, j, k, here, time):
             take_slope(air_out, r, ti.Vector([i, j, k + 1]), 2, slope, time)
 
 
+@ti.func
+def correct_column(air_out: ti.template(), r, i, j, share):
+    """Correct the velocities on the low faces of one column, and its pressure."""
+    (found,) = ti.static((air_out.krylov.found,))
+    width, time = air_out.numbers.width[r], share * air_out.numbers.time_step[r]
+    c = i * air_out.cells[1] + j
+    west, south = column_of(air_out.grids, 0, i - 1, j), column_of(air_out.grids, 0, i, j - 1)
+    for k in range(air_out.cells[2]):
+        here, place = found[r, c, k], ti.Vector([i, j, k])
+        if i >= first_unknown(air_out, 0):
+            take_slope(air_out, r, place, 0, (here - found[r, west, k]) / width[0], time)
+        if j >= first_unknown(air_out, 1):
+            take_slope(air_out, r, place, 1, (here - found[r, south, k]) / width[1], time)
+        if k > 0:
+            gap = air_out.centre[r, k] - air_out.centre[r, k - 1]
+            take_slope(air_out, r, place, 2, (here - found[r, c, k - 1]) / gap, time)
+        correct_outlets(air_out, r, i, j, k, here, time)
+        rise = here * air_out.numbers.density[r] / time
+        air_out.pressure[r, i, j, k] = air_out.pressure[r, i, j, k] + rise
+
+
 @ti.kernel
 def correct(
     # parameters
@@ -229,20 +274,5 @@ def correct(
     air_out: ti.template(),
 ):
     """Take the gradient of psi off the velocities and add its pressure."""
-    (found,) = ti.static((air_out.krylov.found,))
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        width, time = air_out.numbers.width[r], share * air_out.numbers.time_step[r]
-        c = i * air_out.cells[1] + j
-        west, south = column_of(air_out.grids, 0, i - 1, j), column_of(air_out.grids, 0, i, j - 1)
-        for k in range(air_out.cells[2]):
-            here, place = found[r, c, k], ti.Vector([i, j, k])
-            if i >= first_unknown(air_out, 0):
-                take_slope(air_out, r, place, 0, (here - found[r, west, k]) / width[0], time)
-            if j >= first_unknown(air_out, 1):
-                take_slope(air_out, r, place, 1, (here - found[r, south, k]) / width[1], time)
-            if k > 0:
-                gap = air_out.centre[r, k] - air_out.centre[r, k - 1]
-                take_slope(air_out, r, place, 2, (here - found[r, c, k - 1]) / gap, time)
-            correct_outlets(air_out, r, i, j, k, here, time)
-            rise = here * air_out.numbers.density[r] / time
-            air_out.pressure[r, i, j, k] = air_out.pressure[r, i, j, k] + rise
+        correct_column(air_out, r, i, j, share)

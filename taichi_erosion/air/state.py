@@ -29,6 +29,7 @@ GRIDS = (
     *("exchange_coefficient", "eddy_cell", "eddy_face", "length", "elimination"),
     *("rate_x", "rate_y", "rate_z", "past_x", "past_y", "past_z"),
 )
+VECTORS = ("exchange_force", "impulse", "gradient")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,7 @@ class AirNumbers:
     smagorinsky: Any  # C_s [1]
     length_most: Any  # [m]
     length_share: Any  # [1]
+    ground: Any  # height from which distances over a bed count [m]
     low: Any  # vec3 [m]
     width: Any  # vec3 [m], of a cell along x and y; along z see Air.height
     driving_gradient: Any  # vec3 [Pa m-1]
@@ -76,6 +78,8 @@ class Air:
     void_before: Any  # [1], of the step before
     exchange_force: Any  # vec3 [N m-3]
     exchange_coefficient: Any  # [N s m-4]
+    impulse: Any  # vec3, momentum that grains have given in the last step, a volume [N s m-3]
+    gradient: Any  # vec3, mean gradient of the pressure in the last step, its driving part included [Pa m-1]
     eddy_cell: Any  # eddy viscosity in cells [m2 s-1]
     eddy_face: Any  # eddy viscosity on the lower faces of cells [m2 s-1]
     length: Any  # mixing length on the lower faces of cells [m]
@@ -86,6 +90,8 @@ class Air:
     past_y: Any
     past_z: Any
     elimination: Any  # upper factors of a sweep along z [1]
+    moving: Any  # i32 by replica: whether it takes part in the coming step of `replica.py`
+    left: Any  # air that appeared in the worst cell in that step over its volume [1], by replica
     grids: Grids  # of the pressure solve
     krylov: Krylov
     waves: Waves
@@ -94,6 +100,16 @@ class Air:
     def is_column(self) -> bool:
         """Whether the whole grid is one column of cells a replica."""
         return self.cells[:2] == (1, 1)
+
+    @property
+    def cell_count(self) -> int:
+        """Cells of one replica."""
+        return self.cells[0] * self.cells[1] * self.cells[2]
+
+    @property
+    def sharers(self) -> int:
+        """Columns of cells that share a grain: those whose middles enclose it."""
+        return 1 if self.is_column else 4
 
     @property
     def velocities(self) -> tuple[Any, Any, Any]:
@@ -135,7 +151,16 @@ def inlet_plane(replicas: int, cells: tuple[int, int, int]) -> Any:
 
 def allocate_numbers(replicas: int) -> AirNumbers:
     """Fields of clocks and constants."""
-    scalars = ("time", "time_step", "density", "viscosity", "friction_velocity", "implicitness", "karman")
+    scalars = (
+        "time",
+        "time_step",
+        "density",
+        "viscosity",
+        "friction_velocity",
+        "implicitness",
+        "karman",
+        "ground",
+    )
     closures = ("sublayer", "van_driest", "smagorinsky", "length_most", "length_share")
     table: dict[str, Any] = {name: ti.field(real, shape=replicas) for name in scalars + closures}
     vectors = ("low", "width", "driving_gradient")

@@ -31,11 +31,24 @@ def control_height(air: ti.template(), r, k, axis: ti.template()):
 
 
 @ti.func
+def exchange_share(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.template()):
+    """What grains exert on the control volume of a velocity: of each of its cells, by their volumes.
+
+    What all velocities get is then what all cells hold, whatever the heights of these.
+    """
+    share = face_share(values, r, i, j, k, axis)
+    if ti.static(axis == 2):
+        above, below = air.height[r, k], air.height[r, k - 1]
+        share = (above * values[r, i, j, k] + below * values[r, i, j, k - 1]) / (above + below)
+    return share
+
+
+@ti.func
 def drag_on_face(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Exchange coefficient over density on a face [s-1]."""
     value = real(0.0)
     if ti.static(air.model.exchange):
-        value = face_share(air.exchange_coefficient, r, i, j, k, axis) / air.numbers.density[r]
+        value = exchange_share(air, air.exchange_coefficient, r, i, j, k, axis) / air.numbers.density[r]
     return value
 
 
@@ -50,8 +63,7 @@ def pull(air: ti.template(), r, i, j, k, axis: ti.template()):
     slope = (air.pressure[r, i, j, k] - air.pressure[r, i - a0, j - a1, k - a2]) / width
     value = -face_void(air, r, i, j, k, axis) * (slope + numbers.driving_gradient[r][axis])
     if ti.static(air.model.exchange):
-        force = air.exchange_force[r, i, j, k] + air.exchange_force[r, i - a0, j - a1, k - a2]
-        value += 0.5 * force[axis]
+        value += exchange_share(air, air.exchange_force, r, i, j, k, axis)[axis]
     value /= numbers.density[r]
     if ti.static(axis == 0 and air.kinds["z_high"] == "stress"):
         if k == air.cells[2] - 1:
@@ -122,8 +134,8 @@ def conductance_below(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
-def predict_column(air_out: ti.template(), r, i, j, axis: ti.template(), weights):
-    """Predict the velocities along an axis in one column; `weights`: share of the step, of rates, of past."""
+def sweep_column(air_out: ti.template(), r, i, j, axis: ti.template(), weights):
+    """Predict velocities along an axis in one column; `weights`: share of the step, of rates, of past."""
     values_out, rate, past = ti.static(air_out.velocities[axis], air_out.rates[axis], air_out.pasts[axis])
     first, n = ti.static(1 if axis == 2 else 0), ti.static(air_out.cells[2])
     theta, time = air_out.numbers.implicitness[r], weights[0] * air_out.numbers.time_step[r]
@@ -153,6 +165,13 @@ def predict_column(air_out: ti.template(), r, i, j, axis: ti.template(), weights
         values_out[r, i, j, k] = values_out[r, i, j, k] + back
 
 
+@ti.func
+def predict_column(air_out: ti.template(), r, i, j, axis: ti.template(), weights):
+    """Predict the velocities along an axis in one column, unless a side gives them."""
+    if is_unknown(air_out, i, j, axis):
+        sweep_column(air_out, r, i, j, axis, weights)
+
+
 @ti.kernel
 def predict(
     # parameters
@@ -165,5 +184,4 @@ def predict(
 ):
     """Predict all velocities along an axis at the end of a stage."""
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        if is_unknown(air_out, i, j, axis):
-            predict_column(air_out, r, i, j, axis, ti.Vector([share, rate_weight, past_weight]))
+        predict_column(air_out, r, i, j, axis, ti.Vector([share, rate_weight, past_weight]))

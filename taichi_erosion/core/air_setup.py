@@ -70,6 +70,16 @@ class InletTurbulence:
 
 
 @dataclass(frozen=True)
+class Stir:
+    """What makes eddies start over a bed: waves of random phases on the mean wind, and time to grow."""
+
+    deviation: float  # standard deviation of each velocity over u* [1]
+    turnovers: float  # time that the air then has by itself, times u* over the height above the bed [1]
+    roughness: float  # m, roughness length of the mean wind to begin with
+    seed: int
+
+
+@dataclass(frozen=True)
 class AirSetup:
     """The air of one replica before its first step."""
 
@@ -85,9 +95,11 @@ class AirSetup:
     constants: ClosureConstants = ClosureConstants()
     friction_velocity: float = 0.0  # m s-1, u* of a side under stress
     driving_gradient: Triple = (0.0, 0.0, 0.0)  # Pa m-1, mean pressure gradient; negative drives forwards
+    ground: float = 0.0  # m, height of a bed of grains, from which a closure over it counts distances
     implicitness: float = 1.0  # of diffusion along z: 1/2 second order in time, 1 damps any step [1]
     inlet_shape: Floats | None = None  # [nz] speed at an inlet along x over that of the side; None: 1
     turbulence: InletTurbulence | None = None
+    stir: Stir | None = None  # of a grid over grains
     start: Floats | None = field(default=None)  # m s-1: [nz] along x, or [3, nx, ny, nz]; None: at rest
 
 
@@ -135,3 +147,13 @@ def log_profile(height: Floats, friction_velocity: float, roughness: float, karm
     Reference: Richards & Hoxey (1993), J. Wind Eng. Ind. Aerodyn. 46-47, 145-153, eq. (5).
     """
     return friction_velocity / karman * np.log1p(np.maximum(height, 0.0) / roughness)
+
+
+def bed_gradient(setup: AirSetup, friction_velocity: float) -> float:
+    """Mean pressure gradient [Pa m-1] that puts the stress rho u*^2 on a bed, 0 where the lid does.
+
+    dp/dx = -rho u*^2 / (H - h),   H the height of the lid, h that of the bed [m]
+    """
+    if setup.sides["z_high"].kind == "stress":
+        return 0.0
+    return -setup.density * friction_velocity**2 / (setup.high[2] - setup.ground)

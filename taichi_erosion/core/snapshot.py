@@ -20,6 +20,7 @@ class Status(IntEnum):
     RESTITUTION = 6  # a first impact did not give back what is stated
     COUNT = 7  # grains or mass are missing
     MOMENTUM = 8  # grains gave each other momentum from nowhere
+    AIR = 9  # the pressure of the air was not found
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Ledger:
 
 @dataclass(frozen=True)
 class AirProfile:
-    """A column of air, layer by layer from the floor upwards."""
+    """The air over a patch, layer by layer from the floor upwards; of a grid, means over its columns."""
 
     face: NDArray[np.float64]  # [n + 1] m, heights of the faces between layers
     velocity: NDArray[np.float64]  # [n, 2] m s-1, along x and y

@@ -3,7 +3,8 @@
 from taichi_erosion.air.column import advance_column
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.feel import feel_partition
-from taichi_erosion.coupling.look import give_partition, load_air, settle
+from taichi_erosion.coupling.give import give_partition
+from taichi_erosion.coupling.look import load_air, settle
 
 ROUNDS = 40  # times that drag rates follow the air
 STEPS = 10  # of the air in a round: its eddies follow the flow by one step each
@@ -12,7 +13,7 @@ LONGEST = 1.0  # step of the air while it develops [s]; implicit, so its length 
 
 @ti.func
 def count_grains(world_out: ti.template(), around_out: ti.template(), r):
-    """Sum up the grains of replica r, layer by layer."""
+    """Sum up the grains of replica r, cell by cell."""
     for p in range(world_out.replicas.partitions[r]):
         give_partition(world_out, around_out, r, p)
 
@@ -41,6 +42,6 @@ def develop_air(
         count_grains(world_out, around_out, r)
         if turn == 0:
             settle(world_out, around_out, r)
-            for k in range(around_out.air.cells[2] * anew):
-                around_out.exchange.owed[r, k] = 0.0 * around_out.exchange.owed[r, k]
+            for c in range(around_out.air.cell_count * anew):
+                around_out.exchange.owed[r, c] = 0.0 * around_out.exchange.owed[r, c]
         load_air(world_out, around_out, r)

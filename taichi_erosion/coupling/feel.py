@@ -1,7 +1,8 @@
 """What a grain feels of its surroundings: the air, averaged over its volume, and effects on single grains.
 
 The pull of the pressure gradient on a grain of volume V is that of the weight of the air it displaces,
--rho V g, and, where air rises through the bed, of the gradient that carries grains.
+-rho V g, and that of the gradient in the flow, -V grad p: of a grid of several columns as it was in the last
+step, of a single one where air rises through the bed and carries grains.
 """
 
 from math import pi
@@ -9,7 +10,7 @@ from math import pi
 from taichi_erosion.core.effect_device import push_of, update_memory
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.noise import normal, uniform
-from taichi_erosion.coupling.slices import layer_range, share_below
+from taichi_erosion.coupling.slices import column_share, layer_range, share_below, wind_of
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.integrate import SPHERE
 from taichi_erosion.grains.state import partition_first, side_block
@@ -20,33 +21,52 @@ SPHERE_VOLUME = 4.0 * pi / 3.0  # of radius 1 [1]
 
 
 @ti.func
-def felt(around: ti.template(), r, height, radius):
-    """Velocity [m s-1], void fraction, upward pressure gradient [Pa m-1] and shear [s-1] around a grain."""
+def felt_in_column(around: ti.template(), r, column, height, radius):
+    """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain in one column."""
     air, exchange = ti.static((around.air, around.exchange))
+    i, j = column[0], column[1]
     first, last = layer_range(air, r, height, radius)
     velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
-    void, lift, below = real(0.0), real(0.0), real(0.0)
+    void, pull, below = real(0.0), 0.0 * velocity, real(0.0)
     for k in range(first, last + 1):
         above = ti.select(k == last, real(1.0), share_below(air, r, height, radius, k + 1))
         share = above - below
-        velocity[0] += share * air.velocity_x[r, 0, 0, k]
-        velocity[1] += share * air.velocity_y[r, 0, 0, k]
-        void += share * air.void_fraction[r, 0, 0, k]
+        velocity += share * wind_of(air, r, column, k)
+        void += share * air.void_fraction[r, i, j, k]
         if ti.static(around.rising):
             velocity[2] += share * exchange.rise[r, k]
-            lift += share * exchange.lift[r, k]
+            pull[2] += share * exchange.lift[r, k]
+        if ti.static(not air.is_column):
+            pull -= share * air.gradient[r, i, j, k]
         below = above
     rise = air.centre[r, last + 1] - air.centre[r, first - 1]
-    shear = (air.velocity_x[r, 0, 0, last + 1] - air.velocity_x[r, 0, 0, first - 1]) / rise
-    return velocity, void, lift, shear
+    shear = (wind_of(air, r, column, last + 1)[0] - wind_of(air, r, column, first - 1)[0]) / rise
+    return velocity, void, pull, shear
 
 
 @ti.func
-def feel_air(world_out: ti.template(), around: ti.template(), r, i, height):
+def felt(around: ti.template(), r, position, radius):
+    """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain."""
+    velocity, void, pull, shear = felt_in_column(around, r, ti.Vector([0, 0]), position[2], radius)
+    if ti.static(not around.air.is_column):
+        velocity, pull, void, shear = 0.0 * velocity, 0.0 * pull, 0.0 * void, 0.0 * shear
+        for sharer in range(around.air.sharers):
+            column, share = column_share(around.air, r, position, sharer)
+            wind, open_share, gradient, slope = felt_in_column(around, r, column, position[2], radius)
+            velocity += share * wind
+            void += share * open_share
+            pull += share * gradient
+            shear += share * slope
+    return velocity, void, pull, shear
+
+
+@ti.func
+def feel_air(world_out: ti.template(), around: ti.template(), r, i):
     """Hold drag and buoyancy of the grain at place i; returns void fraction [1] and shear [s-1]."""
     grains, held_out, air = ti.static((world_out.grains, world_out.held, around.air))
     radius, inverse = grains.radius[i], grains.mass_inverse[i]
-    exact, void, lift, shear = felt(around, r, height, ti.cast(radius, real))
+    position = position_of(grains, world_out.replicas, r, i)
+    exact, void, pull, shear = felt(around, r, position, ti.cast(radius, real))
     drift = ti.cast(exact, float)
     density = ti.cast(air.numbers.density[r], float)
     viscosity = ti.cast(air.numbers.viscosity[r], float)
@@ -56,7 +76,7 @@ def feel_air(world_out: ti.template(), around: ti.template(), r, i, height):
     held_out.drift_rate[i] = around.drag_rate(slip, radius, 1.0 / inverse, density, viscosity, open_share)
     volume = SPHERE_VOLUME * radius * radius * radius
     push = -density * world_out.replicas.gravity[r]
-    push[2] += ti.cast(lift, float)
+    push += ti.cast(pull, float)
     held_out.push[i] = volume * inverse * push
     return open_share, ti.cast(shear, float)
 
@@ -110,8 +130,7 @@ def feel_partition(world_out: ti.template(), around: ti.template(), r, p, counts
         if ti.static(world_out.driven):
             held_out.push[i] = 0.0 * held_out.push[i]
         if ti.static(around.windy):
-            height = position_of(grains, world_out.replicas, r, i)[2]
-            open_share, shear = feel_air(world_out, around, r, i, height)
+            open_share, shear = feel_air(world_out, around, r, i)
         if ti.static(world_out.grain_effects.any or world_out.remembers):
             grain = seen(world_out, around, r, i, open_share, shear)
             if ti.static(world_out.remembers):

@@ -1,7 +1,8 @@
-"""What grains and air share on the device: what grains put into each layer of air, and when they look."""
+"""What grains and air share on the device: what grains put into each cell of air, and when they look."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 from taichi_erosion.air.assemble import allocate_air
@@ -17,8 +18,8 @@ real = ti.f64
 
 
 @dataclass(frozen=True, eq=False)
-class Layers:
-    """Sums over the grains of one partition in one layer of air: place (partition * replicas + r, layer)."""
+class Sums:
+    """Sums over the grains of one partition in one cell of air: place (partition * replicas + r, cell)."""
 
     volume: Any  # of grains [m3]
     rate: Any  # sum of m b [kg s-1]
@@ -32,41 +33,45 @@ class Exchange:
     """One row a replica: how often grains look at the air, and what air and grains owe each other."""
 
     look_steps: Any  # i32, time steps from one look to the next
+    looked: Any  # i32, step of the last look at a grid of air, -1 before the first
     seed: Any  # i32, of random numbers
     surface: Any  # height of the undisturbed bed [m]
     through_flow: Any  # superficial velocity of air that rises through the bed [m s-1]
-    owed: Any  # vec3 (replica, layer), momentum that the air has lost and its grains have not yet got [N s]
+    owed: Any  # vec3 (replica, cell), momentum that the air has lost and its grains have not yet got [N s]
     rise: Any  # (replica, layer), vertical velocity of the air between the grains [m s-1]
     lift: Any  # (replica, layer), pressure gradient that carries grains, upwards [Pa m-1]
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Everything around the grains; `windy` and `rising` are compiled in."""
+    """Everything around the grains; `windy`, `rising` and `apart` are compiled in."""
 
     windy: bool  # whether there is air
     rising: bool  # whether air rises through the bed
+    apart: bool  # whether the host drives the looks, since the air is a grid
     air: Air | None
-    layers: Layers
+    sums: Sums
     exchange: Exchange
     drag_rate: Any  # ti.func of coupling.drag
     grain_type: Any
 
 
-def allocate_layers(replicas: int, partitions: int, layers: int) -> Layers:
+def allocate_sums(replicas: int, partitions: int, cells: int) -> Sums:
     """Fields of one buffer a partition."""
     table: dict[str, Any] = {name: ti.field(real) for name in ("volume", "rate", "flow")}
     table |= {name: ti.Vector.field(3, real) for name in ("pull", "given")}
-    ti.root.dense(ti.ij, (replicas * partitions, layers)).place(*table.values())
-    return Layers(**table)
+    ti.root.dense(ti.ij, (replicas * partitions, cells)).place(*table.values())
+    return Sums(**table)
 
 
-def allocate_exchange(replicas: int, layers: int) -> Exchange:
+def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
     """Fields by replica."""
-    table: dict[str, Any] = {name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "seed")}
+    table: dict[str, Any] = {
+        name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "looked", "seed")
+    }
     table |= {name: ti.field(real, shape=replicas) for name in ("surface", "through_flow")}
     table |= {name: ti.field(real, shape=(replicas, layers)) for name in ("rise", "lift")}
-    table["owed"] = ti.Vector.field(3, real, shape=(replicas, layers))
+    table["owed"] = ti.Vector.field(3, real, shape=(replicas, cells))
     return Exchange(**table)
 
 
@@ -74,11 +79,13 @@ def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundin
     """Put the air on the device; all setups have air, or none has."""
     airs: list[AirSetup] = [s.air for s in setups if s.air is not None]
     layers = airs[0].cells[2] if airs else 1
-    exchange = allocate_exchange(len(setups), layers)
+    cells = prod(airs[0].cells) if airs else 1
+    exchange = allocate_exchange(len(setups), cells, layers)
     looks = [s.coupling for s in setups]
     upload(
         [
             (exchange.look_steps, [look.look_steps for look in looks]),
+            (exchange.looked, [-1] * len(looks)),
             (exchange.seed, [look.seed for look in looks]),
             (exchange.surface, [look.surface for look in looks]),
             (exchange.through_flow, [look.through_flow for look in looks]),
@@ -87,8 +94,9 @@ def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundin
     return Surroundings(
         windy=bool(airs),
         rising=any(look.rising or look.through_flow != 0.0 for look in looks),
+        apart=any(air.cells[:2] != (1, 1) for air in airs),
         air=allocate_air(airs) if airs else None,
-        layers=allocate_layers(len(setups), partitions, layers),
+        sums=allocate_sums(len(setups), partitions, cells),
         exchange=exchange,
         drag_rate=DRAG[laws.drag],
         grain_type=grain_type(),

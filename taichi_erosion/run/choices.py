@@ -55,5 +55,6 @@ def layers_of_air(scene: Scene) -> Any:
     if scene.wind is None:
         return None
     rising = any(stage.through_flow is not None for stage in scene.stages)
-    own = scene.wind.model_dump(include={"closure", "surface", "length", "width", "height", "cell", "growth"})
+    named = {"closure", "columns", "drive", "surface", "length", "width", "height", "cell", "growth"}
+    own = scene.wind.model_dump(include=named)
     return [own, rising, scene.grains.count, scene.grains.size.model_dump()]

@@ -115,7 +115,7 @@ def new_trial(sim: Simulation, replica: int, friction_velocity: float, time: flo
 def pursue(sim: Simulation, replica: int, hunt: Hunt, time: float) -> bool:
     """Look at the bed and choose the next wind; says whether the hunt is over."""
     watch(hunt, snapshot(sim, replica))
-    outcome = judge(hunt, time, steady=not sim.world.grain_effects.any)
+    outcome = judge(hunt, time, steady=is_steady(sim))
     if outcome is None:
         return False
     note(hunt, outcome, time)
@@ -131,6 +131,11 @@ def pursue(sim: Simulation, replica: int, hunt: Hunt, time: float) -> bool:
     if hunt.phase == "ramp":
         hunt.trial.place, hunt.trial.rolled, hunt.trial.risen = old.place, old.rolled, old.risen
     return False
+
+
+def is_steady(sim: Simulation) -> bool:
+    """Whether the wind over grains at rest stays as it is: no effect and no eddy changes it."""
+    return not sim.world.grain_effects.any and (sim.around.air is None or sim.around.air.is_column)
 
 
 def watch(hunt: Hunt, state: Snapshot) -> None:

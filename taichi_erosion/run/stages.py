@@ -169,6 +169,7 @@ CAUSES = {
     Status.RESTITUTION: "the time step is too long for impacts at this speed",
     Status.COUNT: "an error of this program: please report it",
     Status.MOMENTUM: "an error of this program: please report it",
+    Status.AIR: "the wind crosses more than a cell between two looks: lower wind.look_steps",
     Status.RUNNING: "",
 }
 
@@ -179,6 +180,7 @@ def sentence(failure: Failure, seed: int) -> str:
     said = {
         Status.OVERLAP: f"grain {failure.grain} overlaps {partner} by {failure.value:.3g} radii",
         Status.LOST: f"grain {failure.grain} left the domain at a coordinate of {failure.value:.4g} m",
+        Status.AIR: "the pressure of the air was not found",
         Status.NOT_FINITE: f"grain {failure.grain} has a coordinate that is not a number",
         Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
         Status.RESTITUTION: f"an impact gave back {failure.value:.3g} of its speed, not what is stated",

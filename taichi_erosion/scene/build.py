@@ -65,7 +65,7 @@ def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
         setup,
         domain=patch_box(wind, setup.grains),
         period=(wind.length, wind.width, 0.0),
-        air=air_setup(scene, wind, setup.time_step),
+        air=air_setup(scene, wind, setup.time_step, seed),
         coupling=coupling(scene, wind, seed),
     )
 

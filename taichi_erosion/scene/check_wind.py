@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from math import sqrt
 
+from taichi_erosion.scene.check_grid import grid_checks
 from taichi_erosion.scene.fill import layer_places
 from taichi_erosion.scene.limits import time_step
 from taichi_erosion.scene.schema import Scene
@@ -53,6 +54,7 @@ def wind_checks(scene: Scene) -> Iterator[str]:
     if scene.wind is not None:
         yield from lid_checks(scene, scene.wind)
         yield from look_checks(scene, scene.wind)
+        yield from grid_checks(scene, scene.wind)
         yield from sleep_checks(scene, scene.wind)
 
 

@@ -1,4 +1,4 @@
-"""The column of air over and between the grains of a periodic patch."""
+"""The air over and between the grains of a periodic patch: one column of cells, or a grid of them."""
 
 from typing import Literal
 
@@ -7,13 +7,16 @@ from pydantic import Field, model_validator
 from taichi_erosion.core.setup import Coupling, Laws
 from taichi_erosion.scene.schema_field import Part, contradiction, extent, number
 
+Columns = tuple[int, int]
+COLUMNS_MOST = 256  # along either side of a patch
 FASTEST_FRICTION = 10.0  # largest friction velocity that a scene may name [m s-1]
 
 
 class Wind(Part):
-    """Periodic patch of a bed under wind: one column of air cells, driven by the stress at its lid.
+    """Periodic patch of a bed under wind: one column of air cells, driven by the stress at its lid, or many.
 
-    The patch reaches from 0 to `length` downwind and from 0 to `width` across; heights count from 0.
+    The patch reaches from 0 to `length` downwind and from 0 to `width` across; heights count from 0. On
+    several columns a large-eddy closure resolves the gusts that the patch has room for.
     """
 
     length: float = extent(..., "period downwind")
@@ -28,7 +31,21 @@ class Wind(Part):
     drag: Literal["schiller_naumann", "two_limits", "di_felice", "gidaspow"] = Field(
         default=Laws.drag, description="law of drag on a grain"
     )
-    closure: Literal["none", "mixing_length"] = Field("mixing_length", description="turbulence closure")
+    columns: Columns = number((1, 1), "1", "columns of cells downwind and across", 1, COLUMNS_MOST)
+    closure: Literal["none", "mixing_length", "smagorinsky"] = Field(
+        "mixing_length", description="turbulence closure; smagorinsky, or none, lets a grid have eddies"
+    )
+    drive: Literal["lid", "gradient"] = Field(
+        "lid", description="what gives the bed its stress: that of the lid, or a mean pressure gradient"
+    )
+    stir: float = number(1.0, "1", "deviation of the first velocities of a grid, over u*", 0.0, 10.0)
+    turnovers: float = number(
+        10.0,
+        "1",
+        "time for eddies to grow when wind sets in, times u* over the height above the bed",
+        0.0,
+        1e3,
+    )
     surface: float | None = number(
         None, "m", "height of the bed; left out: what the grains fill at a solid share of 0.6", 0.0, 1e4
     )

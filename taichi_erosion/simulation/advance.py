@@ -9,6 +9,7 @@ from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.simulation.assemble import Simulation, reallocate
+from taichi_erosion.simulation.eddies import look_now
 from taichi_erosion.simulation.sizes import grown
 from taichi_erosion.simulation.state import export_state, import_state
 from taichi_erosion.simulation.step import run_alone, run_together
@@ -40,6 +41,8 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
         if not remaining.any():
             return
         portion = np.minimum(remaining, launch_steps(sim))
+        if sim.around.apart:
+            portion = np.minimum(portion, look_now(sim, remaining > 0))
         left = launch(sim, portion)
         remaining = remaining - (portion - left)
         if (statuses(sim) == Status.OVERFLOW).any():

@@ -152,7 +152,7 @@ def run_replica(world_out: ti.template(), around_out: ti.template(), r, member, 
             turn = rebuild(world_out, r, member, size, turn)
         going = wanted != STOP and replicas_out.status[r] == 0
         if going:
-            if ti.static(world_out.driven or world_out.remembers):
+            if ti.static((world_out.driven or world_out.remembers) and not around_out.apart):
                 if step % around_out.exchange.look_steps[r] == 0:
                     turn = look(world_out, around_out, r, member, size, turn)
             add_forces(world_out, r, member, size)

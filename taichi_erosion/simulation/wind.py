@@ -5,11 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.air_setup import bed_gradient
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.coupling.develop import develop_air
 from taichi_erosion.simulation.assemble import Simulation
+from taichi_erosion.simulation.eddies import develop_eddies
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -20,13 +22,21 @@ AIR_GRIDS = (
 )
 EXCHANGE = ("owed", "rise", "lift", "through_flow")
 AIR_NUMBERS = ("time", "friction_velocity")
+# likewise of a grid of air alone
+GRID_GRIDS = ("impulse", "gradient")
+GRID_NUMBERS = ("driving_gradient",)
+GRID_EXCHANGE = ("looked",)
 
 
 def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
-    """Change the stress at the lid of one replica to rho u*^2; `value` is u* [m s-1] before its partition."""
-    assert sim.around.air is not None
+    """Change the stress on the bed of one replica to rho u*^2; `value` is u* [m s-1] before its partition."""
+    air, setup = sim.around.air, sim.setups[replica].air
+    assert air is not None
+    assert setup is not None
     reaching = value * sim.setups[replica].coupling.partition
-    upload([(sim.around.air.numbers.friction_velocity, [reaching])], replica)
+    upload([(air.numbers.friction_velocity, [reaching])], replica)
+    if not air.is_column:
+        upload([(air.numbers.driving_gradient, [(bed_gradient(setup, reaching), 0.0, 0.0)])], replica)
 
 
 def friction_velocity(sim: Simulation, replica: int) -> float:
@@ -39,10 +49,17 @@ def friction_velocity(sim: Simulation, replica: int) -> float:
 def develop_wind(sim: Simulation, replica: int, value: float, anew: bool = False) -> None:
     """Change u* [m s-1] and let the air of one replica find its steady profile before the grains move on.
 
-    `anew` says that the grains have just been put back, and air and grains owe each other nothing.
+    `anew` says that the grains have just been put back, and air and grains owe each other nothing. A grid
+    has no steady profile: there `develop_eddies` says what happens.
     """
+    assert sim.around.air is not None
+    before = friction_velocity(sim, replica)
     set_friction_velocity(sim, replica, value)
-    develop_air(replica, int(anew), sim.world, sim.around)
+    if sim.around.air.is_column:
+        develop_air(replica, int(anew), sim.world, sim.around)
+    else:
+        part = sim.setups[replica].coupling.partition
+        develop_eddies(sim, replica, part * before, part * value, anew)
 
 
 def set_through_flow(sim: Simulation, replica: int, value: float) -> None:
@@ -51,46 +68,46 @@ def set_through_flow(sim: Simulation, replica: int, value: float) -> None:
 
 
 def air_profile(sim: Simulation, replica: int) -> AirProfile:
-    """The column of air of one replica, layer by layer."""
+    """The air of one replica, layer by layer; of a grid the means over its columns."""
     air = sim.around.air
     assert air is not None
     setup = sim.setups[replica].air
     assert setup is not None
 
     def inner(field: Any) -> Floats:
-        return read(field)[replica, 1, 1, 1:-1]
+        return read(field)[replica, 1:-1, 1:-1, 1:-1].mean(axis=(0, 1))
 
-    face = np.asarray(setup.faces_z)
     velocity = np.stack([inner(air.velocity_x), inner(air.velocity_y)], axis=1)
-    force, coefficient = inner(air.exchange_force), inner(air.exchange_coefficient)
+    if air.is_column:
+        drag = inner(air.exchange_force)[:, :2] - inner(air.exchange_coefficient)[:, None] * velocity
+    else:
+        drag = inner(air.impulse)[:, :2] / setup.time_step
     return AirProfile(
-        face=face,
+        face=np.asarray(setup.faces_z),
         velocity=velocity,
         void_fraction=inner(air.void_fraction),
         eddy_viscosity=inner(air.eddy_face),
-        drag=force[:, :2] - coefficient[:, None] * velocity,
+        drag=drag,
         lift=read(sim.around.exchange.lift)[replica],
     )
 
 
-def export_surroundings(sim: Simulation) -> Arrays:
-    """State of air and exchange of all replicas; empty where there is no air."""
-    air = sim.around.air
+def fields_carried(sim: Simulation) -> dict[str, Any]:
+    """Fields of air and exchange that the next step depends on, by their names in a checkpoint."""
+    air, exchange, apart = sim.around.air, sim.around.exchange, sim.around.apart
     if air is None:
         return {}
-    state = {f"air_{name}": read(getattr(air, name)) for name in AIR_GRIDS}
-    state |= {f"air_{name}": read(getattr(air.numbers, name)) for name in AIR_NUMBERS}
-    return state | {f"exchange_{name}": read(getattr(sim.around.exchange, name)) for name in EXCHANGE}
+    found = {f"air_{name}": getattr(air, name) for name in AIR_GRIDS + GRID_GRIDS * apart}
+    found |= {f"air_{name}": getattr(air.numbers, name) for name in AIR_NUMBERS + GRID_NUMBERS * apart}
+    return found | {f"exchange_{name}": getattr(exchange, name) for name in EXCHANGE + GRID_EXCHANGE * apart}
+
+
+def export_surroundings(sim: Simulation) -> Arrays:
+    """State of air and exchange of all replicas; empty where there is no air."""
+    return {name: read(field) for name, field in fields_carried(sim).items()}
 
 
 def import_surroundings(sim: Simulation, state: Arrays) -> None:
     """Put an exported state of air and exchange back."""
-    air = sim.around.air
-    if air is None:
-        return
-    for name in AIR_GRIDS:
-        write(getattr(air, name), state[f"air_{name}"])
-    for name in AIR_NUMBERS:
-        write(getattr(air.numbers, name), state[f"air_{name}"])
-    for name in EXCHANGE:
-        write(getattr(sim.around.exchange, name), state[f"exchange_{name}"])
+    for name, field in fields_carried(sim).items():
+        write(field, state[name])

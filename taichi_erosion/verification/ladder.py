@@ -17,6 +17,7 @@ from taichi_erosion.verification import (
     exchange,
     frames,
     free_motion,
+    grid_patch,
     heaps,
     hostile,
     normal_impact,
@@ -75,6 +76,7 @@ LADDER: dict[str, Check] = {
     "V34": heaps.repose_trends,
     "V36": saltation.saltation,
     "V37": designed_effects.recovered_effects,
+    "V38": grid_patch.grid_patch,
 }
 
 

@@ -11,7 +11,7 @@ from taichi_erosion.scene.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.wind import surface_height
 
 SCENES = Path(__file__).parents[2] / "scenes"
-NAMES = ("impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
+NAMES = ("gusty_patch", "impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
 
 REFUSED = [
     ("wind_threshold", "wind.height=5e-4", "the lid lies inside the bed"),
@@ -30,6 +30,13 @@ REFUSED = [
         "stages.0.move={ground = { velocity = [1.0, 0.0, 0.0] }}",
         "may sleep where walls move",
     ),
+    ("wind_threshold", "wind.closure='smagorinsky'", "one column has no eddies"),
+    ("wind_threshold", "wind.drive='gradient'", "one column is driven by its lid"),
+    ("wind_threshold", "wind.columns=[4, 1]", r"wind\.columns\.1 = 1: an even number is needed, at least 4"),
+    ("wind_threshold", "wind.columns=[5, 4]", r"wind\.columns\.0 = 5: an even number"),
+    ("wind_threshold", "wind.columns=[4, 16]", "narrower than a grain"),
+    ("saltation", "wind.columns=[4, 4]", r"measure\.bed_stress reads a single column"),
+    ("packed_bed", "wind.columns=[4, 4]", "through_flow needs a single column"),
     ("saltation", "stages.3.friction_velocity=50.0", "lies outside"),
     ("saltation", "wind.surface=0.2", "the lid is inside the bed"),
 ]
@@ -73,3 +80,27 @@ def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
     # of a sample of some hundred grains: the mean cube scatters by a few percent
     assert mean_cube(size) < nominal_diameter(size) ** 3
     assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
+
+
+GRID = ("wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
+
+
+def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
+    scene = load_scene(SCENES / "wind_threshold.toml", [*GRID, "wind.look_steps=5"])
+    air = build_setup(scene, 3).air
+    assert air is not None
+    assert air.stir is not None
+    assert air.cells[:2] == (8, 8)
+    assert air.sides["z_high"].kind == "symmetry"
+    assert (air.model.closure, air.model.scheme, air.stir.seed) == ("smagorinsky", "runge_kutta", 3)
+
+
+def test_a_gust_crosses_no_more_than_a_cell_between_two_looks():
+    with pytest.raises(BadInput, match=r"a gust of .* crosses .* between two looks; at most"):
+        check_scene(SCENES / "wind_threshold.toml", (*GRID, "wind.look_steps=100"))
+
+
+def test_gusts_of_the_grid_and_of_the_effect_do_not_blow_at_once():
+    orders = (*GRID, "wind.look_steps=5", "effects.turbulent_gusts.strength=1.0")
+    with pytest.raises(BadInput, match="the grid has gusts of its own"):
+        check_scene(SCENES / "wind_threshold.toml", orders)

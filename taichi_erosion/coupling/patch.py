@@ -1,0 +1,137 @@
+"""Looks of grains at a grid of air over their patch, which the host drives between launches of the grains.
+
+They do what `look.py` does for a single column, with all three components of momentum. A grain of volume V
+in the gradient of the pressure gets  -V grad p,  the share 1 - eps that the air of its cells has not taken of
+it. Floor and lid take the vertical momentum that no velocity of the air can. The step of the air is the time
+from one look to the next. A look stops the replica whose pressure is not found.
+
+Each replica looks in its own time: those are `moving` that do so now. Looks come before the lists of grains
+are renewed, and `looked` remembers the step of the last, so that none is taken twice.
+"""
+
+from taichi_erosion.air.books import remember_void_of
+from taichi_erosion.air.place import cell_volume
+from taichi_erosion.air.replica import advance_moving
+from taichi_erosion.air.walk import each_column
+from taichi_erosion.air.walk_pressure import TOLERANCE
+from taichi_erosion.core.snapshot import Status
+from taichi_erosion.core.ti import ti
+from taichi_erosion.coupling.feel import feel_partition
+from taichi_erosion.coupling.give import give_partition
+from taichi_erosion.coupling.look import load_air, settle
+from taichi_erosion.coupling.surroundings import Surroundings
+from taichi_erosion.grains.sleep import lull
+from taichi_erosion.grains.world import World
+
+AIR = int(Status.AIR)
+
+
+@ti.func
+def place_of(air: ti.template(), c):
+    """Place (i, j, k) of a cell by its number."""
+    (n,) = ti.static((air.cells,))
+    return c // (n[1] * n[2]), c // n[2] % n[1], c % n[2]
+
+
+@ti.func
+def hand_back(around_out: ti.template(), r):
+    """Give the air what is owed to its grains, spread over the coming step."""
+    air_out, exchange = ti.static((around_out.air, around_out.exchange))
+    for c in range(air_out.cell_count):
+        i, j, k = place_of(air_out, c)
+        back = exchange.owed[r, c] / (air_out.numbers.time_step[r] * cell_volume(air_out, r, k))
+        air_out.exchange_force[r, i, j, k] = air_out.exchange_force[r, i, j, k] + back
+
+
+@ti.func
+def note_loss(around_out: ti.template(), r):
+    """Owe the grains what the air has lost in the last step."""
+    air, exchange_out = ti.static((around_out.air, around_out.exchange))
+    for c in range(air.cell_count):
+        i, j, k = place_of(air, c)
+        gained = air.impulse[r, i, j, k] * cell_volume(air, r, k)
+        exchange_out.owed[r, c] = exchange_out.owed[r, c] - gained
+
+
+@ti.func
+def count_grains(world_out: ti.template(), around_out: ti.template(), r):
+    """Sum up the grains of replica r, cell by cell, and put what they got off the books."""
+    for p in range(world_out.replicas.partitions[r]):
+        give_partition(world_out, around_out, r, p)
+    settle(world_out, around_out, r)
+    load_air(world_out, around_out, r)
+
+
+@ti.func
+def feel_all(world_out: ti.template(), around: ti.template(), r, counts):
+    """Renew what all grains of replica r hold; a look that `counts` is remembered by the effects."""
+    for p in range(world_out.replicas.partitions[r]):
+        feel_partition(world_out, around, r, p, counts)
+
+
+@ti.kernel
+def meet_air(
+    # parameters
+    count: ti.i32,
+    chunk: ti.i32,
+    books: ti.i32,
+    # out
+    world_out: ti.template(),
+    around_out: ti.template(),
+):
+    """Let grains and air of every moving replica know each other; without `books` nobody owes."""
+    for lane in range(count * chunk):
+        r = lane // chunk
+        if lane % chunk == 0 and around_out.air.moving[r] == 1:
+            count_grains(world_out, around_out, r)
+            for c in range(around_out.air.cell_count * (1 - books)):
+                around_out.exchange.owed[r, c] = 0.0 * around_out.exchange.owed[r, c]
+            each_column(remember_void_of, around_out.air, r)
+            feel_all(world_out, around_out, r, False)
+
+
+@ti.kernel
+def begin_look(
+    # parameters
+    count: ti.i32,
+    chunk: ti.i32,
+    # out
+    world_out: ti.template(),
+    around_out: ti.template(),
+):
+    """Sum up the grains of every moving replica for the step of its air."""
+    for lane in range(count * chunk):
+        r = lane // chunk
+        if lane % chunk == 0 and around_out.air.moving[r] == 1:
+            count_grains(world_out, around_out, r)
+            hand_back(around_out, r)
+
+
+@ti.kernel
+def end_look(
+    # parameters
+    count: ti.i32,
+    chunk: ti.i32,
+    # out
+    world_out: ti.template(),
+    around_out: ti.template(),
+):
+    """Book what the air of every moving replica has lost, and let the grains feel it."""
+    for lane in range(count * chunk):
+        r = lane // chunk
+        if lane % chunk == 0 and around_out.air.moving[r] == 1:
+            note_loss(around_out, r)
+            feel_all(world_out, around_out, r, True)
+            if ti.static(world_out.sleeps):
+                lull(world_out, r, 0, 1, 1)
+            around_out.exchange.looked[r] = world_out.replicas.step[r]
+            if not around_out.air.left[r] <= TOLERANCE:
+                world_out.replicas.status[r] = AIR
+
+
+def look_at_grids(world: World, around: Surroundings, count: int, chunk: int) -> None:
+    """One look of all grains of the moving replicas."""
+    assert around.air is not None
+    begin_look(count, chunk, world, around)
+    advance_moving(around.air, count, chunk)
+    end_look(count, chunk, world, around)
