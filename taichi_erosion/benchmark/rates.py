@@ -1,8 +1,7 @@
 """Grain-steps per second of a prepared case (a NumPy file, which other codes can run as well)."""
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from taichi_erosion.benchmark.setups import LAWS, bed_setup, funnel_setup
 from taichi_erosion.core.setup import Laws, Numerics, Setup
-from taichi_erosion.core.transfer import inner_shape
+from taichi_erosion.core.transfer import device_fields, inner_shape
 from taichi_erosion.grains.pairs import ENGAGED
 from taichi_erosion.simulation import (
     Simulation,
@@ -65,16 +64,6 @@ def stage_shares(sim: Simulation, rebuilds_per_step: float) -> dict[str, float]:
     cost = stage_times(sim)
     cost["rebuild"] *= rebuilds_per_step
     return {stage: spent / sum(cost.values()) for stage, spent in cost.items()}
-
-
-def device_fields(owner: Any) -> Iterator[Any]:
-    """All fields that a record holds, in records within it too."""
-    for entry in fields(owner):
-        value = getattr(owner, entry.name)
-        if is_dataclass(value):
-            yield from device_fields(value)
-        elif hasattr(value, "dtype") and hasattr(value, "shape"):
-            yield value
 
 
 def device_bytes(owner: Any) -> int:

@@ -25,11 +25,11 @@ from taichi_erosion.campaign.store import (
     read_results,
     unfinished,
 )
-from taichi_erosion.campaign.workers import Batch, Event, Pool, named_function, start_pool
+from taichi_erosion.campaign.workers import Batch, Event, Pool, named_work, start_pool
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
 
-SIMULATE = "taichi_erosion.campaign.simulate:simulate_batch"
+SIMULATE = "taichi_erosion.campaign.simulate:simulating"
 BEAT = LEASE / 6.0  # s between signs of life
 WAIT = 0.2  # s that a look at the workers takes at most
 CONNECT = 20.0  # s until a scheduler that does not answer is an error
@@ -68,7 +68,7 @@ def execute(
     Failed runs are results with a reason. Raises BadInput where the ledger or the scheduler cannot be used.
     """
     wanted = {request.key: request for request in requests}
-    named_function(function)
+    named_work(function)
     enlist(store, list(wanted.values()))
     free_orphans(store)
     left = unfinished(store, list(wanted))
@@ -168,7 +168,8 @@ def duration(seconds: float) -> str:
 def perform(function: str, payloads: list[dict[str, Any]]) -> list[tuple[int, dict[str, Any]]]:
     """A batch on a Dask worker: all records at the end, with their places."""
     told: list[tuple[int, dict[str, Any]]] = []
-    named_function(function)(payloads, lambda place, record: told.append((place, record)), lambda _: None)
+    with named_work(function)() as run:
+        run(payloads, lambda place, record: told.append((place, record)), lambda _: None)
     return told
 
 

@@ -1,22 +1,35 @@
-"""The run function of a campaign of scenes: a batch is one ensemble on one thread."""
+"""What a worker of a campaign of scenes does: a batch is one ensemble on one thread."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.campaign.workers import Share, Tell
+from taichi_erosion.campaign.workers import RunFunction, Share, Tell
+from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.ensemble import Part, play_ensemble
+from taichi_erosion.run.ensemble import Part, play_after
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.load import parse_scene
+from taichi_erosion.simulation import Simulation
 
 THREADS = 1  # a batch is one of several that run beside each other
 
 
-def simulate_batch(payloads: list[dict[str, Any]], tell: Tell, share: Share) -> None:
-    """Simulate the scenes of `request.request_of`."""
-    parts = [part_of(payload) for payload in payloads]
-    precision = parts[0].scene.run.precision
-    play_ensemble(parts, Numerics("cpu", THREADS, precision), tell, lambda done, _: share(done))
+@contextmanager
+def simulating() -> Iterator[RunFunction]:
+    """A run function for the scenes of `request.request_of`; its ensembles take each other's fields over."""
+    kept: Simulation | None = None
+
+    def simulate_batch(payloads: list[dict[str, Any]], tell: Tell, share: Share) -> None:
+        nonlocal kept
+        parts = [part_of(payload) for payload in payloads]
+        numerics = Numerics("cpu", THREADS, parts[0].scene.run.precision)
+        before, kept = kept, None  # what breaks off is of no use to the next
+        kept = play_after(before, parts, numerics, tell, lambda done, _: share(done))
+
+    yield simulate_batch
+    stop_device()
 
 
 def part_of(payload: dict[str, Any]) -> Part:

@@ -24,6 +24,8 @@ from taichi_erosion.measures.result import without_nan
 LEDGER = "ledger.sqlite"
 LEASE = 60.0  # s without a sign of life after which a run is given to others
 BUSY = 30.0  # s that a writer waits for another
+PAUSE = 0.02  # s between two attempts
+PRIMARY_CODE = 0xFF  # bits of an SQLite error code that name its kind
 DEATHS_MOST = 3  # workers that one run may take with it before it counts as failed
 FORMAT = 1  # of the table below
 COLUMNS = ["key", "payload", "state", "owner", "beat", "deaths", "record", "failure", "wall_s", "ended"]
@@ -61,12 +63,28 @@ def open_store(folder: Path) -> Store:
         folder.mkdir(parents=True, exist_ok=True)
         connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None)
         refuse_foreign(path, connection)
-        connection.execute("PRAGMA journal_mode = WAL")
+        write_ahead(connection)
         # a killed process loses nothing; after a power cut the last results may have to be run again
         connection.execute("PRAGMA synchronous = NORMAL")
         connection.execute(f"PRAGMA user_version = {FORMAT}")
         connection.execute(TABLE)
     return Store(path, connection, f"{socket.gethostname()}:{os.getpid()}")
+
+
+def write_ahead(connection: sqlite3.Connection) -> None:
+    """Let readers and one writer work beside each other.
+
+    Whoever opens a new file at the same moment waits here: SQLite itself does not wait to change its journal.
+    """
+    until = time.monotonic() + BUSY
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & PRIMARY_CODE != sqlite3.SQLITE_BUSY or time.monotonic() > until:
+                raise
+            time.sleep(PAUSE)
 
 
 def refuse_foreign(path: Path, connection: sqlite3.Connection) -> None:

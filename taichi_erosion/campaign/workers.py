@@ -1,7 +1,8 @@
 """Local worker processes: each takes batches through a pipe and tells every result as soon as it is there.
 
 Workers are spawned, never forked: Taichi does not survive a fork. A worker whose parent has died ends at
-once. A run function has the signature of `RunFunction` and is named "module:function".
+once. What a worker does is named "module:function": a context manager that gives a `RunFunction`, entered
+when the worker starts and left when it has nothing more to do.
 """
 
 import multiprocessing
@@ -10,7 +11,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection, wait
@@ -21,6 +22,7 @@ from taichi_erosion.core.errors import BadInput
 Tell = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
 Share = Callable[[float], None]  # share of the batch that is done [1]
 RunFunction = Callable[[list[dict[str, Any]], Tell, Share], None]  # (payloads, tell, share)
+Work = Callable[[], AbstractContextManager[RunFunction]]
 
 PATIENCE = 5.0  # s that a worker is given to end
 
@@ -74,35 +76,40 @@ class Pool(Protocol):
         ...
 
 
-def named_function(name: str) -> RunFunction:
-    """The function of "module:function". Raises BadInput where there is none."""
+def named_work(name: str) -> Work:
+    """The context manager of "module:function". Raises BadInput where there is none."""
     module, _, function = name.partition(":")
     try:
         return getattr(import_module(module), function)
     except (ImportError, AttributeError, ValueError) as error:
-        raise BadInput(f"run function '{name}' must be MODULE:FUNCTION ({error})") from None
+        raise BadInput(f"work '{name}' must be MODULE:FUNCTION ({error})") from None
 
 
 def serve(connection: Connection, name: str) -> None:
     """Life of a worker: batches in, records out, until the pipe or the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to decide
     threading.Thread(target=end_with_parent, daemon=True).start()
-    function = named_function(name)
-    while True:
-        try:
-            payloads = connection.recv()
-        except (EOFError, OSError):
-            return
-        try:
-            function(
-                payloads,
-                lambda place, record: connection.send(("told", place, record)),
-                lambda share: connection.send(("share", share)),
-            )
-            connection.send(("ended",))
-        except Exception as error:
-            with suppress(OSError):  # where the parent is gone nobody would hear it
-                connection.send(("broken", f"{type(error).__name__}: {error}"))
+    with named_work(name)() as run:
+        while True:
+            try:
+                payloads = connection.recv()
+            except (EOFError, OSError):
+                return
+            obey(connection, run, payloads)
+
+
+def obey(connection: Connection, run: RunFunction, payloads: list[dict[str, Any]]) -> None:
+    """Work one batch off."""
+    try:
+        run(
+            payloads,
+            lambda place, record: connection.send(("told", place, record)),
+            lambda share: connection.send(("share", share)),
+        )
+        connection.send(("ended",))
+    except Exception as error:
+        with suppress(OSError):  # where the parent is gone nobody would hear it
+            connection.send(("broken", f"{type(error).__name__}: {error}"))
 
 
 def end_with_parent() -> None:
@@ -196,9 +203,12 @@ class LocalPool:
         return Event("died", batch, reason=reason)
 
     def close(self) -> None:
-        """End all workers."""
+        """End all workers; those without a batch by themselves, since they may have something to put away."""
         for worker in self.crew:
-            worker.process.terminate()
+            if worker.batch is None:
+                worker.connection.close()
+            else:
+                worker.process.terminate()
         for worker in self.crew:
             worker.process.join(PATIENCE)
             if worker.process.is_alive():

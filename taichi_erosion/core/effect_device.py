@@ -47,34 +47,41 @@ def bind(place: str, replicas: Sequence[Sequence[Acting]], grain_places: int = 0
     known = {a.effect.name: a.effect for row in replicas for a in row if a.effect.place == place}
     effects = [known[name] for name in sorted(known)]
     count = len(replicas)
-    present = ti.field(ti.i32, shape=(count, max(len(effects), 1)))
-    held = np.zeros(present.shape, np.int32)
-    constants, memories, starts = [], [], []
-    for k, effect in enumerate(effects):
-        rows = [next((a for a in acts if a.effect.name == effect.name), None) for acts in replicas]
-        held[:, k] = [row is not None for row in rows]
-        constants.append(struct_table([None if row is None else row.constants for row in rows]))
-        starts.append(struct_table([None if row is None else row.start for row in rows]))
-        names = [] if effect.memory is None else [f.name for f in fields(effect.memory)]
-        memories.append(struct_field(names, grain_places + 1))
-    if effects:
-        write(present, held)
+    examples = [next(a for row in replicas for a in row if a.effect.name == e.name) for e in effects]
     keeps = tuple(effect.memory is not None for effect in effects)
-    return Bound(
+    bound = Bound(
         acts=tuple(e.act for e in effects),
-        constants=tuple(constants),
+        constants=tuple(struct_field(list(a.constants), count) for a in examples),
         names=tuple(effect.name for effect in effects),
-        present=present,
+        present=ti.field(ti.i32, shape=(count, max(len(effects), 1))),
         any=bool(effects),
         whole=tuple(effect.whole for effect in effects),
         thrusts=any(effect.whole for effect in effects),
         keeps=keeps,
-        memories=tuple(memories),
-        starts=tuple(starts),
+        memories=tuple(struct_field(memory_names(e), grain_places + 1) for e in effects),
+        starts=tuple(struct_field(list(a.start), count) for a in examples),
         updates=tuple(e.remember for e in effects),
         nobody=grain_places,
         remembers=any(keeps),
     )
+    write_constants(bound, replicas)
+    return bound
+
+
+def memory_names(effect: Effect) -> list[str]:
+    """Numbers that an effect remembers of every grain."""
+    return [] if effect.memory is None else [f.name for f in fields(effect.memory)]
+
+
+def write_constants(bound: Bound, replicas: Sequence[Sequence[Acting]]) -> None:
+    """Say which replica has which effect, with which constants; all effects of the place must be held."""
+    held = np.zeros((len(replicas), max(len(bound.names), 1)), np.int32)
+    for k, name in enumerate(bound.names):
+        rows = [next((a for a in acts if a.effect.name == name), None) for acts in replicas]
+        held[:, k] = [row is not None for row in rows]
+        write_table(bound.constants[k], [None if row is None else row.constants for row in rows])
+        write_table(bound.starts[k], [None if row is None else row.start for row in rows])
+    write(bound.present, held)
 
 
 def struct_field(names: Sequence[str], places: int) -> Any:
@@ -82,14 +89,11 @@ def struct_field(names: Sequence[str], places: int) -> Any:
     return ti.types.struct(**dict.fromkeys(names, float)).field(shape=places) if names else None
 
 
-def struct_table(rows: Sequence[dict[str, float] | None]) -> Any:
-    """The same numbers of every replica, 0 where a replica has none; None where there are no numbers."""
-    names = list(next(row for row in rows if row is not None))
-    table = struct_field(names, len(rows))
-    columns = [[0.0 if row is None else row[name] for row in rows] for name in names]
-    if names:
-        upload([(getattr(table, name), column) for name, column in zip(names, columns, strict=True)])
-    return table
+def write_table(table: Any, rows: Sequence[dict[str, float] | None]) -> None:
+    """Write the same numbers of every replica, 0 where a replica has none; nothing without a table."""
+    if table is not None:
+        columns = {name: [0.0 if row is None else row[name] for row in rows] for name in table.keys}
+        upload([(getattr(table, name), column) for name, column in columns.items()])
 
 
 def rebind(bound: Bound, replica: int, effects: Sequence[Acting]) -> None:

@@ -5,6 +5,8 @@ Taichi would compile one kernel for every field that is copied by itself; so a w
 length goes through one kernel and one f64 table, which holds f32 and i32 values exactly.
 """
 
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -14,10 +16,20 @@ from taichi_erosion.core.memory import NUMPY_TYPES, inner_shape, is_host, memory
 from taichi_erosion.core.ti import ti
 
 
-def layout(fields: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
+def device_fields(owner: Any) -> Iterator[Any]:
+    """All fields that a record holds, in records within it too."""
+    for entry in fields(owner):
+        value = getattr(owner, entry.name)
+        if is_dataclass(value):
+            yield from device_fields(value)
+        elif hasattr(value, "dtype") and hasattr(value, "shape"):
+            yield value
+
+
+def layout(chosen: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
     """Field, first column of the table, rows and columns of one element; a scalar has no rows."""
     rows, first = [], 0
-    for field in fields:
+    for field in chosen:
         shape = (*inner_shape(field), 1, 1)[:2] if hasattr(field, "n") else (0, 1)
         rows.append((field, first, *shape))
         first += max(shape[0], 1) * shape[1]

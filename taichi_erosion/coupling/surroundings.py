@@ -11,7 +11,7 @@ from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.effect import grain_type
 from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import upload
+from taichi_erosion.core.transfer import upload, write
 from taichi_erosion.coupling.drag import DRAG
 
 real = ti.f64
@@ -75,22 +75,20 @@ def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
     return Exchange(**table)
 
 
+def write_looks(exchange: Exchange, setups: Sequence[Setup]) -> None:
+    """How the grains of every replica look at their surroundings; none has looked yet."""
+    names = ("look_steps", "seed", "surface", "through_flow")
+    upload([(getattr(exchange, name), [getattr(s.coupling, name) for s in setups]) for name in names])
+    write(exchange.looked, -1)
+
+
 def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundings:
     """Put the air on the device; all setups have air, or none has."""
     airs: list[AirSetup] = [s.air for s in setups if s.air is not None]
     layers = airs[0].cells[2] if airs else 1
     cells = prod(airs[0].cells) if airs else 1
-    exchange = allocate_exchange(len(setups), cells, layers)
-    looks = [s.coupling for s in setups]
-    upload(
-        [
-            (exchange.look_steps, [look.look_steps for look in looks]),
-            (exchange.looked, [-1] * len(looks)),
-            (exchange.seed, [look.seed for look in looks]),
-            (exchange.surface, [look.surface for look in looks]),
-            (exchange.through_flow, [look.through_flow for look in looks]),
-        ]
-    )
+    exchange, looks = allocate_exchange(len(setups), cells, layers), [s.coupling for s in setups]
+    write_looks(exchange, setups)
     return Surroundings(
         windy=bool(airs),
         rising=any(look.rising or look.through_flow != 0.0 for look in looks),

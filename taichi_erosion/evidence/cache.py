@@ -13,6 +13,7 @@ from time import monotonic
 
 import numpy as np
 
+from taichi_erosion.campaign.store import write_ahead
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.problem import Floats, Integers, Model
 from taichi_erosion.recording.whole_file import make_folder
@@ -64,7 +65,7 @@ def connect(file: Path) -> sqlite3.Connection:
     make_folder(file)
     try:
         connection = sqlite3.connect(file, timeout=WAIT)
-        connection.execute("PRAGMA journal_mode=WAL")
+        write_ahead(connection)
         connection.execute("CREATE TABLE IF NOT EXISTS run (key BLOB PRIMARY KEY, result BLOB NOT NULL)")
         connection.commit()
     except sqlite3.Error as error:

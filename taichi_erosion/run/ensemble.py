@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
 from taichi_erosion.effects import load_library
@@ -24,7 +25,7 @@ from taichi_erosion.run.result import replica_record, versions
 from taichi_erosion.run.stages import Actor
 from taichi_erosion.run.watch import Camera, Properties, Teller, open_camera
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
-from taichi_erosion.simulation import assemble, effective_scene, prepare
+from taichi_erosion.simulation import Simulation, effective_scene, prepare, succeed
 
 Told = Callable[[int, dict[str, Any]], None]  # (place in the list, what came out)
 
@@ -43,9 +44,11 @@ class Part:
 class Cast:
     """The parts that can be played, with their places in the list that was asked for."""
 
-    places: list[int]
-    parts: list[Part]
-    setups: list[Setup]
+    library: dict[str, Effect]  # empty where no scene names an effect
+    places: list[int] = field(default_factory=list)
+    parts: list[Part] = field(default_factory=list)
+    setups: list[Setup] = field(default_factory=list)
+    scenes: list[Scene] = field(default_factory=list)  # after the effects that change them
 
 
 def play_ensemble(
@@ -57,45 +60,54 @@ def play_ensemble(
     shares of the ensemble's) and `failure`: None, or why there is no result. A part that cannot start fails
     alone.
     """
+    play_after(None, parts, numerics, tell, progress)
+    stop_device()
+
+
+def play_after(
+    before: Simulation | None,
+    parts: Sequence[Part],
+    numerics: Numerics,
+    tell: Told,
+    progress: Report | None = None,
+) -> Simulation | None:
+    """The same, in the fields of an ensemble that has ended; returns what the next one may take over.
+
+    Whoever wants no other ensemble stops the device.
+    """
     cast = able_to_start(parts, tell)
     if not cast.parts:
-        return
+        return before
     try:
-        scene = cast.parts[0].scene
-        sim = assemble(cast.setups, laws(effective_scene(scene, library_of(scene))), numerics)
+        sim = succeed(before, cast.setups, laws(cast.scenes[0]), numerics)
     except BadInput as error:
         if len(cast.parts) == 1:
             tell(cast.places[0], refused(cast.parts[0], str(error)))
-            return
+            return None
         for place, part in zip(cast.places, cast.parts, strict=True):
             play_ensemble([part], numerics, lambda _, record, place=place: tell(place, record), progress)
-        return
-    scenes = [effective_scene(part.scene, library_of(part.scene)) for part in cast.parts]
-    stage_play = Play(scenes, sim, [Actor(part.seed) for part in cast.parts])
+        return None
+    stage_play = Play(cast.scenes, sim, [Actor(part.seed) for part in cast.parts])
     crier = Crier(cast, tell, time.perf_counter(), time.process_time(), cameras_of(cast, stage_play))
     watchers = [partial(watch_while_there_is_room, camera) for camera in crier.cameras.values()]
     teller = [Teller(progress).watch] if progress else []
     play(stage_play, [*watchers, *teller, crier.watch])
-    stop_device()
-
-
-def library_of(scene: Scene) -> Any:
-    """The library of effects where the scene names any."""
-    return load_library() if scene.effects else {}
+    return sim
 
 
 def able_to_start(parts: Sequence[Part], tell: Told) -> Cast:
     """Build every replica; a part that cannot be built is told as failed."""
-    cast = Cast([], [], [])
+    cast = Cast(load_library() if any(part.scene.effects for part in parts) else {})
     for place, part in enumerate(parts):
         try:
-            setup = prepare(part.scene, part.seed, library_of(part.scene))
+            setup = prepare(part.scene, part.seed, cast.library)
         except BadInput as error:
             tell(place, refused(part, str(error)))
             continue
         cast.places.append(place)
         cast.parts.append(part)
         cast.setups.append(setup)
+        cast.scenes.append(effective_scene(part.scene, cast.library))
     return cast
 
 
@@ -156,7 +168,7 @@ class Crier:
     def record(self, stage_play: Play, replica: int) -> dict[str, Any]:
         """What came out of one replica."""
         part, actor = self.cast.parts[replica], stage_play.actors[replica]
-        actor.measurements = as_read(actor.measurements, part.scene, library_of(part.scene))
+        actor.measurements = as_read(actor.measurements, part.scene, self.cast.library)
         found = replica_record(stage_play, replica)
         camera = self.cameras.get(replica)
         hashed = scene_hash(part.scene)

@@ -25,7 +25,7 @@ from taichi_erosion.run.stages import (
     weight_over_diameters,
 )
 from taichi_erosion.scene import Scene
-from taichi_erosion.simulation import Simulation, advance, energies, failure
+from taichi_erosion.simulation import Simulation, advance, energies, failure, statuses
 from taichi_erosion.simulation.impact import Impact
 
 ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
@@ -44,6 +44,10 @@ class Play:
     grain_steps: float = 0.0  # released grains times steps
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
     impacts: list[Impact] = field(default_factory=list)  # of every pair of materials, before the first step
+    lifts: Floats = field(init=False)  # J, by replica: what lifting every grain by its own diameter takes
+
+    def __post_init__(self) -> None:
+        self.lifts = np.array([weight_over_diameters(setup) for setup in self.sim.setups])
 
     @property
     def check_interval(self) -> float:
@@ -69,28 +73,34 @@ def play(stage_play: Play, watchers: list[Watcher]) -> None:
         stage_play.checks += 1
         stage_play.sums = energies(sim)
         running = np.array([actor.active for actor in stage_play.actors])
+        stopped = statuses(sim) != Status.RUNNING
         steps = interval / np.array([setup.time_step for setup in sim.setups])
         stage_play.grain_steps += float((running * steps * stage_play.sums[:, 5]).sum())
         for replica, actor in enumerate(stage_play.actors):
             if actor.active:
+                actor.failure = failure(sim, replica) if stopped[replica] else None
                 check_replica(stage_play, replica, actor)
         for watcher in watchers:
             watcher(stage_play)
 
 
 def check_replica(stage_play: Play, replica: int, actor: Actor) -> None:
-    """Guards, then tilt, frames and the end of the stage."""
+    """Guards, then tilt, frames and the end of the stage.
+
+    What the contacts give back was found before the first step, and is asked for once.
+    """
     sim, scene, time = stage_play.sim, stage_play.scenes[replica], stage_play.time
     actor.failure = (
-        failure(sim, replica)
-        or restitution_failure(stage_play.impacts, replica, scene, time)
+        actor.failure
+        or (restitution_failure(stage_play.impacts, replica, scene, time) if stage_play.checks == 1 else None)
         or energy_failure(stage_play, replica, actor)
     )
     if actor.failure is not None:
         return
     tilt_gravity(sim, scene, replica, actor, time)
     keep_frame(sim, scene, replica, actor, time)
-    if is_over(sim, scene, replica, actor, time, float(stage_play.sums[replica, 0])):
+    kinetic = float(stage_play.sums[replica, 0] / stage_play.lifts[replica])
+    if is_over(sim, scene, replica, actor, time, kinetic):
         actor.failure = count_failure(sim, replica, time)
         if actor.failure is None and stage_play.grain_steps > MOMENTUM_AFTER:
             actor.failure = momentum_failure(sim, replica, time)
@@ -116,7 +126,7 @@ def energy_failure(stage_play: Play, replica: int, actor: Actor) -> Failure | No
     actor.energy = None if moving or fed else now
     if before is None or actor.energy is None:
         return None
-    scale = float(translation + rotation + elastic) + weight_over_diameters(sim, replica)
+    scale = float(translation + rotation + elastic) + float(stage_play.lifts[replica])
     rise = (now - before) / scale
     return Failure(Status.ENERGY, stage_play.time, -1, -1, rise) if rise > ENERGY_RISE else None
 

@@ -6,7 +6,7 @@ from math import radians
 import numpy as np
 import scipy
 
-from taichi_erosion.core.setup import Motion
+from taichi_erosion.core.setup import Motion, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.hunt import Hunt, begin_hunt, pursue
@@ -113,7 +113,10 @@ def stage_of(scene: Scene, observable: str) -> int:
 
 
 def is_over(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float, kinetic: float) -> bool:
-    """Whether the stage ends now; `kinetic` is the translational kinetic energy of the replica [J]."""
+    """Whether the stage ends now.
+
+    `kinetic` is the translational kinetic energy over what lifting each grain by its own diameter takes [1].
+    """
     stage = scene.stages[actor.stage]
     elapsed = time - actor.began
     if stage.until == "threshold" and actor.hunt is not None and pursue(sim, replica, actor.hunt, time):
@@ -127,14 +130,13 @@ def is_over(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: flo
         return False
     if actor.released < len(sim.setups[replica].grains.radius):
         return False
-    if kinetic > stage.rest_energy * weight_over_diameters(sim, replica):
+    if kinetic > stage.rest_energy:
         return False
     return share_touching(sim, replica) >= stage.rest_contact_share
 
 
-def weight_over_diameters(sim: Simulation, replica: int) -> float:
+def weight_over_diameters(setup: Setup) -> float:
     """Sum of m g d over all grains [J]: what lifting each by its own diameter takes."""
-    setup = sim.setups[replica]
     masses = setup.grains.mass if setup.clumps is None else setup.clumps.mass
     return float(masses.sum() * np.linalg.norm(setup.gravity) * 2.0 * setup.grains.radius.mean())
 

@@ -1,6 +1,6 @@
 """The coupled step and how it is assembled."""
 
-from taichi_erosion.simulation.advance import advance, failure
+from taichi_erosion.simulation.advance import advance, failure, statuses
 from taichi_erosion.simulation.assemble import Simulation, assemble
 from taichi_erosion.simulation.control import (
     move_surface,
@@ -13,6 +13,7 @@ from taichi_erosion.simulation.momentum import momentum_astray
 from taichi_erosion.simulation.observe import energies, ledger, share_touching, snapshot
 from taichi_erosion.simulation.prepare import conditions_of, device_effects, effective_scene, prepare
 from taichi_erosion.simulation.state import export_bed, export_state, import_bed, import_state
+from taichi_erosion.simulation.succession import succeed
 from taichi_erosion.simulation.wall_poses import WallPose, wall_poses
 from taichi_erosion.simulation.wind import (
     air_profile,
@@ -51,5 +52,7 @@ __all__ = [
     "set_through_flow",
     "share_touching",
     "snapshot",
+    "statuses",
+    "succeed",
     "wall_poses",
 ]

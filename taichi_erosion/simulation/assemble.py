@@ -80,9 +80,15 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
         sleeps=sleeps,
         sleep=allocate_sleep(sizes.replicas if sleeps else 1, sizes.grains if sleeps else 1),
     )
-    fill_world(world, setups, [gap_reach(s, compiled) for s in setups], [partition_count(s) for s in setups])
-    check_periods(world, setups)
+    fill(world, setups)
     return world
+
+
+def fill(world: World, setups: list[Setup]) -> None:
+    """Write the Setups to the fields, one a replica. Raises BadInput where a period is too narrow."""
+    reaches = [gap_reach(s, world.laws) for s in setups]
+    fill_world(world, setups, reaches, [partition_count(s) for s in setups])
+    check_periods(world, setups)
 
 
 def gap_reach(setup: Setup, laws: ContactLaws) -> float:
@@ -128,15 +134,21 @@ def refuse_mixture(setups: list[Setup]) -> None:
         raise BadInput("air and grain effects act on single spheres; leave grains.clump out")
 
 
+def checked(setups: Sequence[Setup]) -> list[Setup]:
+    """The setups of an ensemble. Raises BadInput for what cannot run."""
+    listed = list(setups)
+    refuse_mixture(listed)
+    for setup in listed:
+        refuse_nonsense(setup)
+    return listed
+
+
 def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulation:
     """Start the device and put an ensemble on it.
 
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
-    listed = list(setups)
-    refuse_mixture(listed)
-    for setup in listed:
-        refuse_nonsense(setup)
+    listed = checked(setups)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"
     sizes = first_sizes(listed)

@@ -1,9 +1,10 @@
 """A run function with a known answer: an angle that grows with two frictions and falls with restitution."""
 
 import random
+from contextlib import nullcontext
 from typing import Any
 
-FUNCTION = "closed_form:answer"
+FUNCTION = "closed_form:answering"
 NOISE = 0.3  # deg
 
 
@@ -20,3 +21,7 @@ def answer(payloads: list[dict[str, Any]], tell: Any, share: Any) -> None:
         value = angle(payload["scene"]["contact"]) + random.Random(payload["seed"]).gauss(0.0, NOISE)
         measures = {"repose_angle": {"value": value, "sd": None, "unit": "deg", "n": 1}}
         tell(place, {"seed": payload["seed"], "measures": measures, "failure": None})
+
+
+def answering() -> Any:
+    return nullcontext(answer)

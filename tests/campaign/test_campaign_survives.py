@@ -243,8 +243,17 @@ def test_a_folder_that_cannot_be_written_gives_one_clear_line(unwritable):
         open_store(unwritable)
 
 
-def test_a_run_function_that_does_not_exist_is_refused_at_the_door(tmp_path):
+def test_work_that_does_not_exist_is_refused_at_the_door(tmp_path):
     store = open_store(tmp_path)
-    with pytest.raises(BadInput, match="run function 'stand_in:nothing'"):
+    with pytest.raises(BadInput, match="work 'stand_in:nothing'"):
         execute(requests(tmp_path, 1), store, function="stand_in:nothing")
     close_store(store)
+
+
+def test_workers_put_away_what_they_have_once_all_is_done(tmp_path, monkeypatch):
+    monkeypatch.setenv("STAND_IN_FOLDER", str(tmp_path))
+    store = open_store(tmp_path)
+    execute(requests(tmp_path), store, workers=2, function="stand_in:putting_away")
+    close_store(store)
+    left = {int(path.name.rpartition("-")[2]) for path in tmp_path.glob("put-away-*")}
+    assert left >= processes(tmp_path)

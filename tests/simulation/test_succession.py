@@ -1,0 +1,72 @@
+"""An ensemble in the fields of one that has ended: the same bits as alone, and nothing of the one before."""
+
+from dataclasses import replace
+
+import pytest
+from grain_worlds import fingerprint, heap
+
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.effect import acting
+from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.effects import load_library
+from taichi_erosion.simulation import Simulation, advance, assemble, snapshot, succeed
+
+LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
+FALLEN = 0.01  # s, half way down
+LIBRARY = load_library()
+
+
+def with_effect(setup: Setup, name: str) -> Setup:
+    """The same grains with an effect of textbook strength."""
+    effect = LIBRARY[name]
+    return replace(
+        setup,
+        effects=(acting(effect, effect.params(), 1.0, {"grain_diameter": 1e-3}, setup.grains.radius.max()),),
+    )
+
+
+PLAIN, STICKY = heap(60, 1), with_effect(heap(80, 2), "surface_crust")
+OTHERS = [heap(90, 3), with_effect(heap(40, 4), "surface_crust"), heap(20, 5)]
+
+
+def ends(sim: Simulation) -> list[str]:
+    """Bits of all replicas after a while."""
+    advance(sim, [FALLEN] * len(sim.setups))
+    return [fingerprint(snapshot(sim, r)) for r in range(len(sim.setups))]
+
+
+def test_what_runs_after_another_ensemble_comes_out_as_if_it_had_been_alone():
+    alone = []
+    for setup in OTHERS:
+        alone += ends(assemble([setup], LAWS, NUMERICS))
+        stop_device()
+    before = assemble([PLAIN, STICKY, PLAIN, STICKY], LAWS, NUMERICS)
+    ends(before)
+    after = succeed(before, OTHERS, LAWS, NUMERICS)
+    assert after is before
+    assert ends(after) == alone
+    again = succeed(after, OTHERS, LAWS, NUMERICS)
+    assert ends(again) == alone
+    stop_device()
+
+
+@pytest.mark.parametrize(
+    ("setups", "laws"),
+    [
+        ([PLAIN], replace(LAWS, rolling="none")),
+        ([with_effect(PLAIN, "liquid_bridge")], LAWS),
+        ([with_effect(PLAIN, "electric_field")], LAWS),
+        ([heap(200, 1)], LAWS),
+    ],
+)
+def test_other_laws_other_effects_and_more_grains_get_fields_of_their_own(setups, laws):
+    before = assemble([PLAIN, STICKY], LAWS, NUMERICS)
+    after = succeed(before, setups, laws, NUMERICS)
+    assert after is not before
+    stop_device()
+
+
+def test_an_effect_on_single_grains_stays_with_ensembles_that_have_it():
+    before = assemble([with_effect(PLAIN, "electric_field")], LAWS, NUMERICS)
+    assert succeed(before, [PLAIN], LAWS, NUMERICS) is not before
+    stop_device()
