@@ -1,13 +1,12 @@
-"""A crust before and after it is broken, by wind, impacts and blows; writes crust.csv beside this file.
+"""A crust before and after it is broken, by impacts and by blows; writes crust.csv beside this file.
 
 python doe/effects/crust.py             all plans
-python doe/effects/crust.py PLAN...     some of: wind impact heap
+python doe/effects/crust.py PLAN...     some of: impact heap
 
 Beside the bare model and `surface_crust` stands a cement that remembers nothing: it pulls with the same
 strength between all grains that have touched, so it heals wherever they land. All three share their seeds.
 
-wind    the threshold of the bed of beds.py, then a storm above it, then the threshold again
-impact  a grain strikes the bed at 2 m/s and 10 deg; a second one follows on the same path
+impact  a grain strikes the bed of beds.py at 2 m/s and 10 deg; a second one follows on the same path
 heap    the column of doe/effect_signatures stands free of its tube, then every grain is given a blow
 """
 
@@ -33,16 +32,14 @@ from taichi_erosion.effects import load_library
 from taichi_erosion.measures.heap import pile_height
 from taichi_erosion.recording.whole_file import write_whole
 from taichi_erosion.run.check import read_scene
-from taichi_erosion.run.hunt import begin_hunt, pursue, way
+from taichi_erosion.run.hunt import way
 from taichi_erosion.scene import Scene, laws
 from taichi_erosion.simulation import (
     Simulation,
     advance,
     assemble,
-    develop_wind,
     export_state,
     failure,
-    import_bed,
     import_state,
     prepare,
     remove_surface,
@@ -55,9 +52,7 @@ LIBRARY = load_library()
 CRUST = LIBRARY["surface_crust"]
 VARIANTS = ("bare", "crust", "healing")
 WEAK = 1e3  # Pa, the lowest tensile strength of Rice & McEwan (2001)
-REST, STORM, CALM = 0.1, 0.1, 0.15  # s, before the first wind, in the storm, and after it
-WIND_SEEDS = range(1, 4)
-GUST = 1.2  # friction velocity of the storm over the threshold [1]
+REST = 0.1  # s, before anything is done to a bed
 STILL = 0.02  # m s-1, friction velocity in which nothing moves
 SPEED, ANGLE = 2.0, radians(10.0)  # of the impacts
 ABOVE, CRATER = 2.0, 0.06  # diameters over the bed from which a grain strikes; s after which is looked
@@ -116,46 +111,6 @@ def rows(plan: str, found: dict[str, Sequence[float]]) -> Iterator[Row]:
             kept = column[np.isfinite(column)]
             error = float(kept.std(ddof=1) / sqrt(len(kept)))
             yield Row(plan, what, variant, float(kept.mean()), error, len(kept))
-
-
-def thresholds(sim: Simulation, scene: Scene, clock: Floats) -> list[float]:
-    """Fluid threshold of every replica [m s-1], NaN where one failed; puts the beds back as they were."""
-    hunts = [begin_hunt(sim, scene, r, float(clock[r])) for r in range(len(clock))]
-    open_ones = set(range(len(clock)))
-    while open_ones:
-        clock[list(open_ones)] += scene.run.check_interval
-        advance(sim, list(clock))
-        open_ones -= {r for r in open_ones if failure(sim, r) or pursue(sim, r, hunts[r], float(clock[r]))}
-    for r, hunt in enumerate(hunts):
-        import_bed(sim, r, hunt.bed)
-    found = [hunt.found.get("fluid_threshold") for hunt in hunts]
-    return [float("nan") if one is None else one.middle for one in found]
-
-
-def blown() -> Iterator[Row]:
-    """Thresholds before and after a storm."""
-    before, after = np.concatenate([storm(seed) for seed in WIND_SEEDS], axis=1)
-    yield from rows("wind", {"threshold before a storm [m s-1]": before, "after it [m s-1]": after})
-
-
-def storm(seed: int) -> Floats:
-    """Thresholds of every variant of one bed before and after a storm, [2, variants] m s-1."""
-    scene = read_scene(THRESHOLD, ORDERS)
-    sim = begin(scene, [prepare(scene, seed, LIBRARY)], WEAK)
-    clock = np.full(len(sim.setups), REST)
-    advance(sim, list(clock))
-    before = thresholds(sim, scene, clock)
-    for r, wind in enumerate(before):
-        develop_wind(sim, r, GUST * wind, anew=True)
-    clock += STORM
-    advance(sim, list(clock))
-    for r in range(len(clock)):
-        develop_wind(sim, r, STILL)
-    clock += CALM
-    advance(sim, list(clock))
-    after = thresholds(sim, scene, clock)
-    stop_device()
-    return np.array([before, after])
 
 
 def struck_setup(scene: Scene, seed: int) -> Setup:
@@ -235,7 +190,7 @@ def heights(sim: Simulation) -> list[float]:
     return [float("nan") if failure(sim, r) else pile_height(snapshot(sim, r)).value for r in replicas]
 
 
-PLANS: dict[str, Callable[[], Iterator[Row]]] = {"wind": blown, "impact": struck, "heap": shaken}
+PLANS: dict[str, Callable[[], Iterator[Row]]] = {"impact": struck, "heap": shaken}
 
 
 def write(table: Path, found: Sequence[Row]) -> None:
