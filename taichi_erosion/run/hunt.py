@@ -27,6 +27,7 @@ from taichi_erosion.scene.sizes import nominal_diameter
 from taichi_erosion.simulation import Simulation, develop_wind, export_bed, import_bed, snapshot
 
 FIRST = 0.08  # of sqrt((s - 1) g d): below all thresholds of dry grains in air, with drag alone [1]
+LEAST = 0.02  # of the same: a bed that moves even in such a wind was not at rest, and has no threshold [1]
 QUIET = 1e-4  # of a diameter, between two checks: a bed that stirs less is at rest in a steady wind [1]
 STIR = 0.2  # of a trial that a bed is given before it may be called at rest [1]
 ROUNDING = 1e-9  # of an interval: what lies on its end counts as reached [1]
@@ -213,7 +214,7 @@ def after_hold(hunt: Hunt, moved: bool) -> float | None:
     if hunt.high is None:
         return now * (1.0 + order.rise)
     if hunt.low is None:
-        return now / (1.0 + order.rise)
+        return now / (1.0 + order.rise) if now > LEAST * weight_velocity(hunt.scene) else None
     bracket = Bracket(hunt.low, hunt.high)
     if bracket.high > bracket.low * (1.0 + order.rise) ** (0.5**order.levels) * (1.0 + ROUNDING):
         return bracket.middle

@@ -55,6 +55,11 @@ def test_the_brackets_hold_the_thresholds_and_are_as_narrow_as_asked(scene: Scen
     assert rolling.low < 0.12 <= rolling.high
 
 
+def test_a_bed_that_moves_in_any_wind_has_no_threshold_and_the_hunt_ends(scene: Scene):
+    hunt = hunted(scene, rolls=0.12, ramp=0.2, leaves=0.0, rests=0.1)
+    assert set(hunt.found) == {"rolling_onset"}
+
+
 def test_without_a_measure_that_asks_for_it_no_transport_is_started(scene: Scene):
     asked = {name: order for name, order in scene.measure.items() if name != "impact_threshold"}
     hunt = hunted(scene.model_copy(update={"measure": asked}), 0.12, 0.2, 0.2, 0.1)
