@@ -6,7 +6,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ DRAW_TIME = 1.5  # s for the software renderer to finish a view after the time w
 REPORT_SIZE = (1280, 1600)  # px, room for every view
 LATE = "Failed to render screenshot"  # a call that took too long; it was made again
 SHOTS = 5  # calls for a picture before it is given up
+END_LIMIT = 5.0  # s in which a viewer that has lost its connection ends
 STOP_LIMIT = 10.0  # s until a viewer that was asked to end is killed
 NO_RENDERER = (
     "no software renderer, the viewer did not start: on Debian install mesa-vulkan-drivers and libvulkan1"
@@ -166,9 +167,20 @@ def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient
     """A viewer without a window that has loaded a recording."""
     with readable(path) as whole, viewer_process(size) as (process, port):
         client = connect(process, port)
-        client.open(str(whole.resolve()))
-        wait_until(lambda: is_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
+        try:
+            client.open(str(whole.resolve()))
+            wait_until(lambda: is_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
+        except ConnectionError:
+            refuse_ended(process)
+            raise
         yield client
+
+
+def refuse_ended(process: subprocess.Popen[bytes]) -> None:
+    """Raise BadInput where the viewer has ended: without a renderer it may answer once before it does."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(END_LIMIT)
+        raise BadInput(NO_RENDERER) from None
 
 
 @contextmanager

@@ -25,6 +25,7 @@ PICTURES = {
 }
 SCREENING, SURFACE = "table_4.csv", "table_8.csv"
 TARGET = 33.52  # deg, measured angle of repose
+EXACT = 12  # figures that rounding errors of a fit do not reach
 UNIT = "deg"
 # -1 is the low level of every factor: the coding that the published optimum needs
 RANGES = (Factor("Ct", 0.64, 0.80), Factor("Gt", 0.15, 0.31), Factor("It", 3.1, 3.5, "J m-2"))
@@ -60,13 +61,18 @@ def best_point(result: Audit) -> Optimisation:
     return optimise([fit], [Goal(fit.response, "target", TARGET)])
 
 
+def figures(value: float, count: int) -> str:
+    """So many figures of a value; the last bits, in which processors differ, turn no tie over."""
+    return f"{float(f'{value:.{EXACT}g}'):.{count}g}"
+
+
 def comparison_table(comparisons: Sequence[Comparison]) -> str:
     """Every printed number that is compared, line by line, beside the recomputed one."""
     rows = [
         (
             f"{c.source}, {c.quantity.replace('_', ' ')}",
             c.printed.text,
-            f"{c.found:.6g}",
+            figures(c.found, 6),
             "yes" if c.agrees else "**no**",
         )
         for c in comparisons
@@ -85,7 +91,7 @@ def variance_table(fit: Fit) -> str:
     rows = [
         (
             row.source,
-            f"{row.sum_of_squares:.5g}",
+            figures(row.sum_of_squares, 5),
             str(row.df),
             *(shown(x) for x in (row.mean_square, row.f, row.p)),
         )
