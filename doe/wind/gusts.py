@@ -19,6 +19,7 @@ from taichi_erosion.air.observe import face_velocities
 from taichi_erosion.air.replica import advance_moving
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.coupling.patch import meet_air
+from taichi_erosion.run.hunt import way
 from taichi_erosion.scene import build_setup, laws, load_scene
 from taichi_erosion.simulation import Simulation, advance, assemble, develop_wind, failure, snapshot
 
@@ -70,7 +71,7 @@ def eddies(label: str, orders: Sequence[str]) -> Iterator[dict[str, Any]]:
         for _ in range(SAMPLES):
             for _ in range(every):
                 advance_moving(air, 1, sim.chunk)
-            meet_air(1, sim.chunk, 1, sim.world, sim.around)
+            meet_air(sim.world, sim.around, 1, sim.chunk)
             found.append(profiles(sim))
         mean, *deviation, stress = np.mean(found, axis=0)
         yield {
@@ -92,17 +93,16 @@ def below(arm: str, wind: float, seed: int) -> dict[str, Any]:
     sim = patch(ARMS[arm], seed)
     setup = sim.setups[0]
     develop_wind(sim, 0, wind)
-    place, size, patch_size = snapshot(sim, 0).position, 2.0 * setup.grains.radius, setup.period[:2]
+    place, size, period = snapshot(sim, 0).position, 2.0 * setup.grains.radius, np.array(setup.period[:2])
     rolled = risen = np.zeros(len(place), bool)
     flux, gusts = [], []
     for check in range(1, round(WATCH / CHECK) + 1):
         advance(sim, [SETTLE + check * CHECK])
         state = snapshot(sim, 0)
-        way = state.position - place
-        way[:, :2] -= patch_size * np.round(way[:, :2] / patch_size)
-        rolled = rolled | (np.hypot(way[:, 0], way[:, 1]) > MOVED * size.mean())
-        risen = risen | (way[:, 2] > MOVED * size.mean())
-        flux.append(float((state.mass * state.velocity[:, 0]).sum() / np.prod(patch_size)))
+        moved = way(state.position, place, period)
+        rolled = rolled | (np.hypot(moved[:, 0], moved[:, 1]) > MOVED * size.mean())
+        risen = risen | (moved[:, 2] > MOVED * size.mean())
+        flux.append(float((state.mass * state.velocity[:, 0]).sum() / period.prod()))
         if sim.around.apart:
             gusts.append(profiles(sim)[1].max() / wind)
     stopped = failure(sim, 0)

@@ -33,8 +33,22 @@ def stage_weights(air: ti.template(), number):
 
 
 @ti.func
+def open_step(air_out: ti.template(), r):
+    """Fill all ghosts from what the grid holds now, and open the books."""
+    close_values(air_out, air_out.void_fraction, r)
+    close_values(air_out, air_out.exchange_coefficient, r)
+    close_values(air_out, air_out.exchange_force, r)
+    close_values(air_out, air_out.pressure, r)
+    close_flow(air_out, r)
+    each_column(open_book, air_out, r)
+    air_out.left[r] = 0.0
+
+
+@ti.func
 def predict_stage(air_out: ti.template(), r, stage):
-    """Velocities at the end of a stage, before the pressure has corrected them."""
+    """Velocities at the end of a stage, before the pressure has corrected them; the first opens the step."""
+    if stage == 0:
+        open_step(air_out, r)
     if ti.static(air_out.model.closure != "none"):
         each_column(spread_over_column, air_out, r)
         close_values(air_out, air_out.eddy_cell, r)
@@ -59,8 +73,15 @@ def find_pressure(air_out: ti.template(), r, stage):
 
 
 @ti.func
+def close_step(air_out: ti.template(), r):
+    """End the step."""
+    each_column(remember_void_of, air_out, r)
+    air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
+
+
+@ti.func
 def correct_stage(air_out: ti.template(), r, stage):
-    """Correct the velocities by the pressure, and book the stage."""
+    """Correct the velocities by the pressure, and book the stage; the last closes the step."""
     share = stage_weights(air_out, stage)[0]
     for i in range(air_out.cells[0]):
         for j in range(air_out.cells[1]):
@@ -68,93 +89,24 @@ def correct_stage(air_out: ti.template(), r, stage):
     close_flow(air_out, r)
     close_values(air_out, air_out.pressure, r)
     book_stage(air_out, r, share)
-
-
-@ti.func
-def open_step(air_out: ti.template(), r):
-    """Fill all ghosts from what the grid holds now, and open the books."""
-    close_values(air_out, air_out.void_fraction, r)
-    close_values(air_out, air_out.exchange_coefficient, r)
-    close_values(air_out, air_out.exchange_force, r)
-    close_values(air_out, air_out.pressure, r)
-    close_flow(air_out, r)
-    each_column(open_book, air_out, r)
-    air_out.left[r] = 0.0
+    if stage == ti.static(len(STAGES[air_out.model.scheme]) - 1):
+        close_step(air_out, r)
 
 
 @ti.kernel
-def open_steps(
+def each_moving(
     # parameters
-    count: ti.i32,
-    chunk: ti.i32,
-    # out
-    air_out: ti.template(),
-):
-    """Open the step of every moving replica."""
-    for lane in range(count * chunk):
-        if lane % chunk == 0 and air_out.moving[lane // chunk] == 1:
-            open_step(air_out, lane // chunk)
-
-
-@ti.kernel
-def predict_stages(
-    # parameters
+    task: ti.template(),
     count: ti.i32,
     chunk: ti.i32,
     stage: ti.i32,
     # out
     air_out: ti.template(),
 ):
-    """Predict the velocities of every moving replica."""
+    """Do one task of a stage for every moving replica."""
     for lane in range(count * chunk):
         if lane % chunk == 0 and air_out.moving[lane // chunk] == 1:
-            predict_stage(air_out, lane // chunk, stage)
-
-
-@ti.kernel
-def find_pressures(
-    # parameters
-    count: ti.i32,
-    chunk: ti.i32,
-    stage: ti.i32,
-    # out
-    air_out: ti.template(),
-):
-    """Find the pressure of every moving replica."""
-    for lane in range(count * chunk):
-        if lane % chunk == 0 and air_out.moving[lane // chunk] == 1:
-            find_pressure(air_out, lane // chunk, stage)
-
-
-@ti.kernel
-def correct_stages(
-    # parameters
-    count: ti.i32,
-    chunk: ti.i32,
-    stage: ti.i32,
-    # out
-    air_out: ti.template(),
-):
-    """Correct the velocities of every moving replica."""
-    for lane in range(count * chunk):
-        if lane % chunk == 0 and air_out.moving[lane // chunk] == 1:
-            correct_stage(air_out, lane // chunk, stage)
-
-
-@ti.kernel
-def close_steps(
-    # parameters
-    count: ti.i32,
-    chunk: ti.i32,
-    # out
-    air_out: ti.template(),
-):
-    """End the step of every moving replica."""
-    for lane in range(count * chunk):
-        r = lane // chunk
-        if lane % chunk == 0 and air_out.moving[r] == 1:
-            each_column(remember_void_of, air_out, r)
-            air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
+            task(air_out, lane // chunk, stage)
 
 
 def advance_moving(air: Air, count: int, chunk: int) -> None:
@@ -162,9 +114,6 @@ def advance_moving(air: Air, count: int, chunk: int) -> None:
 
     `chunk` iterations of a parallel loop go to one worker. What no pressure corrected is noted in `air.left`.
     """
-    open_steps(count, chunk, air)
     for stage in range(len(STAGES[air.model.scheme])):
-        predict_stages(count, chunk, stage, air)
-        find_pressures(count, chunk, stage, air)
-        correct_stages(count, chunk, stage, air)
-    close_steps(count, chunk, air)
+        for task in (predict_stage, find_pressure, correct_stage):
+            each_moving(task, count, chunk, stage, air)

@@ -9,6 +9,7 @@ Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A.
 
 from dataclasses import dataclass
 
+from taichi_erosion.air.books import remember_void_of
 from taichi_erosion.air.conjugate import TOLERANCE, solve
 from taichi_erosion.air.eddies import spread_eddies
 from taichi_erosion.air.ghosts import close_cells, close_eddies, close_velocities
@@ -55,8 +56,8 @@ def remember_void(
     air_out: ti.template(),
 ):
     """Take the void fraction as it stands for that of the step before; once grains have been placed."""
-    for r, i, j, k in ti.ndrange(air_out.count, *air_out.cells):
-        air_out.void_before[r, i, j, k] = air_out.void_fraction[r, i, j, k]
+    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
+        remember_void_of(air_out, r, i, j)
 
 
 @ti.kernel

@@ -89,11 +89,11 @@ def struct_field(names: Sequence[str], places: int) -> Any:
     return ti.types.struct(**dict.fromkeys(names, float)).field(shape=places) if names else None
 
 
-def write_table(table: Any, rows: Sequence[dict[str, float] | None]) -> None:
-    """Write the same numbers of every replica, 0 where a replica has none; nothing without a table."""
+def write_table(table: Any, rows: Sequence[dict[str, float] | None], first: int = 0) -> None:
+    """Write the numbers of replicas from the first on, 0 where one has none; nothing without a table."""
     if table is not None:
         columns = {name: [0.0 if row is None else row[name] for row in rows] for name in table.keys}
-        upload([(getattr(table, name), column) for name, column in columns.items()])
+        upload([(getattr(table, name), column) for name, column in columns.items()], first)
 
 
 def rebind(bound: Bound, replica: int, effects: Sequence[Acting]) -> None:
@@ -103,12 +103,8 @@ def rebind(bound: Bound, replica: int, effects: Sequence[Acting]) -> None:
     for k, name in enumerate(bound.names):
         held[replica, k] = name in given
         if name in given:
-            for table, values in (
-                (bound.constants[k], given[name].constants),
-                (bound.starts[k], given[name].start),
-            ):
-                if values:
-                    upload([(getattr(table, key), [value]) for key, value in values.items()], replica)
+            write_table(bound.constants[k], [given[name].constants], replica)
+            write_table(bound.starts[k], [given[name].start], replica)
     write(bound.present, held)
 
 
@@ -166,20 +162,24 @@ def passes(bound: ti.template(), r, meeting: ti.template()):
 
 
 @ti.func
+def one_push(bound: ti.template(), k: ti.template(), r, grain: ti.template(), i):
+    """Force [N] and torque [N m] that effect k gives to place i."""
+    if ti.static(bound.keeps[k]):
+        return bound.acts[k](bound.constants[k][r], grain, bound.memories[k][i])
+    else:
+        return bound.acts[k](bound.constants[k][r], grain)
+
+
+@ti.func
 def push_of(bound: ti.template(), r, grain: ti.template(), i):
     """Sum of the forces [N] and torques [N m] of all grain effects of replica r on place i."""
     force = 0.0 * grain.velocity
     torque = force
     for k in ti.static(range(len(bound.acts))):
         if bound.present[r, k] == 1:
-            if ti.static(bound.keeps[k]):
-                part, moment = bound.acts[k](bound.constants[k][r], grain, bound.memories[k][i])
-                force += part
-                torque += moment
-            else:
-                part, moment = bound.acts[k](bound.constants[k][r], grain)
-                force += part
-                torque += moment
+            part, moment = one_push(bound, k, r, grain, i)
+            force += part
+            torque += moment
     return force, torque
 
 

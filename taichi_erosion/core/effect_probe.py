@@ -74,24 +74,12 @@ def feel_pair(
     pairs: ti.template(),
     # out
     pull_out: ti.template(),
+    force_out: ti.template(),
 ):
     for i in pull_out:
         pair = pairs[i]
         other = ti.select(pair.radius_j > 0.0, OTHER, bound.nobody)
         pull_out[i] = pull_of(bound, 0, pair, MINE, other)
-
-
-@ti.kernel
-def feel_force(
-    # in
-    bound: ti.template(),
-    pairs: ti.template(),
-    # out
-    force_out: ti.template(),
-):
-    for i in force_out:
-        pair = pairs[i]
-        other = ti.select(pair.radius_j > 0.0, OTHER, bound.nobody)
         force_out[i] = force_of(bound, 0, pair, MINE, other)
 
 
@@ -197,12 +185,11 @@ def acted(effect: Effect, bound: Bound, bench: Bench) -> Any:
     if effect.place == "grain":
         feel_grain(bound, bench.grain, bench.force, bench.torque)
         return tuple(read(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
-    if effect.whole:
-        feel_force(bound, bench.pair, bench.force)
-        return read(bench.force)[0].astype(np.float64)
-    feel, place = (feel_pair, bench.pair) if effect.place == "pair" else (feel_meeting, bench.meeting)
-    feel(bound, place, bench.pull)
-    return float(read(bench.pull)[0])
+    if effect.place == "pair":
+        feel_pair(bound, bench.pair, bench.pull, bench.force)
+    else:
+        feel_meeting(bound, bench.meeting, bench.pull)
+    return read(bench.force)[0].astype(np.float64) if effect.whole else float(read(bench.pull)[0])
 
 
 def set_memory(bound: Bound, place: int, memory: Any) -> None:

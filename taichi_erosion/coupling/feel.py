@@ -47,16 +47,15 @@ def felt_in_column(around: ti.template(), r, column, height, radius):
 @ti.func
 def felt(around: ti.template(), r, position, radius):
     """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain."""
-    velocity, void, pull, shear = felt_in_column(around, r, ti.Vector([0, 0]), position[2], radius)
-    if ti.static(not around.air.is_column):
-        velocity, pull, void, shear = 0.0 * velocity, 0.0 * pull, 0.0 * void, 0.0 * shear
-        for sharer in range(around.air.sharers):
-            column, share = column_share(around.air, r, position, sharer)
-            wind, open_share, gradient, slope = felt_in_column(around, r, column, position[2], radius)
-            velocity += share * wind
-            void += share * open_share
-            pull += share * gradient
-            shear += share * slope
+    velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
+    pull, void, shear = 0.0 * velocity, real(0.0), real(0.0)
+    for sharer in range(around.air.sharers):
+        column, share = column_share(around.air, r, position, sharer)
+        wind, open_share, gradient, slope = felt_in_column(around, r, column, position[2], radius)
+        velocity += share * wind
+        void += share * open_share
+        pull += share * gradient
+        shear += share * slope
     return velocity, void, pull, shear
 
 

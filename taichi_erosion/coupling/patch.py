@@ -69,69 +69,69 @@ def feel_all(world_out: ti.template(), around: ti.template(), r, counts):
         feel_partition(world_out, around, r, p, counts)
 
 
-@ti.kernel
-def meet_air(
-    # parameters
-    count: ti.i32,
-    chunk: ti.i32,
-    books: ti.i32,
-    # out
-    world_out: ti.template(),
-    around_out: ti.template(),
-):
-    """Let grains and air of every moving replica know each other; without `books` nobody owes."""
-    for lane in range(count * chunk):
-        r = lane // chunk
-        if lane % chunk == 0 and around_out.air.moving[r] == 1:
-            count_grains(world_out, around_out, r)
-            for c in range(around_out.air.cell_count * (1 - books)):
-                around_out.exchange.owed[r, c] = 0.0 * around_out.exchange.owed[r, c]
-            each_column(remember_void_of, around_out.air, r)
-            feel_all(world_out, around_out, r, False)
+@ti.func
+def meet(world_out: ti.template(), around_out: ti.template(), r):
+    """Let grains and air of replica r know each other."""
+    count_grains(world_out, around_out, r)
+    each_column(remember_void_of, around_out.air, r)
+    feel_all(world_out, around_out, r, False)
+
+
+@ti.func
+def forget(world_out: ti.template(), around_out: ti.template(), r):
+    """Let grains and air of replica r owe each other nothing."""
+    for c in range(around_out.air.cell_count):
+        around_out.exchange.owed[r, c] = 0.0 * around_out.exchange.owed[r, c]
+
+
+@ti.func
+def begin_look(world_out: ti.template(), around_out: ti.template(), r):
+    """Sum up the grains of replica r for the step of its air."""
+    count_grains(world_out, around_out, r)
+    hand_back(around_out, r)
+
+
+@ti.func
+def end_look(world_out: ti.template(), around_out: ti.template(), r):
+    """Book what the air of replica r has lost, and let the grains feel it."""
+    note_loss(around_out, r)
+    feel_all(world_out, around_out, r, True)
+    if ti.static(world_out.sleeps):
+        lull(world_out, r, 0, 1, 1)
+    around_out.exchange.looked[r] = world_out.replicas.step[r]
+    if not around_out.air.left[r] <= TOLERANCE:
+        world_out.replicas.status[r] = AIR
 
 
 @ti.kernel
-def begin_look(
+def each_moving_patch(
     # parameters
-    count: ti.i32,
-    chunk: ti.i32,
-    # out
-    world_out: ti.template(),
-    around_out: ti.template(),
-):
-    """Sum up the grains of every moving replica for the step of its air."""
-    for lane in range(count * chunk):
-        r = lane // chunk
-        if lane % chunk == 0 and around_out.air.moving[r] == 1:
-            count_grains(world_out, around_out, r)
-            hand_back(around_out, r)
-
-
-@ti.kernel
-def end_look(
-    # parameters
+    task: ti.template(),
     count: ti.i32,
     chunk: ti.i32,
     # out
     world_out: ti.template(),
     around_out: ti.template(),
 ):
-    """Book what the air of every moving replica has lost, and let the grains feel it."""
+    """Do one task for every moving replica."""
     for lane in range(count * chunk):
-        r = lane // chunk
-        if lane % chunk == 0 and around_out.air.moving[r] == 1:
-            note_loss(around_out, r)
-            feel_all(world_out, around_out, r, True)
-            if ti.static(world_out.sleeps):
-                lull(world_out, r, 0, 1, 1)
-            around_out.exchange.looked[r] = world_out.replicas.step[r]
-            if not around_out.air.left[r] <= TOLERANCE:
-                world_out.replicas.status[r] = AIR
+        if lane % chunk == 0 and around_out.air.moving[lane // chunk] == 1:
+            task(world_out, around_out, lane // chunk)
+
+
+def meet_air(world: World, around: Surroundings, count: int, chunk: int) -> None:
+    """Let grains and air of the moving replicas know each other."""
+    each_moving_patch(meet, count, chunk, world, around)
+
+
+def forget_debts(world: World, around: Surroundings, count: int, chunk: int) -> None:
+    """Let grains and air of the moving replicas owe each other nothing."""
+    each_moving_patch(forget, count, chunk, world, around)
 
 
 def look_at_grids(world: World, around: Surroundings, count: int, chunk: int) -> None:
     """One look of all grains of the moving replicas."""
     assert around.air is not None
-    begin_look(count, chunk, world, around)
+    each_moving_patch(begin_look, count, chunk, world, around)
     advance_moving(around.air, count, chunk)
-    end_look(count, chunk, world, around)
+    each_moving_patch(end_look, count, chunk, world, around)

@@ -29,6 +29,7 @@ from dataclasses import dataclass, replace
 from math import pi
 
 from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
+from taichi_erosion.core.periodic import nearest_image
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.core.ti import ti
 
@@ -65,16 +66,6 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
 
 
 @ti.func
-def nearest(away, period):
-    """Shortest of the ways between two places of a periodic box [m]."""
-    shortest = away
-    for k in ti.static(range(3)):
-        if period[k] > 0.0:
-            shortest[k] -= period[k] * ti.round(away[k] / period[k])
-    return shortest
-
-
-@ti.func
 def place(memory):
     """Where a grain was when its cement set [m]; zeros for a wall."""
     return ti.Vector([memory.x, memory.y, memory.z])
@@ -85,7 +76,7 @@ def remember(constants, grain, memory):
     """Wait until the grain has lain still; then watch whether it has left its place."""
     after = memory
     if memory.calm >= constants.setting:
-        moved = nearest(grain.position - place(memory), grain.period).norm()
+        moved = nearest_image(grain.position - place(memory), grain.period).norm()
         if moved > constants.rupture * grain.radius:
             after.calm = LOOSE
     elif memory.calm > LOOSE:
@@ -103,7 +94,7 @@ def bond(constants, pair, mine, other):
     longest = constants.strain * radius
     force = 0.0 * pair.normal
     if mine.calm >= constants.setting and (pair.radius_j == 0.0 or other.calm >= constants.setting):
-        away = nearest(pair.offset - (place(mine) - place(other)), pair.period)
+        away = nearest_image(pair.offset - (place(mine) - place(other)), pair.period)
         if away.norm() < longest and pair.gap - away.dot(pair.normal) < longest:
             force = -(constants.stress * radius * radius / longest) * away
     return force

@@ -67,16 +67,6 @@ def wrapped(position, period, low):
 
 
 @ti.func
-def nearest_image(difference, period):
-    """Shortest vector between two positions of a periodic box [m]."""
-    nearest = difference
-    for k in ti.static(range(3)):
-        if period[k] > 0.0:
-            nearest[k] -= period[k] * ti.round(difference[k] / period[k])
-    return nearest
-
-
-@ti.func
 def shortest_way(away, period):
     """The same for distances along the axes between two positions that are wrapped into the period [m]."""
     nearest = away

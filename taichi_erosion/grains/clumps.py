@@ -14,8 +14,8 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 from dataclasses import dataclass
 from typing import Any
 
+from taichi_erosion.core.periodic import nearest_image
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.cells import nearest_image
 from taichi_erosion.grains.integrate import kick_time
 from taichi_erosion.grains.state import REBUILD, force_block, side_block
 

@@ -8,8 +8,9 @@ and a rebuild is due as soon as any grain has moved by more than its h: no conta
 """
 
 from taichi_erosion.core.effect_device import begin_memory, move_memory
+from taichi_erosion.core.periodic import nearest_image
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.cells import nearest_image, position_of
+from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.held import clear_held, move_held
 from taichi_erosion.grains.margins import margin

@@ -10,7 +10,7 @@ from taichi_erosion.air.replica import advance_moving
 from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.stir import stirred_wind
 from taichi_erosion.core.transfer import download, read, upload, write
-from taichi_erosion.coupling.patch import look_at_grids, meet_air
+from taichi_erosion.coupling.patch import forget_debts, look_at_grids, meet_air
 from taichi_erosion.simulation.assemble import Simulation
 
 
@@ -25,7 +25,7 @@ def look_now(sim: Simulation, going: Any) -> Integers:
     due = going & (step % every == 0) & (looked != step)
     if (due & (looked < 0)).any():
         choose_moving(sim, due & (looked < 0))
-        meet_air(count, sim.chunk, 1, sim.world, sim.around)
+        meet_air(sim.world, sim.around, count, sim.chunk)
     if due.any():
         choose_moving(sim, due)
         look_at_grids(sim.world, sim.around, count, sim.chunk)
@@ -57,7 +57,9 @@ def develop_eddies(sim: Simulation, replica: int, before: float, after: float, a
         u, v, w = stirred_wind(setup, after)
         set_velocities(air, replica, (u, v, w))
     choose_moving(sim, np.arange(len(sim.setups)) == replica)
-    meet_air(len(sim.setups), sim.chunk, int(not anew), sim.world, sim.around)
+    meet_air(sim.world, sim.around, len(sim.setups), sim.chunk)
+    if anew:
+        forget_debts(sim.world, sim.around, len(sim.setups), sim.chunk)
     if before == 0.0 and after > 0.0:
         grow_eddies(sim, replica, after)
 
@@ -72,4 +74,4 @@ def grow_eddies(sim: Simulation, replica: int, friction_velocity: float) -> None
     count = len(sim.setups)
     for _ in range(ceil(time / setup.time_step)):
         advance_moving(sim.around.air, count, sim.chunk)
-        meet_air(count, sim.chunk, 1, sim.world, sim.around)
+        meet_air(sim.world, sim.around, count, sim.chunk)

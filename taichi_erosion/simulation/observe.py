@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from taichi_erosion.core.effect_device import memory_fields
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import Ledger, Snapshot
 from taichi_erosion.core.ti import ti
@@ -13,6 +12,7 @@ from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import seen_from
 from taichi_erosion.grains.walls import wall_distance, wall_offset
 from taichi_erosion.simulation.assemble import Simulation
+from taichi_erosion.simulation.state import remembered
 
 SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
 
@@ -130,8 +130,8 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     first = (2 * replica + side) * rows
     velocity, spin, radius, inverse, ident = download(fields, first, released)
     rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
-    kept = memory_fields(sim.world.pair_effects) | memory_fields(sim.world.grain_effects)
-    remembered = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
+    kept = remembered(sim)
+    memory = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
     position = np.zeros((max(released, 1), 3))
     read_positions(replica, sim.world, position)
     contacts, _ = contact_sums(sim, replica, released)
@@ -148,7 +148,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
         contacts=contacts[order],
         ident=ident[order].astype(np.int32),
         waiting=len(sim.setups[replica].grains.radius) - released,
-        memory={name: values[order] for name, values in zip(kept, remembered, strict=True)},
+        memory={name: values[order] for name, values in zip(kept, memory, strict=True)},
     )
 
 

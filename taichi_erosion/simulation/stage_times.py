@@ -100,9 +100,8 @@ def stage_times(sim: Simulation) -> dict[str, float]:
     """
     _, released, _, _ = replica_row(sim, 0)
     times = {}
-    inside = (
-        sim.world.driven or sim.world.remembers
-    ) and not sim.around.apart  # looks at a grid are the host's
+    # looks at a grid of air are the host's
+    inside = (sim.world.driven or sim.world.remembers) and not sim.around.apart
     looks = {"looks": partial(repeat_looks, around_out=sim.around)} if inside else {}
     for name, kernel in (looks | STAGES).items():
         run: Callable[[], None] = partial(kernel, REPEATS, sim.world)

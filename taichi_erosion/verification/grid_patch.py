@@ -116,11 +116,8 @@ def action_and_reaction(precision: Precision) -> Iterator[Outcome]:
         pulled += (now.grains - now.drag) / (LOOK - 1)  # one step of the pull that is held now
         last = now
     scale, over = np.abs(gained).max(), "what was exchanged"
-    if precision == "f32":
-        scale, over = (
-            first.size,
-            "the grains' momenta",
-        )  # whose rounding the pull of the pressure takes part in
+    if precision == "f32":  # the pull of the pressure takes part in the rounding of these
+        scale, over = first.size, "the grains' momenta"
     limit, level = LIMIT[precision], (last.grains - first.grains)[:2] + gained
     yield below(
         f"grid: momentum of air and grains along x and y, over {over}", level / scale, limit, precision

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from grain_worlds import fingerprint
-from windy_beds import DENSITY, LID, RADIUS, SURFACE, bed
+from windy_beds import DENSITY, LID, RADIUS, SURFACE, bed, set_in
 
 from taichi_erosion.air.observe import face_velocities
 from taichi_erosion.core.air_setup import AirModel, AirSide, Stir, bed_gradient
@@ -50,11 +50,7 @@ def bits(sim, replica: int) -> str:
 
 def blow(sim, replica: int) -> str:
     """A little without wind, as much with; the bits of grains and air at the end."""
-    count = len(sim.setups)
-    advance(sim, [HALF] * count)
-    for r in range(count):
-        develop_wind(sim, r, WIND)
-    advance(sim, [WHOLE] * count)
+    set_in(sim, WIND, HALF, WHOLE)
     return bits(sim, replica)
 
 

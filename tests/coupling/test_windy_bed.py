@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from grain_worlds import fingerprint
-from windy_beds import DENSITY, RADIUS, air, bed, weightless
+from windy_beds import DENSITY, RADIUS, air, bed, set_in, weightless
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
@@ -28,11 +28,7 @@ WIND = 0.4  # m s-1, friction velocity
 
 def blow(sim, replica: int) -> str:
     """Half without wind, half with; the bits of grains and air at the end."""
-    count = len(sim.setups)
-    advance(sim, [HALF] * count)
-    for r in range(count):
-        develop_wind(sim, r, WIND)
-    advance(sim, [WHOLE] * count)
+    set_in(sim, WIND, HALF, WHOLE)
     return bits(sim, replica)
 
 

@@ -8,6 +8,7 @@ from grain_worlds import GRAVITY, MASS, NONE, PLATE, RADIUS, grains, setup
 
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Setup
+from taichi_erosion.simulation import Simulation, advance, develop_wind
 
 SIDE = 7e-3  # m, period of the patch
 ACROSS = 6  # grains along a period
@@ -59,3 +60,12 @@ def weightless(place: Any, velocity: Any, over: AirSetup, **coupling: Any) -> Se
 
 
 __all__ = ["DENSITY", "GRAVITY", "MASS", "RADIUS", "SIDE", "VISCOSITY", "air", "bed", "under", "weightless"]
+
+
+def set_in(sim: Simulation, wind: float, begins: float, ends: float) -> None:
+    """Play all replicas without wind, then from a time [s] to another under a friction velocity [m s-1]."""
+    count = len(sim.setups)
+    advance(sim, [begins] * count)
+    for r in range(count):
+        develop_wind(sim, r, wind)
+    advance(sim, [ends] * count)

@@ -1,4 +1,4 @@
-"""Pages that show what the program prints show it word for word."""
+"""Pages that show what the program prints show it word for word, and number for number within rounding."""
 
 import re
 from importlib.util import module_from_spec, spec_from_file_location
