@@ -1,11 +1,10 @@
 """Small pictures made of characters, for terminals without a screen."""
 
 import numpy as np
-from numpy.typing import NDArray
+from taichi_erosion.recording.canvas import Image
 
 from taichi_erosion.recording import palette
 
-Image = NDArray[np.uint8]
 
 SHADES = " .:-=+*#%@"  # from dark to bright
 HALF = "▀"  # upper half in the colour of the text, lower half in that of the background
