@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from taichi_erosion.verification import curves
+from taichi_erosion.verification.curves import curves
 
 POINT, LINE, FINE = "#c0392b", "#1f4e79", "#7f8c8d"
 NAMES = {"T4": "oblique_impact", "T6": "spinning_impact", "JKR": "jkr_law"}

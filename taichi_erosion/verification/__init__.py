@@ -3,7 +3,6 @@ it may be off.
 """
 
 from taichi_erosion.verification.claim import Claim
-from taichi_erosion.verification.curves import curves
 from taichi_erosion.verification.ladder import LADDER, verify
 
-__all__ = ["LADDER", "Claim", "curves", "verify"]
+__all__ = ["LADDER", "Claim", "verify"]
