@@ -17,7 +17,7 @@ from itertools import product
 from pathlib import Path
 
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.check import read_scene
+from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble import Part, play_ensemble
 
 SCENE = Path(__file__).parents[1] / "doe" / "t1" / "column.toml"

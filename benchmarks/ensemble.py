@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.ledger import close_store, open_store
 from taichi_erosion.campaign.request import scene_request
-from taichi_erosion.campaign.store import close_store, open_store
 from taichi_erosion.experiments.design import Design, Factor, box_behnken
 
 ROOT = Path(__file__).parents[1]

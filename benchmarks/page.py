@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 from benchmarks import start
+from benchmarks.speed_page import publish
 from taichi_erosion.benchmark import run_benchmarks
-from taichi_erosion.report.speed import publish
 
 DOCS = Path(__file__).parents[1] / "docs"
 

@@ -28,9 +28,9 @@ def stop_after_first_step() -> None:
     """Run the program as a user would; tell the processor time once its first step is done, and end."""
     from taichi_erosion.cli.main import main as program
     from taichi_erosion.core.device import stop_device
-    from taichi_erosion.run import play
+    from taichi_erosion.run import ensemble_loop
 
-    advance = play.advance
+    advance = ensemble_loop.advance
 
     def advance_once(sim: Any, until: Any) -> None:
         advance(sim, [setup.time_step for setup in sim.setups])
@@ -39,7 +39,7 @@ def stop_after_first_step() -> None:
         stop_device()  # writes the cache
         os._exit(0)
 
-    setattr(play, "advance", advance_once)  # noqa: B010
+    setattr(ensemble_loop, "advance", advance_once)  # noqa: B010
     sys.argv = ["taichi-erosion", *RUN]
     program()
 
@@ -71,7 +71,7 @@ def main(words: list[str]) -> None:
     """Fill the table of the page on speed, and say where."""
     if words == [FIRST]:
         stop_after_first_step()
-    from taichi_erosion.report.speed import fill, start_table
+    from benchmarks.speed_page import fill, start_table
 
     table = start_table(starts(int(words[0]) if words else ROUNDS))
     sys.stdout.write(f"{fill(ROOT / 'docs', {'start': table})}\n")

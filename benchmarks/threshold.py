@@ -6,8 +6,8 @@ Fills the table of `docs/speed.md`. Both beds are hunted in one process on one t
 import sys
 from pathlib import Path
 
+from benchmarks.speed_page import fill, threshold_table
 from taichi_erosion.benchmark.threshold import threshold_case
-from taichi_erosion.report.speed import fill, threshold_table
 
 DOCS = Path(__file__).parents[1] / "docs"
 

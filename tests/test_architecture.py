@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "taichi_erosion"
 LONGEST_FUNCTION = 40  # lines, docstring excluded
-LONGEST_FILE = 300  # lines
+LONGEST_FILE = 500  # lines
 DEVICE_DECORATORS = {"ti.kernel", "ti.func", "ti.pyfunc", "ti.real_func"}
 WRITING_METHODS = {"append", "deactivate", "fill"}  # of Taichi fields
 

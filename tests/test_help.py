@@ -12,8 +12,8 @@ import typer
 
 from taichi_erosion.cli import progress
 from taichi_erosion.cli.commands import app
+from taichi_erosion.cli.help_pages import PAGES
 from taichi_erosion.cli.main import main
-from taichi_erosion.cli.pages import PAGES
 
 ROOT = Path(__file__).resolve().parent.parent
 PLACEHOLDERS = {"STUDY", "TABLE", "IMAGE", "ORDERS", "FILE"}

@@ -20,14 +20,7 @@ import numpy as np
 
 from benchmarks.peers.cases import Floats
 from benchmarks.peers.codes import DECKS, PEERS
-from benchmarks.peers.physics_cases import (
-    BED_STEPS,
-    RELAX_STEPS,
-    Failed,
-    falling_bed,
-    lying,
-    two_grains,
-)
+from benchmarks.peers.physics_cases import BED_STEPS, RELAX_STEPS, Failed, falling_bed, lying, two_grains
 from benchmarks.peers.physics_codes import Code, contestants, our_beds
 from benchmarks.peers.physics_column import (
     BOUNCING,
@@ -50,8 +43,8 @@ from benchmarks.peers.physics_measures import (
     stack_numbers,
 )
 from benchmarks.peers.physics_pair import lammps_curve, our_curve, pair_numbers
-from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.report.page import fill_table, markdown_table
+from taichi_erosion.core.files import write_whole
+from taichi_erosion.report.markdown import fill_table, markdown_table
 
 Seeds = list[dict[str, float]]  # numbers of every seed by quantity
 

@@ -33,7 +33,7 @@ from benchmarks.peers.codes import ROOT
 from benchmarks.peers.physics_cases import Failed, Start, lying, shear_effective, weight, young_effective
 from benchmarks.peers.physics_measures import Rest
 from taichi_erosion.core.setup import GrainTable, Numerics, Setup
-from taichi_erosion.run.play import Play, play
+from taichi_erosion.run.ensemble_loop import Play, play
 from taichi_erosion.run.stages import Actor, sentence
 from taichi_erosion.scene import Scene, build_setup, laws, load_scene
 from taichi_erosion.simulation import assemble, snapshot

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.peers.compare import MEGA, Row, Sample, summary
-from taichi_erosion.report.page import markdown_table
-from taichi_erosion.report.speed import fill
+from benchmarks.speed_page import fill
+from taichi_erosion.report.markdown import markdown_table
 
 DOCS = Path(__file__).parents[2] / "docs"
 HEADER = (

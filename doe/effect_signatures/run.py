@@ -1,14 +1,14 @@
 """What each effect moves, measured with paired seeds; writes signatures.csv.
 
-python doe/effect_signatures/run.py              all cases of all scenes
-python doe/effect_signatures/run.py EFFECT...    the cases of some effects
+python -m doe.effect_signatures.run              all cases of all scenes
+python -m doe.effect_signatures.run EFFECT...    the cases of some effects
 """
 
 import sys
 from pathlib import Path
 
-from taichi_erosion.campaign.cases import ROOT
-from taichi_erosion.campaign.signatures import Case, measure_shifts, tabulate
+from doe.common.cases import ROOT
+from doe.effect_signatures.shifts import Case, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
 TABLE = Path(__file__).with_name("signatures.csv")

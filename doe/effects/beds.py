@@ -1,8 +1,8 @@
 """What some effects move on a small bed under wind, with paired seeds; writes beds.csv beside this file.
 
-python doe/effects/beds.py              all cases
-python doe/effects/beds.py EFFECT...    the cases of some effects
-python doe/effects/beds.py PLAN...      those of a plan: start ceasing flux laws tilt
+python -m doe.effects.beds              all cases
+python -m doe.effects.beds EFFECT...    the cases of some effects
+python -m doe.effects.beds PLAN...      those of a plan: start ceasing flux laws tilt
 
 Thresholds: the bed of scenes/wind_threshold.toml with 500 equal grains of 0.2 mm on a patch of 12 x 12
 diameters and shorter holds. Flux: that of scenes/saltation.toml with 500 grains on a patch of 16 x 8
@@ -13,8 +13,8 @@ only their shifts are used.
 import sys
 from pathlib import Path
 
-from taichi_erosion.campaign.cases import ROOT
-from taichi_erosion.campaign.signatures import Case, Orders, measure_shifts, tabulate
+from doe.common.cases import ROOT
+from doe.effect_signatures.shifts import Case, Orders, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
 TABLE = Path(__file__).with_name("beds.csv")

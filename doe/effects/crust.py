@@ -1,7 +1,7 @@
 """A crust before and after it is broken, by impacts and by blows; writes crust.csv beside this file.
 
-python doe/effects/crust.py             all plans
-python doe/effects/crust.py PLAN...     some of: impact heap
+python -m doe.effects.crust             all plans
+python -m doe.effects.crust PLAN...     some of: impact heap
 
 Beside the bare model and `surface_crust` stands a cement that remembers nothing: it pulls with the same
 strength between all grains that have touched, so it heals wherever they land. All three share their seeds.
@@ -23,16 +23,16 @@ from runpy import run_path
 import numpy as np
 from beds import DIAMETER, ORDERS, THRESHOLD
 
-from taichi_erosion.campaign.cases import ROOT
+from doe.common.cases import ROOT
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import acting
+from taichi_erosion.core.files import write_whole
 from taichi_erosion.core.setup import Floats, GrainTable, Numerics, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.heap import pile_height
-from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.run.check import read_scene
-from taichi_erosion.run.hunt import way
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.run.threshold_search import way
 from taichi_erosion.scene import Scene, laws
 from taichi_erosion.simulation import (
     Simulation,

@@ -1,17 +1,17 @@
 """What each effect does where the answer is known, and what it costs; writes tables and the page of effects.
 
-python doe/effects/run.py              all groups, then the page
-python doe/effects/run.py GROUP...     some of: pocket flight bounce rolling reading cost
-python doe/effects/run.py --page       only the figure and the tables of the page
+python -m doe.effects.run              all groups, then the page
+python -m doe.effects.run GROUP...     some of: pocket flight bounce rolling reading cost
+python -m doe.effects.run --page       only the figure and the tables of the page
 """
 
 import sys
 from pathlib import Path
 
-from taichi_erosion.campaign.cases import ROOT
-from taichi_erosion.report.effects import publish
-from taichi_erosion.verification.effect_answers import GROUPS, write_answers
-from taichi_erosion.verification.effect_cost import costs, write_costs
+from doe.common.cases import ROOT
+from doe.effects.answers import GROUPS, write_answers
+from doe.effects.cost import costs, write_costs
+from doe.effects.page import publish
 
 FOLDER = Path(__file__).parent
 ANSWERS, COSTS = FOLDER / "answers.csv", FOLDER / "cost.csv"

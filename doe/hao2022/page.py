@@ -1,11 +1,11 @@
 """Audits the tables of Hao et al. (2022), draws the figures and fills docs/hao2022.md.
 
-python doe/hao2022/page.py
+python -m doe.hao2022.page
 """
 
 from pathlib import Path
 
-from taichi_erosion.report.hao2022 import publish
+from doe.hao2022.tables import publish
 
 FOLDER = Path(__file__).parent
 

@@ -1,7 +1,7 @@
 """Laboratory C in the code it was made with (LAMMPS, optional): the starts of our seeds, our measures.
 
-python doe/lab_c/lammps.py             24 runs of half a minute each, added to results.csv
-python doe/lab_c/lammps.py GROUP...    those of some groups
+python -m doe.lab_c.lammps             24 runs of half a minute each, added to results.csv
+python -m doe.lab_c.lammps GROUP...    those of some groups
 
 LAMMPS is told the laboratory's restitution of 0.5; then 0.3667, with which its grains really part at half the
 speed; then 0.5 again, but without a rolling damper; then also with a rolling spring between grains as soft as
@@ -19,14 +19,14 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_erosion.campaign.cases import ROOT, Row, read_rows, write_rows
+from doe.common.cases import ROOT, Row, read_rows, write_rows
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.run.check import read_scene
+from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene import Scene, build_setup, scene_hash
-from taichi_erosion.scene.limits import grain_rayleigh_time
+from taichi_erosion.scene.build.limits import grain_rayleigh_time
 
 HERE = Path(__file__).parent
 SEEDS = range(1, 7)
@@ -143,7 +143,7 @@ def rows(group: str, told: Told, scene: Scene) -> list[Row]:
             time_step_over_rayleigh=TIME_STEP / grain_rayleigh_time(scene),
             grains=len(setups[0].grains.radius),
             wall_s=seconds,
-            command=f"python doe/lab_c/lammps.py '{group}'",
+            command=f"python -m doe.lab_c.lammps '{group}'",
             versions=lammps_version(),
         )
         for same in zip(*runs, strict=True)

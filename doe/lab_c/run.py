@@ -1,15 +1,15 @@
 """Column collapse of laboratory C: simulates the cases, writes results.csv, draws the figure, fills the page.
 
-python doe/lab_c/run.py             all cases
-python doe/lab_c/run.py GROUP...    the cases of some groups
-python doe/lab_c/run.py --page      only the figure and the tables of the page, from results.csv
+python -m doe.lab_c.run             all cases
+python -m doe.lab_c.run GROUP...    the cases of some groups
+python -m doe.lab_c.run --page      only the figure and the tables of the page, from results.csv
 """
 
 import sys
 from pathlib import Path
 
-from taichi_erosion.campaign.cases import ROOT, Case, perform, settings
-from taichi_erosion.report.lab_c import publish
+from doe.common.cases import ROOT, Case, perform, settings
+from doe.lab_c.page import publish
 
 SCENE = "scenes/column_collapse.toml"
 TABLE = Path(__file__).with_name("results.csv")

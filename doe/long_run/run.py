@@ -1,8 +1,8 @@
 """Ten million steps of a bed at rest: does anything drift?
 
-python doe/long_run/run.py f32 [MINUTES]     go on in single precision, for so many minutes at most
-python doe/long_run/run.py f64 [MINUTES]     the same in double precision
-python doe/long_run/run.py --page            only the table of the page, from the tables
+python -m doe.long_run.run f32 [MINUTES]     go on in single precision, for so many minutes at most
+python -m doe.long_run.run f64 [MINUTES]     the same in double precision
+python -m doe.long_run.run --page            only the table of the page, from the tables
 
 A part of the run ends with a checkpoint; the next call goes on from it, bit for bit. One thread.
 """
@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import SimulationStopped
+from taichi_erosion.core.files import write_whole
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
-from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.report.page import fill_table, markdown_table
-from taichi_erosion.run.check import read_scene
+from taichi_erosion.report.markdown import fill_table, markdown_table
+from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.stages import sentence
 from taichi_erosion.scene import laws, scene_hash
 from taichi_erosion.simulation import (

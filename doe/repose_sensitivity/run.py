@@ -1,15 +1,15 @@
 """Sensitivity of the funnel angle: simulates the cases, writes results.csv, draws the figure, fills the page.
 
-python doe/repose_sensitivity/run.py             all cases
-python doe/repose_sensitivity/run.py GROUP...    the cases of some groups
-python doe/repose_sensitivity/run.py --page      only the figure and the tables of the page, from results.csv
+python -m doe.repose_sensitivity.run             all cases
+python -m doe.repose_sensitivity.run GROUP...    the cases of some groups
+python -m doe.repose_sensitivity.run --page      only the figure and the tables of the page, from results.csv
 """
 
 import sys
 from pathlib import Path
 
-from taichi_erosion.campaign.cases import ROOT, Case, perform, settings
-from taichi_erosion.report.repose_sensitivity import publish
+from doe.common.cases import ROOT, Case, perform, settings
+from doe.repose_sensitivity.page import publish
 
 SCENE = "scenes/funnel_repose.toml"
 TABLE = Path(__file__).with_name("results.csv")

@@ -1,9 +1,9 @@
 """Sealed cases on the reduced model: draws, solves and opens them, writes results.csv, fills the page.
 
-python doe/t0/run.py --cases 3000 --seed 1 --processes 2     goes on where it was stopped
-python doe/t0/run.py --cases 3000 --seed 1 --further 3000    and the pairs among 3000 more
-python doe/t0/run.py --cases 3000 --seed 1 --score           opens what is answered
-python doe/t0/run.py --page                                  only the page, from results.csv
+python -m doe.t0.run --cases 3000 --seed 1 --processes 2     goes on where it was stopped
+python -m doe.t0.run --cases 3000 --seed 1 --further 3000    and the pairs among 3000 more
+python -m doe.t0.run --cases 3000 --seed 1 --score           opens what is answered
+python -m doe.t0.run --page                                  only the page, from results.csv
 """
 
 import csv
@@ -17,10 +17,10 @@ from typing import Annotated
 
 import typer
 
-from taichi_erosion.evidence.blind_solve import solve_file
-from taichi_erosion.evidence.blind_trial import COLUMNS, Trial, opened, seal, sealed
-from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.report.blind_trial import publish
+from doe.sealed.solve import solve_file
+from doe.sealed.trial import COLUMNS, Trial, opened, seal, sealed
+from doe.t0.page import publish
+from taichi_erosion.core.files import write_whole
 
 FOLDER = Path(__file__).parent
 WORK = FOLDER.parent / "t0-results"  # problems and answers

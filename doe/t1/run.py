@@ -1,8 +1,8 @@
 """Sealed cases on the simulator: heaps made with hidden effects, which the commands then have to find.
 
-    python doe/t1/run.py make       draw the truth, write its digest, simulate the laboratories' tables
-    python doe/t1/run.py solve      discover and adopt, by the commands, without the truth
-    python doe/t1/run.py score      open the truth and write results.csv
+    python -m doe.t1.run make       draw the truth, write its digest, simulate the laboratories' tables
+    python -m doe.t1.run solve      discover and adopt, by the commands, without the truth
+    python -m doe.t1.run score      open the truth and write results.csv
 
 Six cases hide nothing, twelve one effect, four two, two something that no candidate describes. A laboratory
 has its own seeds, time step, packing and friction. What is sealed lies in the folder of the campaign; its
@@ -17,11 +17,11 @@ from typing import Any
 
 import typer
 
+from doe.sealed.studies import SealedSet, seal, solve, write_results
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.evidence.sealed_set import SealedSet, seal, solve, write_results
-from taichi_erosion.run.check import read_scene
-from taichi_erosion.run.choices import shared_choices
+from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble import Part, play_ensemble
+from taichi_erosion.run.ensemble_compatibility import shared_choices
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

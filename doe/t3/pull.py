@@ -1,6 +1,6 @@
 """Why water of the same force lifts our heaps more than those of LAMMPS: writes results_pull.csv.
 
-    python doe/t3/pull.py        a few minutes of one core
+    python -m doe.t3.pull        a few minutes of one core
 
 Columns of 100 grains at 1.5 mm with half of a textbook neck, in both codes: with necks that hold until they
 rupture, and with so little water that the same force acts at contact only. And the limit of friction of two
@@ -20,8 +20,8 @@ import numpy as np
 from run import DENSITY, DIAMETERS, NECK, POISSON, RESTITUTION, ROLLING, SLIDING, SMALL, Grains, dry_walls
 from run import laboratory_run as theirs_once
 
-from taichi_erosion.campaign.cases import ROOT
-from taichi_erosion.recording.whole_file import write_whole
+from doe.common.cases import ROOT
+from taichi_erosion.core.files import write_whole
 
 TABLE = Path(__file__).with_name("results_pull.csv")
 REPEATS, SEED = 16, 5

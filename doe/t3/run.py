@@ -1,8 +1,8 @@
 """Sealed cases of another code: heaps that LAMMPS made with hidden effects, which the commands have to find.
 
-    python doe/t3/run.py make       draw the truth, write its digest, simulate the laboratories' tables
-    python doe/t3/run.py solve      discover and adopt, by the commands, without the truth
-    python doe/t3/run.py score      open the truth and write results.csv
+    python -m doe.t3.run make       draw the truth, write its digest, simulate the laboratories' tables
+    python -m doe.t3.run solve      discover and adopt, by the commands, without the truth
+    python -m doe.t3.run score      open the truth and write results.csv
 
 The apparatus is that of the cases of our own simulator (../t1), but that plate and tube do not stick.
 Packings, contact law and every effect are written here a second time, in the ways that LAMMPS has.
@@ -22,9 +22,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from doe.sealed.studies import SealedSet, seal, solve, write_results
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.evidence.sealed_set import SealedSet, seal, solve, write_results
 from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
 

@@ -1,8 +1,8 @@
 """Seven laboratories in the whole apparatus of laboratory C, made by LAMMPS, asked by ../foreign_lab_c.toml.
 
-    python doe/t3/whole.py make        113 heaps of 1800 grains, half a minute of a core each
-    python doe/t3/whole.py solve       discover and adopt, by the commands; several core-hours
-    python doe/t3/whole.py tell        results_whole.csv
+    python -m doe.t3.whole make        113 heaps of 1800 grains, half a minute of a core each
+    python -m doe.t3.whole solve       discover and adopt, by the commands; several core-hours
+    python -m doe.t3.whole tell        results_whole.csv
 
 They were chosen, not drawn: water whose pull grows in proportion to its amount, which our law does not know;
 nothing at all; water and rolling resistance together; a pull of dry grains; and three that no candidate
@@ -24,8 +24,8 @@ import numpy as np
 import typer
 from run import DENSITY, GRAVITY, WHOLE, Grains, laboratory_run
 
-from taichi_erosion.evidence.sealed_set import command
-from taichi_erosion.recording.whole_file import write_whole
+from doe.sealed.studies import command
+from taichi_erosion.core.files import write_whole
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parents[1] / "campaigns" / "t3_whole"

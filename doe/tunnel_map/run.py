@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_erosion.air.assemble import allocate_air
-from taichi_erosion.air.observe import air_snapshot
+from taichi_erosion.air.readback import air_snapshot
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.device import start_device
@@ -22,7 +22,7 @@ from taichi_erosion.measures.boundary_layer import (
     profile_at,
     thickness,
 )
-from taichi_erosion.scene.air import build_air, load_air_scene
+from taichi_erosion.scene.air_scene import build_air, load_air_scene
 
 FOLDER = Path(__file__).parent
 SCENE = FOLDER.parent.parent / "scenes" / "tunnel_section.toml"

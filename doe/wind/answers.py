@@ -19,22 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_erosion.campaign.cases import Row
+from doe.common.cases import Row
+from doe.wind.blown_sand import AIR, BARE, GRAVITY, MILLI, QUARTZ, STICKY, STRESS_LINE, Found, found_in
+from doe.wind.saturated_sand import LIGHT, saturated_thresholds
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.effects import friction_velocity_calibration, grain_density, sieve_diameter
-from taichi_erosion.report.blown_sand import (
-    AIR,
-    BARE,
-    GRAVITY,
-    MILLI,
-    QUARTZ,
-    STICKY,
-    STRESS_LINE,
-    Found,
-    found_in,
-)
-from taichi_erosion.report.saturated_sand import LIGHT, saturated_thresholds
 
 READS = ("saturated.csv",)
 OBSERVABLE = "threshold_u_star"

@@ -1,7 +1,7 @@
 """Eddies that a grid of air resolves over a patch; writes eddies.csv and gusts.csv beside this file.
 
-python doe/wind/gusts.py eddies LABEL SETTING...    air over the resting bed: does its turbulence last?
-python doe/wind/gusts.py below ARM U_STAR SEED...   grains under one wind: how many leave their places?
+python -m doe.wind.gusts eddies LABEL SETTING...    air over the resting bed: does its turbulence last?
+python -m doe.wind.gusts below ARM U_STAR SEED...   grains under one wind: how many leave their places?
 
 LABEL is free; SETTINGs change `scenes/gusty_patch.toml`. ARM is `eddies` (the scene as it is), `calm` (the
 same grid under a mixing length, which no eddy survives) or `column` (a single column of air under its lid).
@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.air.observe import face_velocities
-from taichi_erosion.air.replica import advance_moving
+from taichi_erosion.air.readback import face_velocities
+from taichi_erosion.air.replica_step import advance_moving
 from taichi_erosion.core.setup import Floats, Numerics
-from taichi_erosion.coupling.patch import meet_air
-from taichi_erosion.run.hunt import way
+from taichi_erosion.coupling.grid_exchange import meet_air
+from taichi_erosion.run.threshold_search import way
 from taichi_erosion.scene import build_setup, laws, load_scene
 from taichi_erosion.simulation import Simulation, advance, assemble, develop_wind, failure, snapshot
 

@@ -1,8 +1,8 @@
 """Sand under wind against measurements: simulates the cases, fills the tables, the page and its figures.
 
-python doe/wind/run.py             all cases
-python doe/wind/run.py GROUP...    the cases of some groups; `hopping` is the grain that hops alone
-python doe/wind/run.py --page      only the page and its figures, from the tables
+python -m doe.wind.run             all cases
+python -m doe.wind.run GROUP...    the cases of some groups; `hopping` is the grain that hops alone
+python -m doe.wind.run --page      only the page and its figures, from the tables
 """
 
 import csv
@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 
-from taichi_erosion.campaign.cases import ROOT, Case, perform, read_rows, settings, write_rows
+from doe.common.cases import ROOT, Case, perform, read_rows, settings, write_rows
+from doe.wind.page import publish
+from taichi_erosion.core.files import write_whole
 from taichi_erosion.effects.dry_adhesion import Params
-from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.report.threshold import publish
 from taichi_erosion.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
-from taichi_erosion.verification.resting_bed import roughness, winds_over_beds
-from taichi_erosion.verification.saltation import SMALLEST, at_rest
+from taichi_erosion.verification.wind.resting_bed import roughness, winds_over_beds
+from taichi_erosion.verification.wind.saltation import SMALLEST, at_rest
 
 FOLDER = Path(__file__).parent
 TABLES = {

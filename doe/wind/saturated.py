@@ -1,7 +1,7 @@
 """Saturated transport of sands of many diameters in steady winds; writes saturated.csv beside this file.
 
-python doe/wind/saturated.py                every sand that has no rows yet
-python doe/wind/saturated.py GROUP/SAND...  some anew, as impact/0.24 or adhesion/0.1
+python -m doe.wind.saturated                every sand that has no rows yet
+python -m doe.wind.saturated GROUP/SAND...  some anew, as impact/0.24 or adhesion/0.1
 
 Four winds over each sand, as far above the one in which a single grain goes on (hopping.csv). Hops last and
 rise as the wind asks: times go with u*, heights and stiffness with its square. Where grains stick with a
@@ -15,9 +15,9 @@ from pathlib import Path
 
 from run import ADHESION, DIAMETERS, FINE, bond_number, size_order
 
-from taichi_erosion.campaign.cases import Case, perform, read_rows, settings
-from taichi_erosion.report.blown_sand import BARE, STICKY
-from taichi_erosion.report.saturated_sand import LIGHT
+from doe.common.cases import Case, perform, read_rows, settings
+from doe.wind.blown_sand import BARE, STICKY
+from doe.wind.saturated_sand import LIGHT
 from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 
 TABLE = Path(__file__).with_name("saturated.csv")

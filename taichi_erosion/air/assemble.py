@@ -4,9 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taichi_erosion.air.gusts import allocate_waves
-from taichi_erosion.air.levels import allocate_grids, allocate_krylov
-from taichi_erosion.air.state import GRIDS, VECTORS, Air, allocate_numbers, inlet_plane, layered, padded
+from taichi_erosion.air.grid import (
+    GRIDS,
+    VECTORS,
+    Air,
+    allocate_grids,
+    allocate_krylov,
+    allocate_numbers,
+    inlet_plane,
+    layered,
+    padded,
+)
+from taichi_erosion.air.inlet_turbulence import allocate_waves
 from taichi_erosion.core.air_setup import SIDES, AirSetup
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats

@@ -11,7 +11,7 @@ moving grains displace is left out; eddy viscosities are those of the old time.
 Reference: Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306, section II.
 """
 
-from taichi_erosion.air.laws import risen_root, rough_floor_length, wall_friction_velocity
+from taichi_erosion.air.wall_law import risen_root, rough_floor_length, wall_friction_velocity
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 

@@ -9,15 +9,15 @@ Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A.
 
 from dataclasses import dataclass
 
-from taichi_erosion.air.books import remember_void_of
-from taichi_erosion.air.conjugate import TOLERANCE, solve
-from taichi_erosion.air.eddies import spread_eddies
-from taichi_erosion.air.ghosts import close_cells, close_eddies, close_velocities
-from taichi_erosion.air.gusts import blow_gusts
+from taichi_erosion.air.boundary import close_cells, close_eddies, close_velocities
+from taichi_erosion.air.exchange_budget import remember_void_of
+from taichi_erosion.air.grid import Air
+from taichi_erosion.air.implicit_z import predict
+from taichi_erosion.air.inlet_turbulence import blow_gusts
 from taichi_erosion.air.momentum import find_rates
-from taichi_erosion.air.pressure import correct, find_excess, set_conductances, spread_excess
-from taichi_erosion.air.state import Air
-from taichi_erosion.air.sweep import predict
+from taichi_erosion.air.pressure.conjugate_gradient import TOLERANCE, solve
+from taichi_erosion.air.pressure.projection import correct, find_excess, set_conductances, spread_excess
+from taichi_erosion.air.turbulence import spread_eddies
 from taichi_erosion.core.ti import ti
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from taichi_erosion.benchmark.setups import LAWS, bed_setup, funnel_setup
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import device_fields, inner_shape
-from taichi_erosion.grains.pairs import ENGAGED
+from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import (
     Simulation,
     advance,

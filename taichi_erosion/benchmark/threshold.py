@@ -11,7 +11,7 @@ from typing import Any
 
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.measures.threshold import pool_beds
-from taichi_erosion.run.play import Play, play
+from taichi_erosion.run.ensemble_loop import Play, play
 from taichi_erosion.run.stages import Actor
 from taichi_erosion.scene import Scene, build_setup, laws, parse_scene
 from taichi_erosion.simulation import (

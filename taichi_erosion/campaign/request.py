@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.run.check import read_scene
-from taichi_erosion.run.choices import shared_choices
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.run.ensemble_compatibility import shared_choices
 from taichi_erosion.scene import Scene, resolved, scene_hash
-from taichi_erosion.scene.limits import time_step
+from taichi_erosion.scene.build.limits import time_step
 
 WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble: about four seconds of one core
 

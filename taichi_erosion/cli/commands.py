@@ -13,14 +13,12 @@ import typer
 
 from taichi_erosion import __version__
 from taichi_erosion.cli import output
-from taichi_erosion.cli.audit import audit
-from taichi_erosion.cli.doe import doe
+from taichi_erosion.cli.doe import audit, doe
+from taichi_erosion.cli.help_pages import EXPLAIN, PLAY, help_of
 from taichi_erosion.cli.live import live
-from taichi_erosion.cli.log import LOG, open_log
-from taichi_erosion.cli.look import export, snapshot, view
 from taichi_erosion.cli.output import AsJson
-from taichi_erosion.cli.pages import EXPLAIN, PLAY, help_of
-from taichi_erosion.cli.progress import reporting
+from taichi_erosion.cli.progress import LOG, open_log, reporting
+from taichi_erosion.cli.view import export, snapshot, view
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import typer
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 
 if TYPE_CHECKING:
-    from taichi_erosion.run.live import Session
+    from taichi_erosion.run.session import Session
 
 PROMPT = "erosion> "
 PICTURE_COLUMNS = 72
@@ -46,7 +46,7 @@ def one(words: list[str], usage: str) -> str:
 
 
 def step(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import live
+    from taichi_erosion.run import session as live
 
     word = words[0] if words else "1"
     if not word.isdigit():
@@ -56,7 +56,7 @@ def step(session: "Session", words: list[str]) -> str:
 
 
 def run(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import live
+    from taichi_erosion.run import session as live
 
     if words == ["until", "rest"]:
         rested = live.run_until_rest(session)
@@ -66,13 +66,13 @@ def run(session: "Session", words: list[str]) -> str:
 
 
 def stage(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import live
+    from taichi_erosion.run import session as live
 
     return f"stage {live.next_stage(session)} begins"
 
 
 def change(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import live
+    from taichi_erosion.run import session as live
 
     if len(words) != 2:
         raise BadInput(f"usage: {ORDERS['set'].usage}")
@@ -92,14 +92,14 @@ def entry(session: "Session", words: list[str]) -> str:
 
 
 def measured(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import live
+    from taichi_erosion.run import session as live
 
     lines = [f"{m.name} = {m.value:.5g} {m.unit}" for m in live.measure_now(session).values()]
     return "\n".join(lines) or "the scene names nothing to measure"
 
 
 def status(session: "Session") -> str:
-    from taichi_erosion.run import live_view
+    from taichi_erosion.run import session as live_view
 
     found = live_view.numbers(session)
     return "  ".join(
@@ -109,8 +109,8 @@ def status(session: "Session") -> str:
 
 
 def show(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.recording.terminal import in_colour, in_shades
-    from taichi_erosion.run import live_view
+    from taichi_erosion.recording.pictures import in_colour, in_shades
+    from taichi_erosion.run import session as live_view
 
     image = live_view.side_picture(session, is_lettered=False)
     has_colours = sys.stdout.isatty() and "NO_COLOR" not in os.environ
@@ -119,13 +119,13 @@ def show(session: "Session", words: list[str]) -> str:
 
 
 def picture(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import live_view
+    from taichi_erosion.run import session as live_view
 
     return str(live_view.write_picture(session, Path(one(words, ORDERS["snapshot"].usage))))
 
 
 def save(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import live
+    from taichi_erosion.run import session as live
 
     name = words[0] if words else "last"
     live.save(session, name)
@@ -133,7 +133,7 @@ def save(session: "Session", words: list[str]) -> str:
 
 
 def back(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import live
+    from taichi_erosion.run import session as live
 
     live.back(session, words[0] if words else "last")
     return status(session)
@@ -262,7 +262,7 @@ def live(
 ) -> None:
     """Play a scene by hand: type `help` at the prompt, or pipe orders in."""
     from taichi_erosion.recording.viewer import web_viewer
-    from taichi_erosion.run.live import open_session
+    from taichi_erosion.run.session import open_session
 
     if web and viewer:
         raise BadInput("--web and --viewer exclude each other")
@@ -277,7 +277,7 @@ def live(
 def converse_recorded(session: "Session", path: Path, viewer: str | None) -> None:
     """Obey until the end of the lines, while a recording grows that a viewer may follow."""
     from taichi_erosion.recording import stream
-    from taichi_erosion.run import live_view
+    from taichi_erosion.run import session as live_view
 
     film = live_view.open_film(session, path, viewer)
     try:

@@ -13,7 +13,7 @@ import typer
 
 from taichi_erosion.cli import effects, evidence
 from taichi_erosion.cli.commands import app
-from taichi_erosion.cli.log import LOG, close_log
+from taichi_erosion.cli.progress import LOG, close_log
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 
 TRACEBACK_SWITCH = (

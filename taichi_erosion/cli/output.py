@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from taichi_erosion.cli.log import LOG
+from taichi_erosion.cli.progress import LOG
 
 Record = Mapping[str, Any]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]

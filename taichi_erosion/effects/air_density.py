@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import with_section
-from taichi_erosion.scene.sample import sample_scene
+from taichi_erosion.scene.change import sample_scene, with_section
 
 MOLAR_MASS = 0.0289652  # of dry air [kg mol-1]
 GAS_CONSTANT = 8.314462618  # [J mol-1 K-1], CODATA 2018

@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import with_section
-from taichi_erosion.scene.sample import sample_scene
-from taichi_erosion.scene.schema_field import unit_vector
+from taichi_erosion.scene.change import sample_scene, with_section
+from taichi_erosion.scene.schema.fields import unit_vector
 
 
 @dataclass(frozen=True)

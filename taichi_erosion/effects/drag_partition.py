@@ -17,9 +17,7 @@ from dataclasses import dataclass
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import with_section
-from taichi_erosion.scene.sample import sample_scene
-from taichi_erosion.scene.shelter import sheltered_share
+from taichi_erosion.scene.change import sample_scene, sheltered_share, with_section
 
 
 @dataclass(frozen=True)

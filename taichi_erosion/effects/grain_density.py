@@ -18,8 +18,7 @@ from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import with_grain_material, with_shorter_step
-from taichi_erosion.scene.sample import sample_scene
+from taichi_erosion.scene.change import sample_scene, with_grain_material, with_shorter_step
 
 
 @dataclass(frozen=True)

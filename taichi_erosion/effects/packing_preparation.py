@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.sample import sample_scene
-from taichi_erosion.scene.schema import Movement, Stage
-from taichi_erosion.scene.sizes import nominal_diameter
+from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.change import sample_scene
+from taichi_erosion.scene.schema.scene import Movement, Stage
 
 
 @dataclass(frozen=True)

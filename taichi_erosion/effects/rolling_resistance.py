@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import with_contacts, with_section
-from taichi_erosion.scene.sample import sample_scene
+from taichi_erosion.scene.change import sample_scene, with_contacts, with_section
 
 
 @dataclass(frozen=True)

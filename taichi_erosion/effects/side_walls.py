@@ -20,10 +20,10 @@ from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.contacts import contact_of
-from taichi_erosion.scene.sample import sample_scene
-from taichi_erosion.scene.schema_geometry import Plane
-from taichi_erosion.scene.sizes import nominal_diameter
+from taichi_erosion.scene.build.contacts import contact_of
+from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.change import sample_scene
+from taichi_erosion.scene.schema.geometry import Plane
 
 SIDES = {"side_left": 1.0, "side_right": -1.0}  # names of the walls, and where they face along y
 PANE = "pane"  # their material

@@ -19,8 +19,7 @@ from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import with_section
-from taichi_erosion.scene.sample import sample_scene
+from taichi_erosion.scene.change import sample_scene, with_section
 
 
 @dataclass(frozen=True)

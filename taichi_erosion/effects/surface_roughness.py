@@ -24,10 +24,8 @@ from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import with_section
-from taichi_erosion.scene.sample import sample_scene
-from taichi_erosion.scene.shelter import sheltered_share
-from taichi_erosion.scene.sizes import nominal_diameter
+from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.change import sample_scene, sheltered_share, with_section
 
 KARMAN = 0.4  # von Karman's constant [1]
 GRAINS_PER_LENGTH = 30.0  # diameter over roughness length, Nikuradse (1933) [1]

@@ -1,29 +1,38 @@
-"""The named designs, for given factors, with their run order and blocks.
+"""Coded points of the named designs, [runs, factors]: the only module that knows pyDOE3 and scipy.stats.qmc.
+
+Rows stand in the order of the textbooks, which is also that of Design-Expert: the first factor changes
+fastest.
+
+References: Plackett & Burman (1946), Biometrika 33, 305; Box & Behnken (1960), Technometrics 2, 455, table 3;
+Box & Wilson (1951), J. R. Stat. Soc. B 13, 1.
+
+D-optimal runs: those that make the determinant of X'X largest.
+
+    det(X'X + x x') = det(X'X) (1 + d),   d = x' (X'X)^-1 x
+
+so a run is worth adding where the variance d of the prediction is largest; afterwards every added run is
+exchanged for a better one until none is left. The optimum is a local one.
+
+Reference: Fedorov (1972), Theory of Optimal Experiments; Mitchell (1974), Technometrics 16, 203.
+
+The named designs, for given factors, with their run order and blocks.
 
 With a seed the runs are carried out in random order within blocks; without one, in standard order.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from math import isfinite
 from typing import Literal
 
 import numpy as np
+import pyDOE3
 from numpy.typing import ArrayLike
+from pyDOE3.doe_star import star
+from scipy.stats import qmc
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.generate import (
-    axial_points,
-    box_behnken_points,
-    factorial_points,
-    fractional_points,
-    grid_points,
-    latin_hypercube_points,
-    plackett_burman_points,
-    repeated_centre,
-    sobol_points,
-)
-from taichi_erosion.experiments.optimal import best_additions
-from taichi_erosion.experiments.table import (
+from taichi_erosion.experiments.design_table import (
     Design,
     Factor,
     Floats,
@@ -32,7 +41,142 @@ from taichi_erosion.experiments.table import (
     refuse_bad_factors,
     to_natural,
 )
-from taichi_erosion.experiments.terms import Term
+from taichi_erosion.experiments.terms import Term, model_matrix
+
+# first rows of the cyclic designs of Plackett & Burman (1946), by the number of runs; 28 runs are not cyclic
+CYCLES = {
+    4: "++-",
+    8: "+++-+--",
+    12: "++-+++---+-",
+    16: "++++-+-++--+---",
+    20: "++--++++-+-+----++-",
+    24: "+++++-+-++--++--+-+----",
+    32: "----+-+-+++-++---+++++--++-+--+",
+    36: "-+-+++---+++++-+++--+----+-+-++--+-",
+}
+# factors that are varied together, block by block, in the order of Box & Behnken (1960)
+TOGETHER = {
+    3: ("AB", "AC", "BC"),
+    4: ("AB", "CD", "AD", "BC", "AC", "BD"),
+    5: ("AB", "CD", "BE", "AC", "DE", "BC", "AD", "CE", "AE", "BD"),
+    6: ("ABD", "BCE", "CDF", "ADE", "BEF", "ACF"),
+    7: ("DEF", "AFG", "BEG", "ABD", "CDG", "ACE", "BCF"),
+}
+
+
+def plackett_burman_points(count: int) -> Floats:
+    """Smallest Plackett-Burman design: right shifts of its first row, then a row of -1."""
+    sizes = [runs for runs in CYCLES if runs > count]
+    if not sizes:
+        raise BadInput(f"Plackett-Burman: {count} factors; at most {max(CYCLES) - 1} are allowed")
+    first = np.array([1.0 if sign == "+" else -1.0 for sign in CYCLES[sizes[0]]])
+    shifts = [np.roll(first, turn) for turn in range(len(first))]
+    return np.array([*shifts, -np.ones(len(first))])[:, :count]
+
+
+def factorial_points(levels: tuple[int, ...]) -> Floats:
+    """All combinations of equidistant levels between -1 and +1."""
+    steps = np.array(levels) - 1.0
+    return 2.0 * pyDOE3.fullfact(list(levels)) / steps - 1.0
+
+
+def fractional_points(generators: str) -> Floats:
+    """Two-level fraction; `generators` such as "a b c -abc" give every factor as a product of basic ones."""
+    words = generators.split()
+    basic = sorted({letter for word in words for letter in word.strip("+-")})
+    # pyDOE3 changes the last basic letter fastest: handed over backwards, the first one does
+    swap = str.maketrans("".join(basic), "".join(reversed(basic)))
+    return np.asarray(pyDOE3.fracfact(" ".join(word.translate(swap) for word in words)), dtype=float)
+
+
+def box_behnken_points(count: int) -> Floats:
+    """Edge midpoints of Box and Behnken without centre points; 3 to 7 factors."""
+    if count not in TOGETHER:
+        allowed = f"{min(TOGETHER)} to {max(TOGETHER)}"
+        raise BadInput(f"Box-Behnken: {count} factors; allowed are {allowed}")
+    blocks = []
+    for letters in TOGETHER[count]:
+        corners = factorial_points((2,) * len(letters))
+        block = np.zeros((len(corners), count))
+        block[:, [ord(letter) - ord("A") for letter in letters]] = corners
+        blocks.append(block)
+    return np.concatenate(blocks)
+
+
+def axial_points(count: int, distance: float) -> Floats:
+    """The low and the high star point of every factor."""
+    return distance * np.asarray(star(count)[0], dtype=float)
+
+
+def repeated_centre(count: int, repeats: int) -> Floats:
+    """Repeats of the centre."""
+    return np.zeros((repeats, count))
+
+
+def latin_hypercube_points(count: int, runs: int, seed: int) -> Floats:
+    """Latin hypercube of low discrepancy: every factor has one run in each of `runs` equal slices."""
+    sampler = qmc.LatinHypercube(d=count, optimization="random-cd", rng=np.random.default_rng(seed))
+    return 2.0 * sampler.random(runs) - 1.0
+
+
+def sobol_points(count: int, runs: int, seed: int) -> Floats:
+    """Scrambled Sobol sequence; only a power of two keeps its balance."""
+    power = runs.bit_length() - 1
+    if runs < 1 or runs != 2**power:
+        raise BadInput(f"Sobol: {runs} runs; must be a power of two such as {2 ** (power + 1)}")
+    sampler = qmc.Sobol(d=count, rng=np.random.default_rng(seed))
+    return 2.0 * sampler.random_base2(power) - 1.0
+
+
+def grid_points(count: int, levels: int = 3) -> Floats:
+    """Candidates for optimal designs: the full grid of `levels` levels."""
+    ticks = np.linspace(-1.0, 1.0, levels)
+    return np.array([point[::-1] for point in product(ticks, repeat=count)])
+
+
+RIDGE = 1e-6  # keeps X'X invertible until enough runs are there; no effect on which full-rank set is best [1]
+WORTHWHILE = 1e-9  # relative gain of the determinant below which no run is exchanged [1]
+
+
+def best_additions(present: Floats, candidates: Floats, terms: Sequence[Term], runs: int) -> Floats:
+    """Candidates to add to the points that are present, [runs, factors]."""
+    if runs < 1:
+        raise BadInput(f"D-optimal: {runs} added runs; needs at least 1")
+    fixed, choices = model_matrix(present, terms), model_matrix(candidates, terms)
+    information = fixed.T @ fixed + RIDGE * np.eye(choices.shape[1])
+    chosen: list[int] = []
+    for _ in range(runs):
+        chosen.append(worthiest(information, choices)[0])
+        information = information + np.outer(choices[chosen[-1]], choices[chosen[-1]])
+    exchange(information, choices, chosen)
+    points = candidates[chosen]
+    if np.linalg.matrix_rank(model_matrix(np.concatenate([present, points]), terms)) < choices.shape[1]:
+        raise BadInput(
+            f"D-optimal: {len(present)} + {runs} runs cannot fit {choices.shape[1]} coefficients; add more"
+        )
+    return points
+
+
+def worthiest(information: Floats, choices: Floats) -> tuple[int, float]:
+    """Candidate of the largest variance d, and d."""
+    variance = np.einsum("ij,ji->i", choices, np.linalg.solve(information, choices.T))
+    best = int(np.argmax(variance))
+    return best, float(variance[best])
+
+
+def exchange(information: Floats, choices: Floats, chosen_out: list[int]) -> None:
+    """Take out each chosen run and put in the best one, until a whole round changes nothing."""
+    changed = True
+    while changed:
+        changed = False
+        for place, old in enumerate(chosen_out):
+            without = information - np.outer(choices[old], choices[old])
+            new, worth = worthiest(without, choices)
+            kept = float(choices[old] @ np.linalg.solve(without, choices[old]))
+            if worth > kept + WORTHWHILE * (1.0 + kept):
+                chosen_out[place], changed = new, True
+                information = without + np.outer(choices[new], choices[new])
+
 
 __all__ = ["Design", "Factor"]  # and every design below
 

@@ -18,8 +18,8 @@ import numpy as np
 from scipy import stats
 
 from taichi_erosion.experiments.anova import term_sums
+from taichi_erosion.experiments.design_table import Floats
 from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.experiments.table import Floats
 
 CONFIDENCE = 0.95  # [1]
 LENTH_INFLATION, LENTH_TRIM = 1.5, 2.5  # Lenth (1989): 1.5 makes the median of |N(0, s)| an estimate of s [1]

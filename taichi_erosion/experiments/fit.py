@@ -6,11 +6,20 @@ with x the coded levels [1], t_j the terms of the model, y the response in its o
 that add up to 0, so that b_0 belongs to the average block. Runs without a result are left out.
 
 Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., ch. 10 and 11.
+
+The fitted polynomial written out, in coded and in natural units.
+
+    x_k = (u_k - c_k) / h_k
+
+turns every coded term into a sum of natural ones; u is the natural value, c and h centre and half range of
+factor k. The natural equation holds inside the design only; its coefficients must not be compared in size.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
+from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +27,7 @@ from scipy import stats
 from statsmodels.regression.linear_model import OLS, RegressionResultsWrapper
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.table import Design, Factor, Floats, Integers
+from taichi_erosion.experiments.design_table import Design, Factor, Floats, Integers
 from taichi_erosion.experiments.terms import Order, Term, model_matrix, model_terms, term_name
 
 EXACT = 1e-20  # share of the total sum of squares below which a residual is rounding, not error [1]
@@ -184,3 +193,57 @@ def inflation_factors(fit: Fit) -> Floats:
     values = model_matrix(fit.coded, fit.terms)[:, 1:]
     scatter = np.sum((values - values.mean(axis=0)) ** 2, axis=0)
     return np.concatenate([[1.0], np.diag(fit.unscaled_covariance)[1:] * scatter])
+
+
+Polynomial = dict[Term, float]  # coefficient of every term; the constant is the term of zeros
+
+
+def coded_polynomial(fit: Fit) -> Polynomial:
+    """Coefficients in coded units."""
+    constant = (0,) * len(fit.factors)
+    return dict(zip((constant, *fit.terms), map(float, fit.coefficients), strict=True))
+
+
+def natural_polynomial(fit: Fit) -> Polynomial:
+    """Coefficients in the factors' own units."""
+    total: Polynomial = {}
+    for term, coefficient in coded_polynomial(fit).items():
+        for lower, share in expanded(fit, term).items():
+            total[lower] = total.get(lower, 0.0) + coefficient * share
+    return total
+
+
+def expanded(fit: Fit, term: Term) -> Polynomial:
+    """One coded term as a natural polynomial, by the binomial theorem factor by factor."""
+    shares = [
+        [comb(power, k) * (-factor.centre) ** (power - k) / factor.half**power for k in range(power + 1)]
+        for factor, power in zip(fit.factors, term, strict=True)
+    ]
+    found: Polynomial = {}
+    for lower in product(*(range(power + 1) for power in term)):
+        share = 1.0
+        for column, k in zip(shares, lower, strict=True):
+            share *= column[k]
+        found[lower] = share
+    return found
+
+
+def evaluate(polynomial: Mapping[Term, float], values: tuple[float, ...]) -> float:
+    """Value of a polynomial at one point."""
+    total = 0.0
+    for term, coefficient in polynomial.items():
+        for value, power in zip(values, term, strict=True):
+            coefficient *= value**power
+        total += coefficient
+    return total
+
+
+def equation(fit: Fit, polynomial: Mapping[Term, float], digits: int = 5) -> str:
+    """The polynomial as one line of text."""
+    names = [factor.path for factor in fit.factors]
+    words = [f"{fit.response} ="]
+    for term, coefficient in polynomial.items():
+        sign = "-" if coefficient < 0.0 else "+"
+        size = f"{abs(coefficient):.{digits}g}"
+        words.append(f"{sign} {size} {term_name(term, names)}" if any(term) else f"{coefficient:.{digits}g}")
+    return " ".join(words)

@@ -20,8 +20,8 @@ from scipy import stats
 from statsmodels.stats.outliers_influence import OLSInfluence
 
 from taichi_erosion.experiments.anova import block_sum
+from taichi_erosion.experiments.design_table import Floats
 from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.experiments.table import Floats
 
 CERTAIN = 1e-9  # 1 - leverage below which a run is met whatever its value [1]
 

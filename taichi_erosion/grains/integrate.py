@@ -8,7 +8,7 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 """
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.held import drag_along
+from taichi_erosion.grains.frozen_drag import drag_along
 from taichi_erosion.grains.sleep import sleep_on
 from taichi_erosion.grains.state import REBUILD, STOP, force_block, partition_first, side_block
 

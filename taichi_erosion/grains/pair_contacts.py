@@ -6,9 +6,9 @@ law runs over all of them, and what it gives is dealt out to the grains.
 
 from taichi_erosion.core.effect_device import force_of, passes, pull_of
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.batches import LANES, gather_entry, lane, put, strike
 from taichi_erosion.grains.cells import position_of
-from taichi_erosion.grains.pairs import ENGAGED, MET, ROW_SHIFT
+from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT
+from taichi_erosion.grains.simd_batch import LANES, gather_entry, lane, put, strike
 from taichi_erosion.grains.sleep import hear, next_awake
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 

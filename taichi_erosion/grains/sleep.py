@@ -22,10 +22,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.held import drag_along
-from taichi_erosion.grains.pairs import ENGAGED
+from taichi_erosion.grains.frozen_drag import drag_along
+from taichi_erosion.grains.neighbour_list import ENGAGED
+from taichi_erosion.grains.partition import is_mine, wait_for_team
 from taichi_erosion.grains.state import partition_first, side_block, vector
-from taichi_erosion.grains.team import is_mine, wait_for_team
 
 CALM = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
 DEEP = 0.05  # of its weight, by the surroundings: a grain that feels more lies open to the wind [1]

@@ -7,9 +7,9 @@ from taichi_erosion.core.effect_device import Bound
 from taichi_erosion.grains.cells import Cells
 from taichi_erosion.grains.clumps import Clumps
 from taichi_erosion.grains.contact import ContactLaws
-from taichi_erosion.grains.held import Held
+from taichi_erosion.grains.frozen_drag import Held
 from taichi_erosion.grains.materials import Materials
-from taichi_erosion.grains.pairs import Pairs
+from taichi_erosion.grains.neighbour_list import Pairs
 from taichi_erosion.grains.sleep import Sleep
 from taichi_erosion.grains.state import Grains, Replicas, Source
 from taichi_erosion.grains.wall_contacts import WallPairs

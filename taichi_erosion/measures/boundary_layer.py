@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from taichi_erosion.core.air_snapshot import AirSnapshot
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.measures.result import Measurement, no_measurement
 
 KARMAN, WAKE = 0.40, 0.55  # kappa and Pi of Coles' profile [1]

@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.plain_file import plain_file
+from taichi_erosion.core.files import plain_file
 from taichi_erosion.measures.flank import Flank, fit_flanks, is_bent, is_flat_topped, meeting_height
 from taichi_erosion.measures.result import Measurement, as_record
 from taichi_erosion.measures.silhouette import EIGHT_NEIGHBOURS, extract_outline, largest_body

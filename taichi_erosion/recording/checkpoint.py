@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.plain_file import plain_file
-from taichi_erosion.recording.whole_file import growing, make_folder
+from taichi_erosion.core.files import growing, make_folder, plain_file
 
 Arrays = dict[str, NDArray[Any]]
 

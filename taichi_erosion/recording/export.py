@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import write_whole
 from taichi_erosion.recording.readback import GrainFrame, read_grains
-from taichi_erosion.recording.whole_file import write_whole
 
 COLLECTION = "grains.pvd"
 

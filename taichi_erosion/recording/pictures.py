@@ -1,20 +1,161 @@
-"""Picture files that need no display: silhouettes with their fitted flanks, and the film of a run."""
+"""Grains from the side as shaded spheres, with NumPy alone.
 
-from collections.abc import Iterable, Sequence
-from math import radians, tan
+Picture files that need no display: silhouettes with their fitted flanks, and the film of a run.
+
+Small pictures made of characters, for terminals without a screen.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import floor, log10, radians, tan
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.files import write_whole
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.recording import palette
-from taichi_erosion.recording.canvas import Image, blank, draw_line, draw_text
-from taichi_erosion.recording.side_view import SideView, draw_scale_bar, render_side
-from taichi_erosion.recording.wall_mesh import WallMesh
-from taichi_erosion.recording.whole_file import write_whole
+from taichi_erosion.recording import drawing
+from taichi_erosion.recording.drawing import LETTER_HEIGHT, LETTER_WIDTH, Image, blank, draw_line, draw_text
+from taichi_erosion.recording.wall_mesh import WallMesh, section
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+SMOOTHING = 2  # pixels drawn along each edge of a picture pixel, then averaged [1]
+LIGHT_FROM = (-0.45, -0.62, 0.64)  # direction towards the light: left, in front, above
+AMBIENT, DIFFUSE, GLOSS = 0.30, 0.75, 0.14  # shares of the light [1]
+GLOSS_SHARPNESS = 20  # exponent of the highlight [1]
+HAZE = 0.45  # share of the background in the colour of the farthest grain [1]
+LEAST_RADIUS = 0.75  # px, so that no grain falls between the pixels
+STAMP_PIXELS = 1_000_000  # pixels shaded at once: bounds the memory of a picture to some 50 MB
+BAR_SHARE = 0.25  # longest scale bar over the width of the picture [1]
+MARGIN = 10  # px around lettering
+
+
+@dataclass(frozen=True)
+class SideView:
+    """Window of a picture seen along +y: x runs right, z up; `low` and `high` are its corners (x, z) [m]."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    size: tuple[int, int] = (480, 360)  # width and height [px]
+
+    @property
+    def scale(self) -> float:
+        """Pixels per metre, the same in both directions, so that the whole window fits."""
+        return min(pixels / (b - a) for a, b, pixels in zip(self.low, self.high, self.size, strict=True))
+
+    def places(self, points: Floats) -> Floats:
+        """Places (column, row) [px] of points (x, z) [m]; the window is centred, its floor the lower edge."""
+        middle = 0.5 * (self.low[0] + self.high[0])
+        column = 0.5 * self.size[0] + (points[..., 0] - middle) * self.scale - 0.5
+        row = self.size[1] - (points[..., 1] - self.low[1]) * self.scale - 0.5
+        return np.stack([column, row], axis=-1)
+
+
+def render_side(
+    positions: Floats,
+    radii: Floats,
+    view: SideView,
+    colours: NDArray[np.uint8] | None = None,
+    walls: Sequence[WallMesh] = (),
+) -> Image:
+    """Picture of spheres, centres [n, 3] and radii [n] in m, seen along +y; walls show their cut by y = 0.
+
+    Painter's algorithm: far grains first, nearer ones over them. A pixel at (u, w) radii from the centre has
+
+        n = (u, -sqrt(1 - u^2 - w^2), w)
+        brightness = ambient + diffuse max(0, n.l) + gloss max(0, n.h)^k
+
+    with n the normal, l the direction to the light and h half-way between l and the direction to the eye.
+
+    Reference: Blinn (1977), Computer Graphics 11, 192-198 (highlight).
+    """
+    if colours is None:
+        colours = drawing.resting_colours(np.arange(len(radii), dtype=np.int32))
+    fine = SideView(view.low, view.high, (view.size[0] * SMOOTHING, view.size[1] * SMOOTHING))
+    image = blank(fine.size, drawing.NIGHT, drawing.DUSK)
+    draw_spheres(image, positions, radii, fine, colours)
+    for wall in walls:
+        for ends in fine.places(section(wall)):
+            draw_line(image, ends, drawing.STEEL, width=1.5 * SMOOTHING, opacity=0.6)
+    return shrink(image)
+
+
+def draw_spheres(
+    image_out: Image, positions: Floats, radii: Floats, view: SideView, colours: NDArray[np.uint8]
+) -> None:
+    """Shade spheres into an image, far ones first."""
+    if len(radii) == 0:
+        return
+    order = np.argsort(-positions[:, 1], kind="stable")
+    depth = positions[order, 1]
+    haze = HAZE * (depth - depth[-1]) / max(depth[0] - depth[-1], np.finfo(float).tiny)
+    base = (1.0 - haze[:, None]) * colours[order] + haze[:, None] * np.array(drawing.DUSK)
+    place = view.places(positions[order][:, [0, 2]])
+    pixels = np.maximum(radii[order] * view.scale, LEAST_RADIUS)
+    flat = image_out.reshape(-1, 3)
+    for batch in batches(pixels):
+        grain, index, offset = stamp(place[batch], pixels[batch], image_out.shape)
+        diffuse, gloss = brightness(offset)
+        shaded = base[batch][grain] * diffuse[:, None] + 255.0 * gloss[:, None]
+        # where an index comes twice, the later and therefore nearer grain stays
+        flat[index] = np.clip(shaded, 0.0, 255.0).astype(np.uint8)
+
+
+def batches(pixels: Floats) -> Iterator[slice]:
+    """Runs of grains that are shaded at once."""
+    box = (2 * int(np.ceil(pixels.max())) + 1) ** 2
+    count = max(1, STAMP_PIXELS // box)
+    for start in range(0, len(pixels), count):
+        yield slice(start, start + count)
+
+
+def stamp(place: Floats, pixels: Floats, shape: tuple[int, ...]) -> tuple[Integers, Integers, Floats]:
+    """Pixels that discs cover, disc by disc: which disc, flat index in the image, and (u, w) in radii."""
+    reach = int(np.ceil(pixels.max()))
+    rows, columns = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1)
+    nearest = np.rint(place).astype(np.int64)
+    column, row = nearest[:, :1] + columns, nearest[:, 1:] + rows
+    across = (column - place[:, :1]) / pixels[:, None]
+    up = (place[:, 1:] - row) / pixels[:, None]
+    inside = (across**2 + up**2 <= 1.0) & (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
+    grain = np.nonzero(inside)[0]
+    return grain, (row * shape[1] + column)[inside], np.stack([across[inside], up[inside]], axis=-1)
+
+
+def brightness(offset: Floats) -> tuple[Floats, Floats]:
+    """Matt and glossy share of the light at (u, w) radii from the centre of a sphere [1]."""
+    light = np.array(LIGHT_FROM) / np.linalg.norm(LIGHT_FROM)
+    half = light + np.array([0.0, -1.0, 0.0])
+    half /= np.linalg.norm(half)
+    towards_eye = -np.sqrt(np.maximum(1.0 - (offset**2).sum(axis=-1), 0.0))
+    normal = np.stack([offset[:, 0], towards_eye, offset[:, 1]], axis=-1)
+    matt = AMBIENT + DIFFUSE * np.maximum(normal @ light, 0.0)
+    return matt, GLOSS * np.maximum(normal @ half, 0.0) ** GLOSS_SHARPNESS
+
+
+def shrink(image: Image) -> Image:
+    """Average of every SMOOTHING x SMOOTHING pixels."""
+    height, width, channels = image.shape
+    blocks = image.reshape(height // SMOOTHING, SMOOTHING, width // SMOOTHING, SMOOTHING, channels)
+    return (blocks.mean(axis=(1, 3)) + 0.5).astype(np.uint8)
+
+
+def draw_scale_bar(image_out: Image, view: SideView) -> None:
+    """Draw a bar of 1, 2 or 5 times a power of ten, its length above it in mm, in the lower right corner."""
+    longest = 1e3 * BAR_SHARE * view.size[0] / view.scale
+    power = 10.0 ** floor(log10(longest))
+    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest)
+    right, row = view.size[0] - MARGIN, view.size[1] - MARGIN
+    left = right - 1e-3 * length * view.scale
+    draw_line(image_out, np.array([[left, row], [right, row]]), drawing.CHALK)
+    text = f"{length:g} mm"
+    middle = round(0.5 * (left + right)) - len(text) * (LETTER_WIDTH + 1)
+    draw_text(image_out, text, (middle, row - 2 * LETTER_HEIGHT - MARGIN // 2), drawing.CHALK)
+
+
 Mask = NDArray[np.bool_]
 
 GAP = 6  # px between the silhouettes of a grid
@@ -39,15 +180,15 @@ def flank_ends(rows: int, axis: float, side: int, line: tuple[float, float, floa
 def silhouette_picture(mask: Mask, flanks: Floats, caption: str = "") -> Image:
     """Silhouette, sand on night, with flank lines [k, 2, 2] in pixels: bright where fitted, faint beyond."""
     rows, columns = mask.shape
-    image = blank((columns, rows + HEADROOM), palette.NIGHT, palette.DUSK)
-    image[HEADROOM:][mask] = palette.SAND
+    image = blank((columns, rows + HEADROOM), drawing.NIGHT, drawing.DUSK)
+    image[HEADROOM:][mask] = drawing.SAND
     width = max(2.0, rows / 150.0)
     for ends in flanks + np.array([0.0, HEADROOM]):
         along = ends[1] - ends[0]
         reach = (rows + columns) / max(float(np.linalg.norm(along)), 1.0)
-        draw_line(image, ends + np.array([-reach, reach])[:, None] * along, palette.EMBER, 0.6 * width, FAINT)
-        draw_line(image, ends, palette.EMBER, width)
-    draw_text(image, caption, CAPTION_CORNER, palette.CHALK)
+        draw_line(image, ends + np.array([-reach, reach])[:, None] * along, drawing.EMBER, 0.6 * width, FAINT)
+        draw_line(image, ends, drawing.EMBER, width)
+    draw_text(image, caption, CAPTION_CORNER, drawing.CHALK)
     return image
 
 
@@ -74,8 +215,8 @@ def side_picture(
     """Grains from the side, coloured by speed in `speeds` (low, high) [m s-1]."""
     speed = np.linalg.norm(snapshot.velocity, axis=1)
     moving = speed > speeds[0]
-    colours = palette.resting_colours(snapshot.ident)
-    colours[moving] = palette.speed_colours(speed[moving], *speeds)
+    colours = drawing.resting_colours(snapshot.ident)
+    colours[moving] = drawing.speed_colours(speed[moving], *speeds)
     return render_side(snapshot.position, snapshot.radius, view, colours, walls)
 
 
@@ -84,7 +225,7 @@ def film_frame(
 ) -> Image:
     """One picture of a film: grains from the side, the time and a scale bar."""
     image = side_picture(snapshot, view, walls, speeds)
-    draw_text(image, f"{snapshot.time:.2f} s", CAPTION_CORNER, palette.CHALK)
+    draw_text(image, f"{snapshot.time:.2f} s", CAPTION_CORNER, drawing.CHALK)
     draw_scale_bar(image, view)
     return image
 
@@ -103,3 +244,40 @@ def write_gif(path: Path, frames: Iterable[Image], frame_duration: float = 0.05)
     milliseconds = round(1e3 * frame_duration)
     film = imageio.imwrite("<bytes>", list(frames), extension=".gif", duration=milliseconds, loop=0)
     return write_whole(path, film)
+
+
+SHADES = " .:-=+*#%@"  # from dark to bright
+HALF = "▀"  # upper half in the colour of the text, lower half in that of the background
+CELL = 2  # a character is about twice as high as it is wide
+
+
+def shrunk(image: Image, columns: int, rows: int) -> Image:
+    """The picture averaged down to [rows, columns, 3]."""
+    height, width = image.shape[:2]
+    down = np.linspace(0, height, rows + 1).astype(int)[:-1]
+    across = np.linspace(0, width, columns + 1).astype(int)[:-1]
+    sums = np.add.reduceat(np.add.reduceat(image.astype(float), down, axis=0), across, axis=1)
+    counts = np.outer(np.diff([*down, height]), np.diff([*across, width]))[..., None]
+    return (sums / counts).astype(np.uint8)
+
+
+def in_colour(image: Image, columns: int) -> str:
+    """Two pixels a character, in 24-bit colours."""
+    rows = max(image.shape[0] * columns // image.shape[1] // CELL, 1)
+    small = shrunk(image, columns, CELL * rows)
+    lines = []
+    for upper, lower in zip(small[::2], small[1::2], strict=True):
+        cells = (
+            f"\x1b[38;2;{a[0]};{a[1]};{a[2]}m\x1b[48;2;{b[0]};{b[1]};{b[2]}m{HALF}"
+            for a, b in zip(upper.tolist(), lower.tolist(), strict=True)
+        )
+        lines.append("".join(cells) + "\x1b[0m")
+    return "\n".join(lines)
+
+
+def in_shades(image: Image, columns: int) -> str:
+    """One character a pixel, by brightness: for logs and pipes; the sky behind the grains stays empty."""
+    rows = max(image.shape[0] * columns // image.shape[1] // CELL, 1)
+    above = np.maximum(shrunk(image, columns, rows).mean(axis=2) - np.mean(drawing.DUSK), 0.0)
+    place = (above / max(float(above.max()), 1.0) * (len(SHADES) - 1)).round().astype(int)
+    return "\n".join("".join(SHADES[k] for k in row).rstrip() for row in place)

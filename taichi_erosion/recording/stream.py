@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import make_folder, part_path
 from taichi_erosion.core.snapshot import Ledger, Snapshot
-from taichi_erosion.recording import palette
-from taichi_erosion.recording.bed import Bed, lies_in, update_bed
+from taichi_erosion.recording import drawing
 from taichi_erosion.recording.blueprint import MAGNIFICATION, TIMELINE, WIND_KINDS, blueprint, choose_focus
-from taichi_erosion.recording.room import call_off_the_wait, claim
+from taichi_erosion.recording.disk_space import call_off_the_wait, claim
+from taichi_erosion.recording.static_grains import Bed, lies_in, update_bed
 from taichi_erosion.recording.wall_mesh import WallMesh
-from taichi_erosion.recording.whole_file import make_folder, part_path
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -38,19 +38,19 @@ CURVE_WIDTH = 1.5  # points
 WALL_OPACITY = 48  # of 255
 FASTEST_COLOUR = 2.0  # m s-1, drawn in the last colour: the pouring speed of the published funnel test
 CURVES = {  # entries of the ledger that are drawn: legend and colour
-    "kinetic_translation": ("translation", palette.EMBER),
+    "kinetic_translation": ("translation", drawing.EMBER),
     "kinetic_rotation": ("rotation", (240, 190, 80)),
     "elastic": ("elastic", (110, 200, 190)),
-    "contacts": ("contacts", palette.SAND),
-    "released": ("grains released", palette.STEEL),
-    "overlap_largest": ("largest overlap / radius", palette.EMBER),
+    "contacts": ("contacts", drawing.SAND),
+    "released": ("grains released", drawing.STEEL),
+    "overlap_largest": ("largest overlap / radius", drawing.EMBER),
     "speed_largest": ("largest speed, m/s", (120, 220, 255)),
 }
 # J, drawn as log10: coming to rest is a fall over decades
 DECADES = ("kinetic_translation", "kinetic_rotation", "elastic")
 TRANSPORT = {  # curves of grains under wind
-    "flux": ("flux, kg/(m s)", palette.SAND),
-    "flying": ("share of the grains above the bed", palette.EMBER),
+    "flux": ("flux, kg/(m s)", drawing.SAND),
+    "flying": ("share of the grains above the bed", drawing.EMBER),
     "friction_velocity": ("friction velocity, m/s", (120, 220, 255)),
 }
 
@@ -140,7 +140,7 @@ def log_wall(recording: Recording, wall: WallMesh) -> None:
     mesh = rr.Mesh3D(
         vertex_positions=wall.vertices.astype(np.float32),
         triangle_indices=wall.triangles.astype(np.uint32),
-        albedo_factor=(*palette.STEEL, WALL_OPACITY),
+        albedo_factor=(*drawing.STEEL, WALL_OPACITY),
     )
     recording.stream.log(wall_entity(wall.name), mesh, static=not wall.moving)
 
@@ -164,10 +164,10 @@ def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> 
     recording.bed, is_new = update_bed(recording.bed, snapshot, moving_speed)
     resting = lies_in(recording.bed, snapshot)
     if is_new:
-        tints = palette.resting_colours(snapshot.ident[resting])
+        tints = drawing.resting_colours(snapshot.ident[resting])
         log_grains(recording, "world/bed", snapshot, resting, tints)
     speed = np.linalg.norm(snapshot.velocity[~resting], axis=1)
-    colours = palette.speed_colours(speed, moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
+    colours = drawing.speed_colours(speed, moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
     log_grains(recording, "world/mobile", snapshot, ~resting, colours)
 
 

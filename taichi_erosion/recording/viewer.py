@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import write_whole
 from taichi_erosion.recording.blueprint import TIMELINE
-from taichi_erosion.recording.readback import NANOSECOND
-from taichi_erosion.recording.torn_file import readable
-from taichi_erosion.recording.whole_file import write_whole
+from taichi_erosion.recording.readback import NANOSECOND, readable
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient

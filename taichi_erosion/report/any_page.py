@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.plain_file import plain_text
+from taichi_erosion.core.files import plain_text
 from taichi_erosion.report import calibration_page, evidence_page, run_page
 
 RUNS = (".json", ".rrd")

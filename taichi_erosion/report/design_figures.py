@@ -20,10 +20,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import stats
 
+from taichi_erosion.experiments.design_table import to_natural
 from taichi_erosion.experiments.effects import effect_limits, effects, half_normal_scores
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.quality import diagnostics
-from taichi_erosion.experiments.table import to_natural
 
 Floats = NDArray[np.float64]
 Names = Mapping[str, str]

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from taichi_erosion.report.picture import STYLE, Picture, panels, picture
+from taichi_erosion.report.html import STYLE, Picture, panels, picture
 
 Record = Mapping[str, Any]
 Floats = NDArray[np.float64]

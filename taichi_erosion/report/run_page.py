@@ -9,11 +9,9 @@ from typing import Any
 import matplotlib as mpl
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.plain_file import plain_text
-from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.report.html import render
-from taichi_erosion.report.page import with_spread
-from taichi_erosion.report.picture import STYLE, Picture, address_of, panels, picture
+from taichi_erosion.core.files import plain_text, write_whole
+from taichi_erosion.report.html import STYLE, Picture, address_of, panels, picture, render
+from taichi_erosion.report.markdown import with_spread
 
 Document = Mapping[str, Any]
 

@@ -5,17 +5,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.campaign.study import StudyFile, read_study
+from taichi_erosion.campaign.calibration_study import StudyFile, read_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.study import results_folder
-from taichi_erosion.evidence.study_file import read_study_file
-from taichi_erosion.recording.study import Shown, StudyPage, record_study
+from taichi_erosion.evidence.data.study_file import read_study_file
+from taichi_erosion.evidence.models.load_study import results_folder
+from taichi_erosion.recording.study_recording import Shown, StudyPage, record_study
 from taichi_erosion.report import evidence_page
 from taichi_erosion.report.any_page import is_calibration
-from taichi_erosion.report.calibration import PAGE
-from taichi_erosion.report.html import figure
-from taichi_erosion.report.page import markdown_table
-from taichi_erosion.report.picture import raster
+from taichi_erosion.report.calibration_page import PAGE
+from taichi_erosion.report.html import figure, raster
+from taichi_erosion.report.markdown import markdown_table
 
 Row = Mapping[str, str]
 

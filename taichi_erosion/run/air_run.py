@@ -7,23 +7,23 @@ from typing import Any
 
 from taichi_erosion.air.assemble import allocate_air
 from taichi_erosion.air.column import advance_columns
-from taichi_erosion.air.observe import air_snapshot
-from taichi_erosion.air.state import Air
+from taichi_erosion.air.grid import Air
+from taichi_erosion.air.readback import air_snapshot
 from taichi_erosion.air.step import advance_air
-from taichi_erosion.core.air_snapshot import AirSnapshot
 from taichi_erosion.core.device import start_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.measures.boundary_layer import AirEvidence
 from taichi_erosion.measures.result import as_record, pool
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.wind import WindHeader, log_wind, open_wind_recording
-from taichi_erosion.run.air_check import AIR_OBSERVABLES, read_air_scene
-from taichi_erosion.run.interrupt import deferred
+from taichi_erosion.recording.air_recording import WindHeader, log_wind, open_wind_recording
+from taichi_erosion.run.checks import AIR_OBSERVABLES, read_air_scene
 from taichi_erosion.run.options import RunOptions
 from taichi_erosion.run.result import versions, write_document
-from taichi_erosion.scene.air import air_hash, build_air, resolved_air
-from taichi_erosion.scene.schema_air import AirScene
+from taichi_erosion.run.scene_run import deferred
+from taichi_erosion.scene.air_scene import air_hash, build_air, resolved_air
+from taichi_erosion.scene.schema.air import AirScene
 
 FOLDER = Path("recordings")  # where results go unless the user names a file
 CURVES = {

@@ -17,13 +17,19 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
 from taichi_erosion.effects import load_library
-from taichi_erosion.run.instruments import as_read
-from taichi_erosion.run.keeping import finish_or_warn, watch_while_there_is_room
+from taichi_erosion.run.ensemble_loop import Play, play
+from taichi_erosion.run.observables import as_read
 from taichi_erosion.run.options import Report
-from taichi_erosion.run.play import Play, play
+from taichi_erosion.run.recorder import (
+    Camera,
+    Properties,
+    Teller,
+    finish_or_warn,
+    open_camera,
+    watch_while_there_is_room,
+)
 from taichi_erosion.run.result import replica_record, versions
 from taichi_erosion.run.stages import Actor
-from taichi_erosion.run.watch import Camera, Properties, Teller, open_camera
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.simulation import Simulation, effective_scene, prepare, succeed
 

@@ -1,17 +1,21 @@
-"""Which measure answers an observable of a scene, and what it is given."""
+"""Which measure answers an observable of a scene, and what it is given.
+
+What a laboratory reads in place of the true value: effects of instruments, applied to measured values.
+"""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from math import inf
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
-from taichi_erosion.measures import drum, heap, incline, repose, splash, threshold, wind_bed
+from taichi_erosion.measures import drum_and_incline, heap, repose, splash, threshold, wind_bed
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.schema import Measure
-from taichi_erosion.scene.schema_geometry import Cylinder, Disc, Plane
-from taichi_erosion.scene.sizes import nominal_diameter
-from taichi_erosion.scene.wind import surface_height
+from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.build.wind import surface_height
+from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Plane
+from taichi_erosion.scene.schema.scene import Measure
+from taichi_erosion.simulation.scene_setup import Library, checked_params, conditions_of
 
 
 @dataclass(frozen=True)
@@ -73,8 +77,8 @@ def turned_drum(evidence: Evidence) -> Measurement:
     """Dynamic angle in the cylinder that the measure names as its plate."""
     wall = evidence.scene.geometry.get(evidence.order.plate or "")
     if isinstance(wall, Cylinder):
-        return drum.dynamic_angle(evidence.frames, wall.radius, wall.centre, wall.axis)
-    return drum.dynamic_angle(evidence.frames, inf)
+        return drum_and_incline.dynamic_angle(evidence.frames, wall.radius, wall.centre, wall.axis)
+    return drum_and_incline.dynamic_angle(evidence.frames, inf)
 
 
 def found(name: str, kind: str, evidence: Evidence) -> Measurement:
@@ -97,7 +101,7 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
     "runout_radius": lambda e: heap.runout_radius(e.end, e.base_height),
     "column_height": lambda e: heap.column_height(e.end, e.base_height),
     "dynamic_angle": turned_drum,
-    "sliding_angle": lambda e: incline.sliding_angle(e.frames, e.tilts),
+    "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
     "settling_velocity": lambda e: wind_bed.settling_velocity(e.end),
     "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
     "bed_height": lambda e: wind_bed.bed_height(e.end),
@@ -127,3 +131,26 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
 def measure(name: str, evidence: Evidence) -> Measurement:
     """Measure one observable by its name."""
     return OBSERVABLES[name](evidence)
+
+
+def as_read(
+    measurements: Mapping[str, Measurement], scene: Scene, library: Library
+) -> dict[str, Measurement]:
+    """Measurements as the instruments of the scene show them, in the order of the effects' names."""
+    read = dict(measurements)
+    for effect in (library[name] for name in sorted(scene.effects)):
+        params, strength = checked_params(scene, effect)
+        if effect.place != "instrument" or strength == 0.0:
+            continue
+        for name, true in read.items():
+            value = effect.act(params, strength, conditions_of(scene), name, true.value)
+            if isfinite(true.value) and value != true.value:
+                read[name] = reading(true, value, effect.name)
+    return read
+
+
+def reading(true: Measurement, value: float, instrument: str) -> Measurement:
+    """A measurement with another value; its spread grows by the same factor."""
+    factor = abs(value / true.value) if true.value else 1.0
+    note = f"{true.value:.6g} {true.unit} before {instrument}"
+    return replace(true, value=value, sd=true.sd * factor, notes=(*true.notes, note))

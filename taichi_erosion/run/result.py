@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
+from taichi_erosion.core.files import write_whole
 from taichi_erosion.measures.result import as_record, without_nan
-from taichi_erosion.recording.whole_file import write_whole
-from taichi_erosion.run.play import Play
+from taichi_erosion.run.ensemble_loop import Play
 from taichi_erosion.run.stages import sentence
 
 

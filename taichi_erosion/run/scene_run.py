@@ -1,31 +1,85 @@
-"""Running a scene file: everything between the command line and the result document."""
+"""Ctrl-C, termination and a closed terminal are heard between checks, where device and play agree.
 
+A signal that the program was started to ignore, as `nohup` and background jobs have it, stays ignored.
+
+Running a scene file: everything between the command line and the result document.
+"""
+
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.files import refuse_unwritable
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import as_record
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
-from taichi_erosion.recording.whole_file import refuse_unwritable
-from taichi_erosion.run.check import read_scene
-from taichi_erosion.run.instruments import as_read
-from taichi_erosion.run.interrupt import deferred
-from taichi_erosion.run.keeping import finish_or_warn, save_when_due, watch_while_there_is_room
-from taichi_erosion.run.memory import recall, seeds_of
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.run.ensemble_loop import Play, play
+from taichi_erosion.run.observables import as_read
 from taichi_erosion.run.options import RunOptions
-from taichi_erosion.run.play import Play, play
+from taichi_erosion.run.recorder import (
+    Camera,
+    Keeper,
+    Teller,
+    finish_or_warn,
+    open_camera,
+    save_when_due,
+    watch_while_there_is_room,
+    whole_intervals,
+)
 from taichi_erosion.run.result import replica_record, versions, write_document
+from taichi_erosion.run.resume import recall, seeds_of
 from taichi_erosion.run.stages import Actor, sentence
-from taichi_erosion.run.watch import Camera, Keeper, Teller, open_camera, whole_intervals
 from taichi_erosion.scene import Scene, explain, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@dataclass
+class Interruption:
+    """Signals that have arrived; a second one is not waited for."""
+
+    arrived: list[int] = field(default_factory=list)
+
+    def note(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal: remember the first, obey the second at once."""
+        self.arrived.append(number)
+        if len(self.arrived) > 1:
+            self.obey()
+
+    def obey(self) -> None:
+        """Raise what the first signal stands for, if one has arrived."""
+        if self.arrived:
+            raise KeyboardInterrupt if self.arrived[0] == signal.SIGINT else SystemExit(128 + self.arrived[0])
+
+
+@contextmanager
+def deferred() -> Iterator[Interruption]:
+    """Collect signals instead of obeying them; only the main thread may ask for signals."""
+    interruption = Interruption()
+    if threading.current_thread() is not threading.main_thread():
+        yield interruption
+        return
+    heeded = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, interruption.note) for number in heeded}
+    try:
+        yield interruption
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
 
 FOLDER = Path("recordings")  # where results go unless the user names a file
 SURFACE_ENERGY_CONVENTION = "energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"

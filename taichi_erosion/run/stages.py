@@ -9,10 +9,10 @@ import scipy
 from taichi_erosion.core.setup import Motion, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.run.hunt import Hunt, begin_hunt, pursue
 from taichi_erosion.run.observables import Evidence, measure
+from taichi_erosion.run.threshold_search import Hunt, begin_hunt, pursue
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.schema import Stage
+from taichi_erosion.scene.schema.scene import Stage
 from taichi_erosion.simulation import (
     Simulation,
     air_profile,

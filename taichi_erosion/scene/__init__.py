@@ -1,10 +1,10 @@
 """What the user wrote: scene files, their validation, and the setup of each replica that follows."""
 
-from taichi_erosion.scene.build import build_setup, laws
+from taichi_erosion.scene.build.limits import explain
+from taichi_erosion.scene.build.setup import build_setup, laws
 from taichi_erosion.scene.json_schema import scene_schema, write_schema
-from taichi_erosion.scene.limits import explain
 from taichi_erosion.scene.load import load_scene, parse_scene, resolved, scene_hash
-from taichi_erosion.scene.schema import Scene
+from taichi_erosion.scene.schema.scene import Scene
 
 __all__ = [
     "Scene",

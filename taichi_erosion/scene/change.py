@@ -1,11 +1,26 @@
-"""Changes of a scene that several effects need; each gives a new scene and leaves the old one as it is."""
+"""Changes of a scene that several effects need; each gives a new scene and leaves the old one as it is.
+
+How much of the wind's stress reaches the ground between obstacles.
+
+    u*_ground / u* = ((1 - m s L) (1 + m b L))^(-1/2), at most 1
+
+with L the frontal area of the obstacles over the area of the ground [1], s their basal over their frontal
+area [1], b the drag coefficient of an obstacle over that of the ground [1], m the share of the mean stress
+that counts for the windiest spot [1]. Holds for m s L < 1.
+
+Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14).
+
+A small scene without a story, on which effects that change scenes are checked.
+"""
 
 from collections.abc import Callable
 from typing import Any
 
-from taichi_erosion.scene.schema import Scene
-from taichi_erosion.scene.schema_geometry import Cylinder
-from taichi_erosion.scene.schema_grains import Contact, Lattice, Layers, Material, Rain
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.load import parse_scene
+from taichi_erosion.scene.schema.geometry import Cylinder
+from taichi_erosion.scene.schema.grains import Contact, Lattice, Layers, Material, Rain
+from taichi_erosion.scene.schema.scene import Scene
 
 
 def with_section(scene: Scene, name: str, **entries: Any) -> Scene:
@@ -59,3 +74,49 @@ def with_wider_fill(scene: Scene, factor: float) -> Scene:
         for name, wall in scene.geometry.items()
     }
     return scene.model_copy(update={"fill": spread, "geometry": geometry})
+
+
+def sheltered_share(density: float, basal_ratio: float, drag_ratio: float, worst_spot: float) -> float:
+    """Share of u* that the ground feels [1]; raises BadInput where obstacles cover all of it."""
+    open_share = 1.0 - worst_spot * basal_ratio * density
+    if open_share <= 0.0:
+        raise BadInput(
+            f"obstacles with a frontal area of {density:g} over that of the ground cover all of it"
+        )
+    return min((open_share * (1.0 + worst_spot * drag_ratio * density)) ** -0.5, 1.0)
+
+
+SAMPLE: dict[str, Any] = {
+    "scene": {"kind": "collapse", "title": "sample"},
+    "run": {"time_step": 1e-6},
+    "grains": {
+        "count": 50,
+        "material": "sand",
+        "size": {"law": "monodisperse", "diameter": 1e-3},
+    },
+    "materials": {
+        "sand": {"density": 2500.0, "young_modulus": 1e7, "poisson_ratio": 0.25},
+        "steel": {"density": 7850.0, "young_modulus": 1e7, "poisson_ratio": 0.25},
+    },
+    "contact": {
+        "sand-sand": {"restitution": 0.6, "friction_sliding": 0.5, "friction_rolling": 0.1},
+        "sand-steel": {"restitution": 0.5, "friction_sliding": 0.4, "friction_rolling": 0.2},
+    },
+    "geometry": {
+        "plate": {"shape": "plane", "material": "steel"},
+        "tube": {"shape": "cylinder", "material": "steel", "radius": 5e-3, "length": 0.03},
+    },
+    "fill": {"law": "rain", "pitch": 1.2e-3, "jitter": 5e-5, "radius": 4e-3, "first_height": 1e-3},
+    "stages": [
+        {"name": "settle", "duration_max": 0.1},
+        {"name": "collapse", "duration_max": 0.1, "remove": ["tube"]},
+    ],
+}
+
+
+def sample_scene(**sections: dict[str, Any]) -> Scene:
+    """The sample with entries of sections changed."""
+    table = dict(SAMPLE)
+    for name, entries in sections.items():
+        table[name] = table.get(name, {}) | entries
+    return parse_scene(table, "sample")

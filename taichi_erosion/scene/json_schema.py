@@ -6,11 +6,10 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from taichi_erosion.scene import schema_air
-from taichi_erosion.scene.diameters import SCALING_UNITS
-from taichi_erosion.scene.override import DIAMETERS
-from taichi_erosion.scene.schema import Scene
-from taichi_erosion.scene.schema_air import AirScene
+from taichi_erosion.scene.entries import DIAMETERS, SCALING_UNITS
+from taichi_erosion.scene.schema import air
+from taichi_erosion.scene.schema.air import AirScene
+from taichi_erosion.scene.schema.scene import Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 IN_METRES_ONLY = {
@@ -25,8 +24,8 @@ IN_METRES_ONLY = {
 def scene_schema() -> dict[str, Any]:
     """Schema of a scene file, every number with its unit and range."""
     schema = TypeAdapter[Scene | AirScene](Scene | AirScene).json_schema()
-    parts = (part for part in vars(schema_air).values() if isinstance(part, type))
-    air_alone = {part.__name__ for part in parts if part.__module__ == schema_air.__name__}
+    parts = (part for part in vars(air).values() if isinstance(part, type))
+    air_alone = {part.__name__ for part in parts if part.__module__ == air.__name__}
     for name, part in schema["$defs"].items():
         if name not in IN_METRES_ONLY | air_alone:
             allow_diameters(part)

@@ -11,12 +11,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.check import cross_checks
-from taichi_erosion.scene.diameters import expand_diameters
-from taichi_erosion.scene.override import apply_override
-from taichi_erosion.scene.problem import problem_lines
-from taichi_erosion.scene.schema import Scene
-from taichi_erosion.scene.schema_geometry import Mesh
+from taichi_erosion.scene.checks import cross_checks
+from taichi_erosion.scene.entries import apply_override, expand_diameters
+from taichi_erosion.scene.schema.geometry import Mesh
+from taichi_erosion.scene.schema.scene import Scene
+from taichi_erosion.scene.validation_messages import problem_lines
 
 LARGEST_FILE = 4_000_000  # a scene is text written by people; more is some other file [bytes]
 HASH_LENGTH = 12  # hexadecimal digits

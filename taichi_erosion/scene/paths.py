@@ -6,7 +6,7 @@ from typing import Any
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.json_schema import scene_schema
 from taichi_erosion.scene.load import resolved
-from taichi_erosion.scene.schema import Scene
+from taichi_erosion.scene.schema.scene import Scene
 
 
 def scene_paths(scene: Scene) -> list[str]:

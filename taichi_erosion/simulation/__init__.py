@@ -2,6 +2,7 @@
 
 from taichi_erosion.simulation.advance import advance, failure, statuses
 from taichi_erosion.simulation.assemble import Simulation, assemble
+from taichi_erosion.simulation.buffer_reuse import succeed
 from taichi_erosion.simulation.control import (
     move_surface,
     remove_surface,
@@ -9,13 +10,18 @@ from taichi_erosion.simulation.control import (
     set_effects,
     set_gravity,
 )
-from taichi_erosion.simulation.momentum import momentum_astray
-from taichi_erosion.simulation.observe import energies, ledger, share_touching, snapshot
-from taichi_erosion.simulation.prepare import conditions_of, device_effects, effective_scene, prepare
-from taichi_erosion.simulation.state import export_bed, export_state, import_bed, import_state
-from taichi_erosion.simulation.succession import succeed
-from taichi_erosion.simulation.wall_poses import WallPose, wall_poses
-from taichi_erosion.simulation.wind import (
+from taichi_erosion.simulation.readback import (
+    WallPose,
+    energies,
+    ledger,
+    share_touching,
+    snapshot,
+    wall_poses,
+)
+from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
+from taichi_erosion.simulation.scene_setup import conditions_of, device_effects, effective_scene, prepare
+from taichi_erosion.simulation.self_checks import momentum_astray
+from taichi_erosion.simulation.wind_driver import (
     air_profile,
     develop_wind,
     friction_velocity,

@@ -9,11 +9,11 @@ from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.simulation.assemble import Simulation, reallocate
-from taichi_erosion.simulation.eddies import look_now
-from taichi_erosion.simulation.sizes import grown
-from taichi_erosion.simulation.state import export_state, import_state
+from taichi_erosion.simulation.capacities import grown
+from taichi_erosion.simulation.saved_state import export_state, import_state
+from taichi_erosion.simulation.schedule import deal_turns, write_turns
 from taichi_erosion.simulation.step import run_alone, run_together
-from taichi_erosion.simulation.turns import deal_turns, write_turns
+from taichi_erosion.simulation.wind_driver import look_now
 
 LAUNCH_SECONDS = 0.4  # Ctrl-C is heard between launches
 FIRST_LAUNCH = 500  # steps before the pace is known

@@ -11,24 +11,24 @@ from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import read
-from taichi_erosion.coupling.surroundings import Surroundings, surround
-from taichi_erosion.grains.batches import batch_type
+from taichi_erosion.coupling.coupling_state import Surroundings, surround
 from taichi_erosion.grains.cells import PERIOD_CELLS_LEAST, allocate_cells
 from taichi_erosion.grains.clumps import allocate_clumps
 from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
-from taichi_erosion.grains.held import allocate_held
+from taichi_erosion.grains.frozen_drag import allocate_held
 from taichi_erosion.grains.materials import allocate_materials
-from taichi_erosion.grains.pairs import allocate_pairs
+from taichi_erosion.grains.neighbour_list import allocate_pairs
+from taichi_erosion.grains.partition import CPU_CHUNK
+from taichi_erosion.grains.simd_batch import batch_type
 from taichi_erosion.grains.sleep import allocate_sleep
 from taichi_erosion.grains.state import allocate_grains, allocate_replicas, allocate_source
-from taichi_erosion.grains.team import CPU_CHUNK
 from taichi_erosion.grains.wall_contacts import allocate_wall_pairs
 from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.grains.world import World
-from taichi_erosion.simulation.fill import fill_world
-from taichi_erosion.simulation.sizes import Sizes, filled_up, first_sizes, partition_count
+from taichi_erosion.simulation.capacities import Sizes, filled_up, first_sizes, partition_count
+from taichi_erosion.simulation.schedule import Turns, allocate_turns
 from taichi_erosion.simulation.step import release_first
-from taichi_erosion.simulation.turns import Turns, allocate_turns
+from taichi_erosion.simulation.upload import fill_world
 
 POOL_LEAST = 2  # threads: runs on one core and on two share their kernels; who has no work sleeps
 

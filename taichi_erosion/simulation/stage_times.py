@@ -7,13 +7,13 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import read
-from taichi_erosion.coupling.look import look
+from taichi_erosion.coupling.exchange import look
 from taichi_erosion.grains.integrate import advance_grains, gather_forces
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.wall_contacts import add_wall_forces
 from taichi_erosion.simulation.assemble import Simulation
 from taichi_erosion.simulation.control import make_stale
-from taichi_erosion.simulation.observe import replica_row
+from taichi_erosion.simulation.readback import replica_row
 from taichi_erosion.simulation.step import rebuild
 
 REPEATS = 50  # of a stage within one launch

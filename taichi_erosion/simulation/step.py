@@ -2,18 +2,16 @@
 
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.look import look
+from taichi_erosion.coupling.exchange import look
 from taichi_erosion.grains.cells import fit_cells, position_of, sort_grains
 from taichi_erosion.grains.clumps import advance_clumps, locate_spheres
 from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
-from taichi_erosion.grains.margins import count_wide
-from taichi_erosion.grains.neighbours import list_partition, move_grains, release_grains
+from taichi_erosion.grains.neighbour_list import count_wide
+from taichi_erosion.grains.neighbour_search import list_partition, move_grains, release_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
-from taichi_erosion.grains.shares import share_grains
+from taichi_erosion.grains.partition import is_mine, share_grains, wait_for_team
 from taichi_erosion.grains.state import MEETING, REBUILD, STOP, side_block
-from taichi_erosion.grains.team import is_mine, wait_for_team
-from taichi_erosion.grains.wall_contacts import add_wall_forces
-from taichi_erosion.grains.wall_lists import list_walls
+from taichi_erosion.grains.wall_contacts import add_wall_forces, list_walls
 from taichi_erosion.grains.walls import move_walls
 
 LOST = int(Status.LOST)

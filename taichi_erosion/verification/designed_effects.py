@@ -11,15 +11,19 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.experiments.aliases import alias_matrix
 from taichi_erosion.experiments.anova import anova, replicate_error
 from taichi_erosion.experiments.confirm import confirm, power
 from taichi_erosion.experiments.design import box_behnken, plackett_burman, steepest_path
-from taichi_erosion.experiments.desirability import Goal
+from taichi_erosion.experiments.design_table import Design, Factor
 from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model
-from taichi_erosion.experiments.optimise import optimise
-from taichi_erosion.experiments.table import Design, Factor
-from taichi_erosion.experiments.terms import interaction_terms, linear_terms, model_matrix, model_terms
+from taichi_erosion.experiments.optimise import Goal, optimise
+from taichi_erosion.experiments.terms import (
+    alias_matrix,
+    interaction_terms,
+    linear_terms,
+    model_matrix,
+    model_terms,
+)
 from taichi_erosion.verification.claim import Outcome, below
 
 Floats = NDArray[np.float64]

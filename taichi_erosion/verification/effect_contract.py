@@ -16,8 +16,8 @@ from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import check_range, documented
 from taichi_erosion.scene import Scene, resolved
-from taichi_erosion.scene.sample import sample_scene
-from taichi_erosion.scene.schema import Conditions
+from taichi_erosion.scene.change import sample_scene
+from taichi_erosion.scene.schema.scene import Conditions
 
 LEAST_CHECKS = 3
 WRONG = 1.1  # factor by which a parameter is falsified

@@ -10,9 +10,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.simulation import advance, failure, snapshot
-from taichi_erosion.verification.bench_run import bench
-from taichi_erosion.verification.bulk_scenes import DIAMETER, SOFT_GLASS, column_scene, soft_touch
 from taichi_erosion.verification.claim import Outcome, Precision, holds
+from taichi_erosion.verification.contact.bulk import DIAMETER, SOFT_GLASS, column_scene, soft_touch
+from taichi_erosion.verification.small_scenes import bench
 
 LAWS = Laws(normal="jkr", rolling="elastic_plastic")
 PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")

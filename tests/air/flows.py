@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.air.state import Air
+from taichi_erosion.air.grid import Air
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces, log_profile
 
 FRICTION = 0.3  # m s-1

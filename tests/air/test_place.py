@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.air.assemble import allocate_air
-from taichi_erosion.air.ghosts import close_velocities
-from taichi_erosion.air.place import air_velocity_at, pressure_gradient_at, velocity_gradient_at
+from taichi_erosion.air.boundary import close_velocities
+from taichi_erosion.air.interpolation import air_velocity_at, pressure_gradient_at, velocity_gradient_at
 from taichi_erosion.core.air_setup import SIDES, AirSetup, AirSide, stretched_faces
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti

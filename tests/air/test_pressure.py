@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.air.assemble import allocate_air
-from taichi_erosion.air.gusts import draw_waves
-from taichi_erosion.air.observe import face_velocities
+from taichi_erosion.air.inlet_turbulence import draw_waves
+from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.step import advance_air, remember_void
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, InletTurbulence, even_faces
 from taichi_erosion.core.setup import Numerics

@@ -16,7 +16,7 @@ import psutil
 from stand_in import FUNCTION, requests, starts, table
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.store import close_store, open_store
+from taichi_erosion.campaign.ledger import close_store, open_store
 
 RUNS = 120
 PAUSE = 0.004  # s of a run

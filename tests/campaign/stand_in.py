@@ -89,7 +89,7 @@ def processes(folder: Path) -> set[int]:
 def main(folder: Path, pause: float) -> None:
     """A parent in a process of its own."""
     from taichi_erosion.campaign.execute import execute
-    from taichi_erosion.campaign.store import close_store, open_store
+    from taichi_erosion.campaign.ledger import close_store, open_store
 
     store = open_store(folder)
     results = execute(requests(folder, pause=pause), store, workers=2, function=FUNCTION)

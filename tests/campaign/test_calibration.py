@@ -10,12 +10,12 @@ from run.small_scene import SCENE
 
 from taichi_erosion.campaign import execute
 from taichi_erosion.campaign.calibration import calibrated
-from taichi_erosion.campaign.study import read_study
+from taichi_erosion.campaign.calibration_study import read_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.design_file import read_design
+from taichi_erosion.experiments.design_table import read_design
 from taichi_erosion.report.any_page import write_report
-from taichi_erosion.report.calibration import publish
+from taichi_erosion.report.calibration_page import publish
 
 TARGET = 31.0  # deg
 STUDY = {

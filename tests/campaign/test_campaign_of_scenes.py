@@ -4,8 +4,8 @@ import pytest
 from run.small_scene import write_scene
 
 from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.ledger import close_store, open_store
 from taichi_erosion.campaign.request import scene_request
-from taichi_erosion.campaign.store import close_store, open_store
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.readback import read_properties

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from stand_in import FUNCTION, processes, requests, starts, table
 
-from taichi_erosion.campaign import store as ledger
+from taichi_erosion.campaign import ledger as ledger
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.store import close_store, is_alive, open_store
+from taichi_erosion.campaign.ledger import close_store, is_alive, open_store
 from taichi_erosion.core.errors import BadInput
 
 RUNS = 120

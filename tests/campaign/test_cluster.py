@@ -9,7 +9,7 @@ import pytest
 from stand_in import FUNCTION, processes, requests, starts, table
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.store import close_store, open_store
+from taichi_erosion.campaign.ledger import close_store, open_store
 from taichi_erosion.core.errors import BadInput
 
 distributed = pytest.importorskip("distributed")

@@ -4,7 +4,7 @@ from collections import defaultdict
 
 import pytest
 
-from taichi_erosion.campaign.deal import RUNS_MOST, WORK_MOST, next_batch
+from taichi_erosion.campaign.execute import RUNS_MOST, WORK_MOST, next_batch
 from taichi_erosion.campaign.request import WORTH_A_START, RunRequest
 
 WORKERS = 2

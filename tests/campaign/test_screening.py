@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.campaign.calibrate import centre_value
-from taichi_erosion.campaign.screening import screened_effects
+from taichi_erosion.campaign.calibration_steps import centre_value, screened_effects
 from taichi_erosion.experiments.design import plackett_burman
+from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.experiments.effects import effects
 from taichi_erosion.experiments.fit import fit_model
-from taichi_erosion.experiments.table import Factor
 from taichi_erosion.experiments.terms import linear_terms
 
 FACTORS = tuple(Factor(f"f{k}", 0.0, 1.0) for k in range(9))

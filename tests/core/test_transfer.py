@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core import transfer
-from taichi_erosion.core.memory import memory
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import memory
 
 ROWS = 5
 

@@ -7,7 +7,7 @@ import pytest
 from grain_worlds import fingerprint
 from windy_beds import DENSITY, LID, RADIUS, SURFACE, bed, set_in
 
-from taichi_erosion.air.observe import face_velocities
+from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.core.air_setup import AirModel, AirSide, Stir, bed_gradient
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics

@@ -16,11 +16,11 @@ from taichi_erosion.simulation import (
     advance,
     air_profile,
     assemble,
+    capacities,
     develop_wind,
     export_state,
     import_state,
     set_gravity,
-    sizes,
     snapshot,
 )
 
@@ -137,7 +137,7 @@ def test_sleep_goes_on_bit_for_bit_when_resumed(nights):
 
 @pytest.mark.slow
 def test_two_workers_that_share_a_sleeping_bed_change_no_bit(monkeypatch):
-    monkeypatch.setattr(sizes, "PARTITION_GRAINS", 50)
+    monkeypatch.setattr(capacities, "PARTITION_GRAINS", 50)
     sim = assemble([drowsy(1)], LAWS, Numerics("cpu", 1))
     advance(sim, [SETTLED])
     state = lifted(export_state(sim))

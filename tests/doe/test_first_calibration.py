@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taichi_erosion.campaign.calibration_study import read_study
 from taichi_erosion.campaign.request import scene_request
-from taichi_erosion.campaign.study import read_study
 from taichi_erosion.cli.main import main
-from taichi_erosion.experiments.design_file import read_design, write_design
+from taichi_erosion.experiments.design_table import read_design, write_design
 
 ROOT = Path(__file__).parents[2]
 STUDY = Path("doe") / "first_calibration.toml"

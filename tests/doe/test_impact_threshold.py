@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.report.blown_sand import STRESS_LINE, found_in
-from taichi_erosion.report.saturated_sand import saturated_thresholds
+from doe.wind.blown_sand import STRESS_LINE, found_in
+from doe.wind.saturated_sand import saturated_thresholds
 
 ROOT = Path(__file__).parents[2]
 FINE = 1e-4  # m, simulated without and with adhesion

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from taichi_erosion.campaign.cases import (
+from doe.common.cases import (
     GUARDED,
     STOPPED,
     Case,
@@ -22,9 +22,10 @@ from taichi_erosion.campaign.cases import (
     simulate,
     write_rows,
 )
+from doe.lab_c import page as lab_c
+from doe.repose_sensitivity import page as repose_sensitivity
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.report import lab_c, repose_sensitivity
-from taichi_erosion.report.page import fill_tables, markdown_table, with_spread
+from taichi_erosion.report.markdown import fill_tables, markdown_table, with_spread
 
 ROOT = Path(__file__).parents[2]
 TABLES = {name: ROOT / "doe" / name / "results.csv" for name in ("lab_c", "repose_sensitivity")}

@@ -18,9 +18,9 @@ from taichi_erosion.core.setup import Laws, Numerics, Setup, pair_row
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.run.instruments import as_read
+from taichi_erosion.run.observables import as_read
 from taichi_erosion.scene import parse_scene
-from taichi_erosion.scene.sample import SAMPLE
+from taichi_erosion.scene.change import SAMPLE
 from taichi_erosion.simulation import advance, assemble, prepare, snapshot
 
 THIRD_PARTY = Path(__file__).with_name("constant_pull.py")

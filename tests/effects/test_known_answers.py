@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from doe.effects.answers import Answer, pocket_cases, read_answers, write_answers
+from doe.effects.page import Saying, judged, read_sayings
+from doe.effects.pocket import Pocket, expected_threshold, measured_thresholds
 from taichi_erosion.effects import load_library
-from taichi_erosion.report.effects import Saying, judged, read_sayings
-from taichi_erosion.verification.effect_answers import Answer, pocket_cases, read_answers, write_answers
-from taichi_erosion.verification.effect_pocket import Pocket, expected_threshold, measured_thresholds
 
 TABLES = Path(__file__).parents[2] / "doe" / "effects"
 BARE = Pocket()
@@ -29,7 +29,7 @@ SHIFT = {
 
 
 def test_drag_at_the_balance_of_a_bare_grain_is_its_weight_over_two_roots_of_two():
-    from taichi_erosion.verification.reference.drag import Stream, two_limits
+    from taichi_erosion.verification.reference.flow import Stream, two_limits
 
     wind = expected_threshold(BARE)
     slip = wind**2 * 0.5 * BARE.diameter / 1.46e-5

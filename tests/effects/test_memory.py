@@ -20,12 +20,12 @@ from taichi_erosion.simulation import (
     Simulation,
     advance,
     assemble,
+    capacities,
     export_bed,
     export_state,
     import_bed,
     import_state,
     set_gravity,
-    sizes,
     snapshot,
 )
 
@@ -129,7 +129,7 @@ def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it()
 
 
 def test_two_workers_that_share_grains_with_a_memory_change_no_bit(monkeypatch):
-    monkeypatch.setattr(sizes, "PARTITION_GRAINS", GRAINS // 2)
+    monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
     prints = []
     for threads in (1, 2):
         sim = start([sticky()], threads)

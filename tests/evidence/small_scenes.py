@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.check import read_scene
+from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble import Part, play_ensemble
 
 ROOT = Path(__file__).parents[2]

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_erosion.evidence.reduced import predict
+from taichi_erosion.evidence.models.reduced import predict
 
 Grid = tuple[tuple[float, ...], tuple[float, ...]]  # moistures and diameters
 
-MODEL = "taichi_erosion.evidence.reduced:predict"
+MODEL = "taichi_erosion.evidence.models.reduced:predict"
 MOIST = ((0.0, 0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.04), (2e-4, 5e-4))  # kg kg-1, m
 DRY = ((0.0, 0.004), (6e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 4e-4, 6e-4, 8e-4))  # kg kg-1, m
 SCATTER = {"threshold_u_star": 0.02, "repose_angle": 0.5}  # of one laboratory repeat: relative, deg

@@ -112,7 +112,9 @@ def test_adoption_does_not_write_over_a_file_of_the_user(tmp_path, capsys):
 
 
 def test_next_proposes_experiments_within_the_stated_ranges(tmp_path, capsys):
-    study = STUDY.format(model="taichi_erosion.evidence.reduced:predict", candidates="[candidates.gusts]")
+    study = STUDY.format(
+        model="taichi_erosion.evidence.models.reduced:predict", candidates="[candidates.gusts]"
+    )
     study += "\n[candidates.liquid_bridge]\n[laboratory]\nranges = { moisture = [0.0, 0.002] }\n"
     path = write_study(tmp_path, {}, study=study)
     for experiment in document(capsys, "next", str(path))["next_experiments"]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.lab_noise import likely_shape, moderated
+from taichi_erosion.evidence.data.measurement_noise import likely_shape, moderated
 
 ROWS, REPEATS = 12, 3
 FREEDOM = np.full(ROWS, REPEATS - 1.0)

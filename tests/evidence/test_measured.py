@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.measured import read_table
+from taichi_erosion.evidence.data.measured import read_table
 
 ROOT = Path(__file__).parents[2]
 HEAD = "observable,value,sd,n,unit,group,moisture [%],source\n"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.compare import compare
-from taichi_erosion.evidence.problem import Observable
-from taichi_erosion.evidence.study import load_study
+from taichi_erosion.evidence.answers.compare import compare
+from taichi_erosion.evidence.data.problem import Observable
+from taichi_erosion.evidence.models.load_study import load_study
 
 VALUE, SHARE = 0.3, 0.1  # m/s; error that all rows share, over the value [1]
 MODEL = f"""

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.blind_cases import Case, draw_case
-from taichi_erosion.evidence.blind_laboratory import CaseModel
-from taichi_erosion.evidence.calibrate import GOOD_ENOUGH, Objective, fit_base, misfit_of
-from taichi_erosion.evidence.compare import silent
-from taichi_erosion.evidence.discover import discover
-from taichi_erosion.evidence.evidence import expand
-from taichi_erosion.evidence.examination import examine
-from taichi_erosion.evidence.scales import position_of
-from taichi_erosion.evidence.screen import screen
-from taichi_erosion.evidence.shortlist import judge_singles
+from doe.sealed.cases import Case, draw_case
+from doe.sealed.laboratory import CaseModel
+from taichi_erosion.evidence.answers.compare import silent
+from taichi_erosion.evidence.answers.discover import discover
+from taichi_erosion.evidence.data.transforms import position_of
+from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Objective, fit_base, misfit_of
+from taichi_erosion.evidence.inference.marginal_likelihood import expand
+from taichi_erosion.evidence.inference.prepared_problem import examine
+from taichi_erosion.evidence.inference.refit import judge_singles
+from taichi_erosion.evidence.inference.screen import screen
 
 FAMILY = 5000
 

@@ -13,7 +13,7 @@ import pytest
 
 from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence import rehearsal
+from taichi_erosion.evidence.emulator import training_runs
 
 SCENE = Path(__file__).parents[2] / "scenes" / "column_collapse.toml"
 FRICTION = "contact.grain-grain.friction_rolling"
@@ -86,7 +86,7 @@ def executing(batches: list[list[str]]):
 def asked(monkeypatch):
     """Keys of the runs that reach the campaign, batch by batch."""
     batches: list[list[str]] = []
-    monkeypatch.setattr(rehearsal, "execute", executing(batches))
+    monkeypatch.setattr(training_runs, "execute", executing(batches))
     return batches
 
 
@@ -138,7 +138,7 @@ def loop(tmp_path_factory) -> Loop:
     def told(name: str, *words: str) -> dict:
         runs[name] = []
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(rehearsal, "execute", executing(runs[name]))
+            patch.setattr(training_runs, "execute", executing(runs[name]))
             return ask(*words)
 
     return Loop(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.cache import Remembered, Store
+from taichi_erosion.evidence.models.run_store import Remembered, Store
 
 ROWS = {"moisture": np.array([0.0, 0.01])}
 

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.blind_cases import draw_case
-from taichi_erosion.evidence.blind_laboratory import CaseModel
-from taichi_erosion.evidence.blind_score import STRONG, Marked, is_top, scores
-from taichi_erosion.evidence.blind_solve import Outcome, solve, solve_file
-from taichi_erosion.evidence.blind_trial import Trial, marked, opened, seal, sealed
-from taichi_erosion.evidence.problem import Candidate, Problem
+from doe.sealed.cases import draw_case
+from doe.sealed.laboratory import CaseModel
+from doe.sealed.score import STRONG, Marked, is_top, scores
+from doe.sealed.solve import Outcome, solve, solve_file
+from doe.sealed.trial import Trial, marked, opened, seal, sealed
+from taichi_erosion.evidence.data.problem import Candidate, Problem
 
 FAMILY = 5000  # of the cases watched here
 COUNT = 150

@@ -10,8 +10,8 @@ import pytest
 
 from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence import simulator
-from taichi_erosion.evidence.study import load_study
+from taichi_erosion.evidence.models import simulator
+from taichi_erosion.evidence.models.load_study import load_study
 
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "scenes" / "column_collapse.toml"

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from threadpoolctl import threadpool_info
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence.loop import opened
-from taichi_erosion.evidence.problem import Budget, Candidate
-from taichi_erosion.evidence.study import load_study
-from taichi_erosion.evidence.study_file import read_study_file
+from taichi_erosion.evidence.answers.commands import opened
+from taichi_erosion.evidence.data.problem import Budget, Candidate
+from taichi_erosion.evidence.data.study_file import read_study_file
+from taichi_erosion.evidence.models.load_study import load_study
 from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
 
 ROOT = Path(__file__).parents[2]

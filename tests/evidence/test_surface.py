@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.surface import Points, Reads, Surface, fit_surface
+from taichi_erosion.evidence.emulator.gaussian_process import Points, Reads, Surface, fit_surface
 
 READS = Reads(
     bare=np.array([True, False]),

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.toml_text import with_entry
+from taichi_erosion.evidence.data.toml_edit import with_entry
 
 SCENE = (Path(__file__).parents[2] / "scenes" / "column_collapse.toml").read_text("utf-8")
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.problem import Measurements
-from taichi_erosion.evidence.vault import content_digest, openings, record_opening, split
+from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, record_opening, split
+from taichi_erosion.evidence.data.problem import Measurements
 
 OBSERVABLES = ("repose_angle", "pile_height")
 

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.adopt import compared, proof_words
-from taichi_erosion.evidence.autopsy import Autopsy, autopsy, concluded, decided
-from taichi_erosion.evidence.discover import worded
-from taichi_erosion.evidence.examination import examine
-from taichi_erosion.evidence.findings import HypothesisFit, Rows
-from taichi_erosion.evidence.loop import opened
-from taichi_erosion.evidence.misfit import axis_words
-from taichi_erosion.evidence.posterior import NONE, OUTSIDE, posterior
-from taichi_erosion.evidence.problem import Observable
-from taichi_erosion.evidence.scales import from_scale, to_scale
-from taichi_erosion.evidence.shortlist import REJECTED, doubted_p, hypotheses
-from taichi_erosion.evidence.verdict import borne_out
+from taichi_erosion.evidence.answers.adopt import compared, proof_words
+from taichi_erosion.evidence.answers.commands import opened
+from taichi_erosion.evidence.answers.discover import worded
+from taichi_erosion.evidence.data.findings import HypothesisFit, Rows
+from taichi_erosion.evidence.data.problem import Observable
+from taichi_erosion.evidence.data.transforms import from_scale, to_scale
+from taichi_erosion.evidence.inference.goodness_of_fit import axis_words
+from taichi_erosion.evidence.inference.pipeline import Autopsy, autopsy, concluded, decided
+from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, posterior
+from taichi_erosion.evidence.inference.prepared_problem import examine
+from taichi_erosion.evidence.inference.refit import REJECTED, doubted_p, hypotheses
+from taichi_erosion.evidence.inference.verdict import borne_out
 from tests.evidence.small_study import write_study
 
 FAILS = "Even with liquid_bridge the model fails"

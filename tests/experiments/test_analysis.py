@@ -15,12 +15,26 @@ from textbook import chemical_yield, smell, tool_life, unit_factors
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.anova import PureError, Row, anova, curvature, replicate_error, seed_error
+from taichi_erosion.experiments.anova import (
+    PureError,
+    Row,
+    anova,
+    curvature,
+    reduced,
+    replicate_error,
+    seed_error,
+)
 from taichi_erosion.experiments.effects import effect_limits, effects, half_normal_scores, lenth_limits
-from taichi_erosion.experiments.equation import coded_polynomial, equation, evaluate, natural_polynomial
-from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model
+from taichi_erosion.experiments.fit import (
+    Fit,
+    coded_polynomial,
+    coefficient_table,
+    equation,
+    evaluate,
+    fit_model,
+    natural_polynomial,
+)
 from taichi_erosion.experiments.quality import diagnostics, quality
-from taichi_erosion.experiments.reduce import reduced
 from taichi_erosion.experiments.terms import model_matrix, model_terms, parents, parse_term, term_name
 
 FULL = (*model_terms(3, "interactions"), (1, 1, 1))

@@ -9,11 +9,16 @@ from textbook import unit_factors
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.aliases import alias_table, aliases
-from taichi_erosion.experiments.design_file import read_design, write_design
-from taichi_erosion.experiments.generate import CYCLES, TOGETHER, plackett_burman_points
-from taichi_erosion.experiments.table import Factor, run_order, to_coded, to_natural
-from taichi_erosion.experiments.terms import model_matrix, model_terms
+from taichi_erosion.experiments.design import CYCLES, TOGETHER, plackett_burman_points
+from taichi_erosion.experiments.design_table import (
+    Factor,
+    read_design,
+    run_order,
+    to_coded,
+    to_natural,
+    write_design,
+)
+from taichi_erosion.experiments.terms import alias_table, aliases, model_matrix, model_terms
 
 # Plackett & Burman (1946) as printed, for example, in Plasun (1999), table 3.6
 TWELVE = """

@@ -11,9 +11,8 @@ from textbook import unit_factors
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.confirm import Sample, confirm, detectable, power
 from taichi_erosion.experiments.design import Factor, box_behnken, central_composite
-from taichi_erosion.experiments.desirability import Goal, completed, desirability
 from taichi_erosion.experiments.fit import Fit, fit_model
-from taichi_erosion.experiments.optimise import SEPARATE, optimise
+from taichi_erosion.experiments.optimise import SEPARATE, Goal, completed, desirability, optimise
 
 RANGES = [Factor("a", 0.0, 2.0), Factor("b", 10.0, 30.0)]
 

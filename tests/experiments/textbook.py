@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 
-from taichi_erosion.experiments.table import Design, Factor, arranged, to_coded
+from taichi_erosion.experiments.design_table import Design, Factor, arranged, to_coded
 
 
 def unit_factors(names: str) -> list[Factor]:

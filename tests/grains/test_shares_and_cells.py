@@ -7,9 +7,9 @@ from grain_worlds import NONE, RADIUS, grains, heap, setup
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Floats, Laws, Numerics
 from taichi_erosion.core.transfer import read
-from taichi_erosion.grains import shares
-from taichi_erosion.grains.pairs import ENGAGED
-from taichi_erosion.simulation import advance, assemble, export_state, momentum_astray, sizes
+from taichi_erosion.grains import partition
+from taichi_erosion.grains.neighbour_list import ENGAGED
+from taichi_erosion.simulation import advance, assemble, capacities, export_state, momentum_astray
 from taichi_erosion.simulation.control import make_stale
 
 LAWS = Laws(rolling="elastic_plastic")
@@ -21,8 +21,8 @@ ROD = 40  # grains along a rod
 
 def costs(state: dict[str, Floats]) -> Floats:
     """What every grain of replica 0 costs by its lists, in the order of the grains."""
-    total = np.full(len(state["replica0_pair_number"]), float(shares.GRAIN))
-    kinds = (("pair", 1, shares.CONTACT), ("wall", shares.WALL, shares.WALL_CONTACT))
+    total = np.full(len(state["replica0_pair_number"]), float(partition.GRAIN))
+    kinds = (("pair", 1, partition.CONTACT), ("wall", partition.WALL, partition.WALL_CONTACT))
     for prefix, listed, touched in kinds:
         number = state[f"replica0_{prefix}_number"].astype(int)
         owner = np.repeat(np.arange(len(number)), number)
@@ -32,7 +32,7 @@ def costs(state: dict[str, Floats]) -> Floats:
 
 
 def test_partitions_take_as_long_as_each_other_where_they_hold_unequal_numbers_of_contacts(monkeypatch):
-    monkeypatch.setattr(sizes, "PARTITION_GRAINS", GRAINS // 2)
+    monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
     sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
     advance(sim, [FALLEN])
     before = export_state(sim)
@@ -72,7 +72,7 @@ def rod() -> Floats:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_grains_are_sorted_along_the_longest_side_and_forces_cancel_across_its_period(monkeypatch, axis):
-    monkeypatch.setattr(sizes, "PARTITION_GRAINS", 16 * ROD // 4)
+    monkeypatch.setattr(capacities, "PARTITION_GRAINS", 16 * ROD // 4)
     place = np.roll(np.random.default_rng(3).permutation(rod()), axis, axis=1)
     period = np.roll((1.99 * RADIUS * ROD, 0.0, 0.0), axis)
     box = ((0.0, 0.0, 0.0), tuple(np.maximum(period, 10.0 * RADIUS)))

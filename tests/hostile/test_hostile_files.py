@@ -28,12 +28,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sentry import watched
 
-from taichi_erosion.campaign.study import read_study
+from taichi_erosion.campaign.calibration_study import read_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.measured import read_table
-from taichi_erosion.evidence.study_file import read_study_file
-from taichi_erosion.experiments.design_file import read_design
+from taichi_erosion.evidence.data.measured import read_table
+from taichi_erosion.evidence.data.study_file import read_study_file
+from taichi_erosion.experiments.design_table import read_design
 
 FEW, MANY = 12, 300  # files of a kind by default, and when asked for all: eight kinds
 

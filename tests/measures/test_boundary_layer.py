@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.core.air_snapshot import AirSnapshot
+from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.measures import boundary_layer
 from taichi_erosion.measures.boundary_layer import (
     AirEvidence,

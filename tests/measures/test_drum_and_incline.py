@@ -6,8 +6,7 @@ from math import cos, isnan, radians, sin, sqrt
 import numpy as np
 import pytest
 
-from taichi_erosion.measures.drum import dynamic_angle
-from taichi_erosion.measures.incline import sliding_angle
+from taichi_erosion.measures.drum_and_incline import dynamic_angle, sliding_angle
 from tests.measures.heaps import DIAMETER, packing, snapshot_of
 
 DRUM = 16.0 * DIAMETER

@@ -1,7 +1,7 @@
 import numpy as np
 from recorded_heaps import MOVING, heap_snapshot, moved
 
-from taichi_erosion.recording.bed import CREEP, FRAMES_BETWEEN, Bed, lies_in, update_bed
+from taichi_erosion.recording.static_grains import CREEP, FRAMES_BETWEEN, Bed, lies_in, update_bed
 
 FALLING = len(heap_snapshot().ident) - 1  # row of the grain in the air
 

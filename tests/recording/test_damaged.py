@@ -7,8 +7,7 @@ from recorded_heaps import record_heap
 
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.recording.torn_file import HEADER_SIZE, MESSAGE_HEAD
+from taichi_erosion.recording.readback import HEADER_SIZE, MESSAGE_HEAD, read_grains
 
 ERASED = 64  # bytes in the middle of a message: within compressed numbers, not within their description
 

@@ -14,11 +14,11 @@ import pytest
 from recorded_heaps import FLOOR, MOVING, heap_snapshot
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording import room
+from taichi_erosion.core.files import write_whole
+from taichi_erosion.recording import disk_space
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording, recorded
-from taichi_erosion.recording.whole_file import write_whole
 
 HEADER = RunHeader("full", "a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
 PATIENCE = 300  # s until a program that does not end counts as hanging; the cores may be busy
@@ -114,7 +114,7 @@ def test_a_full_disk_leaves_the_document_before(small_disk: Path):
 
 
 def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=room.ROOM_LEAST - 1))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=disk_space.ROOM_LEAST - 1))
     with pytest.raises(BadInput, match="the disk is nearly full: a recording leaves 50 MB free"):
         open_recording(tmp_path / "heap.rrd", HEADER)
     assert list(tmp_path.iterdir()) == []

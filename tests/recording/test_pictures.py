@@ -7,18 +7,19 @@ import numpy as np
 import pytest
 from recorded_heaps import FLOOR, heap_snapshot, pyramid
 
-from taichi_erosion.recording import palette
-from taichi_erosion.recording.canvas import blank, distance_to_segment, draw_line, lettering
+from taichi_erosion.recording import drawing
+from taichi_erosion.recording.drawing import blank, distance_to_segment, draw_line, lettering
 from taichi_erosion.recording.pictures import (
     HEADROOM,
+    SideView,
     film_frame,
     flank_ends,
+    render_side,
     silhouette_grid,
     silhouette_picture,
     write_gif,
     write_png,
 )
-from taichi_erosion.recording.side_view import SideView, render_side
 
 WINDOW = SideView((-0.02, 0.0), (0.02, 0.03), (320, 240))
 SPEEDS = (1e-2, 2.0)
@@ -87,7 +88,7 @@ def test_a_silhouette_keeps_its_pixels_under_the_headroom():
     mask = np.tri(40, 90, dtype=bool)
     image = silhouette_picture(mask, np.empty((0, 2, 2)))
     assert image.shape == (40 + HEADROOM, 90, 3)
-    np.testing.assert_array_equal((image[HEADROOM:] == palette.SAND).all(axis=-1), mask)
+    np.testing.assert_array_equal((image[HEADROOM:] == drawing.SAND).all(axis=-1), mask)
 
 
 def test_a_grid_holds_every_azimuth(tmp_path: Path):
@@ -96,7 +97,7 @@ def test_a_grid_holds_every_azimuth(tmp_path: Path):
     captions = [f"{30 * index}°" for index in range(7)]
     grid = silhouette_grid(masks, flanks, captions, columns=3)
     plain = silhouette_grid(masks, [np.empty((0, 2, 2))] * 7, columns=3)
-    sand = (plain == palette.SAND).all(axis=-1).sum()
+    sand = (plain == drawing.SAND).all(axis=-1).sum()
     assert sand == sum(mask.sum() for mask in masks)
     shape = imageio.imread(write_png(tmp_path / "grid.png", grid)).shape
     assert shape == grid.shape
@@ -136,8 +137,8 @@ def test_moving_grains_take_the_colour_of_their_speed():
 
 
 def test_colours_of_speed_run_in_equal_ratios_and_stay_at_their_ends():
-    colours = palette.speed_colours(np.array([1e-6, 1e-2, 0.02, 0.04, 0.32, 99.0]), 1e-2, 0.32)
-    expected = palette.SPEED_COLOURS[[0, 0, 1, 2, 5, 5]]
+    colours = drawing.speed_colours(np.array([1e-6, 1e-2, 0.02, 0.04, 0.32, 99.0]), 1e-2, 0.32)
+    expected = drawing.SPEED_COLOURS[[0, 0, 1, 2, 5, 5]]
     # truncation to whole levels
     np.testing.assert_allclose(colours, expected, atol=1)
 
@@ -149,9 +150,9 @@ def test_the_distance_to_a_segment_is_that_to_its_ends_beyond_them():
 
 
 def test_a_line_far_outside_leaves_the_image_alone():
-    image = blank((20, 10), palette.NIGHT, palette.NIGHT)
-    draw_line(image, np.array([[-50.0, -50.0], [-40.0, -60.0]]), palette.CHALK)
-    assert (image == palette.NIGHT).all()
+    image = blank((20, 10), drawing.NIGHT, drawing.NIGHT)
+    draw_line(image, np.array([[-50.0, -50.0], [-40.0, -60.0]]), drawing.CHALK)
+    assert (image == drawing.NIGHT).all()
 
 
 def test_no_two_letters_look_alike():

@@ -11,7 +11,7 @@ import pytest
 from recorded_heaps import FLOOR, MOVING, header, heap_snapshot, ledger, moved, pyramid, record_heap
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording.bed import CREEP, FRAMES_BETWEEN
+from taichi_erosion.core.files import part_path
 from taichi_erosion.recording.blueprint import choose_focus, heap_focus
 from taichi_erosion.recording.readback import (
     read_chunks,
@@ -20,7 +20,9 @@ from taichi_erosion.recording.readback import (
     read_properties,
     read_rows,
     read_series,
+    whole_size,
 )
+from taichi_erosion.recording.static_grains import CREEP, FRAMES_BETWEEN
 from taichi_erosion.recording.stream import (
     close,
     flush,
@@ -33,9 +35,7 @@ from taichi_erosion.recording.stream import (
     recorded,
     set_properties,
 )
-from taichi_erosion.recording.torn_file import whole_size
 from taichi_erosion.recording.wall_mesh import WallMesh
-from taichi_erosion.recording.whole_file import part_path
 
 WRITER = """
 import os, signal, sys

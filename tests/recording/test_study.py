@@ -12,7 +12,7 @@ from recorded_heaps import record_heap
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import viewer
 from taichi_erosion.recording.readback import read_frames, read_properties
-from taichi_erosion.recording.study import MOST_FRAMES, Shown, StudyPage, record_study, thinned
+from taichi_erosion.recording.study_recording import MOST_FRAMES, Shown, StudyPage, record_study, thinned
 
 FIGURE = imageio.imwrite("<bytes>", np.full((40, 60, 3), 200, np.uint8), extension=".png")
 

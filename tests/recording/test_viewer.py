@@ -7,7 +7,8 @@ import pytest
 from recorded_heaps import MOVING, header, heap_snapshot, ledger
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording import palette, viewer
+from taichi_erosion.recording import drawing, viewer
+from taichi_erosion.recording.air_recording import log_profile
 from taichi_erosion.recording.blueprint import WIND_KINDS
 from taichi_erosion.recording.pictures import silhouette_picture
 from taichi_erosion.recording.stream import (
@@ -19,7 +20,6 @@ from taichi_erosion.recording.stream import (
     log_transport,
     recorded,
 )
-from taichi_erosion.recording.wind import log_profile
 
 pytestmark = pytest.mark.viewer
 Colour = tuple[int, int, int]
@@ -73,9 +73,9 @@ def test_every_view_draws_without_a_report(heap: Path, tmp_path: Path, kind: str
 @pytest.mark.parametrize(
     ("rows", "colour", "least"),
     [
-        ((0.0, 0.25), palette.SAND, 0.02),  # silhouette, a quarter of whose mask is sand
-        ((0.25, 0.5), palette.EMBER, 0.001),  # one falling curve
-        ((0.5, 0.75), palette.SAND, 0.001),  # one rising curve
+        ((0.0, 0.25), drawing.SAND, 0.02),  # silhouette, a quarter of whose mask is sand
+        ((0.25, 0.5), drawing.EMBER, 0.001),  # one falling curve
+        ((0.5, 0.75), drawing.SAND, 0.001),  # one rising curve
     ],
 )
 def test_every_view_beside_the_grains_shows_what_was_recorded(
@@ -91,20 +91,20 @@ def test_the_picture_has_the_size_asked_for_and_the_heap_in_its_middle(heap: Pat
     assert image.shape[1::-1] == SIZE
     left = image[:, : 5 * image.shape[1] // 8]
     middle = left[left.shape[0] // 3 : -left.shape[0] // 6, left.shape[1] // 4 : -left.shape[1] // 4]
-    assert share_like(middle, palette.SAND) > 0.2
+    assert share_like(middle, drawing.SAND) > 0.2
 
 
 def test_what_a_killed_run_left_can_be_seen(heap: Path, tmp_path: Path):
     part = tmp_path / "heap.rrd.part"
     part.write_bytes(heap.read_bytes()[: heap.stat().st_size // 2])
     image = imageio.imread(viewer.picture(part, None, tmp_path / "part.png", size=SIZE, view="Grains"))
-    assert share_like(image, palette.SAND) > 0.05
+    assert share_like(image, drawing.SAND) > 0.05
 
 
 def test_one_view_can_be_drawn_alone_at_any_time(heap: Path, tmp_path: Path):
     image = imageio.imread(viewer.picture(heap, 0.05, tmp_path / "grains.png", size=SIZE, view="Grains"))
     assert image.shape[1] < SIZE[0]
-    assert share_like(image, palette.SAND) > 0.05
+    assert share_like(image, drawing.SAND) > 0.05
 
 
 def test_a_picture_that_cannot_be_drawn_is_reported(heap: Path, tmp_path: Path):

@@ -4,11 +4,11 @@ import csv
 import json
 from dataclasses import asdict
 
-from taichi_erosion.evidence.blind_laboratory import Truth
-from taichi_erosion.evidence.blind_oracle import Difficulty
-from taichi_erosion.evidence.blind_solve import Outcome
-from taichi_erosion.evidence.blind_trial import COLUMNS
-from taichi_erosion.report.blind_trial import publish
+from doe.sealed.laboratory import Truth
+from doe.sealed.oracle import Difficulty
+from doe.sealed.solve import Outcome
+from doe.sealed.trial import COLUMNS
+from doe.t0.page import publish
 
 PAGE = "".join(f"<!-- table: {name} -->\n<!-- end -->\n" for name in ("cases", "metrics", "calibration"))
 NOTHING = (float("nan"),) * 3

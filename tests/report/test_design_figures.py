@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from doe.hao2022 import tables as hao2022
 from taichi_erosion.experiments.audit.examine import Audit, audit
 from taichi_erosion.experiments.design import full_factorial
+from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.experiments.effects import effect_limits
 from taichi_erosion.experiments.fit import Fit, fit_model
-from taichi_erosion.experiments.table import Factor
 from taichi_erosion.experiments.terms import model_terms
 from taichi_erosion.report import design_figures as figures
-from taichi_erosion.report import hao2022
-from taichi_erosion.report.page import fill_tables
+from taichi_erosion.report.markdown import fill_tables
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "doe" / "hao2022"

@@ -4,9 +4,9 @@ from math import isnan, nan, sqrt
 
 import pytest
 
-from taichi_erosion.campaign.cases import Row
-from taichi_erosion.report.blown_sand import AIR, STRESS_LINE, Found, by_case
-from taichi_erosion.report.saturated_sand import saturated_table, saturated_thresholds, together
+from doe.common.cases import Row
+from doe.wind.blown_sand import AIR, STRESS_LINE, Found, by_case
+from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
 
 THRESHOLD = 0.2  # m s-1
 WINDS = (0.3, 0.4, 0.5, 0.6)  # m s-1

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.campaign.cases import Row
-from taichi_erosion.report import blown_sand, threshold
-from taichi_erosion.report.page import MARKED
+from doe.common.cases import Row
+from doe.wind import blown_sand
+from doe.wind import page as threshold
+from taichi_erosion.report.markdown import MARKED
 
 ROOT = Path(__file__).parents[2]
 TUNNEL = [

@@ -20,8 +20,8 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.checkpoint import load_checkpoint
 from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.run import RunOptions, keeping, run_scene
-from taichi_erosion.run.interrupt import deferred
+from taichi_erosion.run import RunOptions, recorder, run_scene
+from taichi_erosion.run.scene_run import deferred
 
 PATIENCE = 600.0  # s; the cores may be busy
 OF_THIS_CALL = ("scene", "wall_s", "recording", "film", "silhouettes", "numerics")  # not of the physics
@@ -153,20 +153,20 @@ def test_a_checkpoint_that_cannot_be_written_is_told_once_and_the_run_goes_on():
 
     play = stage_play()
     for _ in range(2):
-        keeping.save_when_due(SimpleNamespace(watch=refuse), play)  # type: ignore[arg-type]
+        recorder.save_when_due(SimpleNamespace(watch=refuse), play)  # type: ignore[arg-type]
     assert play.actors[0].warnings == ["run.npz: the checkpoint cannot be written (No space left on device)"]
 
 
 def test_a_disk_that_fills_up_ends_the_recording_whole_and_not_the_run(monkeypatch, tmp_path):
     closed = []
-    monkeypatch.setattr(keeping, "is_short_of_room", lambda _: True)
-    monkeypatch.setattr(keeping.stream, "log_text", lambda *_: None)
-    monkeypatch.setattr(keeping.stream, "close", closed.append)
-    monkeypatch.setattr(keeping, "watch_replica", lambda *_: pytest.fail("still recording"))
+    monkeypatch.setattr(recorder, "is_short_of_room", lambda _: True)
+    monkeypatch.setattr(recorder.stream, "log_text", lambda *_: None)
+    monkeypatch.setattr(recorder.stream, "close", closed.append)
+    monkeypatch.setattr(recorder, "watch_replica", lambda *_: pytest.fail("still recording"))
     recording = SimpleNamespace(path=tmp_path / "few.rrd")
     camera, play = SimpleNamespace(replica=0, interval=0.01, recording=recording), stage_play()
     for _ in range(2):
-        keeping.watch_while_there_is_room(camera, play)  # type: ignore[arg-type]
+        recorder.watch_while_there_is_room(camera, play)  # type: ignore[arg-type]
     assert closed == [recording]
     assert play.actors[0].warnings == ["the disk is nearly full: the recording ends at 0.5 s"]
 
@@ -175,9 +175,9 @@ def test_files_that_cannot_be_finished_cost_no_result(monkeypatch):
     def refuse(*_: Any) -> Any:
         raise BadInput("few.gif: cannot be written (No space left on device)")
 
-    monkeypatch.setattr(keeping, "finish", refuse)
+    monkeypatch.setattr(recorder, "finish", refuse)
     record = {"measures": {"height": 1.0}, "warnings": ["flank not straight"]}
-    assert keeping.finish_or_warn(None, None, record, {}) == {}  # type: ignore[arg-type]
+    assert recorder.finish_or_warn(None, None, record, {}) == {}  # type: ignore[arg-type]
     assert record["measures"] == {"height": 1.0}
     assert record["warnings"][0] == "few.gif: cannot be written (No space left on device)"
 

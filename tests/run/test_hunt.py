@@ -9,7 +9,7 @@ import pytest
 
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.threshold import Bracket
-from taichi_erosion.run.hunt import NEXT, Hunt, Trial, judge, watch
+from taichi_erosion.run.threshold_search import NEXT, Hunt, Trial, judge, watch
 from taichi_erosion.scene import Scene, load_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"

@@ -12,13 +12,15 @@ import pytest
 from taichi_erosion.cli import live as prompt
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Motion
+from taichi_erosion.recording.pictures import in_colour, in_shades
 from taichi_erosion.recording.readback import read_rows
 from taichi_erosion.recording.stream import close
-from taichi_erosion.recording.terminal import in_colour, in_shades
-from taichi_erosion.run.live import (
+from taichi_erosion.run.recorder import standing
+from taichi_erosion.run.session import (
     back,
     measure_now,
     next_stage,
+    open_film,
     open_session,
     run_for,
     run_until_rest,
@@ -26,8 +28,6 @@ from taichi_erosion.run.live import (
     set_entry,
     step,
 )
-from taichi_erosion.run.live_view import open_film
-from taichi_erosion.run.scenery import standing
 from taichi_erosion.scene.paths import meaning_of
 from taichi_erosion.simulation import move_surface, snapshot
 

@@ -6,10 +6,9 @@ import pytest
 
 from taichi_erosion.recording.readback import read_series
 from taichi_erosion.recording.stream import close
-from taichi_erosion.run.live import open_session, run_for, set_entry
-from taichi_erosion.run.live_view import open_film
 from taichi_erosion.run.observables import patch_of
-from taichi_erosion.run.transport import transport_of
+from taichi_erosion.run.recorder import transport_of
+from taichi_erosion.run.session import open_film, open_session, run_for, set_entry
 from taichi_erosion.simulation import friction_velocity, snapshot
 
 SCENE = Path(__file__).parents[2] / "scenes" / "saltation.toml"

@@ -6,9 +6,9 @@ import pytest
 from small_scene import write_scene
 
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.check import read_scene
-from taichi_erosion.run.choices import shared_choices
+from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble import Part, play_ensemble
+from taichi_erosion.run.ensemble_compatibility import shared_choices
 
 WET = (
     "conditions.moisture=0.02",

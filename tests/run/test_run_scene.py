@@ -17,7 +17,7 @@ from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.recording.checkpoint import load_checkpoint
 from taichi_erosion.run import RunOptions, run_scene
 from taichi_erosion.run import scene_run as scene_run_module
-from taichi_erosion.run.play import Play
+from taichi_erosion.run.ensemble_loop import Play
 from taichi_erosion.run.stages import sentence
 
 DURATION = 0.12  # s, of both stages

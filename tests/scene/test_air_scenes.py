@@ -8,10 +8,17 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.run.air_check import AIR_OBSERVABLES
-from taichi_erosion.scene.air import air_hash, build_air, is_air_scene, load_air_scene, parse_air_scene
-from taichi_erosion.scene.air_grid import inlet_speed, longest_step
-from taichi_erosion.scene.schema_air import LogProfile, PowerProfile, TableProfile
+from taichi_erosion.run.checks import AIR_OBSERVABLES
+from taichi_erosion.scene.air_scene import (
+    air_hash,
+    build_air,
+    inlet_speed,
+    is_air_scene,
+    load_air_scene,
+    longest_step,
+    parse_air_scene,
+)
+from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
 
 SCENES = Path(__file__).parents[2] / "scenes"
 TUNNEL = SCENES / "tunnel_section.toml"

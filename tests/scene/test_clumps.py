@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.clump import Body, quadrature, template_spheres
-from taichi_erosion.scene.schema_grains import Clump
+from taichi_erosion.scene.build.clump import Body, quadrature, template_spheres
+from taichi_erosion.scene.schema.grains import Clump
 
 DENSITY = 2130.0
 # the surface cells of a sphere 160 (or 80) cells across miss its volume by a few parts in 1e4

@@ -7,8 +7,8 @@ from scene_tables import changed, good_table
 
 from taichi_erosion.core.setup import pair_row
 from taichi_erosion.scene import build_setup, laws, parse_scene
+from taichi_erosion.scene.build.contacts import young_effective
 from taichi_erosion.scene.change import with_contacts
-from taichi_erosion.scene.contacts import young_effective
 
 SOIL, STEEL = 0, 1  # materials come in alphabetical order
 

@@ -10,8 +10,14 @@ from scipy.integrate import quad
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import explain, parse_scene
-from taichi_erosion.scene.adhesion import WORK_OF_SEPARATION, sticking_speed, tear_off_distance
-from taichi_erosion.scene.limits import impact_duration, impact_overlap, rayleigh_time
+from taichi_erosion.scene.build.limits import (
+    WORK_OF_SEPARATION,
+    impact_duration,
+    impact_overlap,
+    rayleigh_time,
+    sticking_speed,
+    tear_off_distance,
+)
 
 POISSON, DENSITY, GAMMA = 0.3, 2650.0, 3.3  # surface energy of the study, quartz
 

@@ -8,8 +8,8 @@ import pytest
 from pydantic import TypeAdapter
 from scipy.stats import kstest, truncnorm
 
-from taichi_erosion.scene.schema_grains import Size
-from taichi_erosion.scene.sizes import (
+from taichi_erosion.scene.build.fill import stream
+from taichi_erosion.scene.build.sizes import (
     mean_cube,
     nominal_diameter,
     sample_diameters,
@@ -18,7 +18,7 @@ from taichi_erosion.scene.sizes import (
     size_range,
     table_rows,
 )
-from taichi_erosion.scene.streams import stream
+from taichi_erosion.scene.schema.grains import Size
 
 MANY = 200_000
 COARSE = {"law": "sieve", "table": "hao2022", "low": 0.25e-3, "high": 2e-3, "scale": 4.0}

@@ -12,10 +12,10 @@ from grain_worlds import TIME_STEP, contacts, heap
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import Status
-from taichi_erosion.run import books
-from taichi_erosion.run.books import count_failure, restitution_failure
+from taichi_erosion.run import sanity_checks
+from taichi_erosion.run.sanity_checks import count_failure, restitution_failure
 from taichi_erosion.simulation import Simulation, assemble
-from taichi_erosion.simulation.impact import Impact, first_impacts
+from taichi_erosion.simulation.self_checks import Impact, first_impacts
 
 RESTITUTIONS = (0.1, 0.5, 0.9)
 SPEED = 0.5  # m s-1
@@ -86,8 +86,8 @@ def test_a_first_impact_leaves_the_grains_alone_and_all_are_counted(sim, impacts
     ids=["a grain twice", "mass from nowhere", "not a number"],
 )
 def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(sim, impacts, monkeypatch, damage, status):
-    read = books.snapshot
-    monkeypatch.setattr(books, "snapshot", lambda sim, replica: damage(read(sim, replica)))
+    read = sanity_checks.snapshot
+    monkeypatch.setattr(sanity_checks, "snapshot", lambda sim, replica: damage(read(sim, replica)))
     failed = count_failure(sim, 0, 0.002)
     assert failed is not None
     assert failed.status == status

@@ -6,8 +6,8 @@ from grain_worlds import TIME_STEP, fingerprint, heap
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Status
-from taichi_erosion.run.books import MOMENTUM_ERROR, momentum_failure
-from taichi_erosion.simulation import Simulation, advance, assemble, momentum_astray, sizes, snapshot
+from taichi_erosion.run.sanity_checks import MOMENTUM_ERROR, momentum_failure
+from taichi_erosion.simulation import Simulation, advance, assemble, capacities, momentum_astray, snapshot
 
 GRAINS, PARTITION = 200, 50
 HALF, WHOLE = 0.005, 0.01  # s
@@ -16,7 +16,7 @@ ROUNDING = {"f32": 2.0**-24, "f64": 2.0**-53}  # of one force [1]
 
 def collapsing(monkeypatch: pytest.MonkeyPatch, precision: str) -> Simulation:
     """A heap in four partitions, half way down."""
-    monkeypatch.setattr(sizes, "PARTITION_GRAINS", PARTITION)
+    monkeypatch.setattr(capacities, "PARTITION_GRAINS", PARTITION)
     sim = assemble([heap(GRAINS, 1)], Laws(rolling="elastic_plastic"), Numerics("cpu", 1, precision))
     advance(sim, [HALF])
     return sim

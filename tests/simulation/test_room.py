@@ -10,7 +10,7 @@ from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import impl
 from taichi_erosion.simulation import advance, assemble, energies, export_state, snapshot
 from taichi_erosion.simulation.assemble import reallocate
-from taichi_erosion.simulation.sizes import first_sizes
+from taichi_erosion.simulation.capacities import first_sizes
 from taichi_erosion.simulation.step import release_first
 
 UNTIL = 2e-3  # s, in which a grain that starts a radius above the plate has hit it

@@ -11,15 +11,15 @@ from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.simulation import (
     advance,
     assemble,
+    capacities,
     export_state,
     failure,
     import_state,
     ledger,
-    sizes,
     snapshot,
 )
 from taichi_erosion.simulation.assemble import reallocate
-from taichi_erosion.simulation.sizes import partition_count
+from taichi_erosion.simulation.capacities import partition_count
 
 LAWS = Laws(rolling="elastic_plastic")
 GRAINS = 120
@@ -91,7 +91,7 @@ def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
 
 
 def test_two_workers_that_share_a_heap_change_no_bit(monkeypatch):
-    monkeypatch.setattr(sizes, "PARTITION_GRAINS", GRAINS // 2)
+    monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
     assert partition_count(heap(GRAINS, 1)) == 2
     (one,) = run([heap(GRAINS, 1)], 1, HALF)
     (two,) = run([heap(GRAINS, 1)], 2, HALF)

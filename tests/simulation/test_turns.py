@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.simulation.turns import Deal, deal_turns
+from taichi_erosion.simulation.schedule import Deal, deal_turns
 
 steps_of_replicas = st.lists(st.integers(0, 5000), min_size=1, max_size=12)
 workers_present = st.integers(1, 8)

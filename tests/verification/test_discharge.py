@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.verification import discharge
-from taichi_erosion.verification.bulk_scenes import DIAMETER, PLUG, soft_touch
-from taichi_erosion.verification.discharge import CROWD, HOLES, SLOTS, Silos
+from taichi_erosion.verification.contact import bulk
+from taichi_erosion.verification.contact.bulk import CROWD, DIAMETER, HOLES, PLUG, SLOTS, Silos, soft_touch
 
 PACKING = 0.6  # denser than grains with friction lie [1]
 BOTH = pytest.mark.parametrize("silos", [HOLES, SLOTS], ids=lambda silos: silos.kind)
@@ -39,4 +38,4 @@ def test_a_silo_holds_its_grains_above_a_plug_that_fills_the_opening(silos: Silo
 def test_the_flow_is_read_between_two_numbers_of_grains():
     time = np.linspace(0.0, 1.0, 101)
     passed = np.where(time < 0.2, 500.0 * time, 100.0 + 1000.0 * (time - 0.2))
-    assert discharge.steady_slope(time, passed, 110.0, 800.0) == pytest.approx(1000.0)
+    assert bulk.steady_slope(time, passed, 110.0, 800.0) == pytest.approx(1000.0)

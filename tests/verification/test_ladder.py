@@ -5,8 +5,8 @@ from math import nan
 
 import pytest
 
+from docs.verification_curves import markdown_table
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.report.ladder import markdown_table
 from taichi_erosion.verification import LADDER, Claim, verify
 from taichi_erosion.verification.claim import Outcome, as_claim
 

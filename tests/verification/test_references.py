@@ -6,7 +6,7 @@ from math import radians, sqrt
 import numpy as np
 import pytest
 
-from taichi_erosion.verification.oblique_impact import (
+from taichi_erosion.verification.contact.oblique_impact import (
     SOLIDS,
     SPINNING,
     impact_at,
@@ -14,9 +14,16 @@ from taichi_erosion.verification.oblique_impact import (
     spinning_impact,
     tangential_restitution,
 )
-from taichi_erosion.verification.reference import bouncing, bulk, jkr, published, rigid
-from taichi_erosion.verification.reference.hertz import HeadOn, Solid, sphere_mass, young_effective
-from taichi_erosion.verification.reference.mindlin import Sliding, rebound
+from taichi_erosion.verification.reference import contact, motion, published
+from taichi_erosion.verification.reference import flow as bulk
+from taichi_erosion.verification.reference.contact import (
+    HeadOn,
+    Sliding,
+    Solid,
+    rebound,
+    sphere_mass,
+    young_effective,
+)
 
 HERTZ = [
     # solid, radius, two spheres, relative speed; E*, overlap, force, time of the verification notes 1.1
@@ -68,22 +75,22 @@ def test_a_damped_spinning_sphere_that_slides_throughout_loses_slip_as_coulomb_s
 
 
 def test_jkr_landmarks_follow_from_the_two_polynomials() -> None:
-    assert jkr.force_at(jkr.CUBE_PULL_OFF) == pytest.approx(-3.0)
-    assert jkr.force_at(jkr.CUBE_TOUCH) == pytest.approx(-8.0 / 3.0)
-    assert jkr.overlap_at(jkr.CUBE_PULL_OFF) == pytest.approx(-0.57236, abs=1e-5)
-    assert jkr.overlap_at(jkr.CUBE_TEAR) == pytest.approx(-1.190551, abs=1e-6)
-    assert jkr.overlap_at(jkr.CUBE_BALANCE) == pytest.approx(1.44225, abs=1e-5)
+    assert contact.force_at(contact.CUBE_PULL_OFF) == pytest.approx(-3.0)
+    assert contact.force_at(contact.CUBE_TOUCH) == pytest.approx(-8.0 / 3.0)
+    assert contact.overlap_at(contact.CUBE_PULL_OFF) == pytest.approx(-0.57236, abs=1e-5)
+    assert contact.overlap_at(contact.CUBE_TEAR) == pytest.approx(-1.190551, abs=1e-6)
+    assert contact.overlap_at(contact.CUBE_BALANCE) == pytest.approx(1.44225, abs=1e-5)
 
 
 def test_the_work_of_the_neck_is_the_area_under_the_force() -> None:
-    cube = np.linspace(jkr.CUBE_TEAR, jkr.CUBE_TOUCH, 20_001)
+    cube = np.linspace(contact.CUBE_TEAR, contact.CUBE_TOUCH, 20_001)
     force = 4.0 / 3.0 * cube * (cube - 3.0)
     overlap = cube ** (4.0 / 3.0) - 2.0 * cube ** (1.0 / 3.0)
-    assert -np.trapezoid(force, overlap) == pytest.approx(jkr.WORK_LOST, rel=1e-7)
+    assert -np.trapezoid(force, overlap) == pytest.approx(contact.WORK_LOST, rel=1e-7)
 
 
 def test_the_sticking_speed_is_that_of_thornton_and_ning() -> None:
-    pair = jkr.Sticky(young=1e9, radius=1e-3, mass=1e-5, energy=0.05)
+    pair = contact.Sticky(young=1e9, radius=1e-3, mass=1e-5, energy=0.05)
     work = 2.0 * pair.energy
     published_speed = sqrt(14.18 / pair.mass) * (work**5 * pair.radius**4 / pair.young**2) ** (1.0 / 6.0)
     assert pair.speed_sticking == pytest.approx(published_speed, rel=5e-4)  # 14.18 has four digits
@@ -92,30 +99,30 @@ def test_the_sticking_speed_is_that_of_thornton_and_ning() -> None:
 def test_the_branch_of_jkr_far_from_adhesion_is_hertz() -> None:
     reduced = 1e6
     hertz = 4.0 / 3.0 * reduced**1.5
-    assert jkr.branch_force(reduced) == pytest.approx(hertz, rel=1e-3)
+    assert contact.branch_force(reduced) == pytest.approx(hertz, rel=1e-3)
 
 
 def test_a_sphere_keeps_five_sevenths_of_its_speed_when_it_starts_to_roll() -> None:
     speed, friction = 0.7, 0.3
-    slowed = speed - friction * rigid.GRAVITY * rigid.slide_time(speed, friction)
-    assert slowed == pytest.approx(rigid.rolling_speed(speed))
+    slowed = speed - friction * motion.GRAVITY * motion.slide_time(speed, friction)
+    assert slowed == pytest.approx(motion.rolling_speed(speed))
 
 
 def test_sliding_and_rolling_accelerations_meet_at_the_critical_friction() -> None:
     slope = radians(30.0)
-    critical = rigid.friction_for_rolling(slope)
-    assert rigid.sliding_acceleration(slope, critical) == pytest.approx(rigid.rolling_acceleration(slope))
-    assert rigid.sliding_spin_up(slope, critical, 1.0) == pytest.approx(rigid.rolling_acceleration(slope))
+    critical = motion.friction_for_rolling(slope)
+    assert motion.sliding_acceleration(slope, critical) == pytest.approx(motion.rolling_acceleration(slope))
+    assert motion.sliding_spin_up(slope, critical, 1.0) == pytest.approx(motion.rolling_acceleration(slope))
 
 
 def test_a_weightless_damped_impact_returns_the_restitution_asked_for() -> None:
-    spring = bouncing.Spring(young=1e8, radius=0.1, mass=10.0, restitution=0.5)
-    assert bouncing.rebound_speed(spring, 2.0, 0.0) / 2.0 == pytest.approx(0.5, abs=2e-5)
+    spring = motion.Spring(young=1e8, radius=0.1, mass=10.0, restitution=0.5)
+    assert motion.rebound_speed(spring, 2.0, 0.0) / 2.0 == pytest.approx(0.5, abs=2e-5)
 
 
 def test_weight_costs_a_damped_bounce_some_height() -> None:
-    spring = bouncing.Spring(young=1e8, radius=0.1, mass=10.0, restitution=0.5)
-    assert bouncing.rebound_speed(spring, 2.0, 9.81) < bouncing.rebound_speed(spring, 2.0, 0.0)
+    spring = motion.Spring(young=1e8, radius=0.1, mass=10.0, restitution=0.5)
+    assert motion.rebound_speed(spring, 2.0, 9.81) < motion.rebound_speed(spring, 2.0, 0.0)
 
 
 @pytest.mark.parametrize("exponent", [1.5, 2.5])

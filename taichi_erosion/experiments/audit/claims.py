@@ -1,4 +1,8 @@
-"""What a study says about its table, beside the table: `TABLE.claims.toml`. Numbers are kept as printed.
+"""One thing that is wrong, or that a reader should know.
+
+Numbers as they stand in print: their last digit says how far they can be trusted.
+
+What a study says about its table, beside the table: `TABLE.claims.toml`. Numbers are kept as printed.
 
 model = "quadratic"            # linear | interactions | quadratic; guessed from the levels if left out
 anova = "table_9.csv"          # printed analysis of variance
@@ -11,16 +15,93 @@ target = 33.52                 # wished for
 [t_test]                       # runs = [...], mean, sd, n of the measurement, and the printed p
 """
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from math import isfinite, nan
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.plain_file import plain_text
-from taichi_erosion.experiments.audit.printed import Printed, parse_printed
+from taichi_erosion.core.files import plain_text
 from taichi_erosion.experiments.terms import Order
+
+Kind = Literal[
+    "unbalanced",  # a factor is not as often high as low
+    "not orthogonal",  # factors cannot be told apart
+    "cell",  # one cell whose change mends the design
+    "level",  # a level that stands alone
+    "lack of fit",  # the model misses the means of its points
+    "curvature",  # the centre lies off the plane
+    "number",  # a printed number that the table does not give
+    "sum",  # printed parts that do not add up
+    "heading",  # a column that holds something else
+    "sign",  # a coefficient of the opposite sign
+    "coding",  # levels whose order is reversed
+    "target",  # wished for, but not reached by the fitted surface
+    "optimum",  # the published optimum against the recomputed one
+    "same point",  # one point, two results
+    "prediction",  # a run that the fitted surface contradicts
+    "setting",  # something that cannot be examined
+]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A finding; row counts from 1 below the heading, 0 where none is meant."""
+
+    kind: Kind
+    sentence: str
+    table: str = ""
+    column: str = ""
+    row: int = 0
+    printed: str = ""
+    found: float = nan
+
+
+NUMBER = re.compile(
+    r"(?P<bound>[<>]?)\s*(?P<number>[+-]?(?:\d+\.?(?P<decimals>\d*)|\.(?P<bare>\d+))(?:[eE](?P<power>[+-]?\d+))?)"
+)
+HALF = 0.5 * (1.0 + 1e-6)  # of the last digit; a number that ends in 5 may be rounded either way [1]
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A printed number; `bound` is '<' or '>' where only a limit is printed."""
+
+    text: str
+    value: float
+    last_digit: float  # size of one unit of the last printed digit
+    bound: str = ""
+
+    def agrees(self, found: float) -> bool:
+        """Whether the found number could have been printed like this."""
+        if not isfinite(found):
+            return False
+        if self.bound:
+            return found < self.value if self.bound == "<" else found > self.value
+        return abs(found - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value)
+
+    def cut_off(self, found: float) -> bool:
+        """Whether the found number would be printed like this if its further digits were cut off."""
+        return 0.0 <= abs(found) - abs(self.value) < self.last_digit and found * self.value >= 0.0
+
+    def opposite(self, found: float) -> bool:
+        """Whether it would agree with the opposite sign, and only then."""
+        flipped = Printed(self.text, -self.value, self.last_digit, self.bound)
+        return not self.agrees(found) and flipped.agrees(found)
+
+
+def parse_printed(text: str) -> Printed | None:
+    """The number of a cell, stars of significance apart; None for anything else."""
+    match = NUMBER.fullmatch(text.strip().rstrip("*").strip())
+    if match is None:
+        return None
+    decimals = len(match["decimals"] or match["bare"] or "")
+    power = int(match["power"] or 0)
+    return Printed(text.strip(), float(match["number"]), 10.0 ** (power - decimals), match["bound"])
+
 
 ENDING = ".claims.toml"
 

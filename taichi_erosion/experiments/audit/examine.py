@@ -7,8 +7,7 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.anova import anova
-from taichi_erosion.experiments.audit.claims import Claims, claims_of
-from taichi_erosion.experiments.audit.finding import Finding
+from taichi_erosion.experiments.audit.claims import Claims, Finding, claims_of
 from taichi_erosion.experiments.audit.numbers import (
     Comparison,
     compare_anova,
@@ -20,9 +19,9 @@ from taichi_erosion.experiments.audit.numbers import (
 from taichi_erosion.experiments.audit.reading import PublishedTable, read_published
 from taichi_erosion.experiments.audit.structure import Structure, examine_structure, structure_findings
 from taichi_erosion.experiments.audit.surface import examine_surface, test_findings
+from taichi_erosion.experiments.design_table import Floats
 from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model
 from taichi_erosion.experiments.quality import quality
-from taichi_erosion.experiments.table import Floats
 from taichi_erosion.experiments.terms import Order
 
 

@@ -6,12 +6,9 @@ from pathlib import Path
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.anova import Row, anova, curvature
-from taichi_erosion.experiments.audit.claims import Claims
-from taichi_erosion.experiments.audit.finding import Finding
-from taichi_erosion.experiments.audit.printed import Printed, parse_printed
+from taichi_erosion.experiments.audit.claims import Claims, Finding, Printed, parse_printed
 from taichi_erosion.experiments.audit.reading import read_columns
-from taichi_erosion.experiments.equation import coded_polynomial
-from taichi_erosion.experiments.fit import Fit
+from taichi_erosion.experiments.fit import Fit, coded_polynomial
 from taichi_erosion.experiments.quality import Quality, quality
 from taichi_erosion.experiments.terms import parse_term, term_name
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.plain_file import plain_text
-from taichi_erosion.experiments.table import Design, Factor, Floats, arranged
+from taichi_erosion.core.files import plain_text
+from taichi_erosion.experiments.design_table import Design, Factor, Floats, arranged
 
 FEWEST_RUNS = 3
 COUNTER_NAMES = ("run", "no", "n", "nr", "std", "order", "test", "trial", "number", "row", "experiment")

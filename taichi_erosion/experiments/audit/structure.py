@@ -13,16 +13,16 @@ from itertools import combinations
 
 import numpy as np
 
-from taichi_erosion.experiments.audit.finding import Finding
+from taichi_erosion.experiments.audit.claims import Finding
 from taichi_erosion.experiments.audit.reading import PublishedTable
-from taichi_erosion.experiments.generate import (
+from taichi_erosion.experiments.design import (
     CYCLES,
     TOGETHER,
     box_behnken_points,
     factorial_points,
     plackett_burman_points,
 )
-from taichi_erosion.experiments.table import Floats
+from taichi_erosion.experiments.design_table import Floats
 from taichi_erosion.experiments.terms import columns, interaction_terms, linear_terms
 
 NOTHING = 1e-6  # sums of coded levels below it vanish [1]

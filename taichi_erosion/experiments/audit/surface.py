@@ -14,15 +14,12 @@ from scipy import stats
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.anova import replicate_error
-from taichi_erosion.experiments.audit.claims import Claims
-from taichi_erosion.experiments.audit.finding import Finding, Kind
-from taichi_erosion.experiments.audit.printed import Printed, parse_printed
+from taichi_erosion.experiments.audit.claims import Claims, Finding, Kind, Printed, parse_printed
 from taichi_erosion.experiments.audit.reading import numbers, read_columns
 from taichi_erosion.experiments.confirm import Sample, confirm
-from taichi_erosion.experiments.desirability import Goal
+from taichi_erosion.experiments.design_table import Floats
 from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.experiments.optimise import Optimisation, optimise
-from taichi_erosion.experiments.table import Floats
+from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 
 SAME_PLACE = 1e-6  # coded levels closer than this are one point [1]
 UNLIKELY = 0.01  # two-sided p value from which two results of one point cannot both be right [1]

@@ -5,9 +5,18 @@ digitised from their figures by Kratos Multiphysics, DEM benchmarks 4 and 8.
 
 Reference: Chung & Ooi (2011), Granular Matter 13, 643; Kharaz, Gorham & Salman (2001), Powder Technology
 120, 281.
+
+Velocities on the middle lines of the lid-driven cavity, by Reynolds number.
+
+The value of v at x = 0.9063 for Re = 400 is misprinted in the source (it lies far off the curve of its
+neighbours) and stands here as NaN.
+
+Reference: Ghia, Ghia & Shin (1982), J. Comput. Phys. 48, 387-411, tables I and II.
 """
 
 import numpy as np
+
+from taichi_erosion.core.setup import Floats
 
 TEST4_ANGLE = np.array([5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 60.0, 70.0, 80.0, 85.0])  # deg
 
@@ -53,3 +62,46 @@ TEST6_BETA = np.array(
         -0.339,
     ]
 )
+
+
+def numbers(words: str) -> Floats:
+    """Numbers separated by blanks."""
+    return np.array(words.split(), dtype=np.float64)
+
+
+Y = numbers(
+    "1 0.9766 0.9688 0.9609 0.9531 0.8516 0.7344 0.6172 0.5 "
+    "0.4531 0.2813 0.1719 0.1016 0.0703 0.0625 0.0547 0"
+)
+X = numbers(
+    "1 0.9688 0.9609 0.9531 0.9453 0.9063 0.8594 0.8047 0.5 "
+    "0.2344 0.2266 0.1563 0.0938 0.0781 0.0703 0.0625 0"
+)
+U = {
+    100: numbers(
+        "1 0.84123 0.78871 0.73722 0.68717 0.23151 0.00332 -0.13641 -0.20581 "
+        "-0.21090 -0.15662 -0.10150 -0.06434 -0.04775 -0.04192 -0.03717 0"
+    ),
+    400: numbers(
+        "1 0.75837 0.68439 0.61756 0.55892 0.29093 0.16256 0.02135 -0.11477 "
+        "-0.17119 -0.32726 -0.24299 -0.14612 -0.10338 -0.09266 -0.08186 0"
+    ),
+    1000: numbers(
+        "1 0.65928 0.57492 0.51117 0.46604 0.33304 0.18719 0.05702 -0.06080 "
+        "-0.10648 -0.27805 -0.38289 -0.29730 -0.22220 -0.20196 -0.18109 0"
+    ),
+}
+V = {
+    100: numbers(
+        "0 -0.05906 -0.07391 -0.08864 -0.10313 -0.16914 -0.22445 -0.24533 0.05454 "
+        "0.17527 0.17507 0.16077 0.12317 0.10890 0.10091 0.09233 0"
+    ),
+    400: numbers(
+        "0 -0.12146 -0.15663 -0.19254 -0.22847 nan -0.44993 -0.38598 0.05186 "
+        "0.30174 0.30203 0.28124 0.22965 0.20920 0.19713 0.18360 0"
+    ),
+    1000: numbers(
+        "0 -0.21388 -0.27669 -0.33714 -0.39188 -0.51550 -0.42665 -0.31966 0.02526 "
+        "0.32235 0.33075 0.37095 0.32627 0.30353 0.29012 0.27485 0"
+    ),
+}

@@ -1,0 +1,106 @@
+"""The page on speed: the cases of `bench` as a table."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.core.files import write_whole
+from taichi_erosion.report.markdown import fill_table, markdown_table
+
+PAGE = "speed.md"
+STAGES = ("pairs", "walls", "motion", "rebuild", "looks")
+
+Case = Mapping[str, Any]
+
+
+def grain_table(cases: Sequence[Case]) -> str:
+    """Speed on grains, with the share of every stage."""
+    known, rates = ("grains", "threads", "precision"), ("M grain-steps/s", "per core", "contacts per grain")
+    rows = [
+        (
+            case["case"],
+            *(str(case[key]) for key in known),
+            *(f"{case[key]:.2f}" for key in rates),
+            f"{case['bytes per grain']:.0f}",
+            *shares(case, STAGES),
+        )
+        for case in cases
+        if "contacts per grain" in case
+    ]
+    return markdown_table(("case", *known, *rates, "bytes per grain", *STAGES), rows)
+
+
+def shares(case: Case, stages: Sequence[str]) -> tuple[str, ...]:
+    """Share of every stage; those that a case does not have stay empty."""
+    found = case["stages"]
+    return tuple(f"{100.0 * found[stage]:.0f} %" if stage in found else "" for stage in stages)
+
+
+def air_table(cases: Sequence[Case]) -> str:
+    """Speed on grids of air."""
+    header = ("case", "threads", "M cell-steps/s", "per core", "iterations of a pressure solve")
+    keys = ("M cell-steps/s", "per core", "pressure iterations")
+    rows = [
+        (case["case"], str(case["threads"]), *(f"{case[key]:.2f}" for key in keys))
+        for case in cases
+        if "pressure iterations" in case
+    ]
+    return markdown_table(header, rows)
+
+
+def scaling_table(cases: Sequence[Case]) -> str:
+    """Cost of a grain-step and memory on wider and wider beds, the cost also over that of the smallest."""
+    beds = [case for case in cases if "ns per grain-step" in case]
+    header = ("grains", "ns per grain-step", "over the smallest", "contacts per grain", "bytes per grain")
+    stages = STAGES[:-1]  # no looks at the air
+    rows = [
+        (
+            str(bed["grains"]),
+            f"{bed['ns per grain-step']:.0f}",
+            f"{bed['ns per grain-step'] / beds[0]['ns per grain-step']:.2f}",
+            f"{bed['touching']:.2f}",
+            f"{bed['bytes per grain']:.0f}",
+            *shares(bed, stages),
+        )
+        for bed in beds
+    ]
+    return markdown_table((*header, *stages), rows)
+
+
+def threshold_table(cases: Sequence[Case]) -> str:
+    """What a fluid threshold with its interval costs, by what the time was spent on."""
+    stages = tuple(dict.fromkeys(stage for case in cases for stage in case["stages"]))
+    header = ("case", "u* [m/s]", "95 % interval", "simulated steps", "core-seconds", *stages)
+    rows = [
+        (
+            case["case"],
+            f"{case['threshold u* [m/s]']:.3f}",
+            f"{case['from']:.3f} to {case['to']:.3f}",
+            f"{case['steps']:,}",
+            f"{case['core-seconds']:.1f}",
+            *(f"{case['core-seconds'] * case['stages'].get(stage, 0.0):.1f}" for stage in stages),
+        )
+        for case in cases
+    ]
+    return markdown_table(header, rows)
+
+
+def start_table(starts: Mapping[str, Mapping[str, float]]) -> str:
+    """What it takes from the call of `run` to the first step, by the state of the cache."""
+    rows = [(name, f"{took['wall']:.1f} s", f"{took['cpu']:.1f} s") for name, took in starts.items()]
+    return markdown_table(("cache", "wall time", "of one core"), rows)
+
+
+def publish(document: Mapping[str, Any], docs: Path) -> Path:
+    """Fill the tables of the page that come from `bench`."""
+    makers = {"grains": grain_table, "air": air_table, "scaling": scaling_table}
+    return fill(docs, {name: table(document["cases"]) for name, table in makers.items()})
+
+
+def fill(docs: Path, tables: Mapping[str, str]) -> Path:
+    """Fill some tables of the page."""
+    page = docs / PAGE
+    text = page.read_text(encoding="utf-8")
+    for name, table in tables.items():
+        text = fill_table(text, name, table)
+    return write_whole(page, text.encode())

@@ -1,0 +1,164 @@
+"""Cases of a study: one scene, some of its parameters changed, a few seeds; and the table of what came out.
+
+Each case is simulated in a process of its own on one thread, by the command that stands in its rows, so that
+any row can be repeated alone.
+"""
+
+import csv
+import json
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from io import StringIO
+from math import nan
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import write_whole
+
+ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
+STOPPED = "stopped"  # observable of a case that gave no result; `note` says why
+GUARDED = 3  # exit code of a run of which its guards stopped a seed; with a document where others ended
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row group of a study: `order` are the words after the scene, as typed on the command line."""
+
+    group: str  # which question it answers
+    label: str  # which answer to compare
+    order: tuple[str, ...]
+    replicas: int = 1
+
+
+@dataclass(frozen=True)
+class Row:
+    """One observable of one case; `value` is the mean of `n` seeds and `sd` the spread of single seeds."""
+
+    group: str
+    label: str
+    observable: str
+    value: float
+    sd: float
+    n: int
+    unit: str
+    hash: str
+    seed: int  # of the first replica
+    time_step: float  # s
+    time_step_over_rayleigh: float
+    grains: int
+    wall_s: float
+    command: str
+    versions: str
+    note: str = ""
+
+    @property
+    def standard_error(self) -> float:
+        """Of the mean, in the row's unit."""
+        return self.sd / self.n**0.5 if self.n > 1 else nan
+
+
+def settings(*orders: str) -> tuple[str, ...]:
+    """PATH=VALUE words as the command line wants them."""
+    return tuple(word for order in orders for word in ("--set", order))
+
+
+def command(scene: str, case: Case) -> list[str]:
+    """Words of `taichi-erosion` that simulate a case."""
+    plain = ["--replicas", str(case.replicas), "--threads", "1", "--no-record", "--json"]
+    return ["run", scene, *case.order, *plain]
+
+
+def simulate(scene: str, case: Case) -> list[Row]:
+    """Simulate one case in its own process; what a guard stops is a row, what is refused raises BadInput."""
+    words = command(scene, case)
+    program = [sys.executable, "-m", "taichi_erosion"]
+    done = subprocess.run([*program, *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    typed = shlex.join(["./erosion", *words])
+    reason = (done.stderr.strip().splitlines() or [""])[-1]
+    if done.returncode == GUARDED and not done.stdout:
+        return [stopped(case, typed, reason)]
+    if done.returncode not in (0, GUARDED):
+        raise BadInput(f"{typed}: {reason}")
+    return rows_of(case, typed, json.loads(done.stdout))
+
+
+def stopped(case: Case, typed: str, reason: str) -> Row:
+    """Row of a case without a result."""
+    return Row(case.group, case.label, STOPPED, nan, nan, 0, "", "", 0, nan, nan, 0, nan, typed, "", reason)
+
+
+def rows_of(case: Case, typed: str, document: dict[str, Any]) -> list[Row]:
+    """Rows of the document that `run --json` prints."""
+    limits = document["limits"]
+    stops = [replica["stopped"] for replica in document["replicas"] if replica["stopped"]]
+    notes = [f"{len(stops)} seeds stopped: {', '.join(sorted(set(stops)))}"] if stops else []
+    return [
+        Row(
+            group=case.group,
+            label=case.label,
+            observable=name,
+            value=number(found["value"]),
+            sd=number(found["sd"]) if found["n"] > 1 else nan,
+            n=found["n"],
+            unit=found["unit"],
+            hash=document["hash"],
+            seed=document["seed"],
+            time_step=limits["time_step"],
+            time_step_over_rayleigh=limits["time_step_over_rayleigh"],
+            grains=document["resolved"]["grains"]["count"],
+            wall_s=round(document["wall_s"], 1),
+            command=typed,
+            versions="; ".join(f"{key} {version}" for key, version in document["versions"].items()),
+            note="; ".join(notes + found["notes"]),
+        )
+        for name, found in document["measures"].items()
+    ]
+
+
+def number(value: float | None) -> float:
+    """A number of a JSON document, where null stands for none."""
+    return nan if value is None else value
+
+
+def perform(scene: str, cases: Iterable[Case], table: Path) -> None:
+    """Simulate cases one after the other; the table is written after each, in place of its earlier rows."""
+    for case in cases:
+        rows = simulate(scene, case)
+        kept = read_rows(table) if table.exists() else []
+        others = [row for row in kept if (row.group, row.label) != (case.group, case.label)]
+        write_rows(table, others + rows)
+
+
+def write_rows(table: Path, rows: Sequence[Row]) -> None:
+    """Write rows as CSV; a number that is none is an empty field."""
+    names = [f.name for f in fields(Row)]
+    lines = [names, *([cell(value) for value in asdict(row).values()] for row in rows)]
+    page = StringIO(newline="")
+    csv.writer(page, lineterminator="\n").writerows(lines)
+    write_whole(table, page.getvalue().encode())
+
+
+def cell(value: object) -> str:
+    """A value as the table holds it."""
+    if isinstance(value, float):
+        return "" if value != value else f"{value:.7g}"
+    return str(value)
+
+
+def read_rows(table: Path) -> list[Row]:
+    """Rows of a table that `write_rows` wrote."""
+    kinds = {f.name: f.type for f in fields(Row)}
+    with table.open(encoding="utf-8", newline="") as file:
+        return [
+            Row(**{name: parse(kinds[name], text) for name, text in line.items()})
+            for line in csv.DictReader(file)
+        ]
+
+
+def parse(kind: Any, text: str) -> Any:
+    """A cell as its field wants it."""
+    return nan if kind is float and not text else kind(text)

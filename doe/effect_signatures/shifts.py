@@ -1,0 +1,159 @@
+"""What each effect moves: the shift of every observable of a scene when one effect is switched on.
+
+    shift = mean over seeds of (y_with - y_bare),    standard error = sd of the differences / sqrt(n)
+
+Both runs of a pair have the same seed, hence the same grains at the same places, so that what the seed does
+to both cancels as far as the motion remembers it; `correlation` says how far that was.
+"""
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from io import StringIO
+from math import isfinite, nan, sqrt
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.setup import Floats, Numerics
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.run.ensemble import Part, play_ensemble
+from taichi_erosion.run.ensemble_compatibility import shared_choices
+from taichi_erosion.scene import Scene
+
+Values = dict[int, dict[str, float]]  # seed -> observable -> value
+Orders = tuple[str, ...]  # PATH=VALUE, as after --set
+LEAST_PAIRS = 3  # fewer give no standard error worth the name
+
+
+@dataclass(frozen=True)
+class Case:
+    """One effect in the circumstances in which it acts: `circumstances` are set in the bare run too."""
+
+    effect: str
+    strength: float = 1.0
+    label: str = ""  # what is special, for people; empty: the case that stands for the effect
+    circumstances: Orders = ()
+    parameters: Orders = ()  # NAME=VALUE of the effect
+
+    @property
+    def switched_on(self) -> Orders:
+        """Settings that switch the effect on."""
+        path = f"effects.{self.effect}"
+        return (f"{path}.strength={self.strength:g}", *(f"{path}.{order}" for order in self.parameters))
+
+
+@dataclass(frozen=True)
+class Shift:
+    """One row of the table: how far an effect moves one observable."""
+
+    effect: str
+    label: str  # empty for the case that stands for the effect
+    strength: float
+    observable: str
+    unit: str
+    bare: float  # mean without the effect
+    shift: float
+    standard_error: float
+    correlation: float  # of both runs over the seeds [1]
+    n: int  # pairs
+    scene: str
+    settings: str
+    note: str = ""
+
+
+def measure_shifts(
+    scene: Path, common: Orders, cases: Sequence[Case], seeds: Sequence[int], numerics: Numerics
+) -> Iterator[list[Shift]]:
+    """Shifts of every case in turn; a bare run that several cases share is made once."""
+    bare: dict[Orders, tuple[Values, dict[str, str], str]] = {}
+    for case in cases:
+        orders = (*common, *case.circumstances)
+        if orders not in bare:
+            bare[orders] = simulate(read_scene(scene, orders), seeds, numerics)
+        before, units, _ = bare[orders]
+        after, _, reason = simulate(read_scene(scene, (*orders, *case.switched_on)), seeds, numerics)
+        settings = " ".join((*orders, *case.switched_on))
+        head = {
+            "effect": case.effect,
+            "label": case.label,
+            "strength": case.strength,
+            "scene": scene.name,
+            "settings": settings,
+        }
+        yield [
+            paired(head | {"observable": name, "unit": units[name]}, before, after, reason) for name in units
+        ]
+
+
+def tabulate(table: Path, measured: Iterator[list[Shift]], to: TextIO) -> None:
+    """Write the shifts of case after case into a table, telling each as it is done."""
+    for rows in measured:
+        write_shifts(table, rows)
+        for row in rows:
+            told = f"{row.effect} {row.observable} {row.shift:+.4g} +- {row.standard_error:.2g} {row.unit}"
+            to.write(f"{told} (bare {row.bare:.4g}, r {row.correlation:.2f}, n {row.n}) {row.note}\n")
+
+
+def simulate(scene: Scene, seeds: Sequence[int], numerics: Numerics) -> tuple[Values, dict[str, str], str]:
+    """Values by seed, units by observable, and why seeds without values have none."""
+    found: dict[int, dict[str, Any]] = {}
+    parts = [Part(scene, seed) for seed in seeds]
+    assert len({shared_choices(part.scene) for part in parts}) == 1
+    play_ensemble(parts, numerics, lambda place, record: found.update({seeds[place]: record}))
+    values = {
+        seed: {name: number(m["value"]) for name, m in record["measures"].items()}
+        for seed, record in found.items()
+    }
+    units = {name: m["unit"] for record in found.values() for name, m in record["measures"].items()}
+    reasons = {record["failure"] for record in found.values() if record["failure"]}
+    return values, units, "; ".join(sorted(reasons))
+
+
+def number(value: float | None) -> float:
+    """A value, NaN where a state held none."""
+    return nan if value is None else float(value)
+
+
+def paired(head: Mapping[str, Any], before: Values, after: Values, reason: str) -> Shift:
+    """Mean difference of one observable over the seeds that gave both values."""
+    name = str(head["observable"])
+    pairs = [(before[s].get(name, nan), after[s].get(name, nan)) for s in before if s in after]
+    both: Floats = np.array([pair for pair in pairs if all(map(isfinite, pair))]).reshape(-1, 2)
+    if len(both) < LEAST_PAIRS:
+        note = reason or "too few states held a value"
+        return Shift(**head, bare=nan, shift=nan, standard_error=nan, correlation=nan, n=len(both), note=note)
+    shifts: Floats = both[:, 1] - both[:, 0]
+    error = float(shifts.std(ddof=1) / sqrt(len(shifts)))
+    spread = both.std(axis=0)
+    tied = float(np.asarray(np.corrcoef(both.T))[0, 1]) if spread.min() > 0.0 else nan
+    mean = float(both[:, 0].mean())
+    return Shift(
+        **head, bare=mean, shift=float(shifts.mean()), standard_error=error, correlation=tied, n=len(both)
+    )
+
+
+def write_shifts(path: Path, rows: Sequence[Shift]) -> None:
+    """Write the table, replacing rows of the same case that stand there already."""
+    done = {(row.effect, row.label, row.scene) for row in rows}
+    kept = [row for row in read_shifts(path) if (row["effect"], row["label"], row["scene"]) not in done]
+    text = StringIO(newline="")
+    table = csv.DictWriter(text, [f.name for f in fields(Shift)], lineterminator="\n")
+    table.writeheader()
+    table.writerows([*kept, *({key: rounded(value) for key, value in asdict(row).items()} for row in rows)])
+    write_whole(path, text.getvalue().encode())
+
+
+def read_shifts(path: Path) -> list[dict[str, str]]:
+    """Rows of the table as text; none where there is no file."""
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8", newline="") as table:
+        return list(csv.DictReader(table))
+
+
+def rounded(value: Any) -> Any:
+    """A number as far as it means something in a table."""
+    return f"{value:.6g}" if isinstance(value, float) else value

@@ -1,0 +1,249 @@
+"""The page of effects: what the literature says of each, what came out, what was kept, and what it costs."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, nan
+from pathlib import Path
+from typing import Any
+
+from doe.effect_signatures.shifts import read_shifts
+from doe.effects.answers import Answer, bed_law, read_answers
+from doe.effects.cost import Cost, read_costs
+from doe.effects.figures import draw_bars, draw_curves
+from taichi_erosion.core.files import write_whole
+from taichi_erosion.report.markdown import fill_tables, markdown_table
+
+PAGE = "effects.md"
+CURVES, BARS = "pictures/effects.png", "pictures/effects_heaps.png"
+TOLD = 2.0  # standard errors from nought at which a shift counts [1]
+NEAR = 0.02  # of its answer within which a simple scene must lie [1]
+SHARED = 0.1  # of a law of whole beds within which a simple scene shares it [1]
+Shifts = Sequence[dict[str, str]]
+
+
+@dataclass(frozen=True)
+class Saying:
+    """A sentence of the literature about an effect, and where it was tried."""
+
+    effect: str
+    says: str
+    source: str
+    table: str  # answers, shifts or beds; empty where it was not tried
+    quantity: str
+    label: str
+    place: float  # on the axis of the answers, or of the law of a bed; NaN: all places, or no law
+    low: float  # of the range that the literature gives; NaN where it gives none
+    high: float
+    sign: int  # which way the quantity should go; 0: either
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came out, in words, and whether the sentence was kept."""
+
+    came: str
+    kept: str
+
+
+FLOWING = "sliding_angle"  # observable: slope at which a bed without wind flows
+NOT_MEASURED = "Not measured yet.\n"
+NOT_RUN = Verdict("not simulated", "open")
+
+
+def read_sayings(path: Path) -> list[Saying]:
+    """The table of sentences."""
+    with path.open(encoding="utf-8", newline="") as table:
+        return [Saying(**typed(line)) for line in csv.DictReader(table)]
+
+
+def typed(line: dict[str, str]) -> dict[str, Any]:
+    """Cells as what they are; an empty number is NaN."""
+    numbers = {name: float(line[name] or "nan") for name in ("place", "low", "high")}
+    return line | numbers | {"sign": int(line["sign"])}
+
+
+def judged(saying: Saying, answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> Verdict:
+    """What became of a sentence."""
+    if saying.table == "answers":
+        rows = [a for a in answers if (a.effect, a.quantity) == (saying.effect, saying.quantity)]
+        rows = [a for a in rows if not isfinite(saying.place) or a.place == saying.place]
+        return judged_answers(saying, rows) if rows else NOT_RUN
+    for row in beds if saying.table == "beds" else shifts if saying.table == "shifts" else ():
+        if (row["effect"], row["observable"], row["label"]) == (saying.effect, saying.quantity, saying.label):
+            if isfinite(saying.place):
+                return judged_by_law(saying, row, flowing_slope(beds))
+            return judged_shift(saying, row)
+    return NOT_RUN
+
+
+def judged_answers(saying: Saying, rows: Sequence[Answer]) -> Verdict:
+    """A sentence beside answers that are known: right way, near the closed form, near the law of beds."""
+    ends = [rows[0], rows[-1]] if len(rows) > 1 else list(rows)
+    parts = [f"{value_words(row)}{place_words(row)}" for row in ends]
+    known = [abs(row.value / row.expected - 1.0) for row in rows if isfinite(row.expected)]
+    laws = [row.value / row.law - 1.0 for row in rows if isfinite(row.law)]
+    if known:
+        parts.append(f"at most {100.0 * max(known):.1g} % from its answer")
+    ranged = isfinite(saying.low)
+    if laws and not ranged:
+        parts.append(f"up to {max(laws, key=abs):+.0%} from the law of beds")
+    if not all(goes(row.value - reference(row), saying.sign) for row in rows) or not all(
+        gap < NEAR for gap in known
+    ):
+        return Verdict("; ".join(parts), "no")
+    meets = all(saying.low <= row.value <= saying.high for row in rows) if ranged else shares(laws)
+    return Verdict("; ".join(parts), "yes" if meets else "in sign" if saying.sign else "no")
+
+
+def shares(gaps: Sequence[float]) -> bool:
+    """Whether a simple scene is near the law of whole beds; without a law nothing is missed."""
+    return all(abs(gap) < SHARED for gap in gaps)
+
+
+def reference(row: Answer) -> float:
+    """What the value is without the effect."""
+    return 1.0 if "over bare" in row.quantity else row.bare
+
+
+def goes(shift: float, sign: int) -> bool:
+    """Whether a shift goes the way it should."""
+    return sign == 0 or shift * sign > 0.0
+
+
+def value_words(row: Answer) -> str:
+    """A value with its error."""
+    error = f" ± {row.error:.2g}" if row.n > 1 else ""
+    before = "" if "over bare" in row.quantity else f"{row.bare:.3g} → "
+    return f"{before}{row.value:.3g}{error}"
+
+
+def place_words(row: Answer) -> str:
+    """Where on its axis a value stands."""
+    return f" at {row.axis.partition(' [')[0]} {row.place:g}" if row.axis else ""
+
+
+def judged_shift(saying: Saying, row: dict[str, str]) -> Verdict:
+    """A sentence beside a measured shift."""
+    shift, error = float(row["shift"]), float(row["standard_error"])
+    if not isfinite(shift):
+        return Verdict(row["note"].rpartition("effects: ")[2], "open")
+    unit = "" if row["unit"] == "1" else f" {row['unit']}"
+    came = f"{float(row['bare']):.3g}{unit}: {shift:+.2g} ± {error:.1g}"
+    if abs(shift) <= TOLD * error:
+        return Verdict(came, "not told")
+    return Verdict(came, "yes" if shift * saying.sign > 0.0 else "no")
+
+
+def flowing_slope(beds: Shifts) -> float:
+    """Slope at which the small beds flow without wind [deg]."""
+    angles = [float(row["bare"]) for row in beds if row["observable"] == FLOWING]
+    return angles[0] if angles else nan
+
+
+def judged_by_law(saying: Saying, row: dict[str, str], flowing: float) -> Verdict:
+    """A ratio of thresholds of small beds beside the law of whole beds, within its standard error."""
+    bare, law = float(row["bare"]), bed_law(saying.effect, saying.place, flowing)
+    ratio, error = 1.0 + float(row["shift"]) / bare, float(row["standard_error"]) / bare
+    if not isfinite(ratio):
+        return judged_shift(saying, row)
+    came = f"{ratio:.3f} ± {error:.1g} times {bare:.3g} {row['unit']}; the law says {law:.3f}"
+    if abs(ratio - 1.0) <= TOLD * error:
+        return Verdict(came, "not told")
+    if (ratio - 1.0) * (law - 1.0) < 0.0:
+        return Verdict(came, "no")
+    return Verdict(came, "yes" if abs(ratio - law) <= TOLD * error else "in sign")
+
+
+def verdict_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
+    """One row a sentence."""
+    header = ("effect", "the literature says", "what came out", "kept")
+    lines = []
+    for saying in sayings:
+        verdict = judged(saying, answers, shifts, beds)
+        case = f" ({saying.label})" if saying.label else ""
+        what = f"{saying.quantity}{case}: " if saying.table else ""
+        says = f"{saying.says}; {saying.source}"
+        lines.append((f"`{saying.effect}`", says, f"{what}{verdict.came}", verdict.kept))
+    return markdown_table(header, lines)
+
+
+def count_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
+    """How many sentences were kept."""
+    kept = [judged(saying, answers, shifts, beds).kept for saying in sayings]
+    words = ("yes", "in sign", "not told", "no", "open")
+    return markdown_table(words, [tuple(str(kept.count(word)) for word in words)])
+
+
+def shift_table(shifts: Shifts) -> str:
+    """What every effect moves."""
+    if not shifts:
+        return NOT_MEASURED
+    header = ("effect", "case", "observable", "bare", "shift", "standard errors", "pairs")
+    lines = []
+    for row in shifts:
+        shift, error = float(row["shift"]), float(row["standard_error"])
+        size = f"{shift / error:+.1f}" if isfinite(shift) and error > 0.0 else ""
+        moved = f"{shift:+.3g} ± {error:.1g}" if isfinite(shift) else "no value"
+        name = f"{row['observable']} [{row['unit']}]"
+        lines.append(
+            (f"`{row['effect']}`", row["label"], name, f"{float(row['bare']):.4g}", moved, size, row["n"])
+        )
+    return markdown_table(header, lines)
+
+
+def cost_table(costs: Sequence[Cost]) -> str:
+    """Time of a grain's step; the scatter of the bare model says what a ratio is worth."""
+    if not costs:
+        return NOT_MEASURED
+    bare = [cost.ratio for cost in costs if not cost.effect]
+    header = ("effect", "acts on", "ns per grain-step", "over bare")
+    first = (
+        "none",
+        "",
+        f"{costs[0].nanoseconds / costs[0].ratio:.0f}",
+        f"{min(bare):.2f} to {max(bare):.2f} in {len(bare)} runs",
+    )
+    lines = [
+        (f"`{c.effect}`", c.place, f"{c.nanoseconds:.0f}", f"{c.ratio:.2f}")
+        for c in sorted(costs, key=lambda cost: cost.ratio)
+        if c.effect
+    ]
+    return markdown_table(header, [first, *lines])
+
+
+def crust_table(rows: Sequence[dict[str, str]]) -> str:
+    """A crust before and after it is broken, beside the bare model and a cement that heals."""
+    if not rows:
+        return NOT_MEASURED
+    lines = []
+    for what in dict.fromkeys(row["what"] for row in rows):
+        cells = [row for row in rows if row["what"] == what]
+        found = [f"{float(c['value']):.3g} ± {float(c['standard_error']):.1g} ({c['n']})" for c in cells]
+        lines.append((f"{cells[0]['plan']}: {what}", *found))
+    return markdown_table(("", "bare", "`surface_crust`", "a cement that heals"), lines)
+
+
+def publish(doe: Path, docs: Path) -> None:
+    """Draw the figure and fill the tables of the page."""
+    answers = read_answers(doe / "effects" / "answers.csv")
+    shifts = read_shifts(doe / "effect_signatures" / "signatures.csv")
+    beds = read_shifts(doe / "effects" / "beds.csv")
+    sayings = read_sayings(doe / "effects" / "literature.csv")
+    crusts = read_shifts(doe / "effects" / "crust.csv")
+    costs = read_costs(doe / "effects" / "cost.csv")
+    (docs / CURVES).parent.mkdir(parents=True, exist_ok=True)
+    draw_curves(answers, docs / CURVES)
+    draw_bars(shifts, costs, docs / BARS)
+    tables = {
+        "count": count_table(sayings, answers, shifts, beds),
+        "verdicts": verdict_table(sayings, answers, shifts, beds),
+        "beds": shift_table(beds),
+        "crust": crust_table(crusts),
+        "heaps": shift_table(
+            [row for row in shifts if row["observable"] in ("angle_of_repose", "pile_height")]
+        ),
+        "cost": cost_table(costs),
+    }
+    page = docs / PAGE
+    write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())

@@ -1,0 +1,129 @@
+"""The page on what the funnel angle depends on: its tables and its figure."""
+
+import re
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+from doe.common.cases import STOPPED, Row, read_rows
+from taichi_erosion.core.files import write_whole
+from taichi_erosion.report.markdown import fill_tables, markdown_table, with_spread
+
+PAGE = "repose_sensitivity.md"
+PICTURE = "pictures/repose_sensitivity.png"
+REFERENCE = "reference"
+ADHESION = ("adhesion and time step", "law of adhesion", "surface energy", "adhesion and grain size")
+MEASURED = (33.52, 0.68)  # deg, mean and sd of 10 repeats, Hao et al. (2022)
+MILLIMETRES = 1e3  # per metre
+MICROSECONDS = 1e6  # per second
+OURS, THEIRS = "#1f4e79", "#c0392b"
+
+BEND = re.compile(r"changes by (-?[\d.]+) deg")
+CAUSE = "; likely cause"  # what a guard adds to what it saw
+
+Found = dict[str, Row]  # rows of one case by observable
+
+
+def by_case(rows: Sequence[Row]) -> dict[tuple[str, str], Found]:
+    """Rows of each case."""
+    cases: dict[tuple[str, str], Found] = {}
+    for row in rows:
+        cases.setdefault((row.group, row.label), {})[row.observable] = row
+    return cases
+
+
+def case_line(name: tuple[str, str], found: Found) -> tuple[str, ...]:
+    """One line: what was changed, the two angles, the heap, the step."""
+    row = next(iter(found.values()))
+    if row.observable == STOPPED:
+        return (*name, "stopped", "", "", "", "", row.note.partition(CAUSE)[0])
+    angle = spread(found, "repose_angle")
+    return (
+        *name,
+        angle,
+        spread(found, "cone_angle") if found["repose_angle"].n else angle,
+        spread(found, "pile_height", MILLIMETRES),
+        spread(found, "centroid_height", MILLIMETRES),
+        f"{MICROSECONDS * row.time_step:.3g}",
+        remark(found["repose_angle"].note),
+    )
+
+
+def remark(note: str) -> str:
+    """What an angle's note says, in few words."""
+    if bends := BEND.findall(note):
+        return f"flank bent by {', '.join(bends)} deg"
+    _, hanging, reason = note.partition("no heap")
+    return hanging + reason
+
+
+def spread(found: Found, name: str, factor: float = 1.0) -> str:
+    """Value with its spread over seeds."""
+    row = found[name]
+    return with_spread(factor * row.value, factor * row.sd, row.n)
+
+
+def case_table(rows: Sequence[Row], groups: Sequence[str]) -> str:
+    """Lines of some groups, the reference first."""
+    header = (
+        "group",
+        "case",
+        "angle [deg]",
+        "cone angle [deg]",
+        "height [mm]",
+        "centroid [mm]",
+        "step [us]",
+        "remark",
+    )
+    cases = by_case(rows)
+    names = [name for name in cases if name[0] == REFERENCE] + [name for name in cases if name[0] in groups]
+    return markdown_table(header, [case_line(name, cases[name]) for name in names])
+
+
+def cost_table(rows: Sequence[Row]) -> str:
+    """What was run, and what it took."""
+    lines = [
+        (*name, str(row.grains), str(row.n), row.hash, f"{row.wall_s:.0f} s")
+        for name, found in by_case(rows).items()
+        if (row := found.get("pile_height"))
+    ]
+    return markdown_table(("group", "case", "grains", "seeds", "scene hash", "wall time"), lines)
+
+
+def tables(rows: Sequence[Row]) -> dict[str, str]:
+    """All tables of the page by the name of their mark."""
+    dry = [group for group in dict.fromkeys(row.group for row in rows) if group not in (*ADHESION, REFERENCE)]
+    return {"adhesion": case_table(rows, ADHESION), "dry": case_table(rows, dry), "cost": cost_table(rows)}
+
+
+def draw(rows: Sequence[Row], file: Path) -> None:
+    """The angle of every case that left a heap, with the spread over seeds."""
+    cases = {name: found for name, found in by_case(rows).items() if "repose_angle" in found}
+    figure, frame = plt.subplots(figsize=(8.0, 0.6 + 0.27 * len(cases)), layout="constrained")
+    for place, found in enumerate(cases.values()):
+        row = found["repose_angle"]
+        if not isfinite(row.value):
+            frame.text(MEASURED[0], place, "no heap", ha="center", va="center", fontsize=7)
+        frame.errorbar(row.value, place, xerr=row.sd if row.n > 1 else None, fmt="o", color=OURS, capsize=3)
+    value, sd = MEASURED
+    frame.axvspan(value - sd, value + sd, color=THEIRS, alpha=0.25, lw=0.0, label="Hao et al. (2022)")
+    frame.set_yticks(range(len(cases)), [": ".join(name) for name in cases], fontsize=7)
+    frame.set_ylim(len(cases) - 0.5, -0.5)
+    frame.set(xlabel="angle of repose [deg]")
+    frame.legend(frameon=False, fontsize=8)
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
+def publish(table: Path, docs: Path) -> None:
+    """Draw the figure and fill the tables of the page."""
+    rows = read_rows(table)
+    (docs / PICTURE).parent.mkdir(parents=True, exist_ok=True)
+    draw(rows, docs / PICTURE)
+    page = docs / PAGE
+    write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables(rows)).encode())

@@ -1,0 +1,161 @@
+"""The page on sand under wind: thresholds and flux beside measurements, with its tables and figures."""
+
+from collections.abc import Sequence
+from math import hypot, isfinite, nan
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import t as student
+
+from doe.common.cases import STOPPED, Row
+from doe.wind.blown_sand import (
+    Found,
+    Table,
+    adhesion_table,
+    draw_flux,
+    draw_impact,
+    flux_table,
+    found_in,
+    impact_table,
+    line_table,
+    lines_of,
+    scaling_table,
+    shown,
+    splash_table,
+)
+from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
+from taichi_erosion.core.files import write_whole
+from taichi_erosion.measures.threshold import CONFIDENCE
+from taichi_erosion.report.markdown import fill_tables, markdown_table
+
+PAGE = "threshold.md"
+PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.png"}
+TABLES = ("flux", "impact", "fluid", "saturated")
+ALONE = "drag alone"  # the case that others are compared with
+FLUID, ROLLING, PLATE = "threshold_u_star", "rolling_onset", "threshold_wind_speed"
+
+
+def half_interval(row: Row) -> float:
+    """Half of Student's interval of the mean of the seeds, in the row's unit."""
+    if row.n < 2:
+        return nan
+    return float(student.ppf(0.5 + 0.5 * CONFIDENCE, row.n - 1)) * row.standard_error
+
+
+def tunnel_speed(friction: float, half: float, tunnel: Table) -> tuple[float, float]:
+    """Free-stream speed at which the floor of the tunnel feels u* [m s-1], and half of its interval.
+
+    Straight lines between the speeds of the map; half the intervals of u* and of the map add as squares.
+    """
+    speeds, felt, spread = (
+        np.array([float(line[name]) for line in tunnel])
+        for name in ("speed", "friction_velocity", "friction_velocity_sd")
+    )
+    if not felt[0] <= friction <= felt[-1]:
+        return nan, nan
+    speed = float(np.interp(friction, felt, speeds))
+    slope = float(np.gradient(speeds, felt)[np.searchsorted(felt, friction) - 1])
+    both = hypot(half if isfinite(half) else 0.0, 2.0 * float(np.interp(friction, felt, spread)))
+    return speed, slope * both
+
+
+def fluid_table(found: Found, tunnel: Table) -> str:
+    """Thresholds of the published soil, and what they depend on."""
+    header = (
+        *("what", "case", "beds", "rolling onset u* [m/s]", "U in the tunnel [m/s]"),
+        *("fluid threshold u* [m/s]", "over that of drag alone", "U in the tunnel [m/s]"),
+        *("U of a flat plate [m/s]", "remark"),
+    )
+    rows = []
+    for name, case in found.items():
+        if STOPPED in case:
+            rows.append((*name, "", "stopped", *[""] * 5, case[STOPPED].note))
+            continue
+        fluid = case[FLUID]
+        friction, speed = onset_cells(fluid, tunnel)
+        bare = bare_threshold(found, name[0])
+        over = f"{fluid.value / bare.value:.2f}" if bare is not None else ""
+        rolling = onset_cells(case[ROLLING], tunnel)
+        rows.append(
+            (*name, str(fluid.n), *rolling, friction, over, speed, shown(case[PLATE].value), fluid.note)
+        )
+    return markdown_table(header, rows)
+
+
+def bare_threshold(found: Found, group: str) -> Row | None:
+    """Threshold of drag alone: that of the same group, else the first there is."""
+    names = sorted((name for name in found if name[1] == ALONE), key=lambda name: name[0] != group)
+    return found[names[0]][FLUID] if names else None
+
+
+def onset_cells(row: Row, tunnel: Table) -> tuple[str, str]:
+    """A friction velocity with its interval, and what the tunnel makes of it."""
+    half = half_interval(row)
+    return shown(row.value, half), shown(*tunnel_speed(row.value, half, tunnel))
+
+
+def map_table(tunnel: Table) -> str:
+    """Friction velocity at the floor of the working section."""
+    header = ("U [m/s]", "u* [m/s]", "u* / U", "layer [m]", "u* of a flat plate [m/s]")
+    rows = [
+        (
+            *(line["speed"], shown(float(line["friction_velocity"]), float(line["friction_velocity_sd"]))),
+            *(shown(float(line[n])) for n in ("ratio", "layer_thickness", "plate_friction_velocity")),
+        )
+        for line in tunnel
+    ]
+    return markdown_table(header, rows)
+
+
+def choice_table(choices: Table) -> str:
+    """What every choice that the map rests on changes in u* of one wind, and in a threshold.
+
+    A floor that feels more of the same wind reaches a given u* at a lower speed.
+    """
+    header = ("choice", "u* at 6.5 m/s [m/s]", "change of u*", "change of a threshold in U")
+    rows = []
+    for line in choices:
+        change = float(line["relative_change"])
+        shares = (f"{100.0 * share:+.1f} %" for share in (change, 1.0 / (1.0 + change) - 1.0))
+        rows.append((line["choice"], shown(float(line["friction_velocity"])), *shares))
+    return markdown_table(header, rows)
+
+
+def cost_table(founds: Sequence[Found]) -> str:
+    """What was run, and what it took."""
+    rows = [
+        (*name, str(row.grains), str(row.n), row.hash, f"{1e6 * row.time_step:.3g}", f"{row.wall_s:.0f}")
+        for found in founds
+        for name, case in found.items()
+        if (row := next(iter(case.values())))
+    ]
+    return markdown_table(
+        ("what", "case", "grains", "seeds", "scene hash", "step [us]", "wall time [s]"), rows
+    )
+
+
+def publish(doe: Path, docs: Path) -> None:
+    """Draw the figures and fill the tables of the page."""
+    flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
+    impact = together(falling, saturated_thresholds(steady))
+    thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
+    fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
+    tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
+    hopping = lines_of(doe / "wind" / "hopping.csv")
+    draw_impact(impact, thresholds, hopping, docs / PICTURES["impact"])
+    draw_flux(flux, fluxes, docs / PICTURES["flux"])
+    tables = {
+        "fluid": fluid_table(fluid, tunnel),
+        "map": map_table(tunnel),
+        "choices": choice_table(choices),
+        "impact": impact_table(impact, thresholds),
+        "scaling": scaling_table(impact, hopping),
+        "adhesion": adhesion_table(impact, thresholds),
+        "saturated": saturated_table(steady),
+        "flux": flux_table(flux, fluxes),
+        "lines": line_table(flux, fluxes),
+        "splash": splash_table(flux),
+        "cost": cost_table((flux, falling, steady, fluid)),
+    }
+    page = docs / PAGE
+    write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())

@@ -1,0 +1,209 @@
+"""Effects of a screening whose centre shows how far the response is from a plane.
+
+Centre points and corners have means of their own, so that a bent response is neither taken for noise nor for
+an effect: effects follow from the corners, the error from what is left there and from the centre's runs.
+
+Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., 6.8.
+
+Calibration by designed experiments: screen, climb, fit a surface, find the optimum, confirm it.
+
+    screen     Plackett-Burman in all parameters; the largest effects go on, the others stay at their centre
+    climb      along the steepest path of those, towards the first target
+    surface    Box-Behnken around the best point of the path, a quadratic in each response
+    optimise   the settings at which the surface meets all targets, or the nearest it comes
+    confirm    fresh seeds there, tested against the measurement
+
+Every step rests on the runs of those before it, and a run that stands in the ledger is not repeated: a step
+may be called again, after a crash or alone, and ends the same.
+
+Reference: Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; Myers, Montgomery & Anderson-Cook (2016), Response
+Surface Methodology, 4th ed., ch. 5 and 6.
+"""
+
+from dataclasses import dataclass, replace
+from math import nan
+
+import numpy as np
+from scipy import stats
+
+from taichi_erosion.campaign.calibration_study import StudyFile
+from taichi_erosion.campaign.design_runs import Laboratory, carry_out
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments.anova import Curvature, curvature, reduced
+from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
+from taichi_erosion.experiments.design import box_behnken, plackett_burman, steepest_path
+from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, Floats, arranged
+from taichi_erosion.experiments.effects import CONFIDENCE, Effect, EffectLimits, effect_limits, effects
+from taichi_erosion.experiments.fit import Fit, fit_model
+from taichi_erosion.experiments.optimise import Goal, Optimisation, Optimum, optimise
+from taichi_erosion.experiments.terms import linear_terms
+
+
+def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
+    """Effects in the order of the terms, and their limits; without centre points those of the plain model."""
+    corners, bent = corner_fit(fit), curvature(fit)
+    if corners is None or bent is None:
+        return effects(fit), effect_limits(fit)
+    spread = corner_errors(corners, bent)
+    found = [judged(one, error, bent.df_error) for one, error in zip(effects(corners), spread, strict=True)]
+    tail, largest = 0.5 * (1.0 - CONFIDENCE), float(spread.max())
+    limits = EffectLimits(
+        single=float(stats.t.isf(tail, bent.df_error)) * largest,
+        bonferroni=float(stats.t.isf(tail / len(found), bent.df_error)) * largest,
+        lenth_margin=nan,
+        lenth_simultaneous=nan,
+    )
+    return found, limits
+
+
+def corner_fit(fit: Fit) -> Fit | None:
+    """The same model on the corners alone; None without a centre, or where too few corners have a result."""
+    corner = np.any(np.abs(fit.coded) > SAME_POINT, axis=1)
+    part = replace(
+        fit,
+        coded=fit.coded[corner],
+        values=fit.values[corner],
+        blocks=fit.blocks[corner],
+        rows=fit.rows[corner],
+    )
+    coefficients = len(fit.terms) + len(np.unique(fit.blocks))
+    carried = np.linalg.matrix_rank(part.results.model.exog) == coefficients
+    return part if carried and not corner.all() else None
+
+
+def corner_errors(corners: Fit, bent: Curvature) -> Floats:
+    """Standard error of every effect, in the response's unit."""
+    return 2.0 * np.sqrt(bent.ms_error * np.diag(corners.unscaled_covariance)[1:])
+
+
+def judged(effect: Effect, error: float, df: int) -> Effect:
+    """The effect with t and p for a standard error."""
+    t = effect.value / float(error) if error > 0.0 else nan
+    return replace(effect, t=t, p=2.0 * float(stats.t.sf(abs(t), df)))
+
+
+@dataclass(frozen=True, eq=False)
+class Screening:
+    """The screening, its linear models by target, and the factors that go on, largest effect first."""
+
+    design: Design
+    fits: dict[str, Fit]
+    kept: tuple[Factor, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Climb:
+    """The path, and its best row."""
+
+    design: Design
+    best: int
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The surface design, its full quadratic models by target, and those models without their idle terms."""
+
+    design: Design
+    full: dict[str, Fit]
+    fits: dict[str, Fit]
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmed:
+    """Fresh runs at one optimum, and their tests by target."""
+
+    design: Design
+    optimum: Optimum
+    tests: dict[str, Confirmation]
+
+
+def screening_design(file: StudyFile) -> Design:
+    """Plackett-Burman design in all parameters of the study, in random order."""
+    study = file.study
+    factors = [Factor(path, p.low, p.high, p.unit) for path, p in study.parameters.items()]
+    return plackett_burman(factors, centre_points=study.design.screen_centre, seed=study.study.seed)
+
+
+def screen(laboratory: Laboratory) -> Screening:
+    """Run and analyse the screening."""
+    study = laboratory.file.study
+    design = carry_out(laboratory, "screen", screening_design(laboratory.file))
+    terms = linear_terms(len(design.factors))
+    fits = {name: fit_model(design, name, terms) for name in study.targets}
+    # effects of different responses are compared in standard deviations of their own runs
+    sizes = [effect_sizes(fit) / (fit.values.std() or 1.0) for fit in fits.values()]
+    order = np.argsort(-np.max(sizes, axis=0), kind="stable")[: study.design.surface_factors]
+    return Screening(design, fits, tuple(design.factors[place] for place in order))
+
+
+def effect_sizes(fit: Fit) -> Floats:
+    """Sizes of the effects, in the response's unit."""
+    return np.abs([effect.value for effect in screened_effects(fit)[0]])
+
+
+def climb(laboratory: Laboratory, screening: Screening) -> Climb:
+    """Walk from the centre of the screening towards the first target."""
+    study = laboratory.file.study
+    name, target = next(iter(study.targets.items()))
+    fit = screening.fits[name]
+    slopes = {effect.name: 0.5 * effect.value for effect in screened_effects(fit)[0]}
+    upwards = target.value >= centre_value(screening.design, name, float(fit.coefficients[0]))
+    design = steepest_path(
+        screening.kept,
+        {factor.path: slopes[factor.path] for factor in screening.kept},
+        steps=study.design.climb_steps + 1,
+        step=study.design.climb_step if upwards else -study.design.climb_step,
+        limits={path: entry.limits for path, entry in study.parameters.items()},
+    )
+    design = carry_out(laboratory, "climb", design)
+    distance = np.abs(design.responses[name] - target.value)
+    if not np.isfinite(distance).any():
+        raise BadInput(f"{laboratory.file.path}: no run of the climb gave a {name}")
+    return Climb(design, int(np.nanargmin(distance)))
+
+
+def centre_value(design: Design, name: str, otherwise: float) -> float:
+    """Mean response of the centre points, where the path begins; a bent surface lies far from its plane."""
+    centre = np.array([kind == "centre" for kind in design.kinds])
+    known = design.responses[name][centre & np.isfinite(design.responses[name])]
+    return float(known.mean()) if len(known) else otherwise
+
+
+def surface_factors(laboratory: Laboratory, screening: Screening, path: Climb) -> list[Factor]:
+    """Ranges around the best point of the climb, moved where they would leave the limits."""
+    study, found = laboratory.file.study, []
+    for factor, level in zip(screening.kept, path.design.natural[path.best], strict=True):
+        low, high = study.parameters[factor.path].limits
+        half = min(study.design.surface_half * factor.half, 0.5 * (high - low))
+        middle = float(np.clip(level, low + half, high - half))
+        found.append(Factor(factor.path, middle - half, middle + half, factor.unit))
+    return found
+
+
+def fit_surface(laboratory: Laboratory, factors: list[Factor]) -> Surface:
+    """Run the Box-Behnken design and fit its quadratics."""
+    study = laboratory.file.study
+    design = box_behnken(factors, centre_points=study.design.surface_centre, seed=study.study.seed)
+    design = carry_out(laboratory, "surface", design)
+    full = {name: fit_model(design, name, "quadratic") for name in study.targets}
+    smaller = {name: reduced(fit).fit for name, fit in full.items()}
+    return Surface(design, full, {name: fit if fit.terms else full[name] for name, fit in smaller.items()})
+
+
+def find_optimum(laboratory: Laboratory, surface: Surface) -> Optimisation:
+    """Settings that meet all targets."""
+    goals = [Goal(name, "target", target.value) for name, target in laboratory.file.study.targets.items()]
+    return optimise(list(surface.fits.values()), goals)
+
+
+def confirm_optimum(laboratory: Laboratory, surface: Surface, found: Optimisation) -> Confirmed:
+    """Run fresh seeds at the most certain optimum and test them against the measurements."""
+    study, optimum = laboratory.file.study, found.optima[0]
+    points = np.tile(optimum.coded, (study.design.confirm, 1))
+    design = arranged("confirmation", surface.design.factors, [("added", points)])
+    design = carry_out(laboratory, "confirm", design)
+    tests = {
+        name: confirm(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))
+        for name, target in study.targets.items()
+    }
+    return Confirmed(design, optimum, tests)

@@ -1,0 +1,101 @@
+"""What grains and air share on the device: what grains put into each cell of air, and when they look."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+from taichi_erosion.air.assemble import allocate_air
+from taichi_erosion.air.grid import Air
+from taichi_erosion.core.air_setup import AirSetup
+from taichi_erosion.core.effect import grain_type
+from taichi_erosion.core.setup import Laws, Setup
+from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import upload, write
+from taichi_erosion.coupling.drag import DRAG
+
+real = ti.f64
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Sums over the grains of one partition in one cell of air: place (partition * replicas + r, cell)."""
+
+    volume: Any  # of grains [m3]
+    rate: Any  # sum of m b [kg s-1]
+    pull: Any  # vec3, sum of m b v [N]
+    given: Any  # vec3, momentum that drag has given to grains since the last look [N s]
+    flow: Any  # sum of V v_z [m4 s-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Exchange:
+    """One row a replica: how often grains look at the air, and what air and grains owe each other."""
+
+    look_steps: Any  # i32, time steps from one look to the next
+    looked: Any  # i32, step of the last look at a grid of air, -1 before the first
+    seed: Any  # i32, of random numbers
+    surface: Any  # height of the undisturbed bed [m]
+    through_flow: Any  # superficial velocity of air that rises through the bed [m s-1]
+    owed: Any  # vec3 (replica, cell), momentum that the air has lost and its grains have not yet got [N s]
+    rise: Any  # (replica, layer), vertical velocity of the air between the grains [m s-1]
+    lift: Any  # (replica, layer), pressure gradient that carries grains, upwards [Pa m-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Everything around the grains; `windy`, `rising` and `apart` are compiled in."""
+
+    windy: bool  # whether there is air
+    rising: bool  # whether air rises through the bed
+    apart: bool  # whether the host drives the looks, since the air is a grid
+    air: Air | None
+    sums: Sums
+    exchange: Exchange
+    drag_rate: Any  # ti.func of coupling.drag
+    grain_type: Any
+
+
+def allocate_sums(replicas: int, partitions: int, cells: int) -> Sums:
+    """Fields of one buffer a partition."""
+    table: dict[str, Any] = {name: ti.field(real) for name in ("volume", "rate", "flow")}
+    table |= {name: ti.Vector.field(3, real) for name in ("pull", "given")}
+    ti.root.dense(ti.ij, (replicas * partitions, cells)).place(*table.values())
+    return Sums(**table)
+
+
+def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
+    """Fields by replica."""
+    table: dict[str, Any] = {
+        name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "looked", "seed")
+    }
+    table |= {name: ti.field(real, shape=replicas) for name in ("surface", "through_flow")}
+    table |= {name: ti.field(real, shape=(replicas, layers)) for name in ("rise", "lift")}
+    table["owed"] = ti.Vector.field(3, real, shape=(replicas, cells))
+    return Exchange(**table)
+
+
+def write_looks(exchange: Exchange, setups: Sequence[Setup]) -> None:
+    """How the grains of every replica look at their surroundings; none has looked yet."""
+    names = ("look_steps", "seed", "surface", "through_flow")
+    upload([(getattr(exchange, name), [getattr(s.coupling, name) for s in setups]) for name in names])
+    write(exchange.looked, -1)
+
+
+def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundings:
+    """Put the air on the device; all setups have air, or none has."""
+    airs: list[AirSetup] = [s.air for s in setups if s.air is not None]
+    layers = airs[0].cells[2] if airs else 1
+    cells = prod(airs[0].cells) if airs else 1
+    exchange, looks = allocate_exchange(len(setups), cells, layers), [s.coupling for s in setups]
+    write_looks(exchange, setups)
+    return Surroundings(
+        windy=bool(airs),
+        rising=any(look.rising or look.through_flow != 0.0 for look in looks),
+        apart=any(air.cells[:2] != (1, 1) for air in airs),
+        air=allocate_air(airs) if airs else None,
+        sums=allocate_sums(len(setups), partitions, cells),
+        exchange=exchange,
+        drag_rate=DRAG[laws.drag],
+        grain_type=grain_type(),
+    )

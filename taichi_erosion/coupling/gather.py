@@ -1,0 +1,180 @@
+"""Random numbers that depend on nothing but their keys: seed, grain and step.
+
+Reference: Jarzynski & Olano (2020), J. Comput. Graph. Tech. 9, 21 (pcg3d); Box & Muller (1958), Ann. Math.
+Stat. 29, 610.
+
+What a grain feels of its surroundings: the air, averaged over its volume, and effects on single grains.
+
+The pull of the pressure gradient on a grain of volume V is that of the weight of the air it displaces,
+-rho V g, and that of the gradient in the flow, -V grad p: of a grid of several columns as it was in the last
+step, of a single one where air rises through the bed and carries grains.
+"""
+
+from math import pi
+
+from taichi_erosion.core.effect_device import push_of, update_memory
+from taichi_erosion.core.ti import ti
+from taichi_erosion.coupling.weights import column_share, layer_range, share_below, wind_of
+from taichi_erosion.grains.cells import position_of
+from taichi_erosion.grains.integrate import SPHERE
+from taichi_erosion.grains.state import partition_first, side_block
+
+MULTIPLIER = 1664525
+INCREMENT = 1013904223
+UNIT = 2.0**-32  # of a 32-bit number
+HALF = 2.0**-33  # keeps the logarithm away from zero
+
+
+@ti.func
+def mixed(key):
+    """Three scrambled 32-bit numbers of three."""
+    v = key * ti.u32(MULTIPLIER) + ti.u32(INCREMENT)
+    for _ in ti.static(range(2)):
+        v[0] = v[0] + v[1] * v[2]
+        v[1] = v[1] + v[2] * v[0]
+        v[2] = v[2] + v[0] * v[1]
+        v = v ^ (v >> ti.u32(16))
+    return v
+
+
+@ti.func
+def uniform(seed, ident, step):
+    """Three numbers between 0 and 1."""
+    key = ti.Vector([ti.cast(seed, ti.u32), ti.cast(ident, ti.u32), ti.cast(step, ti.u32)])
+    return ti.cast(mixed(key), ti.f64) * UNIT + HALF
+
+
+@ti.func
+def normal(seed, ident, step):
+    """Three standard normal numbers."""
+    u = uniform(seed, ident, step)
+    w = uniform(seed, -1 - ident, step)
+    length = ti.sqrt(-2.0 * ti.log(u[0]))
+    other = ti.sqrt(-2.0 * ti.log(w[0]))
+    turn, more = 2.0 * pi * u[1], 2.0 * pi * w[1]
+    return ti.cast(ti.Vector([length * ti.cos(turn), length * ti.sin(turn), other * ti.cos(more)]), float)
+
+
+real = ti.f64
+
+SPHERE_VOLUME = 4.0 * pi / 3.0  # of radius 1 [1]
+
+
+@ti.func
+def felt_in_column(around: ti.template(), r, column, height, radius):
+    """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain in one column."""
+    air, exchange = ti.static((around.air, around.exchange))
+    i, j = column[0], column[1]
+    first, last = layer_range(air, r, height, radius)
+    velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
+    void, pull, below = real(0.0), 0.0 * velocity, real(0.0)
+    for k in range(first, last + 1):
+        above = ti.select(k == last, real(1.0), share_below(air, r, height, radius, k + 1))
+        share = above - below
+        velocity += share * wind_of(air, r, column, k)
+        void += share * air.void_fraction[r, i, j, k]
+        if ti.static(around.rising):
+            velocity[2] += share * exchange.rise[r, k]
+            pull[2] += share * exchange.lift[r, k]
+        if ti.static(not air.is_column):
+            pull -= share * air.gradient[r, i, j, k]
+        below = above
+    rise = air.centre[r, last + 1] - air.centre[r, first - 1]
+    shear = (wind_of(air, r, column, last + 1)[0] - wind_of(air, r, column, first - 1)[0]) / rise
+    return velocity, void, pull, shear
+
+
+@ti.func
+def felt(around: ti.template(), r, position, radius):
+    """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain."""
+    velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
+    pull, void, shear = 0.0 * velocity, real(0.0), real(0.0)
+    for sharer in range(around.air.sharers):
+        column, share = column_share(around.air, r, position, sharer)
+        wind, open_share, gradient, slope = felt_in_column(around, r, column, position[2], radius)
+        velocity += share * wind
+        void += share * open_share
+        pull += share * gradient
+        shear += share * slope
+    return velocity, void, pull, shear
+
+
+@ti.func
+def feel_air(world_out: ti.template(), around: ti.template(), r, i):
+    """Hold drag and buoyancy of the grain at place i; returns void fraction [1] and shear [s-1]."""
+    grains, held_out, air = ti.static((world_out.grains, world_out.held, around.air))
+    radius, inverse = grains.radius[i], grains.mass_inverse[i]
+    position = position_of(grains, world_out.replicas, r, i)
+    exact, void, pull, shear = felt(around, r, position, ti.cast(radius, real))
+    drift = ti.cast(exact, float)
+    density = ti.cast(air.numbers.density[r], float)
+    viscosity = ti.cast(air.numbers.viscosity[r], float)
+    slip = (drift - grains.velocity[i]).norm()
+    open_share = ti.cast(void, float)
+    held_out.drift[i] = drift
+    held_out.drift_rate[i] = around.drag_rate(slip, radius, 1.0 / inverse, density, viscosity, open_share)
+    volume = SPHERE_VOLUME * radius * radius * radius
+    push = -density * world_out.replicas.gravity[r]
+    push += ti.cast(pull, float)
+    held_out.push[i] = volume * inverse * push
+    return open_share, ti.cast(shear, float)
+
+
+@ti.func
+def seen(world: ti.template(), around: ti.template(), r, i, open_share, shear):
+    """The grain at place i and the air around it, as effects see them."""
+    grains, replicas = ti.static((world.grains, world.replicas))
+    position = ti.cast(position_of(grains, replicas, r, i), float)
+    grain = around.grain_type(
+        position=position,
+        velocity=grains.velocity[i],
+        spin=grains.spin[i],
+        radius=grains.radius[i],
+        mass=1.0 / grains.mass_inverse[i],
+        air_shear=shear,
+        void_fraction=open_share,
+        height=position[2] - ti.cast(around.exchange.surface[r], float),
+        period=ti.cast(replicas.period[r], float),
+        noise=normal(around.exchange.seed[r], grains.ident[i], replicas.step[r]),
+        interval=replicas.time_step[r] * around.exchange.look_steps[r],
+        time=replicas.time_step[r] * replicas.step[r],
+        chance=ti.cast(uniform(around.exchange.seed[r], 0, 0)[0], float),
+    )
+    if ti.static(world.driven):
+        grain.air_velocity = world.held.drift[i]
+    if ti.static(around.windy):
+        grain.air_density = ti.cast(around.air.numbers.density[r], float)
+        grain.air_viscosity = grain.air_density * ti.cast(around.air.numbers.viscosity[r], float)
+        grain.friction_velocity = ti.cast(around.air.numbers.friction_velocity[r], float)
+    return grain
+
+
+@ti.func
+def feel_effects(world_out: ti.template(), r, i, grain: ti.template()):
+    """Add forces and torques of the grain effects to what the grain at place i holds."""
+    grains, held_out = ti.static((world_out.grains, world_out.held))
+    force, torque = push_of(world_out.grain_effects, r, grain, i)
+    held_out.push[i] = held_out.push[i] + force * grains.mass_inverse[i]
+    held_out.twist[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
+
+
+@ti.func
+def feel_partition(world_out: ti.template(), around: ti.template(), r, p, counts):
+    """Renew what the grains of one partition hold; a look that `counts` is remembered by the effects."""
+    grains, held_out, replicas = ti.static((world_out.grains, world_out.held, world_out.replicas))
+    base = side_block(grains, r, replicas.side[r])
+    for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
+        i = base + rank
+        open_share, shear = 1.0, 0.0
+        if ti.static(world_out.driven):
+            held_out.push[i] = 0.0 * held_out.push[i]
+        if ti.static(around.windy):
+            open_share, shear = feel_air(world_out, around, r, i)
+        if ti.static(world_out.grain_effects.any or world_out.remembers):
+            grain = seen(world_out, around, r, i, open_share, shear)
+            if ti.static(world_out.remembers):
+                if counts:
+                    update_memory(world_out.pair_effects, r, grain, i)
+                    update_memory(world_out.grain_effects, r, grain, i)
+            if ti.static(world_out.grain_effects.any):
+                feel_effects(world_out, r, i, grain)

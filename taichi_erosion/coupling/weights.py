@@ -1,0 +1,65 @@
+"""A sphere shared by the cells of the air. Layers are thinner than grains: each grain lies in many of them.
+
+The share of a sphere's volume below a height s (in radii, from its centre) is
+
+    c(s) = (2 + 3 s - s^3) / 4,    -1 <= s <= 1,
+
+and the shares of all layers add up to one exactly, because each is the difference of two neighbouring c and
+the outermost ones are set to 0 and 1. What reaches below the floor or above the lid counts in the outermost
+layer. Columns of cells are wider than grains: the four whose middles lie around the centre of a grain share
+it, each in proportion to how near it is along x and along y, round the period. Grains receive means over the
+same shares with which they give, so that the drag on a grain is the sum of what its cells lose.
+"""
+
+from taichi_erosion.air.exchange_budget import cell_air
+from taichi_erosion.air.interpolation import layer_of
+from taichi_erosion.core.ti import ti
+
+real = ti.f64
+
+
+@ti.func
+def share_below(air: ti.template(), r, height, radius, face):
+    """Share of the sphere below the face with this number [1]."""
+    share = real(1.0)
+    if face < air.cells[2]:
+        s = ti.min(ti.max((air.face[r, face] - height) / radius, -1.0), 1.0)
+        share = 0.25 * (2.0 + 3.0 * s - s * s * s)
+    return share
+
+
+@ti.func
+def layer_range(air: ti.template(), r, height, radius):
+    """First and last layer that a sphere reaches."""
+    return layer_of(air, r, height - radius), layer_of(air, r, height + radius)
+
+
+@ti.func
+def share_along(air: ti.template(), r, axis: ti.template(), x, upper):
+    """Place along x or y of one of the two columns around a coordinate [m], and its share [1]."""
+    place = (x - air.numbers.low[r][axis]) / air.numbers.width[r][axis] - 0.5
+    base = ti.floor(place)
+    share = ti.select(upper == 1, place - base, 1.0 - (place - base))
+    count = ti.static(air.cells[axis])
+    return (ti.cast(base, ti.i32) + upper + count) % count, share
+
+
+@ti.func
+def column_share(air: ti.template(), r, position, sharer):
+    """Column (i, j) that is one of the sharers of a grain, and its share [1]."""
+    column, share = ti.Vector([0, 0]), real(1.0)
+    if ti.static(not air.is_column):
+        i, along = share_along(air, r, 0, position[0], sharer // 2)
+        j, across = share_along(air, r, 1, position[1], sharer % 2)
+        column, share = ti.Vector([i, j]), along * across
+    return column, share
+
+
+@ti.func
+def wind_of(air: ti.template(), r, column, k):
+    """Velocity of the air in a cell [m s-1]; that of a single column is level."""
+    i, j = column[0], column[1]
+    wind = ti.Vector([air.velocity_x[r, i, j, k], air.velocity_y[r, i, j, k], real(0.0)])
+    if ti.static(not air.is_column):
+        wind = cell_air(air, r, i, j, k)
+    return wind

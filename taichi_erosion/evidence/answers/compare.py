@@ -1,0 +1,123 @@
+"""Does the model, calibrated as well as it can be, agree with the measurements, and where does it not?"""
+
+from dataclasses import replace
+from math import nan
+from time import perf_counter
+
+import numpy as np
+
+from taichi_erosion.evidence.data.findings import Comparison
+from taichi_erosion.evidence.data.measurement_noise import doubt_sentence
+from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Progress
+from taichi_erosion.evidence.data.transforms import slope, to_scale
+from taichi_erosion.evidence.inference.goodness_of_fit import (
+    chi_square,
+    freedom,
+    misfit_p,
+    noise_table,
+    observable_misfits,
+    residuals_of,
+    rows_table,
+    where_it_fails,
+)
+from taichi_erosion.evidence.inference.intervals import parameter_fits
+from taichi_erosion.evidence.inference.map_fit import fit_base
+from taichi_erosion.evidence.inference.marginal_likelihood import Scored, expand, score
+from taichi_erosion.evidence.inference.prepared_problem import Examination, examine
+
+SEED = 1  # of the runs where a study does not say; any other would do
+GUESS_ROUNDS = 2  # calibrations from which a missing sd is guessed
+
+
+def silent(_: str, __: float) -> None:
+    """No progress is shown."""
+
+
+def compare(problem: Problem, progress: Progress = silent, seed: int = SEED) -> Comparison:
+    """Misfit per observable and along every condition; with unknown noise only its shape, not its size."""
+    start = perf_counter()
+    exam, base, known = known_or_guessed(problem, seed, progress)
+    table = rows_table(exam, base.expansion)
+    misfits = observable_misfits(exam, base.expansion, table)
+    if not known:
+        misfits = {name: replace(misfit, chi2=nan, p=nan) for name, misfit in misfits.items()}
+    noise = noise_table(exam, None, known)
+    return Comparison(
+        observables=misfits,
+        where=where_it_fails(exam, base.expansion),
+        chi2=chi_square(exam, base.expansion) if known else nan,
+        dof=freedom(exam, base.expansion),
+        p=misfit_p(residuals_of(exam, base.expansion)) if known else nan,
+        noise=noise,
+        parameters=parameter_fits(exam, base),
+        rows=table,
+        failures=exam.predictor.ledger.failures,
+        warnings=exam.warnings,
+        runs=exam.predictor.ledger.runs,
+        wall_s=perf_counter() - start,
+    )
+
+
+def known_or_guessed(problem: Problem, seed: int, progress: Progress) -> tuple[Examination, Scored, bool]:
+    """The calibrated bare model, and whether the noise is known.
+
+    Where neither sd nor repeats are given the sd is guessed from the residuals of the calibrated model
+    itself: then only the shape of a misfit can be tested, never its size.
+    """
+    progress("calibrating the model", 0.1)
+    exam = examine(problem, problem.visible(), seed)
+    if exam.rows.size > 0:
+        return *calibrated(exam), True
+    scatter = {name: first_guess(problem, name) for name in set(problem.visible().observable)}
+    for _ in range(GUESS_ROUNDS - 1):
+        scatter |= residual_scatter(*guessed(problem, scatter, seed), scatter)
+    return *guessed(problem, scatter, seed), False
+
+
+def guessed(problem: Problem, scatter: dict[str, float], seed: int) -> tuple[Examination, Scored]:
+    """The bare model calibrated as if the scatter were known."""
+    supposed = replace(problem, measurements=with_scatter(problem, scatter))
+    exam = examine(supposed, supposed.visible(), seed)
+    told = tuple(words for words in exam.warnings if words != doubt_sentence(exam.rows.freedom))
+    return calibrated(replace(exam, warnings=told))
+
+
+def residual_scatter(exam: Examination, base: Scored, scatter: dict[str, float]) -> dict[str, float]:
+    """Scatter of the residuals of every observable with more than one row; never quite zero."""
+    residual, found = exam.rows.z - base.expansion.mean, {}
+    for index, observable in enumerate(exam.rows.observables):
+        own = residual[exam.rows.which == index]
+        if own.size > 1:
+            found[observable.name] = max(float(np.std(own)), 1e-9 * scatter[observable.name])
+    return found
+
+
+def calibrated(exam: Examination) -> tuple[Examination, Scored]:
+    """Bare model at its best, with whatever the calibration has to say among the warnings."""
+    exam, fitted, notes = fit_base(exam)
+    exam = replace(exam, warnings=(*exam.warnings, *notes))
+    return exam, score(exam, expand(exam, fitted))
+
+
+def first_guess(problem: Problem, name: str) -> float:
+    """Half the spread of an observable on its comparison scale; 1 % of its size if it does not spread."""
+    table = problem.visible()
+    chosen = np.array([entry == name for entry in table.observable])
+    z = to_scale(problem.observables.get(name, Observable(name)), table.value[chosen])
+    z = z[np.isfinite(z)]
+    if z.size == 0:
+        return 1.0
+    return max(0.5 * float(np.std(z)), 0.01 * float(np.abs(z).mean()), 1e-12)
+
+
+def with_scatter(problem: Problem, scatter: dict[str, float]) -> Measurements:
+    """The table with a guessed sd in every row."""
+    table = problem.measurements
+    sd = np.full(table.size, np.nan)
+    for row, name in enumerate(table.observable):
+        observable = problem.observables.get(name, Observable(name))
+        value: Floats = np.where(table.censored, table.limit, table.value)[[row]]
+        steep = float(slope(observable, value)[0])
+        if name in scatter and steep > 0.0:
+            sd[row] = scatter[name] / steep
+    return replace(table, sd=sd, n=np.ones(table.size))

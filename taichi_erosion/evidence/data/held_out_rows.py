@@ -1,0 +1,170 @@
+"""The vault: measurements that nobody looks at until an effect is adopted, and the count of the looks.
+
+The split is settled by the table alone: units of hold-out are drawn in the order of a digest of their
+content, so that neither the order of rows nor a second try moves it.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import write_whole
+from taichi_erosion.evidence.data.problem import Bools, Integers, Measurements
+
+FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
+FEWEST_UNITS = 4  # of an observable; with fewer nothing of it is held out
+DIGITS = 9  # of a number in the digest: a change of units does not move it
+COUNTER = "vault.json"
+
+Unit = tuple[str, ...]  # what identifies a unit of hold-out
+
+
+def split(
+    measurements: Measurements, fraction: float, ranges: Mapping[str, Sequence[float]]
+) -> tuple[Integers, str]:
+    """Rows of the vault, and one sentence that says how they were chosen."""
+    inside = in_ranges(measurements, ranges)
+    by_group = enough_groups(measurements, ~inside)
+    units = [unit_of(measurements, i, by_group) for i in range(measurements.size)]
+    drawn = draw(measurements, units, ~inside, fraction)
+    hidden = inside | np.array([unit in drawn for unit in units], dtype=np.bool_)
+    if hidden.all():
+        raise BadInput("vault: fraction and ranges hold out every row; leave some to fit")
+    return np.flatnonzero(hidden), sentence(len(drawn), by_group, ranges, int(hidden.sum()), len(units))
+
+
+def in_ranges(measurements: Measurements, ranges: Mapping[str, Sequence[float]]) -> Bools:
+    """Rows whose condition lies in a named range."""
+    inside = np.zeros(measurements.size, dtype=np.bool_)
+    for name, (low, high) in ranges.items():
+        column = measurements.conditions[name]
+        inside |= (column >= low) & (column <= high)
+    return inside
+
+
+def enough_groups(measurements: Measurements, rows: Bools) -> bool:
+    """Whether every observable is spread over enough groups to hold some of them out whole."""
+    pairs = {(measurements.observable[i], measurements.group[i]) for i in np.flatnonzero(rows).tolist()}
+    counts = Counter(observable for observable, _ in pairs)
+    return bool(counts) and min(counts.values()) >= FEWEST_GROUPS
+
+
+def unit_of(measurements: Measurements, row: int, by_group: bool) -> Unit:
+    """What a row is held out with: its group, or all that was measured under its conditions."""
+    if by_group:
+        return (measurements.group[row],)
+    return tuple(f"{column[row]:.{DIGITS}g}" for column in measurements.conditions.values())
+
+
+def draw(measurements: Measurements, units: Sequence[Unit], rows: Bools, fraction: float) -> set[Unit]:
+    """Units for the vault: of every observable its fraction, as nearly as whole units allow.
+
+    A unit stays out of it without which a condition would no longer vary among the rows of an observable that
+    are seen, or all of them would have some of it, or none: only dry heaps tell water from what always acts.
+    So does one without which three levels of a condition would be one under either of two others: what water
+    does to grains of two sizes tells it from what resembles it.
+    """
+    seen: dict[Unit, set[str]] = {}
+    for i in np.flatnonzero(rows).tolist():
+        seen.setdefault(units[i], set()).add(measurements.observable[i])
+    numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
+    unit_of_row = np.array([numbers[unit] for unit in units])
+    left, before, crossings = rows, varied(measurements, rows), crossed(measurements, rows, 3)
+    counts = Counter(observable for kinds in seen.values() for observable in kinds)
+    wanted = {name: round(fraction * n) if n >= FEWEST_UNITS else 0 for name, n in counts.items()}
+    drawn: set[Unit] = set()
+    salt = content_digest(measurements)
+    for unit in sorted(seen, key=lambda u: sha256(f"{salt}|{u}".encode()).hexdigest()):
+        without = left & (unit_of_row != numbers[unit])
+        telling = varied(measurements, without) == before and crossings <= crossed(measurements, without, 2)
+        if all(wanted[name] > 0 for name in seen[unit]) and telling:
+            drawn.add(unit)
+            left = without
+            for name in seen[unit]:
+                wanted[name] -= 1
+    return drawn
+
+
+def varied(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
+    """Observables with the conditions that vary among some of their rows, and with those that begin at 0."""
+    named = np.array(measurements.observable)
+    found: set[tuple[str, str]] = set()
+    for observable in dict.fromkeys(measurements.observable):
+        own = rows & (named == observable)
+        for name, column in measurements.conditions.items():
+            levels = np.unique(column[own & np.isfinite(column)])
+            if levels.size > 1:
+                found.add((observable, name))
+                found |= {(observable, f"{name} from 0")} if levels[0] == 0.0 else set()
+    return found
+
+
+def crossed(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:
+    """Observables, conditions of two levels, each level, and what takes at least so many values under it."""
+    named = np.array(measurements.observable)
+    found: set[tuple[str, str, float, str]] = set()
+    for observable in dict.fromkeys(measurements.observable):
+        own = named == observable
+        for name, column in measurements.conditions.items():
+            levels = np.unique(column[own & np.isfinite(column)])
+            for level in levels if levels.size == 2 else ():
+                under = own & rows & (column == level)
+                for other, values in measurements.conditions.items():
+                    if np.unique(values[under & np.isfinite(values)]).size >= least:
+                        found.add((observable, name, float(level), other))
+    return found
+
+
+def content_digest(measurements: Measurements) -> str:
+    """Digest of a table that neither the order of its rows nor that of its columns moves."""
+    names = sorted(measurements.conditions)
+    lines = sorted(
+        "|".join(
+            (
+                measurements.observable[i],
+                measurements.group[i],
+                *(f"{name}={measurements.conditions[name][i]:.{DIGITS}g}" for name in names),
+                f"{measurements.value[i]:.{DIGITS}g}",
+            )
+        )
+        for i in range(measurements.size)
+    )
+    return sha256("\n".join(lines).encode()).hexdigest()
+
+
+def sentence(drawn: int, by_group: bool, ranges: Mapping[str, Sequence[float]], rows: int, among: int) -> str:
+    """What was held out, in words."""
+    kind = "groups" if by_group else "sets of conditions (there are too few groups to hold them out whole)"
+    named = "".join(f", and {name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
+    if not rows:
+        return "Nothing is held out: there are too few conditions. No error on unseen data can be shown."
+    return f"{rows} of {among} rows are held out: {drawn} {kind}{named}."
+
+
+def openings(folder: Path, digest: str) -> int:
+    """How often the vault of this table has been opened."""
+    return len(read_counter(folder / COUNTER).get(digest, []))
+
+
+def record_opening(folder: Path, digest: str, effect: str) -> int:
+    """Count one more look into the vault; returns how many there have been."""
+    counter = read_counter(folder / COUNTER)
+    counter.setdefault(digest, []).append(effect)
+    write_whole(folder / COUNTER, (json.dumps(counter, indent=1) + "\n").encode())
+    return len(counter[digest])
+
+
+def read_counter(file: Path) -> dict[str, list[str]]:
+    """For every table the effects for which its vault was opened."""
+    if not file.exists():
+        return {}
+    try:
+        counter = json.loads(file.read_text(encoding="utf-8"))
+        return {str(digest): [str(effect) for effect in effects] for digest, effects in counter.items()}
+    except (ValueError, AttributeError, TypeError, OSError):
+        raise BadInput(f"{file}: is damaged; it counts the openings of the vault") from None

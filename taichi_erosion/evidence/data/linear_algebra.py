@@ -1,0 +1,123 @@
+"""Least squares with a prior: what calibration can imitate, and what it cannot.
+
+With whitened residual e, Jacobian J of the calibrated numbers x (prior N(0, 1)) and C of the shared errors
+(one sd each), everything stands in stacked rows
+
+    D = [J C; I 0; 0 I],   e+ = [e; -x; 0],   M = 1 - D (D^T D)^-1 D^T
+
+so that |M e+|^2 is the misfit after recalibration and M g the part of a signature g that no calibration
+hides.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from taichi_erosion.evidence.data.problem import Bools, Floats
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Orthogonal basis of what calibration and shared errors can imitate."""
+
+    basis: Floats  # Q (n + p + q, p + q)
+    triangle: Floats  # R, D = Q R
+    size: int  # n
+
+    @property
+    def log_determinant(self) -> float:
+        """Ln |D^T D|."""
+        return 2.0 * float(np.sum(np.log(np.abs(np.diag(self.triangle)))))
+
+    def free(self, stacked: Floats) -> Floats:
+        """M v: what is left when calibration has done its best."""
+        return stacked - self.basis @ (self.basis.T @ stacked)
+
+    def solve(self, stacked: Floats) -> Floats:
+        """Change of the calibrated numbers and shared errors that removes most of v."""
+        if not self.triangle.size:
+            return np.zeros((0, *stacked.shape[1:]))
+        return np.asarray(np.linalg.solve(self.triangle, self.basis.T @ stacked), dtype=np.float64)
+
+    def covariance(self) -> Floats:
+        """(D^T D)^-1."""
+        inverse = np.linalg.inv(self.triangle) if self.triangle.size else np.zeros((0, 0))
+        return inverse @ inverse.T
+
+
+def projection(jacobian: Floats, shared: Floats, loose: int = 0) -> Projection:
+    """Projection for whitened columns; the first `loose` columns have no prior (strengths of effects)."""
+    columns = np.hstack([jacobian, shared])
+    prior = np.eye(columns.shape[1])
+    prior[:loose] *= 1e-6  # keeps the triangle regular when a signature vanishes
+    basis, triangle = np.linalg.qr(np.vstack([columns, prior]))
+    return Projection(basis, triangle, jacobian.shape[0])
+
+
+def stack(residual: Floats, x: Floats, shared: int) -> Floats:
+    """e+ = [e; -x; 0] for one residual or for columns of residuals."""
+    if residual.ndim == 1:
+        return np.concatenate([residual, -x, np.zeros(shared)])
+    below = np.vstack(
+        [np.repeat(-x[:, np.newaxis], residual.shape[1], 1), np.zeros((shared, residual.shape[1]))]
+    )
+    return np.vstack([residual, below])
+
+
+def stack_signature(signature: Floats, calibrated: int, shared: int) -> Floats:
+    """[g; 0; 0] for columns of signatures."""
+    return np.vstack([signature, np.zeros((calibrated + shared, signature.shape[1]))])
+
+
+@dataclass(frozen=True)
+class Working:
+    """Censored rows as ordinary ones: same deviance, slope and curvature at this point."""
+
+    residual: Floats  # (n,) or (n, columns)
+    weight: Floats  # factor of every row of the Jacobian
+    deviances: Floats  # (columns,), -2 ln likelihood without its constant
+
+    @property
+    def deviance(self) -> float:
+        """Deviance of a single column."""
+        return float(self.deviances)
+
+
+def working(residual: Floats, censored: Bools) -> Working:
+    """Working residuals of one whitened residual, or of columns of them.
+
+    A censored row says that the value lies below its limit: with u = (limit - m) / s its deviance is
+    -2 ln Phi(u); l = phi(u) / Phi(u) is its score and w = l (l + u) its curvature.
+
+    Reference: Tobin (1958), Econometrica 26, 24.
+    """
+    if not censored.any():
+        return Working(residual, np.ones_like(residual), np.sum(residual**2, axis=0))
+    u = residual[censored]
+    log_tail = special.log_ndtr(u)
+    score = np.exp(-0.5 * u**2 - 0.5 * np.log(2.0 * np.pi) - log_tail)
+    curvature = np.clip(score * (score + u), 1e-12, 1.0)
+    weight, adjusted = np.ones_like(residual), residual.copy()
+    weight[censored] = np.sqrt(curvature)
+    adjusted[censored] = -score / np.sqrt(curvature)
+    return Working(adjusted, weight, np.sum(residual[~censored] ** 2, axis=0) - 2.0 * log_tail.sum(axis=0))
+
+
+def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:
+    """Ln of the share of a posterior within bounds, number by number, for columns of centres (p, c)."""
+    upper, lower = (high - centre) / sd, (low - centre) / sd
+    flip = lower > 0.0
+    upper, lower = np.where(flip, -lower, upper), np.where(flip, -upper, lower)
+    log_upper = special.log_ndtr(upper)
+    tail = np.exp(np.minimum(special.log_ndtr(lower) - log_upper, -1e-12))
+    return np.sum(log_upper + np.log1p(-tail), axis=0)
+
+
+def log_sum_exp(values: Floats, axis: int | None = None) -> Floats:
+    """Ln sum exp without overflow; plain and fast for the small tables used here."""
+    top = np.max(values, axis=axis, keepdims=True)
+    top = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        total = np.log(np.sum(np.exp(values - top), axis=axis, keepdims=True)) + top
+    return np.squeeze(total, axis=axis) if axis is not None else np.asarray(total.reshape(()))

@@ -1,0 +1,368 @@
+"""Measurements as laboratories write them: a tidy CSV table, one row for every mean of repeats.
+
+Columns: observable, value, sd, n, unit, group, source, and one for every condition. A condition's unit may
+stand in its heading, `moisture [%]`; without one it is SI. `value` is the mean of `n` repeats and `sd` the
+standard deviation of single repeats. An empty value, `no transport` or `<x` is censored: the instrument saw
+nothing, or less than x. Rows that repeat observable, group, source and conditions are repeats of one another.
+
+Rows of a measurement table as a study needs them: its observables, its conditions, the model's units.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import isfinite, nan
+from pathlib import Path
+
+import numpy as np
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.problem import Measurements
+from taichi_erosion.evidence.data.study_file import ObservableEntry, StudyFile
+from taichi_erosion.evidence.data.units import EXAMPLES, UnknownUnit, conversion, parse_unit
+from taichi_erosion.scene.load import file_text
+
+REQUIRED = ("observable", "value", "unit")
+OPTIONAL = ("sd", "n", "group", "source")
+REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
+NOTHING_SEEN = ("", "no transport")  # values of a censored row
+CELSIUS, ICE_POINT = ("degC", "°C", "℃"), 273.15  # K
+HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+MOST_REPEATS = 10**9
+LONGEST_SHOWN = 40  # characters of a cell that a message repeats
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table; NaN where a number was left out."""
+
+    line: int  # in the file, the heading being row 1
+    observable: str
+    value: float  # mean, or the limit below which a censored value lies; NaN: the study's floor
+    censored: bool
+    sd: float  # of single repeats
+    n: int | None
+    unit: str
+    group: str
+    source: str
+    conditions: tuple[float, ...]  # SI, in the order of the table's conditions
+
+
+@dataclass(frozen=True)
+class Table:
+    """A measurement file as read: `conditions` names the columns behind every row's conditions."""
+
+    file: str
+    conditions: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where a column stands, what it is called, and how its numbers become SI."""
+
+    place: int
+    name: str
+    factor: float
+    origin: float  # SI value of its 0
+
+
+def read_table(path: Path, file: str = "") -> Table:
+    """Measurements of one CSV file; raises BadInput with file, row, column, value."""
+    name = (file or str(path)).replace("\n", "?")
+    lines = list(csv_lines(file_text(path, name), name))
+    if not lines:
+        raise BadInput(f"{name}: is empty; the first row names the columns: {', '.join(REQUIRED)}, ...")
+    columns = read_heading(lines[0][1], name)
+    fixed = {column.name: column.place for column in columns if column.name in REQUIRED + OPTIONAL}
+    conditions = condition_columns(columns, lines[1:], name)
+    rows = [read_row(cells, fixed, conditions, f"{name}: row {line}", line) for line, cells in lines[1:]]
+    if not rows:
+        raise BadInput(f"{name}: has a heading but no measurement")
+    refuse_copies(lines[1:], columns, name)
+    return Table(name, tuple(column.name for column in conditions), tuple(rows))
+
+
+def csv_lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    """(row number, cells) of every line that is not empty; all as wide as the heading."""
+    width = 0
+    try:
+        reader = csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            width = width or len(cells)
+            if width == 1:
+                refuse_separator(cells[0], name)
+            if len(cells) != width:
+                raise BadInput(f"{name}: row {reader.line_num} has {len(cells)} cells, the heading {width}")
+            yield reader.line_num, [cell.strip() for cell in cells]
+    except csv.Error as error:
+        raise BadInput(f"{name}: not a CSV table: {error}") from None
+
+
+def refuse_separator(heading: str, name: str) -> None:
+    """Refuse a table of one column whose heading looks like several."""
+    if ";" in heading or "\t" in heading:
+        raise BadInput(
+            f"{name}: heading {quoted(heading)} is one column; separate columns by commas, "
+            "write decimals with a point"
+        )
+
+
+def read_heading(cells: Sequence[str], name: str) -> list[Column]:
+    """Columns in their order."""
+    columns: list[Column] = []
+    for place, cell in enumerate(cells):
+        match = HEADING.fullmatch(cell)
+        if match is None or not NAME.fullmatch(match["name"]):
+            raise BadInput(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _")
+        if match["name"] in [column.name for column in columns]:
+            raise BadInput(f"{name}: column '{match['name']}' stands in the heading twice")
+        columns.append(Column(place, match["name"], *heading_unit(match, name)))
+    for wanted in (*REQUIRED, *OPTIONAL):
+        refuse_misspelt(wanted, [column.name for column in columns], name)
+    return columns
+
+
+def heading_unit(match: re.Match[str], name: str) -> tuple[float, float]:
+    """Factor to SI of the unit in a heading, and the SI value of its 0."""
+    if match["unit"] is None:
+        return 1.0, 0.0
+    if match["name"] in REQUIRED + OPTIONAL:
+        raise BadInput(f"{name}: heading {quoted(match[0])}: the unit of values stands in column 'unit'")
+    try:
+        if match["unit"].strip() in CELSIUS:
+            return 1.0, ICE_POINT
+        return parse_unit(match["unit"]).factor, 0.0
+    except UnknownUnit:
+        raise BadInput(f"{name}: heading {quoted(match[0])}: unknown unit; allowed: {EXAMPLES}") from None
+
+
+def refuse_misspelt(wanted: str, names: Sequence[str], name: str) -> None:
+    """Refuse a table where a column of the format is missing, or seems to be there under another spelling."""
+    if wanted in names:
+        return
+    near = get_close_matches(wanted, [n for n in names if n not in REQUIRED + OPTIONAL], n=1, cutoff=0.75)
+    if near:
+        raise BadInput(f"{name}: column '{near[0]}' is unknown; did you mean '{wanted}'?")
+    if wanted in REQUIRED:
+        raise BadInput(f"{name}: column '{wanted}' is missing; there are: {', '.join(names)}")
+
+
+def condition_columns(
+    columns: Sequence[Column], lines: Sequence[tuple[int, Sequence[str]]], name: str
+) -> list[Column]:
+    """Columns of numbers that are neither of the format nor remarks."""
+    found = [column for column in columns if column.name not in REQUIRED + OPTIONAL + REMARKS]
+    for column in found:
+        for line, cells in lines:
+            if cells[column.place] and not NUMBER.fullmatch(cells[column.place]):
+                raise BadInput(
+                    f"{name}: row {line}, {column.name} = {quoted(cells[column.place])} must be a number: "
+                    f"any other column is a condition; words belong into 'source' or 'note'"
+                )
+    return found
+
+
+def read_row(
+    cells: Sequence[str], fixed: Mapping[str, int], conditions: Sequence[Column], where: str, line: int
+) -> Row:
+    """One row, every cell checked."""
+
+    def cell(column: str) -> str:
+        return cells[fixed[column]] if column in fixed else ""
+
+    if not NAME.fullmatch(cell("observable")):
+        raise BadInput(f"{where}, observable = {quoted(cell('observable'))} must be a name")
+    value, censored = read_value(cell("value"), where)
+    return Row(
+        line=line,
+        observable=cell("observable"),
+        value=value,
+        censored=censored,
+        sd=read_sd(cell("sd"), where),
+        n=read_count(cell("n"), where),
+        unit=read_unit(cell("unit"), where),
+        group=cell("group"),
+        source=cell("source"),
+        conditions=tuple(
+            column.origin + column.factor * number(cells[column.place], f"{where}, {column.name}")
+            for column in conditions
+        ),
+    )
+
+
+def read_value(text: str, where: str) -> tuple[float, bool]:
+    """Value and whether it is censored; the value of nothing seen is NaN."""
+    if text.lower() in NOTHING_SEEN:
+        return nan, True
+    limit = text.removeprefix("<").strip()
+    if not NUMBER.fullmatch(limit):
+        raise BadInput(
+            f"{where}, value = {quoted(text)} must be a number, '<' and a number, or empty for 'no transport'"
+        )
+    return number(limit, f"{where}, value"), text.startswith("<")
+
+
+def read_sd(text: str, where: str) -> float:
+    """Standard deviation of single repeats, NaN where none is given."""
+    sd = number(text, f"{where}, sd")
+    if sd <= 0.0:
+        raise BadInput(f"{where}, sd = {quoted(text)} must be above 0; leave it empty where it is not known")
+    return sd
+
+
+def read_count(text: str, where: str) -> int | None:
+    """Number of repeats, None where none is given."""
+    if not text:
+        return None
+    count = number(text, f"{where}, n")
+    if count != int(count) or not 1 <= count <= MOST_REPEATS:
+        raise BadInput(f"{where}, n = {quoted(text)} must be a whole number from 1 to {MOST_REPEATS:g}")
+    return int(count)
+
+
+def read_unit(text: str, where: str) -> str:
+    """Unit as it stands, once it is known to be one."""
+    try:
+        parse_unit(text)
+    except UnknownUnit:
+        raise BadInput(f"{where}, unit = {quoted(text)} is not known; allowed: {EXAMPLES}") from None
+    return text or "1"
+
+
+def number(text: str, where: str) -> float:
+    """A finite number, NaN for an empty cell."""
+    if not text:
+        return nan
+    value = float(text) if NUMBER.fullmatch(text) else nan
+    if not isfinite(value):
+        raise BadInput(f"{where} = {quoted(text)} must be a finite number")
+    return value
+
+
+def quoted(text: str) -> str:
+    """A cell on one line, shortened."""
+    clean = "".join(c if c.isprintable() else "?" for c in text[: LONGEST_SHOWN + 1])
+    return f"'{clean}'" if len(clean) <= LONGEST_SHOWN else f"'{clean[: LONGEST_SHOWN - 3]}...'"
+
+
+def refuse_copies(lines: Sequence[tuple[int, Sequence[str]]], columns: Sequence[Column], name: str) -> None:
+    """Refuse a row that stands twice; equal single values may be two repeats, equal means with sd may not."""
+    places = {column.name: column.place for column in columns}
+    telling = [places[c] for c in ("sd", "replicate", "repeat") if c in places]
+    seen: dict[tuple[str, ...], int] = {}
+    for line, cells in lines:
+        first = seen.setdefault(tuple(cells), line)
+        if first != line and any(cells[place] for place in telling):
+            raise BadInput(f"{name}: row {line} repeats row {first} cell by cell; remove one of them")
+
+
+def gather(table: Table, file: StudyFile, name: str) -> tuple[Measurements, list[str]]:
+    """Rows that the study uses, in the model's units, and what is to be said about the others."""
+    for column in file.conditions:
+        if column not in table.conditions:
+            there = ", ".join(table.conditions) or "none"
+            raise BadInput(
+                f"{name}: conditions.{column} is no column of {table.file}; conditions there: {there}"
+            )
+    rows = [row for row in table.rows if row.observable in file.observables]
+    for observable in file.observables:
+        if observable not in {row.observable for row in rows}:
+            there = ", ".join(dict.fromkeys(row.observable for row in table.rows))
+            raise BadInput(f"{name}: observables.{observable} has no row in {table.file}; there: {there}")
+    places = [table.conditions.index(column) for column in file.conditions]
+    units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
+    scales = [scale(row, units[row.observable], table.file) for row in rows]
+    limits = [
+        limit(row, s, file.observables[row.observable], table.file)
+        for row, s in zip(rows, scales, strict=True)
+    ]
+    measurements = Measurements(
+        observable=tuple(row.observable for row in rows),
+        value=np.array([nan if r.censored else s * r.value for r, s in zip(rows, scales, strict=True)]),
+        sd=np.array([s * row.sd for row, s in zip(rows, scales, strict=True)]),
+        n=np.array([nan if row.n is None else float(row.n) for row in rows]),
+        group=tuple(group_of(row, places) for row in rows),
+        unit=tuple(units[row.observable] for row in rows),
+        conditions={
+            column: np.array([row.conditions[place] for row in rows])
+            for column, place in zip(file.conditions, places, strict=True)
+        },
+        censored=np.array([row.censored for row in rows], dtype=np.bool_),
+        limit=np.array(limits),
+        source=tuple(row.source for row in rows),
+    )
+    return measurements, [*unused_notes(table, file), *unseen_notes(table, file)]
+
+
+def group_of(row: Row, places: Sequence[int]) -> str:
+    """Physical set-up of a row; where none is named, its conditions stand for it."""
+    return row.group or ", ".join(f"{row.conditions[place]:g}" for place in places) or "all"
+
+
+def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str) -> str:
+    """Unit in which a model answers: what the study says, else the unit of the first row."""
+    unit = entry.unit if entry.unit is not None else next(row.unit for row in rows if row.observable == name)
+    try:
+        parse_unit(unit)
+    except UnknownUnit:
+        raise BadInput(
+            f"{file}: observables.{name}.unit = '{unit}' is not known; allowed: {EXAMPLES}"
+        ) from None
+    return unit
+
+
+def scale(row: Row, unit: str, file: str) -> float:
+    """Factor from a row's unit to the model's."""
+    factor = conversion(parse_unit(row.unit), parse_unit(unit))
+    if factor is None:
+        raise BadInput(f"{file}: row {row.line}, unit = '{row.unit}': {row.observable} is counted in {unit}")
+    return factor
+
+
+def limit(row: Row, factor: float, entry: ObservableEntry, file: str) -> float:
+    """What a censored value lies below, in the model's unit; NaN for an ordinary value."""
+    if not row.censored:
+        if entry.transform != "identity" and row.value <= 0.0 and not entry.floor:
+            raise BadInput(
+                f"{file}: row {row.line}, value = {row.value:g} must be above 0 for transform = "
+                f"'{entry.transform}'; write '<' and the least value that is seen"
+            )
+        return nan
+    if isfinite(row.value):
+        return factor * row.value
+    if entry.floor:
+        return entry.floor
+    raise BadInput(
+        f"{file}: row {row.line}, value is empty: write '<' and the least value that is seen, or give "
+        f"observables.{row.observable}.floor in the study"
+    )
+
+
+def unused_notes(table: Table, file: StudyFile) -> list[str]:
+    """Observables of the table that the study does not ask for."""
+    other = [row.observable for row in table.rows if row.observable not in file.observables]
+    return [
+        f"{name}: {other.count(name)} rows of {table.file} are not used; the study names no such observable."
+        for name in dict.fromkeys(other)
+    ]
+
+
+def unseen_notes(table: Table, file: StudyFile) -> list[str]:
+    """Conditions that vary in the table and that the model is not told."""
+    rows = [row for row in table.rows if row.observable in file.observables]
+    notes = []
+    for place, column in enumerate(table.conditions):
+        values = {row.conditions[place] for row in rows if isfinite(row.conditions[place])}
+        if column not in file.conditions and len(values) > 1:
+            notes.append(
+                f"{column} varies in {table.file}, but is not under [conditions]: the model is not told."
+            )
+    return notes

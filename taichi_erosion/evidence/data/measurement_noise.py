@@ -1,0 +1,209 @@
+"""Scatter of the laboratory: stated, measured by repeats, and checked one against the other."""
+
+from dataclasses import dataclass
+from math import log, sqrt
+
+import numpy as np
+from scipy import special, stats
+
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.problem import Floats
+
+RIGHT_SHARE = 0.8  # of stated sd that are right [1]
+RIGHT_SD = 0.05  # of ln(true / stated sd) where it is right
+WRONG_MEAN, WRONG_SD = 0.2, 0.4  # of ln(true / stated sd) where it is not
+LEAST_FREEDOM = 3  # degrees of freedom from which repeats alone are believed
+UNEVEN = 0.01  # chance below which sample variances are taken to differ in truth
+LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken to be
+SHAPE_GAIN = 1.0  # ln likelihood by which another way of the scatter must be better
+LEAST_SHAPE = 0.5  # of the typical sd
+LEAST_PRIOR = 4.0  # degrees of freedom that the other rows lend to each at least
+DOUBT = 0.2  # mean of ln(true sd / stated sd) where nothing checks it: exponential above 1
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Variance of single repeats, row by row, on the comparison scale; NaN where nothing tells it."""
+
+    variance: Floats
+    freedom: float  # degrees of freedom by which repeated rows check it
+    own_freedom: float  # degrees of freedom of the sample variances that it is made of
+    factor: float  # scatter between repeated rows over stated scatter; NaN without repeated rows
+    p: float
+
+
+def trigamma_inverse(value: float) -> float:
+    """Y with trigamma(y) = value, by Newton steps on 1 / trigamma.
+
+    Reference: Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3(1), 3, appendix.
+    """
+    if value > 1e7:
+        return 1.0 / sqrt(value)
+    if value < 1e-6:
+        return 1.0 / value
+    y = 0.5 + 1.0 / value
+    for _ in range(50):
+        trigamma = float(special.polygamma(1, y))
+        change = trigamma * (1.0 - trigamma / value) / float(special.polygamma(2, y))
+        y += change
+        if abs(change) < 1e-9 * y:
+            break
+    return y
+
+
+def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats, float]:
+    """Variances of few repeats, drawn towards their common level, and the degrees of freedom behind that.
+
+        s~_i^2 = (nu_0 s_0i^2 + nu_i s_i^2) / (nu_0 + nu_i) (nu_0 + nu_i) / (nu_0 + nu_i - 2)
+
+    Three repeats give an sd that is wrong by half, and weights made of it give false alarms. So rows share
+    one level unless they differ by more than chance, when nu_0 comes from the spread of all s_i^2; the last
+    factor is the variance of the t distribution that a residual over such an s~_i has.
+
+    Reference: Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3(1), 3, section 6.2.
+    """
+    positive = variance[variance > 0.0]
+    if positive.size == 0:
+        return np.full(variance.size, np.nan), 0.0
+    shape = likely_shape(variance, freedom, shapes) ** 2
+    relative = np.maximum(
+        variance / shape, LEAST_VARIANCE * float(np.median(positive / shape[variance > 0.0]))
+    )
+    pooled = float(np.sum(freedom * variance / shape) / np.sum(freedom))
+    whole = float(np.sum(freedom))
+    even = pooled * shape * whole / max(whole - 2.0, 1.0), whole
+    if variance.size < 2 or uneven_p(relative, freedom) > UNEVEN:
+        return even
+    level = np.log(relative) - special.digamma(freedom / 2.0) + np.log(freedom / 2.0)
+    spread = float(np.var(level, ddof=1))
+    excess = spread - float(np.mean(special.polygamma(1, freedom / 2.0)))
+    if excess <= 0.0:
+        return even
+    prior = max(2.0 * trigamma_inverse(excess), LEAST_PRIOR)
+    total = prior + freedom
+    common = np.exp(level.mean() + special.digamma(prior / 2.0) - log(prior / 2.0))
+    mixed = (prior * common + freedom * relative) / total
+    return shape * mixed * total / (total - 2.0), 2.0 * variance.size / spread
+
+
+def likely_shape(variance: Floats, freedom: Floats, shapes: Floats) -> Floats:
+    """How the scatter goes with the rows: the first of the shapes (k, n) unless another is much likelier.
+
+        ln L = -1/2 sum nu_i ln(s_0^2 h_i^2),    s_0^2 = sum nu_i s_i^2 / h_i^2 / sum nu_i
+
+    No row is given less than LEAST_SHAPE of the typical sd: a value near zero has more than a relative error.
+    """
+    usual = np.median(shapes, axis=1, keepdims=True)
+    bounded = np.maximum(shapes / np.where(usual > 0.0, usual, 1.0), LEAST_SHAPE)
+    pooled = np.sum(freedom * variance / bounded**2, axis=1) / np.sum(freedom)
+    fit = -0.5 * (np.sum(freedom) * np.log(pooled) + np.sum(freedom * np.log(bounded**2), axis=1))
+    best = int(np.argmax(fit))
+    return bounded[best if fit[best] > fit[0] + SHAPE_GAIN else 0]
+
+
+def uneven_p(variance: Floats, freedom: Floats) -> float:
+    """Chance that sample variances of equal scatters differ as much.
+
+    Reference: Bartlett (1937), Proc. R. Soc. A 160, 268.
+    """
+    total = float(np.sum(freedom))
+    pooled = log(float(np.sum(freedom * variance)) / total)
+    statistic = total * pooled - float(np.sum(freedom * np.log(variance)))
+    correction = 1.0 + (float(np.sum(1.0 / freedom)) - 1.0 / total) / (3.0 * (variance.size - 1))
+    return float(stats.chi2.sf(statistic / correction, variance.size - 1))
+
+
+def lab_scatter(scaled: Floats, sd: Floats, repeats: Floats, cell: Floats, shapes: Floats) -> Scatter:
+    """Scatter of the rows of one observable.
+
+    `cell` numbers the conditions, equal for repeated rows; `shapes` are the ways in which sd may go with the
+    rows, on the comparison scale, the likeliest first.
+    """
+    variance = np.where(sd > 0.0, sd, np.nan) ** 2
+    sampled = np.isfinite(variance) & (repeats >= 2.0)
+    own = 0.0
+    if sampled.any():
+        variance[sampled], own = moderated(variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled])
+    squares, between = between_repeats(scaled, variance, repeats, cell)
+    if np.isfinite(variance).any():
+        variance = np.where(np.isfinite(variance), variance, np.nanmedian(variance))
+        return checked(variance, squares, between, own)
+    squares, freedom = between_repeats(scaled, np.ones(scaled.size), repeats, cell)
+    if freedom >= LEAST_FREEDOM and squares > 0.0:
+        # the variance of the t distribution that a residual over the measured scatter has
+        variance, own = np.full(scaled.size, squares / (freedom - 2.0)), float(freedom)
+    return Scatter(variance, 0.0, own, np.nan, np.nan)
+
+
+def between_repeats(scaled: Floats, variance: Floats, repeats: Floats, cell: Floats) -> tuple[float, int]:
+    """Weighted sum of squares of repeated rows about their means, and its degrees of freedom."""
+    total, freedom = 0.0, 0
+    good = np.isfinite(variance) & np.isfinite(scaled)
+    for number in np.unique(cell[good]):
+        rows = good & (cell == number)
+        if rows.sum() > 1:
+            weight = repeats[rows] / variance[rows]
+            mean = np.average(scaled[rows], weights=weight)
+            total += float(np.sum(weight * (scaled[rows] - mean) ** 2))
+            freedom += int(rows.sum()) - 1
+    return total, freedom
+
+
+def checked(variance: Floats, squares: float, between: int, own: float) -> Scatter:
+    """Stated variances, scaled by what repeated rows say of them: SS_pe ~ chi^2(nu) if they are right."""
+    if between == 0:
+        return Scatter(variance, 0.0, own, np.nan, np.nan)
+    factor = sqrt(squares / between)
+    tail = float(stats.chi2.sf(squares, between))
+    scale = likely_factor(squares, between) ** 2
+    return Scatter(variance * scale, float(between), own, factor, min(1.0, 2.0 * min(tail, 1.0 - tail)))
+
+
+def likely_factor(squares: float, between: int) -> float:
+    """True over stated sd, given the scatter between repeated rows: exp E[ln f].
+
+    Most statements are right to a few percent, some are wrong by a factor (an instrument's error given for
+    the scatter of samples, a standard error for an sd); the mixture keeps eight repeats from overruling a
+    good statement by their own chance, and lets them overrule a bad one.
+    """
+    grid = np.linspace(-1.2, 1.6, 281)  # ln f
+    right = log(RIGHT_SHARE / RIGHT_SD) - 0.5 * (grid / RIGHT_SD) ** 2
+    wrong = log((1.0 - RIGHT_SHARE) / WRONG_SD) - 0.5 * ((grid - WRONG_MEAN) / WRONG_SD) ** 2
+    weight = np.logaddexp(right, wrong) - between * grid - 0.5 * squares * np.exp(-2.0 * grid)
+    weight = np.exp(weight - weight.max())
+    return float(np.exp(np.sum(weight * grid) / weight.sum()))
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Prior of the factor by which every stated sd may be wrong: a grid and its log weights."""
+
+    factor: Floats
+    log_weight: Floats
+
+
+def noise_doubt(freedom: float) -> Doubt:
+    """How far the noise level may be wrong, given the degrees of freedom that measure it.
+
+    Without repeats a stated sd can only be understated: ln f ~ exponential with mean DOUBT. With nu degrees
+    of freedom ln f ~ N(0, 1 / (2 nu)), never wider than DOUBT.
+    """
+    if freedom < LEAST_FREEDOM:
+        grid = np.linspace(0.0, 6.0 * DOUBT, 10)
+        log_weight = -grid / DOUBT
+        log_weight[0] -= log(2.0)  # half a cell at the end of the grid
+    else:
+        sd = min(DOUBT, sqrt(0.5 / freedom))
+        grid = sd * np.linspace(-3.0, 3.0, 9)
+        log_weight = -0.5 * (grid / sd) ** 2
+    return Doubt(np.exp(grid), log_weight - log_sum_exp(log_weight))
+
+
+def doubt_sentence(freedom: float) -> str:
+    """What to measure when the noise level is only asserted."""
+    if freedom >= LEAST_FREEDOM:
+        return ""
+    return (
+        "The stated sd cannot be checked: no condition was repeated. At least 3 repeats at 4 or more "
+        "conditions would separate noise from a missing effect."
+    )

@@ -1,0 +1,182 @@
+"""What an evidence study is made of: measurements, a model, what may be calibrated, what may be missing.
+
+The statistics see nothing else. What they find stands in `findings.py`; the ways to ask are
+`compare.compare`, `discover.discover`, `adopt.adopt` and `propose.propose`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+Transform = Literal["identity", "log", "log_floor"]
+Conditions = dict[str, Floats]  # one value per row, in SI units
+Mask = Callable[[Conditions], Bools]
+Progress = Callable[[str, float], None]  # what is being done, share of the whole that is done [1]
+
+
+class Model(Protocol):
+    """Anything that predicts: one observable, n conditions, r seeds -> r rows of n values in its own unit.
+
+    The same seed gives the same random disturbance whatever the parameters and effects. Effects come with
+    their strengths, 0 included. A value that could not be computed is NaN.
+    """
+
+    def __call__(
+        self,
+        observable: str,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+        seeds: Integers,
+    ) -> Floats: ...
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """A table of measured values, one entry per row; rows that repeat a condition are lab replicates."""
+
+    observable: tuple[str, ...]
+    value: Floats  # mean of `n` repeats, in the observable's unit; ignored where censored
+    sd: Floats  # standard deviation of single repeats; NaN where missing
+    n: Floats  # repeats behind the value; NaN or 0 where missing
+    group: tuple[str, ...]  # physical set-up: the unit of hold-out
+    unit: tuple[str, ...]
+    conditions: Conditions  # NaN where a condition was not written down
+    censored: Bools  # the true value lies below `limit` ("no transport")
+    limit: Floats  # NaN where not censored
+    source: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        return len(self.observable)
+
+    def rows(self, chosen: Integers | Bools) -> "Measurements":
+        """The table restricted to some rows, in the order given."""
+        index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
+        return Measurements(
+            observable=tuple(self.observable[i] for i in index),
+            value=self.value[index],
+            sd=self.sd[index],
+            n=self.n[index],
+            group=tuple(self.group[i] for i in index),
+            unit=tuple(self.unit[i] for i in index),
+            conditions={name: column[index] for name, column in self.conditions.items()},
+            censored=self.censored[index],
+            limit=self.limit[index],
+            source=tuple(self.source[i] for i in index),
+        )
+
+
+@dataclass(frozen=True)
+class Observable:
+    """How one measured quantity is compared: the scale on which its noise is near-normal, and known errors.
+
+    identity: z = y        log: z = ln y        log_floor: z = ln(y + floor)
+    """
+
+    name: str
+    transform: Transform = "identity"
+    floor: float = 0.0  # in the unit of the observable
+    sd_shared: float = 0.0  # systematic sd common to all rows of one instrument, in the observable's unit
+    sd_numerical: float = 0.0  # deliberate tolerance for box, time step, coarse graining; 0 is reported as 0
+    sd_shared_relative: float = 0.0  # systematic error that grows with the value, over the value [1]
+
+
+class Uncertainty(Protocol):
+    """How far off a model may be that stands in for another: covariance (n, n) of its errors over n rows.
+
+    On the comparison scale, at one setting of the calibrated numbers and strengths.
+    """
+
+    def __call__(
+        self,
+        observable: Observable,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+    ) -> Floats: ...
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number to be calibrated; ln(value / start) has the prior sd `prior_sd_log`, cut at [low, high]."""
+
+    path: str
+    start: float
+    low: float
+    high: float
+    prior_sd_log: float = 0.5
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that may be missing; its strength has a half-normal prior on [0, maximum]."""
+
+    name: str
+    prior_scale: float = 1.5  # of the strength [1]
+    maximum: float = 3.0
+    mask: Mask | None = None  # conditions -> where the effect can act at all; None: anywhere
+
+
+def expected_strength(candidate: Candidate) -> float:
+    """Strength at which power is judged: the prior's scale, within the allowed range."""
+    return min(candidate.prior_scale, candidate.maximum)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much may be spent. One run = one seed at one setting of the model, over all conditions."""
+
+    name: Literal["quick", "full"] = "full"
+    runs: int = 2000
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """What could be measured next."""
+
+    ranges: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict
+    )  # of each condition; else as measured
+    costs: Mapping[str, float] = field(default_factory=dict)  # of one measurement, by observable; else 1
+    repeats: int = 3  # of one measurement
+
+
+@dataclass(frozen=True)
+class Vault:
+    """Rows that nothing but `adopt` may look at, and how often they have been looked at."""
+
+    rows: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    opened: int = 0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A whole study, ready to be examined."""
+
+    measurements: Measurements
+    observables: Mapping[str, Observable]
+    parameters: tuple[Parameter, ...]
+    candidates: tuple[Candidate, ...]
+    model: Model
+    budget: Budget = field(default_factory=Budget)
+    vault: Vault = field(default_factory=Vault)
+    adopted: tuple[Candidate, ...] = ()  # effects already in the model; their strengths are calibrated too
+    uncertainty: Uncertainty | None = None  # of the model itself; None: it is what it says
+
+    def visible(self) -> Measurements:
+        """The rows outside the vault."""
+        keep = np.ones(self.measurements.size, dtype=np.bool_)
+        keep[self.vault.rows] = False
+        return self.measurements.rows(keep)
+
+    def hidden(self) -> Measurements:
+        """The rows inside the vault."""
+        return self.measurements.rows(self.vault.rows)

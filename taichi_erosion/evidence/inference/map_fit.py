@@ -1,0 +1,272 @@
+"""Recalibration of one hypothesis in the model itself: global search, then damped Gauss-Newton steps."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf
+
+import numpy as np
+from scipy.stats import qmc
+
+from taichi_erosion.evidence.data.linear_algebra import working
+from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.models.predictor import paired_change
+
+STEP = 0.1  # finite difference in prior sd
+STEP_NOISY = 0.5  # the same where replicate noise blurs differences
+SHARES = (3.0, 0.5)  # of the step, one after the other: coarse slopes see past kinks, fine ones finish
+TRIALS = 5  # of the damping, per step
+GOOD_ENOUGH, GOOD_NOISY = 0.02, 0.1  # fall of the misfit below which no further step is made [1]
+STEPS, STEPS_QUICK = 25, 5  # at most; kinks at the threshold of transport make some fits slow
+SEARCH_POINTS = 10  # per calibrated number
+STARTS, MOST_STARTS = 3, 7  # of the bare model; beyond the first only while the misfit is poor
+POOR = 4.0  # misfit per row of a fit that may have gone astray, or whose model lacks much
+SEARCH_WIDTH = 2.0  # prior sd to either side
+NEAR = 2.0  # sd within which a fitted value may stand for the measured one
+SAME = 0.005  # relative spread of the sd below which it is called constant
+DISAGREEMENT = 2.0  # posterior sd by which two starts may differ unreported
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Best calibration of one hypothesis."""
+
+    names: tuple[str, ...]  # acting effects
+    x: Floats
+    psi: Floats  # their strengths
+    misfit: float  # deviance + prior; infinite if the model fails here
+
+    def acting(self) -> dict[str, float]:
+        return dict(zip(self.names, (float(value) for value in self.psi), strict=True))
+
+
+def posed(names: tuple[str, ...], position: Floats, calibrated: int) -> tuple[Floats, dict[str, float]]:
+    """Calibrated numbers and acting strengths out of one joint vector."""
+    return position[:calibrated], dict(
+        zip(names, (float(value) for value in position[calibrated:]), strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Misfit of one hypothesis as a function of the joint vector (x, psi)."""
+
+    exam: Examination
+    names: tuple[str, ...]
+    seeds: Integers
+
+    @cached_property
+    def low(self) -> Floats:
+        return np.concatenate([self.exam.low, np.zeros(len(self.names))])
+
+    @cached_property
+    def high(self) -> Floats:
+        return np.concatenate([self.exam.high, [self.exam.candidate(name).maximum for name in self.names]])
+
+    @cached_property
+    def scale(self) -> Floats:
+        """Prior sd of every entry."""
+        widths = [max(self.exam.candidate(name).prior_scale, 1e-9) for name in self.names]
+        return np.concatenate([np.ones(len(self.exam.axes)), widths])
+
+    def mean(self, position: Floats) -> Floats:
+        x, acting = posed(self.names, position, len(self.exam.axes))
+        return self.exam.predictor.mean(x, acting, self.seeds)
+
+    def residual(self, position: Floats) -> Floats:
+        return (self.exam.rows.z - self.mean(position)) / self.exam.sd
+
+    def runs(self, position: Floats) -> Floats:
+        x, acting = posed(self.names, position, len(self.exam.axes))
+        return self.exam.predictor.predict(x, acting, self.seeds)
+
+    def jacobian(self, position: Floats, central: bool, share: float = 1.0) -> Floats:
+        """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds."""
+        columns = np.empty((self.exam.rows.size, position.size))
+        for j, scale in enumerate(self.scale):
+            step = (STEP_NOISY if self.exam.noisy else STEP) * scale * share
+            up = min(position[j] + step, self.high[j])
+            down = max(position[j] - step, self.low[j])
+            if not central:
+                up, down = (
+                    (up, position[j]) if up - position[j] >= position[j] - down else (position[j], down)
+                )
+            columns[:, j] = self.difference(position, j, down, up) * scale
+        return columns / self.exam.sd[:, np.newaxis]
+
+    def difference(self, position: Floats, j: int, down: float, up: float) -> Floats:
+        """Slope of the mean along entry j; zero where the model fails or the entry cannot move."""
+        if up <= down:
+            return np.zeros(self.exam.rows.size)
+        ends = []
+        for end in (down, up):
+            moved = position.copy()
+            moved[j] = end
+            ends.append(self.runs(moved))
+        change = paired_change(ends[1], ends[0], self.exam.predictor)
+        return np.where(np.isfinite(change), change / (up - down), 0.0)
+
+
+def misfit_of(objective: Objective, position: Floats, residual: Floats) -> float:
+    """Deviance + prior, shared errors at their best; infinite where the model fails."""
+    if not np.all(np.isfinite(residual)):
+        return inf
+    work = working(residual, objective.exam.rows.censored)
+    shared = objective.exam.rows.shared / objective.exam.sd[:, np.newaxis] * work.weight[:, np.newaxis]
+    gain = 0.0
+    if shared.shape[1]:
+        pull = shared.T @ work.residual
+        gain = float(pull @ np.linalg.solve(shared.T @ shared + np.eye(shared.shape[1]), pull))
+    prior = position / objective.scale
+    return work.deviance - gain + float(prior @ prior)
+
+
+def newton_step(
+    objective: Objective, position: Floats, residual: Floats, damping: float, slopes: Floats
+) -> tuple[Floats, float]:
+    """Next position and the fall of the misfit that it promises.
+
+    Damped least squares; entries that would leave their range are held at its end.
+    """
+    exam, scale = objective.exam, objective.scale
+    work = working(residual, exam.rows.censored)
+    shared = exam.rows.shared / exam.sd[:, np.newaxis]
+    design = np.hstack([slopes, shared]) * work.weight[:, np.newaxis]
+    matrix = design.T @ design + np.eye(design.shape[1])
+    pull = design.T @ work.residual
+    pull[: position.size] -= position / scale
+    straight = matrix.copy()
+    matrix[np.diag_indices(position.size)] *= 1.0 + damping
+    low, high = (objective.low - position) / scale, (objective.high - position) / scale
+    step, free = np.zeros(matrix.shape[0]), np.ones(matrix.shape[0], dtype=bool)
+    for _ in range(position.size + 1):
+        held = ~free
+        right = pull[free] - matrix[np.ix_(free, held)] @ step[held]
+        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
+        inside = step[: position.size]
+        out = free[: position.size] & ((inside < low) | (inside > high))
+        if not out.any():
+            break
+        step[: position.size] = np.where(out, np.clip(inside, low, high), inside)
+        free[: position.size] &= ~out
+    promised = float(2.0 * pull @ step - step @ straight @ step)
+    return np.clip(position + step[: position.size] * scale, objective.low, objective.high), promised
+
+
+def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, float]:
+    """Damped Gauss-Newton (Levenberg-Marquardt) from one start; where coarse slopes stall, finer ones do."""
+    position = np.clip(start, objective.low, objective.high)
+    residual = objective.residual(position)
+    best, damping = misfit_of(objective, position, residual), 1e-3
+    enough = GOOD_NOISY if objective.exam.noisy else GOOD_ENOUGH
+    shares = iter((1.0,) if objective.exam.noisy else SHARES)
+    share = next(shares)
+    for _ in range(steps):
+        if best == inf:
+            break
+        slopes = objective.jacobian(position, central=False, share=share)
+        fall = 0.0
+        for _ in range(TRIALS):
+            trial, promised = newton_step(objective, position, residual, damping, slopes)
+            if promised < enough:
+                break
+            trial_residual = objective.residual(trial)
+            value = misfit_of(objective, trial, trial_residual)
+            if value < best:
+                fall, best, position, residual = best - value, value, trial, trial_residual
+                damping *= 0.1
+                break
+            damping = max(damping, 1e-2) * 10.0
+        if fall < enough:
+            share, damping = next(shares, 0.0), 1e-3
+        if share == 0.0:
+            break
+    return position, best
+
+
+def refined(
+    exam: Examination, names: tuple[str, ...], start: Floats, steps: int, seeds: Integers
+) -> tuple[Floats, float]:
+    """Best position from one start, and -2 ln of its likelihood times prior.
+
+    Weights hold while steps are made, or they would lead to where the model knows least. A model that may be
+    off has those of the start first, then those of what was found; the volume ln |1 + F^T V^-1 F| of its
+    errors F tells sure fits from vague ones.
+    """
+    there = exam.about(*posed(names, start, len(exam.axes)))
+    position, misfit = refine(Objective(there, names, seeds), start, steps)
+    if exam.predictor.uncertainty is None:
+        return position, misfit
+    there = exam.about(*posed(names, position, len(exam.axes)))
+    position, misfit = refine(Objective(there, names, seeds), position, steps)
+    own = there.rows.shared[:, exam.rows.shared.shape[1] :] / exam.sd[:, np.newaxis]
+    return position, misfit + float(np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1])
+
+
+def fit(
+    exam: Examination, names: tuple[str, ...], starts: list[Floats], steps: int, seeds: Integers | None = None
+) -> Fit:
+    """Best of several starts of one hypothesis."""
+    chosen = exam.seeds.fitting if seeds is None else seeds
+    results = [refined(exam, names, start, steps, chosen) for start in starts]
+    position, misfit = min(results, key=lambda result: result[1])
+    x, acting = posed(names, position, len(exam.axes))
+    return Fit(names, x, np.array([acting[name] for name in names]), misfit)
+
+
+def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
+    """The bare model, calibrated honestly: a search of the prior, then several starts that should agree.
+
+    Comes with the examination whose weights no longer depend on the noise of the values themselves.
+    """
+    count = len(exam.axes)
+    prior_mean = np.clip(np.zeros(count), exam.low, exam.high)
+    quick = exam.problem.budget.name == "quick"
+    starts = [prior_mean] if quick or count == 0 else [prior_mean, *searched(exam)]
+    objective = Objective(exam, (), exam.seeds.fitting)
+    results: list[tuple[Floats, float]] = []
+    for number, start in enumerate(starts):
+        if number < STARTS or results[0][1] > POOR * exam.rows.size:
+            results.append(refined(exam, (), start, STEPS_QUICK if quick else STEPS, exam.seeds.fitting))
+            results.sort(key=lambda result: result[1])
+    warnings = []
+    if len(results) > 1 and results[1][1] < inf:
+        gap = np.abs(results[0][0] - results[1][0]).max()
+        if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > 0.1 * SEARCH_WIDTH:
+            warnings.append("two starts of the calibration end at different places; the better one is used")
+    exam = reweighted(exam, objective.mean(results[0][0]))
+    position, misfit = refined(exam, (), results[0][0], 2, exam.seeds.fitting)
+    return exam, Fit((), position, np.zeros(0), misfit), warnings
+
+
+def reweighted(exam: Examination, mean: Floats) -> Examination:
+    """Variances of logarithmic rows taken at the fitted value instead of the measured one.
+
+    sd / y is large where y came out low by chance, so low values weigh less and the fit is drawn upwards. The
+    fitted value is trusted within NEAR sd of the measured one; a constant relative sd needs no change.
+    """
+    rows, factor = exam.rows, np.ones(exam.rows.size)
+    for index, observable in enumerate(rows.observables):
+        own = (rows.which == index) & ~rows.censored & np.isfinite(mean)
+        sd = np.sqrt(rows.variance[own])
+        if observable.transform == "identity" or own.sum() == 0 or np.ptp(sd) < SAME * sd.max():
+            continue
+        z = rows.z[own]
+        moved = np.clip(mean[own], z - NEAR * sd, z + NEAR * sd) - z
+        factor[own] = np.exp(-2.0 * moved)
+    variance = rows.variance * factor
+    return replace(
+        exam, rows=replace(rows, variance=variance), variance=exam.variance + variance - rows.variance
+    )
+
+
+def searched(exam: Examination) -> list[Floats]:
+    """Best points of a Sobol' sample of the prior, one seed each."""
+    count = len(exam.axes)
+    low = np.maximum(exam.low, -SEARCH_WIDTH)
+    high = np.minimum(exam.high, SEARCH_WIDTH)
+    sampler = qmc.Sobol(count, scramble=False)
+    points = low + (high - low) * sampler.random_base2(int(np.ceil(np.log2(SEARCH_POINTS * count))))
+    objective = Objective(exam, (), exam.seeds.fitting[:1])
+    values = [misfit_of(objective, point, objective.residual(point)) for point in points]
+    return [points[int(k)] for k in np.argsort(values)[:MOST_STARTS]]

@@ -1,0 +1,267 @@
+"""How well each hypothesis explains the measurements: its evidence, from an expansion about its own best fit.
+
+    ln Z = ln int p(psi) exp(-1/2 S(psi) - 1/2 ln |A| + ln box) dpsi - sum ln s_i
+
+with S the misfit after recalibration at strength psi, A = D^T D, box the share of the posterior within the
+bounds, and every stated sd possibly wrong by a factor f over which the evidence is averaged. The strength is
+integrated on a grid, so that the bound psi >= 0 is exact; the calibrated numbers by Laplace's method.
+
+Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from scipy import interpolate
+
+from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, working
+from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.inference.map_fit import Fit, Objective
+from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.models.predictor import paired_change
+
+GRID = 33  # strengths at which a single effect is integrated
+PAIR_GRID = 13  # per effect of a pair
+WIDTH = 4.0  # posterior sd that the fine part of the grid spans to either side
+PROMISE, PROMISE_NOISY = 0.5, 2.0  # misfit by which an expansion may undercut the fit that it starts from [1]
+NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best strength
+
+
+@dataclass(frozen=True)
+class Path:
+    """Change of the mean along the strength of one effect, the calibrated numbers giving way."""
+
+    grid: Floats  # strengths
+    change: Floats  # (strengths, n)
+    shift: Floats  # (strengths, p), of the calibrated numbers
+    log_prior: Floats  # ln of prior density times cell width
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """One hypothesis about its best fit, judged with fresh seeds."""
+
+    fit: Fit
+    mean: Floats  # (n,)
+    jacobian: Floats  # (n, p), of the mean per prior sd
+    paths: tuple[Path, ...]
+    local: Floats  # (n, effects), derivative of the mean along each strength
+    shared: Floats  # (n, q), errors of one sd that rows share: of instruments, and of the model itself here
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Evidence of one hypothesis at one noise factor, strength by strength."""
+
+    log_likelihood: Floats  # (columns,), calibrated numbers integrated out
+    position: Floats  # (p, columns), best calibrated numbers
+    covariance: Floats  # (p, p)
+
+
+def expand(exam: Examination, fit: Fit) -> Expansion:
+    """Slopes and paths of one hypothesis with the signature seeds, its mean with the judging seeds."""
+    exam = exam.about(fit.x, fit.acting())
+    position = np.concatenate([fit.x, fit.psi])
+    objective = Objective(exam, fit.names, exam.seeds.signature)
+    slopes = objective.jacobian(position, central=exam.problem.budget.name == "full")
+    slopes = slopes * exam.sd[:, np.newaxis] / objective.scale
+    count = len(exam.axes)
+    mean = exam.predictor.mean(fit.x, fit.acting(), exam.seeds.judging)
+    spread, ridge = strength_sd(exam, slopes, count)
+    paths = tuple(
+        path_of(exam, fit, index, float(spread[index]), ridge[:, index]) for index in range(len(fit.names))
+    )
+    return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:], exam.rows.shared)
+
+
+def strength_sd(exam: Examination, slopes: Floats, count: int) -> tuple[Floats, Floats]:
+    """Posterior sd of each strength, and how the calibrated numbers give way per unit of it, from the slopes.
+
+    The ridge dx/dpsi = cov(x, psi) / var(psi) is where rivals compete: at fixed numbers a strength far from
+    the best one leaves the range in which slopes mean anything.
+    """
+    loose = slopes.shape[1] - count
+    if loose == 0:
+        return np.zeros(0), np.zeros((count, 0))
+    white = slopes / exam.sd[:, np.newaxis]
+    order = np.hstack([white[:, count:], white[:, :count]])
+    covariance = projection(order, exam.rows.shared / exam.sd[:, np.newaxis], loose).covariance()
+    variance = np.diag(covariance)[:loose]
+    return np.sqrt(variance), covariance[loose : loose + count, :loose] / variance
+
+
+def path_of(exam: Examination, fit: Fit, index: int, spread: float, ridge: Floats) -> Path:
+    """Path along one strength and its ridge, the other strength at its best."""
+    name = fit.names[index]
+    candidate, best = exam.candidate(name), float(fit.psi[index])
+    spread = min(spread, 0.5 * candidate.maximum)
+    wanted = [best + node * spread for node in NODES] + [0.0, candidate.maximum]
+    nodes = np.array(sorted({round(min(max(node, 0.0), candidate.maximum), 12) for node in wanted}))
+    changes, predictor = [], exam.predictor
+    bare = predictor.predict(fit.x, fit.acting(), exam.seeds.signature)
+    for node in nodes:
+        acting = {**fit.acting(), name: float(node)}
+        x = np.clip(fit.x + ridge * (node - best), exam.low, exam.high)
+        runs = predictor.predict(x, acting, exam.seeds.signature)
+        changes.append(paired_change(runs, bare, predictor))
+    change = np.array(changes)
+    good = np.all(np.isfinite(change), axis=1)
+    nodes, change = nodes[good], change[good]
+    grid = strength_grid(nodes[0], nodes[-1], best, spread, GRID if len(fit.names) == 1 else PAIR_GRID)
+    shift = np.clip(fit.x + np.outer(grid - best, ridge), exam.low, exam.high) - fit.x
+    smooth = smooth_path(exam, nodes, change, best, grid)
+    return Path(grid, smooth, shift, log_prior(grid, candidate.prior_scale))
+
+
+def strength_grid(low: float, high: float, best: float, spread: float, count: int) -> Floats:
+    """Fine about the best strength, coarse over the rest of the allowed range."""
+    fine = np.linspace(max(low, best - WIDTH * spread), min(high, best + WIDTH * spread), (2 * count) // 3)
+    return np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [best]]))
+
+
+def smooth_path(exam: Examination, nodes: Floats, change: Floats, best: float, grid: Floats) -> Floats:
+    """Path between nodes: monotone cubic without noise, else a polynomial through the best fit."""
+    if nodes.size < 2:
+        return np.zeros((grid.size, change.shape[1]))
+    if not exam.noisy or nodes.size < 4:
+        return np.asarray(interpolate.PchipInterpolator(nodes, change, axis=0)(grid))
+    scale = max(float(np.ptp(nodes)), 1e-300)
+    powers = np.arange(1, min(3, nodes.size - 2) + 1)
+    basis = ((nodes - best) / scale)[:, np.newaxis] ** powers
+    coefficients = np.linalg.lstsq(basis, change, rcond=None)[0]
+    return ((grid - best) / scale)[:, np.newaxis] ** powers @ coefficients
+
+
+def log_prior(grid: Floats, scale: float) -> Floats:
+    """Ln of half-normal density times trapezoid width, normalised on the grid's range."""
+    width = np.gradient(grid) if grid.size > 1 else np.ones(1)
+    if grid.size > 1:
+        width[[0, -1]] *= 0.5
+    weight = -0.5 * (grid / max(scale, 1e-9)) ** 2 + np.log(np.maximum(width, 1e-300))
+    return weight - log_sum_exp(weight)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """All strengths of a hypothesis side by side."""
+
+    change: Floats  # (n, columns)
+    x: Floats  # (p, columns), calibrated numbers from which each column starts
+    log_prior: Floats  # (columns,)
+    penalty: Floats  # (columns,), (psi / scale)^2 of the half-normal prior
+    centre: int  # column nearest to the best fit
+
+
+def columns_of(exam: Examination, expansion: Expansion) -> Columns:
+    """Changes of the mean, calibrated numbers and ln prior weights over all strengths of a hypothesis."""
+    paths, x = expansion.paths, expansion.fit.x
+    if not paths:
+        return Columns(np.zeros((expansion.mean.size, 1)), x[:, np.newaxis], np.zeros(1), np.zeros(1), 0)
+    penalties = [
+        (path.grid / max(exam.candidate(name).prior_scale, 1e-9)) ** 2
+        for name, path in zip(expansion.fit.names, paths, strict=True)
+    ]
+    centres = [int(np.argmin(np.abs(p.grid - psi))) for p, psi in zip(paths, expansion.fit.psi, strict=True)]
+    if len(paths) == 1:
+        only = paths[0]
+        return Columns(only.change.T, (x + only.shift).T, only.log_prior, penalties[0], centres[0])
+    first, second = paths
+    change = first.change[:, np.newaxis, :] + second.change[np.newaxis, :, :]
+    shift = first.shift[:, np.newaxis, :] + second.shift[np.newaxis, :, :]
+    start = np.clip(x + shift.reshape(-1, x.size), exam.low, exam.high)
+    prior = first.log_prior[:, np.newaxis] + second.log_prior[np.newaxis, :]
+    centre = centres[0] * second.grid.size + centres[1]
+    penalty = penalties[0][:, np.newaxis] + penalties[1][np.newaxis, :]
+    return Columns(change.reshape(-1, expansion.mean.size).T, start.T, prior.ravel(), penalty.ravel(), centre)
+
+
+def surface(exam: Examination, expansion: Expansion, columns: Columns, factor: float) -> Surface:
+    """Evidence along all strengths at one noise factor; slopes may not promise more than refits found."""
+    sd = factor * exam.sd
+    residual = ((exam.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
+    jacobian, shared = expansion.jacobian / sd[:, np.newaxis], expansion.shared / sd[:, np.newaxis]
+    found = (censored_sums if exam.rows.censored.any() else sums)(exam, jacobian, shared, residual, columns.x)
+    start = started(exam, residual[:, columns.centre], shared, columns.x[:, columns.centre])
+    promise = PROMISE_NOISY if exam.noisy else PROMISE
+    floor = start + columns.penalty[columns.centre] - promise
+    misfit = np.maximum(found.misfit + columns.penalty, floor) - columns.penalty
+    level = -float(np.sum(np.log(sd[~exam.rows.censored])))
+    return Surface(level - 0.5 * misfit + found.occam, found.position, found.covariance)
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Least squares over columns of residuals."""
+
+    misfit: Floats  # (columns,)
+    occam: Floats  # (columns,), -1/2 ln |A| + ln box
+    position: Floats  # (p, columns)
+    covariance: Floats  # (p, p), at the best column
+
+
+def sums(exam: Examination, jacobian: Floats, shared: Floats, residual: Floats, x: Floats) -> Sums:
+    """Closed form for rows that are all ordinary: one projection serves every column."""
+    count, part = len(exam.axes), projection(jacobian, shared)
+    stacked = np.vstack([residual, -x, np.zeros((shared.shape[1], residual.shape[1]))])
+    free, covariance = part.free(stacked), part.covariance()[:count, :count]
+    change, sd = part.solve(stacked)[:count], np.sqrt(np.diag(covariance))[:, np.newaxis]
+    box = boxed(exam, x, change, sd)
+    misfit = np.einsum("ij,ij->j", free, free)
+    return Sums(misfit, box - 0.5 * part.log_determinant, x + change, covariance)
+
+
+def censored_sums(exam: Examination, jacobian: Floats, shared: Floats, residual: Floats, x: Floats) -> Sums:
+    """Every column in the working weights that its own censored rows have, all columns at once."""
+    count, columns = len(exam.axes), x.shape[1]
+    work = working(residual, exam.rows.censored)
+    design = (
+        np.hstack([jacobian, shared])[np.newaxis] * work.weight.T[:, :, np.newaxis]
+    )  # (columns, n, p + q)
+    matrix = np.einsum("cni,cnj->cij", design, design) + np.eye(design.shape[2])
+    below = np.vstack([x, np.zeros((shared.shape[1], columns))]).T
+    pull = np.einsum("cni,nc->ci", design, work.residual) - below
+    inverse = np.linalg.inv(matrix)
+    step = np.einsum("cij,cj->ci", inverse, pull)
+    left = work.residual - np.einsum("cni,ci->nc", design, step)
+    above = work.deviances - np.einsum("nc,nc->c", work.residual, work.residual)
+    misfit = np.einsum("nc,nc->c", left, left) + np.sum((below + step) ** 2, axis=1) + above
+    change = step[:, :count].T
+    sd = np.sqrt(np.einsum("cii->ic", inverse)[:count])
+    occam = boxed(exam, x, change, sd) - 0.5 * np.linalg.slogdet(matrix)[1]
+    return Sums(misfit, occam, x + change, inverse[int(np.argmin(misfit)), :count, :count])
+
+
+def boxed(exam: Examination, x: Floats, change: Floats, sd: Floats) -> Floats:
+    """Ln of the share of the posterior within the bounds of the calibrated numbers, column by column."""
+    return log_box(exam.low[:, np.newaxis] - x, exam.high[:, np.newaxis] - x, change, sd)
+
+
+def started(exam: Examination, residual: Floats, shared: Floats, x: Floats) -> float:
+    """Misfit where the expansion starts: reached in the model itself, only shared errors at their best."""
+    work = working(residual, exam.rows.censored)
+    gain = 0.0
+    if shared.shape[1]:
+        columns = shared * work.weight[:, np.newaxis]
+        pull = columns.T @ work.residual
+        gain = float(pull @ np.linalg.solve(columns.T @ columns + np.eye(pull.size), pull))
+    return work.deviance - gain + float(x @ x)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Evidence of one hypothesis over the grid of noise factors."""
+
+    expansion: Expansion
+    surfaces: tuple[Surface, ...]
+    log_evidence: Floats  # per noise factor
+
+
+def score(exam: Examination, expansion: Expansion) -> Scored:
+    """Ln Z of a hypothesis for every noise factor; -inf where the model fails at its best fit."""
+    if not np.all(np.isfinite(expansion.mean)):
+        return Scored(expansion, (), np.full(exam.doubt.factor.size, -inf))
+    columns = columns_of(exam, expansion)
+    surfaces = tuple(surface(exam, expansion, columns, float(factor)) for factor in exam.doubt.factor)
+    values = np.array([log_sum_exp(s.log_likelihood + columns.log_prior) for s in surfaces])
+    return Scored(expansion, surfaces, values)

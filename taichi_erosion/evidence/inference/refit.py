@@ -1,0 +1,180 @@
+"""The candidates that the screen cannot dismiss, refitted in the model itself and judged with fresh seeds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.problem import Floats, Progress, expected_strength
+from taichi_erosion.evidence.inference.familywise_test import Significance
+from taichi_erosion.evidence.inference.goodness_of_fit import (
+    chi_square,
+    misfit_chances,
+    misfit_p,
+    residuals_of,
+)
+from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, STEPS, STEPS_QUICK, Fit, fit
+from taichi_erosion.evidence.inference.marginal_likelihood import Scored, expand, score
+from taichi_erosion.evidence.inference.model_discrepancy import Kernel, discrepancy_gain
+from taichi_erosion.evidence.inference.posterior import Hypothesis, log_prior_of
+from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.screen import Screen, Signature
+
+WITHIN = 8.0  # ln Bayes factor behind the best at which a candidate is still refitted
+LEAST = 3
+MOST = 8
+LEAST_QUICK, MOST_QUICK = 2, 4
+LEAST_SHARE = 0.85  # of the misfit, from which an effect with a smooth remainder is still named
+REJECTED = 1e-3  # chance of the misfit that a hypothesis leaves below which it is no explanation
+WELL = 0.01  # chance of a misfit above which a hypothesis is taken to explain the measurements
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A hypothesis refitted in the model."""
+
+    names: tuple[str, ...]
+    scored: Scored
+    gain: Floats  # ln evidence that a smooth remainder adds, per noise factor
+
+
+def quick(exam: Examination) -> bool:
+    return exam.problem.budget.name == "quick"
+
+
+def chosen_singles(exam: Examination, found: Screen, seen: Significance) -> list[str]:
+    """Names of the candidates worth a refit, best first."""
+    least, most = (LEAST_QUICK, MOST_QUICK) if quick(exam) else (LEAST, MOST)
+    order = [int(i) for i in np.argsort(-seen.observed) if found.signatures[int(i)].resolved]
+    best = seen.observed[order[0]] if order else 0.0
+    near = [i for i in order if seen.observed[i] > best - WITHIN]
+    return [found.signatures[i].name for i in (near if len(near) >= least else order[:least])[:most]]
+
+
+def likely_strength(signature: Signature, residual: Floats) -> float:
+    """Strength on a signature's path that leaves least, its prior included."""
+    free = signature.free
+    fall = 2.0 * free @ residual - np.einsum("ij,ij->i", free, free)
+    return float(signature.grid[int(np.argmax(0.5 * fall + signature.log_prior))])
+
+
+def judge(exam: Examination, best: Fit, family: list[Kernel]) -> Judged:
+    """Expansion and evidence of a refitted hypothesis."""
+    expansion = expand(exam, best)
+    return Judged(best.names, score(exam, expansion), discrepancy_gain(exam, expansion, family))
+
+
+def refit(exam: Examination, names: tuple[str, ...], starts: list[Floats]) -> Fit:
+    """Recalibration of one hypothesis in the model itself."""
+    return fit(exam, names, starts, STEPS_QUICK if quick(exam) else STEPS)
+
+
+def judge_singles(
+    exam: Examination, found: Screen, names: list[str], family: list[Kernel], progress: Progress
+) -> list[Judged]:
+    """All shortlisted singles; every candidate from a second start too where none of them fits.
+
+    The screen stands on the slopes at the bare model's best fit. A large missing effect drives that fit to
+    where slopes mean little, and the screen may then dismiss the very effect that is missing.
+    """
+    judged: dict[str, Judged] = {}
+    for index, name in enumerate(names):
+        progress(f"refitting with {name}", 0.2 + 0.4 * index / max(len(names), 1))
+        start = np.append(found.base.fit.x, likely_strength(found.signature(name), found.residual))
+        judged[name] = judge(exam, nested(exam, found.base.fit, refit(exam, (name,), [start])), family)
+    if quick(exam) or explained_well(exam, list(judged.values())):
+        return list(judged.values())
+    for signature in found.signatures:
+        if signature.resolved:
+            progress(f"refitting with {signature.name} from another start", 0.6)
+            rejudge(exam, judged, found, signature, family)
+    return list(judged.values())
+
+
+def nested(exam: Examination, base: Fit, best: Fit) -> Fit:
+    """A fit that is no worse than the bare model, which it holds at strength 0: from there where it is."""
+    if best.misfit <= base.misfit:
+        return best
+    return refit(exam, best.names, [np.append(base.x, np.zeros(len(best.names)))])
+
+
+def rejudge(
+    exam: Examination, judged: dict[str, Judged], found: Screen, signature: Signature, family: list[Kernel]
+) -> None:
+    """The prior's middle and the leader's calibration as further starts; the best fit stays."""
+    name, unit = signature.name, expected_strength(exam.candidate(signature.name))
+    middle = np.append(np.clip(np.zeros(len(exam.axes)), exam.low, exam.high), unit)
+    leader = min(judged.values(), key=lambda item: item.scored.expansion.fit.misfit).scored.expansion.fit
+    starts = [middle, np.append(leader.x, leader.psi[0] if leader.names == (name,) else 0.5 * unit)]
+    if name not in judged:
+        starts.append(np.append(found.base.fit.x, unit))
+    best = refit(exam, (name,), starts)
+    if name not in judged or best.misfit < judged[name].scored.expansion.fit.misfit - GOOD_ENOUGH:
+        judged[name] = judge(exam, best, family)
+
+
+def explained_well(exam: Examination, judged: list[Judged]) -> bool:
+    """Whether some hypothesis leaves no more than noise."""
+    return any(
+        misfit_p(residuals_of(exam, item.scored.expansion)) > WELL for item in judged if item.scored.surfaces
+    )
+
+
+def hypotheses(
+    exam: Examination, base: Judged, found: Screen, seen: Significance, judged: list[Judged]
+) -> list[Hypothesis]:
+    """Every explanation with its evidence; candidates that were not refitted keep their screened one.
+
+    Probability goes to those that are likelier than others, even where the measurements reject them all. So
+    what is rejected is not told: it stands for something outside the list that it resembles.
+    """
+    count, bare = len(exam.problem.candidates), base.scored.log_evidence
+    listed = [
+        Hypothesis((), False, log_prior_of((), False, max(count, 1)), bare),
+        Hypothesis((), True, log_prior_of((), True, max(count, 1)), bare + base.gain, told=False),
+    ]
+    done = {item.names for item in judged}
+    for index, signature in enumerate(found.signatures):
+        if (signature.name,) not in done:
+            value = unrefitted(base, seen, judged, found, index)
+            listed.append(Hypothesis((signature.name,), False, log_prior_of(("a",), False, count), value))
+    for item in judged:
+        evidence, told = item.scored.log_evidence, doubted_p(exam, item) > REJECTED
+        listed.append(Hypothesis(item.names, False, log_prior_of(item.names, False, count), evidence, told))
+        if len(item.names) == 1:
+            told = told and explained_share(exam, base, item) > LEAST_SHARE
+            prior = log_prior_of(item.names, True, count)
+            listed.append(Hypothesis(item.names, True, prior, evidence + item.gain, told))
+    return listed
+
+
+def doubted_p(exam: Examination, item: Judged) -> float:
+    """Chance of the misfit that a hypothesis leaves, over the noise factors that it believes in."""
+    if not item.scored.surfaces:
+        return 0.0
+    weight = exam.doubt.log_weight + item.scored.log_evidence
+    chances = misfit_chances(residuals_of(exam, item.scored.expansion), exam.doubt.factor)
+    return float(np.exp(weight - log_sum_exp(weight)) @ chances)
+
+
+def unrefitted(base: Judged, seen: Significance, judged: list[Judged], found: Screen, index: int) -> Floats:
+    """Evidence of a candidate that the screen dismissed: as far behind the best refitted one as it was there.
+
+    A screen over a large misfit promises more than a refit can keep, to all candidates alike. None is worse
+    than the base by more than the prior of its weakest strengths, where it is the base.
+    """
+    own, least = float(seen.observed[index]), float(found.signatures[index].log_prior[0])
+    rank = {signature.name: k for k, signature in enumerate(found.signatures)}
+    singles = [item for item in judged if len(item.names) == 1]
+    if not singles or own <= 0.0:
+        return base.scored.log_evidence + min(own, 0.0)
+    best = max(singles, key=lambda item: float(seen.observed[rank[item.names[0]]]))
+    behind = max(float(seen.observed[rank[best.names[0]]]) - own, 0.0)
+    bare = base.scored.log_evidence
+    return np.clip(best.scored.log_evidence - behind, bare + min(least, own), bare + own)
+
+
+def explained_share(exam: Examination, base: Judged, item: Judged) -> float:
+    """Share of the base model's excess misfit that an effect removes: (S_0 - S_k) / (S_0 - n)."""
+    before, after = chi_square(exam, base.scored.expansion), chi_square(exam, item.scored.expansion)
+    return (before - after) / max(before - exam.rows.size, 1.0)

@@ -1,0 +1,213 @@
+"""A model that the user brings: `module:function`, beside the study file or in an installed package.
+
+A model as a study speaks of it: columns and observables by the names that the table has for them.
+"""
+
+import contextlib
+import importlib.util
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.evidence.data.problem import Floats, Integers, Model, Observable
+from taichi_erosion.evidence.data.transforms import slope
+
+COVARIANCE = "_covariance"  # after a function's name: the function that says how far off it may be
+READ = "READS"  # of a module: the files beside it that it reads
+
+Covariance = Callable[[str, dict[str, Floats], dict[str, float], dict[str, float]], Floats]
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A model function that is held to its contract at every call."""
+
+    name: str
+    function: Model
+    version: str  # digest of the files beside it: an edited model forgets its earlier runs
+    covariance: Covariance | None = None  # of the model's own errors over rows; None: it is what it says
+
+    def __call__(
+        self,
+        observable: str,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+        seeds: Integers,
+    ) -> Floats:
+        """Predictions [seed, row]; raises SimulationStopped where the function fails."""
+        with told(self.name, observable):
+            found = self.function(observable, own_copies(conditions), parameters, effects, seeds)
+        shape = (len(seeds), rows_in(conditions))
+        return checked(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
+
+    def own_covariance(
+        self,
+        observable: str,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+    ) -> Floats:
+        """Covariance of the model's own errors [row, row], in the unit of the observable squared."""
+        assert self.covariance is not None
+        with told(self.name + COVARIANCE, observable):
+            found = self.covariance(observable, own_copies(conditions), parameters, effects)
+        rows = rows_in(conditions)
+        where = f"model {self.name}{COVARIANCE}, {observable}"
+        return checked(found, (rows, rows), "(conditions, conditions)", where)
+
+
+def own_copies(conditions: dict[str, Floats]) -> dict[str, Floats]:
+    """Arrays that a user's function may write to."""
+    return {name: column.copy() for name, column in conditions.items()}
+
+
+def rows_in(conditions: dict[str, Floats]) -> int:
+    """Number of rows that are asked for."""
+    return len(next(iter(conditions.values()))) if conditions else 1
+
+
+@contextlib.contextmanager
+def told(name: str, observable: str) -> Iterator[None]:
+    """What goes wrong in a user's function stops the simulation with its name."""
+    try:
+        with stdout_kept_clean():
+            yield
+    except Exception as error:
+        kind = type(error).__name__
+        raise SimulationStopped(f"model {name} failed on {observable}: {kind}: {error}") from error
+
+
+def checked(found: object, shape: tuple[int, int], meant: str, where: str) -> Floats:
+    """What a model returned, as an array of the promised shape; raises BadInput."""
+    try:
+        values = np.asarray(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BadInput(f"{where}: returned {type(found).__name__}; an array of numbers is needed") from None
+    if values.shape != shape:
+        raise BadInput(f"{where}: returned shape {values.shape}; {shape} is needed: {meant}")
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+@contextlib.contextmanager
+def stdout_kept_clean() -> Iterator[None]:
+    """What a user's function prints goes to stderr: stdout holds the result and nothing else."""
+    with contextlib.redirect_stdout(sys.stderr):
+        yield
+
+
+def load_plugin(name: str, folder: Path, file: str) -> Plugin:
+    """Model that a study names; raises BadInput in the study's words."""
+    module_name, _, function_name = name.partition(":")
+    where = f"{file}: study.model = '{name}'"
+    module = load_module(module_name, folder, where)
+    function = getattr(module, function_name, None)
+    if not callable(function):
+        raise BadInput(f"{where}: {module_name} has no function {function_name}")
+    doubt = getattr(module, function_name + COVARIANCE, None)
+    return Plugin(name, function, source_digest(module, where), doubt)  # pyright: ignore[reportArgumentType]
+
+
+def load_module(name: str, folder: Path, where: str) -> ModuleType:
+    """Module beside the study file, else an installed one; its neighbours can be imported by it."""
+    beside = folder.joinpath(*name.split(".")).with_suffix(".py")
+    try:
+        with stdout_kept_clean(), importable(folder):
+            if beside.is_file():
+                return module_of_file(name, beside)
+            return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name and name.startswith(error.name):
+            raise BadInput(f"{where}: no file {beside} and no installed package of that name") from None
+        raise BadInput(f"{where}: cannot be imported: {error}") from None
+    except Exception as error:
+        raise BadInput(f"{where}: cannot be imported: {type(error).__name__}: {error}") from None
+
+
+def module_of_file(name: str, file: Path) -> ModuleType:
+    """Module of one file, executed afresh: two studies may each have a file of that name."""
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses and pickles look their module up by name
+    spec.loader.exec_module(module)
+    return module
+
+
+@contextlib.contextmanager
+def importable(folder: Path) -> Iterator[None]:
+    """While a model is loaded, what lies beside its study can be imported."""
+    sys.path.insert(0, str(folder.resolve()))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder.resolve()))
+
+
+def source_digest(module: ModuleType, where: str) -> str:
+    """Digest of all Python files in the folder of a module, and of the files that it says it reads."""
+    file = getattr(module, "__file__", None)
+    if not file:
+        return sha256().hexdigest()[:16]
+    folder, digest = Path(file).parent, sha256()
+    read = [folder / name for name in getattr(module, READ, ())]
+    for source in [*sorted(folder.glob("*.py")), *read]:
+        if not source.is_file():
+            raise BadInput(f"{where}: {READ} names {source}: no such file")
+        digest.update(source.name.encode() + source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class Spoken:
+    """A model that calls conditions by other names than the table; what was not written down is left out."""
+
+    model: Model
+    names: dict[str, str]  # column -> what the model calls it
+    observables: dict[str, str]  # likewise
+
+    def __call__(
+        self,
+        observable: str,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+        seeds: Integers,
+    ) -> Floats:
+        """Predictions [seed, row]."""
+        known = self.known(conditions)
+        return self.model(self.observables[observable], known, parameters, effects, seeds)
+
+    def known(self, conditions: dict[str, Floats]) -> dict[str, Floats]:
+        """Conditions that any row states, by the names of the model."""
+        return {self.names[c]: v for c, v in conditions.items() if not bool(np.isnan(v).all())}
+
+
+@dataclass(frozen=True)
+class OwnErrors:
+    """How far off a model function says it may be: the covariance of its errors, on the comparison scale."""
+
+    plugin: Plugin
+    spoken: Spoken
+    seed: int  # of the value at which the scale is taken
+
+    def __call__(
+        self,
+        observable: Observable,
+        conditions: dict[str, Floats],
+        parameters: dict[str, float],
+        effects: dict[str, float],
+    ) -> Floats:
+        """Covariance [row, row]."""
+        name, known = self.spoken.observables[observable.name], self.spoken.known(conditions)
+        value = self.spoken(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
+        steepness = slope(observable, value)
+        own = self.plugin.own_covariance(name, known, parameters, effects)
+        return own * np.outer(steepness, steepness)

@@ -1,0 +1,220 @@
+"""The model behind one counter: predictions on the comparison scale, remembered, failures counted.
+
+Differences between paired runs, freed from replicate noise where the runs say how much of it there is.
+
+A slope or signature changes smoothly with the conditions; replicate noise does not. Within one observable
+
+    d = c + K a (K a + s^2)^-1 (d_raw - c)
+
+with K a squared-exponential kernel over the conditions, s^2 the measured variance of the mean difference, c
+the mean and the amplitude a the likeliest one. Two calibrated numbers that move a heap alike stay
+indistinguishable then; raw noise would tell them apart. A model without noise is left as it is.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import sqrt
+
+import numpy as np
+
+from taichi_erosion.evidence.data.problem import (
+    Bools,
+    Candidate,
+    Conditions,
+    Floats,
+    Integers,
+    Model,
+    Observable,
+    Uncertainty,
+)
+from taichi_erosion.evidence.data.transforms import Axis, split_setting, strengths, to_scale
+
+Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
+Spectrum = tuple[Floats, Floats]  # eigenvalues and eigenvectors of a kernel
+NEGLIGIBLE = 1e-6  # share of the largest variance below which a common error is dropped
+
+
+@dataclass
+class Ledger:
+    """What the model has cost so far."""
+
+    runs: int = 0  # seeds times settings, each over all conditions
+    failures: int = 0  # values that could not be computed
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """Model, rows and axes bound together; `predict` is the only place where the model is called."""
+
+    model: Model
+    observables: tuple[Observable, ...]
+    which: Integers
+    conditions: Conditions
+    axes: tuple[Axis, ...]
+    candidates: tuple[Candidate, ...]
+    uncertainty: Uncertainty | None = None
+    ledger: Ledger = field(default_factory=Ledger)
+    seen: dict[Key, Floats] = field(default_factory=dict)
+    spectra: dict[bytes, Spectrum] = field(default_factory=dict)  # of smooth functions over some rows
+
+    def over(
+        self, observables: tuple[Observable, ...], which: Integers, conditions: Conditions
+    ) -> "Predictor":
+        """The same model, at the same cost counter, over other rows."""
+        return replace(self, observables=observables, which=which, conditions=conditions, seen={}, spectra={})
+
+    @cached_property
+    def asked(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
+        """Every observable that has rows, these rows, and their conditions, which nobody may write to."""
+        parts = []
+        for observable, rows in zip(self.observables, self.rows, strict=True):
+            if rows.size:
+                chosen = {name: column[rows] for name, column in self.conditions.items()}
+                for column in chosen.values():
+                    column.setflags(write=False)
+                parts.append((observable, rows, chosen))
+        return tuple(parts)
+
+    @cached_property
+    def rows(self) -> tuple[Integers, ...]:
+        """Rows of every observable."""
+        return tuple(np.flatnonzero(self.which == index) for index in range(len(self.observables)))
+
+    def predict(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+        """Values (r, n) on the comparison scale at calibrated numbers x, with some effects acting."""
+        key = (np.asarray(x, float).tobytes(), tuple(sorted(acting.items())), seeds.tobytes())
+        if key not in self.seen:
+            self.seen[key] = self.compute(x, acting, seeds)
+        return self.seen[key]
+
+    def mean(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+        """Mean over seeds; NaN only where every seed failed."""
+        return seed_mean(self.predict(x, acting, seeds))
+
+    def compute(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+        parameters, adopted = split_setting(self.axes, x)
+        effects = {**strengths(self.candidates, acting), **adopted}
+        result = np.empty((seeds.size, self.which.size))
+        for observable, rows, chosen in self.asked:
+            answer = self.model(observable.name, dict(chosen), dict(parameters), dict(effects), seeds)
+            result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
+        self.ledger.runs += int(seeds.size)
+        failed = ~np.isfinite(result)
+        if failed.any():
+            self.ledger.failures += int(failed.sum())
+            result[failed] = np.nan
+        return result
+
+    def own_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
+        """Errors (n, r) of the model itself at one setting, one sd each: their covariance is F F^T.
+
+        No column for a model that is what it says.
+        """
+        if self.uncertainty is None:
+            return np.zeros((self.which.size, 0))
+        parameters, adopted = split_setting(self.axes, x)
+        effects = {**strengths(self.candidates, acting), **adopted}
+        parts = []
+        for observable, rows, chosen in self.asked:
+            own = self.uncertainty(observable, dict(chosen), dict(parameters), dict(effects))
+            values, vectors = np.linalg.eigh(np.nan_to_num(own))
+            kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
+            part = np.zeros((self.which.size, int(kept.sum())))
+            part[rows] = vectors[:, kept] * np.sqrt(values[kept])
+            parts.append(part)
+        return np.hstack(parts)
+
+
+def seed_mean(values: Floats) -> Floats:
+    """Mean over the seeds that succeeded."""
+    if values.shape[0] == 1:
+        return values[0]
+    good = np.isfinite(values)
+    count = good.sum(axis=0)
+    total = np.where(good, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def seed_variance(values: Floats, which: Integers) -> Floats:
+    """Variance of one seed, row by row, drawn towards the pooled one of its observable.
+
+    s~_i^2 = (nu_0 s_t^2 + nu_i s_i^2) / (nu_0 + nu_i),    nu_0 = 6
+    """
+    prior_freedom = 6.0
+    good = np.isfinite(values)
+    freedom = np.maximum(good.sum(axis=0) - 1, 0)
+    centred = np.where(good, values - seed_mean(values), 0.0)
+    squares = np.sum(centred**2, axis=0)
+    pooled = np.zeros(values.shape[1])
+    for index in np.unique(which):
+        rows = which == index
+        pooled[rows] = squares[rows].sum() / max(int(freedom[rows].sum()), 1)
+    return (prior_freedom * pooled + squares) / (prior_freedom + freedom)
+
+
+LENGTH = 1.5  # of the kernel, in sd of a condition
+AMPLITUDES = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 25)])  # of the smooth part, over the noise
+LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
+
+
+def standard_axis(column: Floats) -> Floats | None:
+    """Standardised condition; None if it does not vary. Missing entries sit at the mean."""
+    finite = column[np.isfinite(column)]
+    if finite.size < 2 or np.ptp(finite) <= 1e-12 * np.abs(finite).max():
+        return None
+    filled = np.where(np.isfinite(column), column, finite.mean())
+    if finite.min() > 0.0 and finite.max() > LOG_SPAN * finite.min():
+        filled = np.log(filled)
+    return (filled - filled.mean()) / filled.std()
+
+
+def pooled_noise(differences: Floats, which: Integers) -> Floats:
+    """Variance of the mean difference of paired runs (r, n), pooled over the rows of an observable."""
+    count = differences.shape[0]
+    if count < 2:
+        return np.zeros(differences.shape[1])
+    good = np.where(np.isfinite(differences), differences, 0.0)
+    spread = np.var(good, axis=0, ddof=1) / count
+    pooled = np.zeros(spread.size)
+    for index in np.unique(which):
+        rows = which == index
+        pooled[rows] = spread[rows].mean()
+    return pooled
+
+
+def paired_change(after: Floats, before: Floats, predictor: Predictor) -> Floats:
+    """Mean change between paired runs of a predictor, smoothed as far as their noise demands."""
+    change = seed_mean(after) - seed_mean(before)
+    noise = pooled_noise(after - before, predictor.which)
+    if not np.any(noise > 0.0):
+        return change
+    for index in np.unique(predictor.which):
+        rows = (predictor.which == index) & np.isfinite(change) & (change != 0.0)
+        if rows.sum() > 2 and noise[rows].max() > 0.0:
+            change[rows] = smoothed(change[rows], float(noise[rows].mean()), spectrum(predictor, rows))
+    return change
+
+
+def spectrum(predictor: Predictor, rows: Bools) -> Spectrum:
+    """Eigenvalues and eigenvectors of the kernel over some rows; remembered, no run changes them."""
+    key = rows.tobytes()
+    if key not in predictor.spectra:
+        axes = [standard_axis(column[rows]) for column in predictor.conditions.values()]
+        varied = [axis for axis in axes if axis is not None]
+        square = np.zeros((int(rows.sum()), int(rows.sum())))
+        for axis in varied:
+            square += ((axis[:, np.newaxis] - axis[np.newaxis, :]) / LENGTH) ** 2
+        values, vectors = np.linalg.eigh(np.exp(-0.5 * square / max(sqrt(len(varied)), 1.0)))
+        predictor.spectra[key] = np.maximum(values, 0.0), vectors
+    return predictor.spectra[key]
+
+
+def smoothed(values: Floats, variance: float, kernel: Spectrum) -> Floats:
+    """Posterior mean of a smooth function of the conditions, at its likeliest amplitude."""
+    eigenvalues, vectors = kernel
+    centre = values.mean()
+    parts = vectors.T @ (values - centre)
+    total = variance * (1.0 + AMPLITUDES[:, np.newaxis] * eigenvalues)
+    fit = -0.5 * np.sum(np.log(total) + parts**2 / total, axis=1)
+    best = AMPLITUDES[int(np.argmax(fit))] * eigenvalues
+    return centre + vectors @ (best / (1.0 + best) * parts)

@@ -1,0 +1,282 @@
+"""Fourteen effects in closed form: how each moves threshold, flux and angle of repose.
+
+Every effect takes its strength psi (0: absent, 1: textbook) and the conditions and gives a `Shift`. The forms
+keep the scaling of their sources; where a source gives none, the size is a plausible one and says so.
+
+A wind-erosion model in closed form: threshold, flux and angle of repose in microseconds.
+
+    u*t = A sqrt((rho_p / rho - 1) g d)                                         [m s-1]
+    Q   = C (rho / g) u*t (u*^2 - u*t^2),  0 below the threshold                [kg m-1 s-1]
+    a   = arctan(mu_s) + 15 mu_r                                                [deg]
+
+times what the effects of `reduced_effects.py` add. It teaches what an evidence study is, and tests the
+statistics; use it as `model = "taichi_erosion.evidence.models.reduced:predict"`.
+
+Observables: threshold_u_star, flux, repose_angle. Parameters: threshold_coefficient A, flux_coefficient C,
+friction_sliding mu_s, friction_rolling mu_r. Conditions: the keys of DEFAULTS, which also say what is assumed
+when one is not given.
+
+Reference: Bagnold (1941) for the threshold, Ungar & Haff (1987), Sedimentology 34, 289, for the flux.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from scipy.special import ndtri
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
+
+GRAVITY = 9.81  # m s-2
+GRAIN_DENSITY = 2650.0  # kg m-3, quartz
+AIR_DENSITY = 1.2  # kg m-3, what the bare model assumes everywhere
+MEDIAN_DIAMETER = 2.5e-4  # m
+REPOSE_TANGENT = 0.6  # tangent of the angle of repose on a slope [1]
+DEFAULTS = {
+    "diameter": MEDIAN_DIAMETER,  # m
+    "moisture": 0.0,  # kg water per kg of dry soil
+    "slope": 0.0,  # rad, uphill positive
+    "roughness": 0.0,  # frontal area of obstacles per ground area [1]
+    "air_density": AIR_DENSITY,  # kg m-3
+    "spread": 1.5,  # d90 / d50 [1]
+    "angularity": 0.3,  # 0 round, 1 crushed
+    "turbulence": 0.1,  # sd of the wind over its mean [1]
+    "fetch": 10.0,  # m of erodible bed upwind
+    "width": 0.2,  # m between the walls of the heap's box
+    "u_star": 0.4,  # m s-1
+}
+
+
+@dataclass(frozen=True)
+class Shift:
+    """What one effect does: threshold and flux are multiplied by exp(.), the angle is raised [deg]."""
+
+    threshold: Floats | float = 0.0
+    flux: Floats | float = 0.0
+    repose: Floats | float = 0.0
+
+
+Law = Callable[[float, Conditions], Shift]
+
+
+def dry_cohesion(psi: float, at: Conditions) -> Shift:
+    """u*t^2 gains gamma / (rho d); Reference: Shao & Lu (2000), J. Geophys. Res. 105, 22437, eq. (24)."""
+    gamma = 2.0e-4  # N m-1
+    weight = GRAVITY * GRAIN_DENSITY / AIR_DENSITY * at["diameter"]
+    ratio = psi * gamma / (AIR_DENSITY * at["diameter"]) / weight
+    return Shift(threshold=0.5 * np.log1p(ratio), repose=9.0 * ratio / (1.0 + ratio))
+
+
+def liquid_bridge(psi: float, at: Conditions) -> Shift:
+    """u*tw / u*td = sqrt(1 + 1.21 w^0.68), w in percent.
+
+    Reference: Fecan et al. (1999), Ann. Geophys. 17, 149.
+    """
+    percent = 100.0 * np.maximum(at["moisture"], 0.0)
+    bridges = 1.0 - np.exp(-percent / 0.8)
+    return Shift(
+        threshold=0.5 * np.log1p(psi * 1.21 * percent**0.68), repose=psi * 7.0 * bridges / (1.0 + 0.3 * psi)
+    )
+
+
+def saffman_lift(psi: float, at: Conditions) -> Shift:
+    """Lift of 0.3 of the drag at 0.25 mm, growing with d: u*t falls as (1 + lift)^-1/2 (plausible size)."""
+    lift = 0.3 * psi * (at["diameter"] / MEDIAN_DIAMETER) ** 0.5
+    return Shift(threshold=-0.5 * np.log1p(lift))
+
+
+def gusts(psi: float, at: Conditions) -> Shift:
+    """Gusts of two sd start grains: u*t falls as 1 / (1 + 2 psi I); flux gains 3 psi I^2 (plausible size)."""
+    intensity = at["turbulence"]
+    return Shift(threshold=-np.log1p(2.0 * psi * intensity), flux=np.log1p(3.0 * psi * intensity**2))
+
+
+def rolling_resistance(psi: float, at: Conditions) -> Shift:
+    """Angular grains pivot harder: angle up by 12 deg, u*t by 15 % at angularity 1 (plausible size)."""
+    return Shift(threshold=np.log1p(0.15 * psi * at["angularity"]), repose=12.0 * psi * at["angularity"])
+
+
+def sheltering(psi: float, at: Conditions) -> Shift:
+    """Coarse grains hide fine ones: u*t up as (d90/d50)^0.4.
+
+    Reference: Egiazaroff (1965), exponent rounded.
+    """
+    return Shift(threshold=0.4 * psi * np.log(at["spread"]), repose=psi * 1.5 * np.log(at["spread"]))
+
+
+def bed_slope(psi: float, at: Conditions) -> Shift:
+    """sqrt(cos a + sin a / tan phi); Reference: Iversen & Rasmussen (1994), Sedimentology 41, 721."""
+    factor = np.sqrt(np.maximum(np.cos(at["slope"]) + np.sin(at["slope"]) / REPOSE_TANGENT, 0.05))
+    return Shift(threshold=np.log(np.maximum(1.0 + psi * (factor - 1.0), 0.05)))
+
+
+def drag_partition(psi: float, at: Conditions) -> Shift:
+    """sqrt((1 - m s L)(1 + m b L)), m = 0.5, b = 100.
+
+    Reference: Raupach et al. (1993), J. Geophys. Res. 98, 3023.
+    """
+    density = np.minimum(at["roughness"], 0.5)
+    return Shift(threshold=0.5 * np.log((1.0 - 0.5 * density) * (1.0 + 50.0 * psi * density)))
+
+
+def electrostatics(psi: float, at: Conditions) -> Shift:
+    """Charge lifts dry fine grains: weight less by 20 % at 0.1 mm, lost above 1 % water (plausible size)."""
+    relief = 0.2 * psi * (1e-4 / at["diameter"]) * np.exp(-at["moisture"] / 0.005)
+    return Shift(threshold=-0.5 * np.log1p(relief), flux=0.6 * relief)
+
+
+def air_density(psi: float, at: Conditions) -> Shift:
+    """u*t ~ rho^-1/2 and Q ~ rho: the bare model takes the density at sea level."""
+    ratio = np.log(at["air_density"] / AIR_DENSITY)
+    return Shift(threshold=-0.5 * psi * ratio, flux=psi * ratio)
+
+
+def mid_air_collisions(psi: float, at: Conditions) -> Shift:
+    """Collisions in a dense cloud raise the flux with u*.
+
+    Reference: Carneiro et al. (2013), Phys. Rev. Lett. 111, 058001, for the trend.
+    """
+    return Shift(flux=np.log1p(0.8 * psi * np.maximum(at["u_star"] - 0.25, 0.0) / 0.25))
+
+
+def short_fetch(psi: float, at: Conditions) -> Shift:
+    """Flux saturates over a length psi (5 m): 1 - exp(-x / L).
+
+    Reference: Dong et al. (2004), Geomorphology 57.
+    """
+    length = 5.0 * max(psi, 1e-12)
+    return Shift(flux=np.log(np.maximum(-np.expm1(-at["fetch"] / length), 1e-6)))
+
+
+def side_walls(psi: float, at: Conditions) -> Shift:
+    """Walls carry part of the heap: angle up by 8 deg at a width of 10 grains (plausible size)."""
+    return Shift(repose=8.0 * psi * np.minimum(10.0 * at["diameter"] / at["width"], 3.0))
+
+
+def trap_efficiency(psi: float, at: Conditions) -> Shift:
+    """An instrument, not physics: a trap loses fine grains, more in stronger wind (plausible size)."""
+    loss = 0.35 * psi * np.exp(-at["diameter"] / 1.5e-4) * at["u_star"] / 0.4
+    return Shift(flux=-loss)
+
+
+EFFECTS: dict[str, Law] = {
+    law.__name__: law
+    for law in (
+        dry_cohesion,
+        liquid_bridge,
+        saffman_lift,
+        gusts,
+        rolling_resistance,
+        sheltering,
+        bed_slope,
+        drag_partition,
+        electrostatics,
+        air_density,
+        mid_air_collisions,
+        short_fetch,
+        side_walls,
+        trap_efficiency,
+    )
+}
+
+
+OBSERVABLES = ("threshold_u_star", "flux", "repose_angle")
+PARAMETERS = {
+    "threshold_coefficient": 0.1,
+    "flux_coefficient": 1.5,
+    "friction_sliding": 0.5,
+    "friction_rolling": 0.1,
+}
+SCATTER = {
+    "threshold_u_star": 0.02,
+    "flux": 0.08,
+    "repose_angle": 0.5,
+}  # of one seed: relative, relative, deg
+DEFAULT_COLUMNS: Conditions = {name: np.asarray(value) for name, value in DEFAULTS.items()}
+DEGREES_PER_ROLLING = 15.0  # deg per unit of rolling friction, from heaps of spheres
+
+
+def predict(
+    observable: str,
+    conditions: dict[str, Floats],
+    parameters: dict[str, float],
+    effects: dict[str, float],
+    seeds: Integers,
+) -> Floats:
+    """The model of the study contract: one observable, n conditions, r seeds -> (r, n), paired by seed."""
+    value = expected(observable, conditions, parameters, effects)
+    kick = SCATTER[observable] * disturbance(observable, conditions, seeds)
+    return value + kick if observable == "repose_angle" else value * np.exp(kick)
+
+
+def expected(
+    observable: str, conditions: Conditions, parameters: dict[str, float], effects: dict[str, float]
+) -> Floats:
+    """The model without its scatter."""
+    at = complete_conditions(conditions)
+    given = {**PARAMETERS, **parameters}
+    shifts = [EFFECTS[name](psi, at) for name, psi in effects.items() if psi != 0.0]
+    if observable == "repose_angle":
+        angle = np.degrees(np.arctan(given["friction_sliding"]))
+        bare = angle + DEGREES_PER_ROLLING * given["friction_rolling"]
+        return bare + sum((shift.repose for shift in shifts), start=np.zeros(row_count(conditions)))
+    weight = (GRAIN_DENSITY / AIR_DENSITY - 1.0) * GRAVITY * at["diameter"]
+    threshold = given["threshold_coefficient"] * np.sqrt(weight)
+    threshold = threshold * np.exp(sum((shift.threshold for shift in shifts), start=0.0))
+    if observable == "threshold_u_star":
+        return threshold * np.ones(row_count(conditions))
+    if observable != "flux":
+        raise BadInput(f"reduced model: observable = {observable!r} is not one of {', '.join(OBSERVABLES)}")
+    excess = np.maximum(at["u_star"] ** 2 - threshold**2, 0.0)
+    flux = given["flux_coefficient"] * AIR_DENSITY / GRAVITY * threshold * excess
+    return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(row_count(conditions))))
+
+
+def complete_conditions(conditions: Conditions) -> Conditions:
+    """Conditions with the default where one is not given or not known; a default alone stays one number."""
+    complete = dict(DEFAULT_COLUMNS)
+    for name, column in conditions.items():
+        missing = not isfinite(np.add.reduce(column))  # one pass, where most columns are complete
+        known = np.isfinite(column) if missing else None
+        complete[name] = column if known is None else np.where(known, column, DEFAULTS.get(name, 0.0))
+    return complete
+
+
+def row_count(conditions: Conditions) -> int:
+    """Number of rows; one where no condition is given."""
+    return next((column.size for column in conditions.values()), 1)
+
+
+def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Floats:
+    """Standard normal number of every (seed, condition), the same whatever the parameters and effects."""
+    return disturbance_of(row_states(observable, conditions), seeds)
+
+
+def disturbance_of(rows: np.ndarray, seeds: Integers) -> Floats:
+    """Standard normal numbers (seeds, rows) of rows in their states."""
+    grid = scrambled(rows[np.newaxis, :] ^ scrambled(np.asarray(seeds).astype(np.uint64))[:, np.newaxis])
+    uniform = (np.right_shift(grid, np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
+    return ndtri(uniform)
+
+
+def row_states(observable: str, conditions: Conditions) -> np.ndarray:
+    """A number for every row that its observable and conditions make.
+
+    A hash of the bits, so that the order of rows does not matter. Reference: the finaliser of Steele, Lea &
+    Flood (2014), OOPSLA, fig. 15 (splitmix64).
+    """
+    size = row_count(conditions)
+    state = np.full(size, OBSERVABLES.index(observable) + 1, dtype=np.uint64)
+    for name in sorted(conditions):
+        state = scrambled(state ^ np.asarray(conditions[name], dtype=np.float64).view(np.uint64))
+    return state
+
+
+def scrambled(state: np.ndarray) -> np.ndarray:
+    """One step of splitmix64: every bit of the result depends on every bit of the state."""
+    state = state + np.uint64(0x9E3779B97F4A7C15)
+    state = (state ^ np.right_shift(state, np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    state = (state ^ np.right_shift(state, np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return state ^ np.right_shift(state, np.uint64(31))

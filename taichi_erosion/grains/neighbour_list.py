@@ -1,0 +1,111 @@
+"""Neighbour list: which grains may touch before the next rebuild, with the memory of those that do.
+
+Half list: a pair stands once, with the grain whose cell comes first. Entries of a grain lie together from
+`start` to `stop`, touching pairs first, so that the force loop meets them in runs. Every replica owns
+`capacity` entries on each of two sides; each partition of its grains fills its own share of them, so
+partitions never wait for each other.
+
+How far a grain may move before the lists are rebuilt.
+
+    h = clip(|v| t, m R, h_most)
+
+Fast grains get a wide margin, resting grains a narrow one, so that a few flying grains do not force the
+settled ones to search again. Adjacent cells hold all partners of a grain with R + h <= L, the grasp of the
+cells. A wide grain, R + h > L, looks at all others instead. That costs little while such grains are few; in a
+crowd they have to make do with h = max(m R, L - R).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.state import side_block
+
+ENGAGED = 1  # bit of a label: the contact acts
+MET = 2  # bit of a label: the two have touched, and an effect has held on to them since
+MEMORY = ENGAGED | MET
+ROW_SHIFT = 2  # of a label: above these bits stands the row of Materials
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Entries of all replicas, both sides."""
+
+    capacity: int  # entries a replica and side
+    owner: Any  # i32, rank of the owner
+    neighbour: Any  # i32, rank of the partner
+    label: Any  # i32, row of Materials above the bits ENGAGED and MET
+    separation: Any  # vec3, origin of the owner minus origin of the partner [m]
+    root_radius: Any  # square root of the effective radius [m^0.5]
+    damping: Any  # normal damping constant over sqrt(a) [kg s-1 m-0.5]
+    rolling_damping: Any  # rolling damping constant over sqrt(a) [N m s m-0.5]
+    slip: Any  # vec3, tangential displacement since engagement [m]
+    tilt: Any  # vec3, rolling angle since engagement [rad]
+    start: Any  # i32 by grain place: first entry
+    stop: Any  # i32 by grain place: one past the last entry
+
+
+def allocate_pairs(replicas: int, grains: int, capacity: int) -> Pairs:
+    """Fields of `capacity` entries a replica and side."""
+    reals = {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
+    vectors = {name: ti.Vector.field(3, float) for name in ("separation", "slip", "tilt")}
+    labels = {name: ti.field(ti.i32) for name in ("owner", "neighbour", "label")}
+    # by themselves: the search for a pair in an old list reads nothing else
+    ti.root.dense(ti.i, 2 * replicas * capacity).place(*labels.values())
+    ti.root.dense(ti.i, 2 * replicas * capacity).place(
+        vectors["separation"], *reals.values(), vectors["slip"], vectors["tilt"]
+    )
+    bounds = {name: ti.field(ti.i32) for name in ("start", "stop")}
+    ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())
+    return Pairs(capacity, **reals, **vectors, **labels, **bounds)
+
+
+@ti.func
+def entry_block(pairs: ti.template(), r, side):
+    """First entry of one side of replica r."""
+    return (2 * r + side) * pairs.capacity
+
+
+@ti.func
+def partition_entries(pairs: ti.template(), replicas: ti.template(), r, p):
+    """First entry of partition p within a side."""
+    return pairs.capacity // replicas.partitions[r] * p
+
+
+WIDE_MOST = 150  # wide grains in a crowd: in a dense bed a grain looks at about as many in adjacent cells
+
+
+@ti.func
+def margin_wanted(replicas: ti.template(), r, radius, speed):
+    """Distance that a grain should be able to move before its list is stale [m]."""
+    least = replicas.margin_least[r] * radius
+    return ti.min(ti.max(least, speed * replicas.margin_time[r]), replicas.margin_most[r])
+
+
+@ti.func
+def margin(replicas: ti.template(), r, radius, speed):
+    """Distance that a grain may move before its list is stale [m]; in a crowd no more than cells allow."""
+    allowed = margin_wanted(replicas, r, radius, speed)
+    if replicas.crowded[r] == 1:
+        least = replicas.margin_least[r] * radius
+        allowed = ti.min(allowed, ti.max(least, replicas.grasp_most[r] - radius))
+    return allowed
+
+
+@ti.func
+def count_wide(world_out: ti.template(), r):
+    """Note whether more grains than `WIDE_MOST` would reach beyond adjacent cells."""
+    grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
+    base = side_block(grains, r, replicas_out.side[r])
+    wide = 0
+    for i in range(base, base + replicas_out.released[r]):
+        wanted = margin_wanted(replicas_out, r, grains.radius[i], grains.velocity[i].norm())
+        wide += ti.cast(grains.radius[i] + wanted > replicas_out.grasp_most[r], ti.i32)
+    replicas_out.crowded[r] = ti.cast(wide > WIDE_MOST, ti.i32)
+
+
+@ti.func
+def is_wide(world: ti.template(), r, i):
+    """Whether the grain at place i reaches beyond adjacent cells."""
+    (grains,) = ti.static((world.grains,))
+    return grains.extent[i] > world.replicas.grasp_most[r]

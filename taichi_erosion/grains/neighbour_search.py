@@ -1,0 +1,331 @@
+"""Searching the partners of a grain: in adjacent cells, and for a few wide grains among all others.
+
+Rebuilding the neighbour list: sort, move, search, and carry the memory of contacts over.
+
+A grain may move by its own margin h before the list is rebuilt (`grains.margins`). A pair is listed when
+
+    |x_i - x_j| < R_i + R_j + h_i + h_j + reach,
+
+and a rebuild is due as soon as any grain has moved by more than its h: no contact can be missed.
+"""
+
+from taichi_erosion.core.effect_device import begin_memory, move_memory
+from taichi_erosion.core.periodic import nearest_image
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.cells import (
+    arranged,
+    cell_coordinates,
+    cell_index,
+    cell_start,
+    position_of,
+    shortest_way,
+)
+from taichi_erosion.grains.contact import ROLLING_INERTIA
+from taichi_erosion.grains.frozen_drag import clear_held, move_held
+from taichi_erosion.grains.materials import pair_row
+from taichi_erosion.grains.neighbour_list import (
+    MEMORY,
+    ROW_SHIFT,
+    entry_block,
+    is_wide,
+    margin,
+    partition_entries,
+)
+from taichi_erosion.grains.sleep import clear_sleep, move_sleep
+from taichi_erosion.grains.state import partition_first, side_block
+
+ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one beside it, three above
+
+
+@ti.func
+def closeness(world: ti.template(), r, i, j, period):
+    """How places i and j stand: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
+    (grains,) = ti.static((world.grains,))
+    within = grains.extent[i] + grains.extent[j] + world.replicas.reach[r]
+    away = shortest_way(ti.abs(grains.origin[i] - grains.origin[j]), period)
+    distance_squared = ti.cast(away.norm_sqr(), float)
+    stand = 0
+    if distance_squared < within * within:
+        contact_distance = grains.radius[i] + grains.radius[j]
+        stand = 1 + ti.cast(distance_squared < contact_distance * contact_distance, ti.i32)
+    if ti.static(world.clumped):
+        row = r * grains.capacity
+        if world.source.body[row + grains.ident[i]] == world.source.body[row + grains.ident[j]]:
+            stand = 0
+    return stand
+
+
+@ti.func
+def row_piece(cells: ti.template(), grid, r, place, row, piece):
+    """Ranks [first, last) of one run of cells in row `row` after the cell `place`; empty outside the grid.
+
+    `grid` is (number of cells, whether periodic), and x, y, z here are the arranged axes. Piece 0 is the run
+    inside the grid, piece 1 the one cell beyond a periodic edge in x.
+    """
+    number, periodic = grid
+    y = place[1] + (row == 1) + (row >= 2) * (row - 3)
+    z = place[2] + (row >= 2)
+    if periodic[1] == 1:
+        y = (y + number[1]) % number[1]
+    if periodic[2] == 1:
+        z = z % number[2]
+    left = ti.max(place[0] - (row > 0), 0)
+    right = ti.min(place[0] + 1, number[0] - 1)
+    if piece == 1:
+        left = ti.select(place[0] == 0, number[0] - 1, 0)
+        right = left
+    wanted = piece == 0 or (periodic[0] == 1 and ((place[0] == 0 and row > 0) or place[0] == number[0] - 1))
+    first = 0
+    last = 0
+    if wanted and 0 <= y < number[1] and z < number[2]:
+        first = cell_start(cells, r, cell_index(number, (left, y, z)))
+        last = cell_start(cells, r, cell_index(number, (right, y, z)) + 1)
+    return first, last
+
+
+@ti.func
+def list_partner(world_out: ti.template(), entry, limit, found, j, stand):
+    """Write partner j behind those `found`, (wanted, touching), and return both numbers; touching ones first.
+
+    Nothing is written from `limit` on; a number beyond it tells the host to grow the list.
+    """
+    (pairs_out,) = ti.static((world_out.pairs,))
+    wanted, touching = found
+    if stand > 0:
+        if entry + wanted < limit:
+            slot = entry + wanted
+            if stand == 2:
+                pairs_out.neighbour[slot] = pairs_out.neighbour[entry + touching]
+                slot = entry + touching
+                touching += 1
+            pairs_out.neighbour[slot] = j
+        wanted += 1
+    return wanted, touching
+
+
+@ti.func
+def search_cells(world_out: ti.template(), r, rank, entry, limit):
+    """List the partners of one grain in its own and adjacent cells; wide ones list it themselves."""
+    (cells,) = ti.static((world_out.cells,))
+    base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
+    place = cell_coordinates(cells, r, world_out.grains.origin[base + rank])
+    period = world_out.replicas.period[r]
+    periodic = arranged(cells, r, ti.cast(period > 0.0, ti.i32))
+    grid = (arranged(cells, r, cells.number[r]), periodic)
+    wanted, touching = 0, 0
+    for run in range(2 * ROWS):
+        first, last = row_piece(cells, grid, r, place, run // 2, run % 2)
+        if run == 0:
+            first = rank + 1
+        for j in range(first, last):
+            stand = closeness(world_out, r, base + rank, base + j, period)
+            if stand > 0:
+                if is_wide(world_out, r, base + j):
+                    stand = 0
+                wanted, touching = list_partner(world_out, entry, limit, (wanted, touching), j, stand)
+    return wanted
+
+
+@ti.func
+def search_all(world_out: ti.template(), r, rank, entry, limit):
+    """List the partners of a wide grain among all others; of two wide ones the first lists both."""
+    (replicas,) = ti.static((world_out.replicas,))
+    base = side_block(world_out.grains, r, 1 - replicas.side[r])
+    period = replicas.period[r]
+    wanted, touching = 0, 0
+    for j in range(replicas.released[r]):
+        stand = closeness(world_out, r, base + rank, base + j, period)
+        if stand > 0:
+            if j == rank or (j < rank and is_wide(world_out, r, base + j)):
+                stand = 0
+            wanted, touching = list_partner(world_out, entry, limit, (wanted, touching), j, stand)
+    return wanted
+
+
+@ti.func
+def search_grain(world_out: ti.template(), r, rank, entry, limit):
+    """List the partners of one grain from `entry` on; returns the number wanted."""
+    base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
+    wanted = 0
+    if is_wide(world_out, r, base + rank):
+        wanted = search_all(world_out, r, rank, entry, limit)
+    else:
+        wanted = search_cells(world_out, r, rank, entry, limit)
+    return wanted
+
+
+TOUCHING = 1e-5  # of the distance of two grains: nearer to touching than this they count as touching [1]
+
+
+@ti.func
+def release_grains(world_out: ti.template(), r):
+    """Append the grains whose time has come to the valid side, with empty lists."""
+    grains_out, source, replicas_out = ti.static((world_out.grains, world_out.source, world_out.replicas))
+    base = side_block(grains_out, r, replicas_out.side[r])
+    row = r * grains_out.capacity
+    count = replicas_out.released[r]
+    while count < replicas_out.total[r] and source.release_step[row + count] <= replicas_out.step[r]:
+        grains_out.origin[base + count] = source.position[row + count]
+        grains_out.shift[base + count] = 0.0 * source.velocity[row + count]
+        grains_out.velocity[base + count] = source.velocity[row + count]
+        grains_out.spin[base + count] = source.spin[row + count]
+        grains_out.radius[base + count] = source.radius[row + count]
+        grains_out.mass_inverse[base + count] = source.mass_inverse[row + count]
+        grains_out.material[base + count] = source.material[row + count]
+        grains_out.ident[base + count] = count
+        if ti.static(world_out.driven):
+            clear_held(world_out.held, base + count)
+        if ti.static(world_out.sleeps):
+            clear_sleep(world_out.sleep, base + count)
+        if ti.static(world_out.remembers):
+            begin_memory(world_out.pair_effects, r, base + count)
+            begin_memory(world_out.grain_effects, r, base + count)
+        for bounds_out in ti.static((world_out.pairs, world_out.wall_pairs)):
+            bounds_out.start[base + count] = 0
+            bounds_out.stop[base + count] = 0
+        count += 1
+    replicas_out.released[r] = count
+    replicas_out.bounds[r, replicas_out.partitions[r]] = count
+
+
+@ti.func
+def move_grains(world_out: ti.template(), r, p):
+    """Copy partition p to the other side in sorted order, folding the shift into the origin."""
+    grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
+    old = side_block(grains_out, r, replicas.side[r])
+    new = side_block(grains_out, r, 1 - replicas.side[r])
+    first = partition_first(replicas, r, p)
+    for rank in range(first, partition_first(replicas, r, p + 1)):
+        i = old + world_out.cells.order[r * grains_out.capacity + rank]
+        k = new + rank
+        velocity = grains_out.velocity[i]
+        radius = grains_out.radius[i]
+        allowed = margin(replicas, r, radius, velocity.norm())
+        grains_out.origin[k] = position_of(grains_out, replicas, r, i)
+        grains_out.shift[k] = 0.0 * velocity
+        grains_out.velocity[k] = velocity
+        grains_out.spin[k] = grains_out.spin[i]
+        grains_out.radius[k] = radius
+        grains_out.mass_inverse[k] = grains_out.mass_inverse[i]
+        grains_out.travel_squared[k] = allowed * allowed
+        grains_out.extent[k] = radius + allowed
+        grains_out.material[k] = grains_out.material[i]
+        grains_out.ident[k] = grains_out.ident[i]
+        if ti.static(world_out.driven):
+            move_held(world_out.held, k, i)
+        if ti.static(world_out.sleeps):
+            move_sleep(world_out.sleep, k, i)
+        if ti.static(world_out.remembers):
+            move_memory(world_out.pair_effects, k, i)
+            move_memory(world_out.grain_effects, k, i)
+
+
+@ti.func
+def remembered(pairs: ti.template(), place_i, place_j, rank_j):
+    """Entry of the pair in the list of place_i, or -1."""
+    found = -1
+    for e in range(pairs.start[place_i], pairs.stop[place_i]):
+        if pairs.neighbour[e] == rank_j:
+            found = e
+    return found
+
+
+@ti.func
+def recall(world_out: ti.template(), r, entry, rank_i, rank_j):
+    """Copy the memory of a pair from the old list to `entry`; a pair seen from its other end changes sign."""
+    pairs_out, grains = ti.static((world_out.pairs, world_out.grains))
+    row = r * grains.capacity
+    old_i = world_out.cells.order[row + rank_i]
+    old_j = world_out.cells.order[row + rank_j]
+    old = side_block(grains, r, world_out.replicas.side[r])
+    sign = 1.0
+    source = remembered(pairs_out, old + old_i, old + old_j, old_j)
+    if source < 0:
+        sign = -1.0
+        source = remembered(pairs_out, old + old_j, old + old_i, old_i)
+    slip = 0.0 * pairs_out.separation[entry]
+    tilt = slip
+    memory = 0
+    if source >= 0:
+        slip = sign * pairs_out.slip[source]
+        tilt = sign * pairs_out.tilt[source]
+        memory = pairs_out.label[source] & MEMORY
+    pairs_out.slip[entry] = slip
+    pairs_out.tilt[entry] = tilt
+    return memory
+
+
+@ti.func
+def may_go_on(world: ti.template(), i, j, difference):
+    """Whether a contact of places i and j may have a memory: apart they forget, if nothing holds them."""
+    (grains,) = ti.static((world.grains,))
+    held = True
+    if ti.static(not (world.laws.adhesive or world.pair_effects.any)):
+        contact_distance = (1.0 + TOUCHING) * (grains.radius[i] + grains.radius[j])
+        held = difference.norm_sqr() < contact_distance * contact_distance
+    return held
+
+
+@ti.func
+def fill_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
+    """Constants and memory of one listed pair."""
+    grains, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
+    base = side_block(grains, r, 1 - world_out.replicas.side[r])
+    i = base + rank_i
+    j = base + rank_j
+    difference = nearest_image(grains.origin[i] - grains.origin[j], world_out.replicas.period[r])
+    row = pair_row(materials, r, grains.material[i], grains.material[j])
+    mass = 1.0 / (grains.mass_inverse[i] + grains.mass_inverse[j])
+    pairs_out.owner[entry] = rank_i
+    pairs_out.separation[entry] = ti.cast(difference, float)
+    root_radius = ti.sqrt(grains.radius[i] * grains.radius[j] / (grains.radius[i] + grains.radius[j]))
+    inertia = ROLLING_INERTIA / (
+        grains.mass_inverse[i] / grains.radius[i] ** 2 + grains.mass_inverse[j] / grains.radius[j] ** 2
+    )
+    pairs_out.root_radius[entry] = root_radius
+    pairs_out.damping[entry] = materials.damping[row] * ti.sqrt(mass)
+    pairs_out.rolling_damping[entry] = world_out.laws.rolling_constant(materials, row, root_radius, inertia)
+    memory = 0
+    if may_go_on(world_out, i, j, difference):
+        memory = recall(world_out, r, entry, rank_i, rank_j)
+    else:
+        pairs_out.slip[entry] = 0.0 * pairs_out.slip[entry]
+        pairs_out.tilt[entry] = 0.0 * pairs_out.tilt[entry]
+    pairs_out.label[entry] = (row << ROW_SHIFT) + memory
+
+
+@ti.func
+def wider(ranks, rank):
+    """Lowest of some ranks, and one past the highest, with one more among them."""
+    return ti.Vector([ti.min(ranks[0], rank), ti.max(ranks[1], rank + 1)])
+
+
+@ti.func
+def list_partition(world_out: ti.template(), r, p):
+    """Fill the lists of one partition; remember how far its forces will reach."""
+    pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
+    side = 1 - replicas_out.side[r]
+    base = side_block(world_out.grains, r, side)
+    first = partition_first(replicas_out, r, p)
+    last = partition_first(replicas_out, r, p + 1)
+    entry = entry_block(pairs_out, r, side) + partition_entries(pairs_out, replicas_out, r, p)
+    limit = entry + pairs_out.capacity // replicas_out.partitions[r]
+    before, behind = ti.Vector([first, 0]), ti.Vector([replicas_out.released[r], 0])
+    short = 0
+    for rank in range(first, last):
+        wanted = search_grain(world_out, r, rank, entry, limit)
+        listed = ti.min(wanted, limit - entry)
+        short += wanted - listed
+        pairs_out.start[base + rank] = entry
+        pairs_out.stop[base + rank] = entry + listed
+        for e in range(entry, entry + listed):
+            j = pairs_out.neighbour[e]
+            if j < first:
+                before = wider(before, j)
+            if j >= last:
+                behind = wider(behind, j)
+            fill_entry(world_out, r, e, rank, j)
+        entry += listed
+    replicas_out.short[r, p] = short
+    replicas_out.before_low[r, p], replicas_out.before_high[r, p] = before
+    replicas_out.after_low[r, p], replicas_out.after_high[r, p] = behind

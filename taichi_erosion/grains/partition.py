@@ -1,0 +1,79 @@
+"""Workers and teams: who runs which replica, and how the members of a team wait for each other.
+
+On a CPU one task is one worker thread. Where there are two workers or more for every replica, they form
+teams and share its partitions; elsewhere a worker runs replicas by itself, in the turns that the host deals.
+Partitions and their order of summation are properties of the replica, so the result is the same.
+
+Sharing the grains of a replica among its partitions, so that all take about as long.
+
+A grain costs what its motion, its listed pairs and its contacts took before the rebuild. Counted, not timed:
+the bounds must be the same in every run, since forces are summed partition by partition.
+"""
+
+from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.neighbour_list import ENGAGED
+from taichi_erosion.grains.state import MEETING, side_block
+
+CPU_CHUNK = 512  # Taichi hands out CPU iterations in blocks of this size: one worker needs a whole block
+
+
+@ti.func
+def wait_for_team(replicas_out: ti.template(), r, size, turn):
+    """Wait until all `size` members have come here; returns the number of the next meeting."""
+    if size > 1:
+        ti.atomic_add(replicas_out.arrivals[r, MEETING], 1)
+        # an atomic read: a plain one may be hoisted out of the loop
+        while ti.atomic_add(replicas_out.arrivals[r, MEETING], 0) < turn * size:
+            pass
+    return turn + 1
+
+
+@ti.func
+def is_mine(replicas: ti.template(), r, p, member, size):
+    """Whether partition p belongs to a member; members own runs of neighbouring partitions."""
+    return p * size // replicas.partitions[r] == member
+
+
+# in the time that it takes to see that a listed pair is apart; measured in a funnel that empties
+GRAIN = 2  # motion and a share of the rebuild
+CONTACT = 3  # of a pair that touches, beyond that
+WALL = 4  # of a wall in the list
+WALL_CONTACT = 12  # of a wall that is touched, beyond that
+
+
+@ti.func
+def touching(entries: ti.template(), i):
+    """Contacts that act, of those that stand with the grain at place i."""
+    number = 0
+    for e in range(entries.start[i], entries.stop[i]):
+        number += entries.label[e] & ENGAGED
+    return number
+
+
+@ti.func
+def cost(world: ti.template(), i):
+    """Cost of the grain at place i, from its lists before the rebuild."""
+    pairs, walls = ti.static((world.pairs, world.wall_pairs))
+    listed = pairs.stop[i] - pairs.start[i] + WALL * (walls.stop[i] - walls.start[i])
+    return GRAIN + listed + CONTACT * touching(pairs, i) + WALL_CONTACT * touching(walls, i)
+
+
+@ti.func
+def share_grains(world_out: ti.template(), r):
+    """Bounds of all partitions of replica r in the new order, by one worker."""
+    grains, cells, replicas_out = ti.static((world_out.grains, world_out.cells, world_out.replicas))
+    base = side_block(grains, r, replicas_out.side[r])
+    count, parts = replicas_out.released[r], replicas_out.partitions[r]
+    whole = ti.cast(0, ti.i64)
+    if parts > 1:
+        for i in range(base, base + count):
+            whole += cost(world_out, i)
+    begun = 1
+    spent = ti.cast(0, ti.i64)
+    for rank in range(count * ti.cast(parts > 1, ti.i32)):
+        while begun < parts and spent * parts >= whole * begun:
+            replicas_out.bounds[r, begun] = rank
+            begun += 1
+        spent += cost(world_out, base + cells.order[r * grains.capacity + rank])
+    for p in range(begun, parts):
+        replicas_out.bounds[r, p] = count

@@ -1,0 +1,116 @@
+"""Dynamic angle of repose: slope of the free surface in a slowly rotating drum.
+
+Sliding angle: the inclination at which grains on a slowly tilted plate let go.
+
+Reference: Hao et al. (2022), figure 3: friction coefficients from an inclinometer, mu = tan(angle).
+"""
+
+from collections.abc import Sequence
+from math import atan, degrees, nan, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures.heap import defect, grain_diameter
+from taichi_erosion.measures.result import Measurement, no_measurement
+
+Floats = NDArray[np.float64]
+Triple = tuple[float, float, float]
+
+MIDDLE_SHARE = 0.5  # of the drum radius: the surface is straight there; the ends curve at the wall [1]
+FEWEST_BINS = 3  # that carry a line [1]
+
+
+def dynamic_angle(
+    frames: Sequence[Snapshot],
+    drum_radius: float,
+    centre: Triple = (0.0, 0.0, 0.0),
+    axis: Triple = (0.0, 1.0, 0.0),
+) -> Measurement:
+    """Mean slope of the surface over frames of the steady state [deg].
+
+    Per frame a straight line is fitted to the height of the surface across the middle half of the drum, in
+    bins of one grain diameter. `sd` is the standard deviation over frames: frames of one run are not repeats,
+    so n is 1. `centre` is a point of the axis [m], `axis` a horizontal unit vector, gravity acts along -z.
+    The value is the magnitude of the mean; `details` hold the signed angle of each frame, positive where the
+    surface rises along `axis` x z.
+    """
+    name = "dynamic_angle"
+    reasons = [reason for frame in frames if (reason := defect(frame))]
+    if reasons or not frames:
+        return no_measurement(name, "deg", reasons[0] if reasons else "no frames")
+    angles = [surface_angle(frame, drum_radius, centre, axis) for frame in frames]
+    found = [angle for angle in angles if angle is not None]
+    if not found:
+        return no_measurement(
+            name, "deg", f"no surface {FEWEST_BINS} diameters wide in the middle of the drum"
+        )
+    sd = float(np.std(found, ddof=1)) if len(found) > 1 else nan
+    missing = len(angles) - len(found)
+    notes = (f"{missing} of {len(angles)} frames show no surface",) if missing else ()
+    return Measurement(name, abs(float(np.mean(found))), sd, "deg", 1, notes, {"frame_angles": found})
+
+
+def surface_angle(frame: Snapshot, drum_radius: float, centre: Triple, axis: Triple) -> float | None:
+    """Slope of the surface in one frame [deg], None where fewer than three bins are filled.
+
+    The surface of a bin is the mean over slices of the drum, one diameter thick, of the highest top of a
+    touching grain: grains in flight do not belong to the surface.
+    """
+    diameter = grain_diameter(frame)
+    across = np.cross(axis, (0.0, 0.0, 1.0))
+    offset = frame.position - np.asarray(centre)
+    column = np.floor(offset @ across / diameter).astype(np.int64)
+    middle = np.abs((column + 0.5) * diameter) <= MIDDLE_SHARE * drum_radius
+    chosen = middle & (frame.contacts > 0)
+    if not chosen.any():
+        return None
+    slice_ = np.floor(offset @ np.asarray(axis) / diameter).astype(np.int64)[chosen]
+    column, slice_ = column[chosen] - column[chosen].min(), slice_ - slice_.min()
+    tops = np.full((int(column.max()) + 1, int(slice_.max()) + 1), -np.inf)
+    np.maximum.at(tops, (column, slice_), (offset[:, 2] + frame.radius)[chosen])
+    filled = np.isfinite(tops)
+    bins = np.flatnonzero(filled.any(axis=1))
+    if bins.size < FEWEST_BINS:
+        return None
+    surface = np.where(filled, tops, 0.0)[bins].sum(axis=1) / filled[bins].sum(axis=1)
+    return degrees(atan(np.polyfit(bins * diameter, surface, 1)[0]))
+
+
+LET_GO_SHARE = 0.5  # of a diameter: elastic settling stays far below, a moving grain is past it at once [1]
+
+
+def sliding_angle(
+    frames: Sequence[Snapshot], tilts: Sequence[float], share: float = LET_GO_SHARE
+) -> Measurement:
+    """Inclination at which the median grain has moved by `share` of a diameter [deg].
+
+    `tilts` [rad] is the inclination at each frame, never decreasing; displacements count from the first
+    frame; between frames they are interpolated linearly. `sd` is that of a uniform distribution over the
+    interval between the two frames. The angle lags behind the true onset by the turn made while the grain
+    covers that distance: tilt slowly. `details`: displacement [d] at each frame and friction = tan(angle).
+    """
+    name = "sliding_angle"
+    if len(frames) != len(tilts):
+        raise ValueError(f"one tilt per frame is needed, got {len(tilts)} for {len(frames)} frames")
+    reasons = [reason for frame in frames if (reason := defect(frame))]
+    if reasons or not frames:
+        return no_measurement(name, "deg", reasons[0] if reasons else "no frames")
+    moved = [median_displacement(frames[0], frame) / grain_diameter(frames[0]) for frame in frames]
+    beyond = np.flatnonzero(np.asarray(moved) >= share)
+    if beyond.size == 0:
+        return no_measurement(name, "deg", f"nothing slid up to {degrees(tilts[-1]):.2f} deg")
+    k = int(beyond[0])
+    part = (share - moved[k - 1]) / (moved[k] - moved[k - 1])
+    angle = tilts[k - 1] + part * (tilts[k] - tilts[k - 1])
+    sd = degrees(tilts[k] - tilts[k - 1]) / sqrt(12.0)
+    details = {"displacements": moved, "friction": float(np.tan(angle))}
+    return Measurement(name, degrees(angle), sd, "deg", details=details)
+
+
+def median_displacement(before: Snapshot, after: Snapshot) -> float:
+    """Median over grains present in both snapshots of the distance moved [m]."""
+    rows: NDArray[np.int64]
+    _, rows, rows_after = np.intersect1d(before.ident, after.ident, return_indices=True)
+    return float(np.median(np.linalg.norm(after.position[rows_after] - before.position[rows], axis=1)))

@@ -1,0 +1,151 @@
+"""Recording of air alone: a slice along the wind, the profile, and curves over time."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import make_folder, part_path
+from taichi_erosion.core.snapshot import AirSnapshot
+from taichi_erosion.recording import drawing
+from taichi_erosion.recording.blueprint import TIMELINE
+from taichi_erosion.recording.disk_space import claim
+from taichi_erosion.recording.stream import (
+    APPLICATION,
+    CURVE_WIDTH,
+    FLUSH_INTERVAL,
+    Recording,
+    flush,
+    log_image,
+    set_time,
+)
+
+if TYPE_CHECKING:
+    import rerun.blueprint as rrb
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+SLICE_PIXELS = 900  # longer side of a slice [px]
+SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [px]
+CALM = np.array(drawing.NIGHT)  # colour of still air
+FAST = np.array([(38, 70, 130), (60, 150, 190), (150, 220, 170), (250, 230, 120), (255, 120, 60)])
+PLOT_WIDTH, PLOT_HEIGHT = 100.0, 60.0  # of the profile plot, in its own units
+TICKS = 2  # labelled values of each axis beside 0; more would overlap in a small view
+STILL = 0.01  # of the fastest wind: what blows backwards more slowly is drawn as 0 [1]
+FRAMES_PER_SECOND = 10.0  # of the viewer's playback
+
+
+@dataclass(frozen=True)
+class WindHeader:
+    """What is known of a flow before its first step."""
+
+    recording_id: str
+    name: str
+    scene_text: str  # the scene file, TOML
+    curves: Mapping[str, str]  # legend by name of every curve
+
+
+def open_wind_recording(path: Path, header: WindHeader) -> Recording:
+    """Begin PATH.part with its blueprint and the scene. Raises BadInput where it cannot be written."""
+    import rerun as rr
+
+    make_folder(path)
+    batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
+    stream = rr.RecordingStream(APPLICATION, recording_id=header.recording_id, batcher_config=batches)
+    try:
+        right = claim(part_path(path))
+        stream.save(part_path(path), default_blueprint=wind_blueprint(header.curves))
+    except OSError as error:
+        raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.send_recording_name(header.name)
+    text = f"# {header.name}\n\n```toml\n{header.scene_text}\n```\n"
+    stream.log("scene", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+    for curve, legend in header.curves.items():
+        lines = rr.SeriesLines(names=legend, colors=[drawing.SAND], widths=CURVE_WIDTH)
+        stream.log(f"air/{curve}", lines, static=True)
+    recording = Recording(path, stream, claim=right)
+    flush(recording)
+    return recording
+
+
+def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
+    """Slice above, profile and curves below."""
+    import rerun.blueprint as rrb
+
+    series = [
+        rrb.TimeSeriesView(name=legend, origin="/air", contents=[f"$origin/{curve}"])
+        for curve, legend in curves.items()
+    ]
+    below = rrb.Horizontal(
+        rrb.Spatial2DView(name="Profile: height against speed", origin="/profile", background=drawing.NIGHT),
+        rrb.Tabs(*series, rrb.TextDocumentView(name="Scene", origin="/scene"), active_tab=0),
+    )
+    slices = rrb.Spatial2DView(name="Speed along the wind", origin="/slice", background=drawing.NIGHT)
+    return rrb.Blueprint(
+        rrb.Vertical(slices, below, row_shares=[1, 1]),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=FRAMES_PER_SECOND),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def log_wind(recording: Recording, state: AirSnapshot, step: int, curves: Mapping[str, float]) -> None:
+    """Write one moment: slice, profile and curves."""
+    import rerun as rr
+
+    set_time(recording, state.time, step)
+    log_image(recording, "slice", speed_slice(state))
+    log_profile(recording, state.velocity[..., 0].mean(axis=(0, 1)), state.faces_z)
+    for curve, value in curves.items():
+        recording.stream.log(f"air/{curve}", rr.Scalars(value))
+
+
+def speed_slice(state: AirSnapshot) -> Image:
+    """Picture of the speed in the vertical plane along the wind through the middle of the box."""
+    middle = state.velocity.shape[1] // 2
+    speed = np.linalg.norm(state.velocity[:, middle], axis=-1)
+    length = float(state.x[-1] + state.x[0]) if len(state.x) > 1 else float(np.ptp(state.faces_z))
+    height = float(np.ptp(state.faces_z))
+    scale = SLICE_PIXELS / max(length, height)
+    columns, rows = (max(int(scale * size), SLICE_LEAST) for size in (length, height))
+    across = np.minimum(np.arange(columns) * speed.shape[0] // columns, speed.shape[0] - 1)
+    heights = state.faces_z[0] + height * (np.arange(rows)[::-1] + 0.5) / rows
+    up = np.clip(np.searchsorted(state.faces_z, heights) - 1, 0, speed.shape[1] - 1)
+    fastest = max(float(speed.max()), np.finfo(float).tiny)
+    return wind_colours(speed[across[None, :], up[:, None]] / fastest)
+
+
+def wind_colours(share: Floats) -> Image:
+    """Colour of a share of the fastest wind [1]."""
+    anchors = np.vstack([CALM, FAST])
+    place = np.clip(share, 0.0, 1.0) * (len(anchors) - 1)
+    channels = [np.interp(place, np.arange(len(anchors)), anchors[:, channel]) for channel in range(3)]
+    return np.stack(channels, axis=-1).astype(np.uint8)
+
+
+def log_profile(recording: Recording, speed: Floats, faces: Floats) -> None:
+    """Write speeds [n] m s-1 between faces [n + 1] m as a curve of height against speed, with axes."""
+    import rerun as rr
+
+    height, top = 0.5 * (faces[1:] + faces[:-1]) - faces[0], float(np.ptp(faces))
+    high = max(float(speed.max()), np.finfo(float).tiny)
+    low = float(speed.min()) if speed.min() < -STILL * high else 0.0
+    x = (speed - low) / (high - low) * PLOT_WIDTH
+    y = -height / top * PLOT_HEIGHT
+    curve = rr.LineStrips2D([np.column_stack([x, y])], colors=[drawing.EMBER], radii=[0.3])
+    recording.stream.log("profile/speed", curve)
+    ticks = np.linspace(0.0, 1.0, TICKS + 1)
+    places = [(PLOT_WIDTH * t, 3.0) for t in ticks] + [(-3.0, -PLOT_HEIGHT * t) for t in ticks[1:]]
+    words = [f"{low + (high - low) * t:.3g} m/s" for t in ticks]
+    words += [f"{top * t:.3g} m" for t in ticks[1:]]
+    axes = rr.Points2D(places, labels=words, colors=[drawing.STEEL], radii=[0.2], show_labels=True)
+    recording.stream.log("profile/axes", axes)

@@ -1,0 +1,96 @@
+"""Contact parameters of every pair of materials, from the scene's tables."""
+
+import numpy as np
+
+from taichi_erosion.core.setup import ContactTable, pair_row
+from taichi_erosion.scene.schema.grains import Contact, Material
+from taichi_erosion.scene.schema.scene import Scene
+
+STICKING_EXPONENT = 0.4  # gamma_r / gamma = (E_r / E)^(2/5) keeps the sticking speed; Haervig et al. (2017)
+NEVER_READ = Contact(restitution=1.0, friction_sliding=0.0, rolling_damping=0.0)  # wall against wall
+
+
+def materials_used(scene: Scene) -> list[str]:
+    """Names of the materials of grains and walls, in alphabetical order."""
+    return sorted({scene.grains.material} | {wall.material for wall in scene.geometry.values()})
+
+
+def contact_of(scene: Scene, a: str, b: str) -> Contact | None:
+    """Parameters of a pair, whichever way the scene spells it."""
+    return scene.contact.get(f"{a}-{b}") or scene.contact.get(f"{b}-{a}")
+
+
+def shear_modulus(material: Material) -> float:
+    """G [Pa] as given, or E / (2 (1 + nu))."""
+    if material.shear_modulus is not None:
+        return material.shear_modulus
+    return (material.young_modulus or 0.0) / (2.0 * (1.0 + material.poisson_ratio))
+
+
+def young_modulus(material: Material) -> float:
+    """E [Pa] as given, or 2 G (1 + nu)."""
+    if material.young_modulus is not None:
+        return material.young_modulus
+    return 2.0 * (material.shear_modulus or 0.0) * (1.0 + material.poisson_ratio)
+
+
+def young_effective(a: Material, b: Material) -> float:
+    """E* [Pa]:  1/E* = (1 - nu_a^2) / E_a + (1 - nu_b^2) / E_b."""
+    return 1.0 / (plane_compliance(a, young_modulus(a)) + plane_compliance(b, young_modulus(b)))
+
+
+def plane_compliance(material: Material, young: float) -> float:
+    """Compliance (1 - nu^2) / E [Pa-1]."""
+    return (1.0 - material.poisson_ratio**2) / young
+
+
+def shear_effective(a: Material, b: Material) -> float:
+    """G* [Pa]:  1/G* = (2 - nu_a) / G_a + (2 - nu_b) / G_b."""
+    return 1.0 / ((2.0 - a.poisson_ratio) / shear_modulus(a) + (2.0 - b.poisson_ratio) / shear_modulus(b))
+
+
+def true_young(material: Material) -> float:
+    """Young's modulus before softening [Pa]."""
+    if material.softening is None:
+        return young_modulus(material)
+    given = material.shear_modulus or material.young_modulus or 1.0
+    return young_modulus(material) * material.softening.true_modulus / given
+
+
+def surface_energy(contact: Contact, a: Material, b: Material) -> float:
+    """Surface energy as simulated [J m-2]: as stated, but scaled where softening keeps the sticking speed.
+
+    gamma_r = gamma (E*_r / E*)^(2/5),  E* from the true moduli, E*_r from the softened ones.
+    Reference: Haervig et al. (2017), Powder Technology 319, 472.
+    """
+    rules = {m.softening.rule for m in (a, b) if m.softening is not None}
+    if "sticking_velocity" not in rules:
+        return contact.surface_energy
+    true = 1.0 / (plane_compliance(a, true_young(a)) + plane_compliance(b, true_young(b)))
+    return contact.surface_energy * (young_effective(a, b) / true) ** STICKING_EXPONENT
+
+
+def contact_table(scene: Scene) -> ContactTable:
+    """One row for every pair of used materials; pairs of walls hold values that nobody reads."""
+    names = materials_used(scene)
+    rows = {}
+    for i, a in enumerate(names):
+        for j, b in enumerate(names[i:], start=i):
+            contact = contact_of(scene, a, b) or NEVER_READ
+            rows[pair_row(i, j, len(names))] = contact_row(contact, scene.materials[a], scene.materials[b])
+    columns = np.array([rows[row] for row in range(len(rows))]).T
+    return ContactTable(*columns)
+
+
+def contact_row(contact: Contact, a: Material, b: Material) -> tuple[float, ...]:
+    """Numbers of one pair, in the order of ContactTable."""
+    return (
+        young_effective(a, b),
+        shear_effective(a, b),
+        contact.restitution,
+        contact.friction_sliding,
+        contact.friction_rolling,
+        contact.rolling_damping,
+        surface_energy(contact, a, b),
+        float(contact.acted_on),
+    )

@@ -1,0 +1,239 @@
+"""Random numbers of a scene: one independent stream for each seed and purpose.
+
+Pouring: layers of discs without overlap that pass a plane one after another.
+
+Where grains start: every fill law gives the bodies of one replica in order of release.
+"""
+
+from dataclasses import dataclass
+from hashlib import sha256
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.scene.build.sizes import nominal_diameter, sample_diameters
+from taichi_erosion.scene.schema.fields import Vector, unit_vector
+from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
+from taichi_erosion.scene.schema.scene import Scene
+from taichi_erosion.scene.schema.wind import Wind
+
+
+def stream(seed: int, purpose: str) -> np.random.Generator:
+    """Counter-based generator whose key is the seed and the purpose, so that no purpose disturbs another.
+
+    Reference: Salmon et al. (2011), SC '11, article 16 (Philox).
+    """
+    digest = sha256(f"{seed}:{purpose}".encode()).digest()
+    return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
+
+
+CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
+TRIES = 400  # random places tried for a grain before its layer is closed [1]
+
+
+@dataclass(frozen=True)
+class PouredLayers:
+    """Grains of a pour in order of release."""
+
+    place: Floats  # [n, 2] m, from the centre of the disc
+    release_time: Floats  # [n] s
+
+
+def clearing_time(distance: float, speed: float, gravity: float) -> float:
+    """Time in which a grain falls a distance [s]:  distance = v t + g t^2 / 2."""
+    return 2.0 * distance / (speed + sqrt(speed * speed + 2.0 * gravity * distance))
+
+
+def pour_layers(fill: Pour, radius: Floats, gravity: float, places: np.random.Generator) -> PouredLayers:
+    """Random places and release times of grains with the given bounding radii [m].
+
+    A layer is released at once, the next one when this one has fallen clear of the plane. A rate makes
+    layers as thin as it can keep them, so that the flow is steady; where one grain a layer is still too
+    fast, layers wait.
+    """
+    clear = clearing_time(2.0 * CLEARANCE * float(radius.max()), fill.speed, gravity)
+    most = max(1, round(fill.rate * clear)) if fill.rate else len(radius)
+    place = np.empty((len(radius), 2))
+    release = np.empty(len(radius))
+    first, time = 0, 0.0
+    while first < len(radius):
+        layer = random_layer(fill, radius[first : first + most], places)
+        last = first + len(layer)
+        place[first:last], release[first:last] = layer, time
+        time += max(clear, len(layer) / fill.rate if fill.rate else 0.0)
+        first = last
+    return PouredLayers(place, release)
+
+
+def random_layer(fill: Pour, radius: Floats, places: np.random.Generator) -> Floats:
+    """Random sequential addition of the next grains until the wanted coverage is reached, [n, 2] m."""
+    allowed = np.searchsorted(np.cumsum(radius**2), fill.coverage * fill.radius**2, side="right")
+    wanted = max(1, min(int(allowed), len(radius)))
+    found = np.empty((wanted, 2))
+    for k in range(wanted):
+        place = free_place(fill.radius - radius[k], found[:k], radius[:k] + radius[k], places)
+        if place is None:
+            return found[:k]
+        found[k] = place
+    return found
+
+
+def free_place(bound: float, others: Floats, distance: Floats, places: np.random.Generator) -> Floats | None:
+    """A place in a disc of radius `bound`, farther than `distance` from the others, or None."""
+    for _ in range(TRIES):
+        angle, r = places.uniform(0.0, 2.0 * pi), bound * sqrt(places.uniform())
+        place = np.array([r * np.cos(angle), r * np.sin(angle)])
+        if np.all(np.sum((others - place) ** 2, axis=1) >= distance**2):
+            return place
+    return None
+
+
+@dataclass(frozen=True)
+class Start:
+    """Bodies of one replica: a body is a spherical grain or a clump."""
+
+    position: Floats  # [n, 3] m, centre of mass
+    velocity: Floats  # [n, 3] m s-1
+    spin: Floats  # [n, 3] rad s-1
+    diameter: Floats  # [n] m, nominal
+    release_time: Floats  # [n] s, never decreasing
+
+
+def start_grains(scene: Scene, seed: int, reach: float) -> Start:
+    """Bodies of one replica; `reach` is the bounding radius of a body over its diameter [1]."""
+    if isinstance(scene.fill, Positions):
+        return listed(scene, scene.fill)
+    diameter = sample_diameters(scene.grains.size, scene.grains.count, stream(seed, "diameters"))
+    if isinstance(scene.fill, Pour):
+        return poured(scene, scene.fill, seed, diameter, reach)
+    places = stream(seed, "places")
+    fill = scene.fill
+    position = net(scene, fill, len(diameter), places)
+    speed = fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
+    velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
+    return Start(position, velocity, np.zeros_like(position), diameter, np.zeros(len(diameter)))
+
+
+def net(scene: Scene, fill: Rain | Lattice | Layers, count: int, places: np.random.Generator) -> Floats:
+    """Centres on a jittered net, [count, 3] m."""
+    if isinstance(fill, Rain):
+        return rain(fill, count, places)
+    if isinstance(fill, Lattice):
+        return lattice(fill, count, places)
+    assert scene.wind is not None
+    return patch_layers(scene.wind, fill, count, places)
+
+
+def patch_layers(wind: Wind, fill: Layers, count: int, places: np.random.Generator) -> Floats:
+    """Rectangular nets over a periodic patch, each shifted at random, lowest layer first, [count, 3] m."""
+    along, across = layer_places(wind, fill)
+    x, y = np.meshgrid(np.arange(along), np.arange(across), indexing="ij")
+    flat = np.column_stack([x.ravel() * wind.length / along, y.ravel() * wind.width / across])
+    layers = []
+    for layer in range(-(-count // len(flat))):
+        points = flat + places.uniform(0.0, fill.pitch, 2)
+        points = places.permutation(points % (wind.length, wind.width))
+        height = np.full((len(points), 1), fill.first_height + layer * fill.pitch)
+        layers.append(np.hstack([points, height]))
+    position = np.concatenate(layers)[:count]
+    return position + fill.jitter * places.uniform(-1.0, 1.0, position.shape)
+
+
+def layer_places(wind: Wind, fill: Layers) -> tuple[int, int]:
+    """Places of a layer downwind and across."""
+    return int(wind.length / fill.pitch), int(wind.width / fill.pitch)
+
+
+def listed(scene: Scene, fill: Positions) -> Start:
+    """Grains placed one by one."""
+    nominal = nominal_diameter(scene.grains.size)
+    return Start(
+        position=np.array([grain.position for grain in fill.grains]),
+        velocity=np.array([grain.velocity for grain in fill.grains]),
+        spin=np.array([grain.spin for grain in fill.grains]),
+        diameter=np.array([grain.diameter or nominal for grain in fill.grains]),
+        release_time=np.zeros(len(fill.grains)),
+    )
+
+
+def poured(scene: Scene, fill: Pour, seed: int, diameter: Floats, reach: float) -> Start:
+    """Grains that pass a horizontal disc downwards."""
+    layers = pour_layers(fill, reach * diameter, scene.gravity.magnitude, stream(seed, "places"))
+    position = np.column_stack([layers.place, np.zeros(len(diameter))]) + np.array(fill.centre)
+    velocity = np.tile((0.0, 0.0, -fill.speed), (len(diameter), 1))
+    return Start(position, velocity, np.zeros_like(velocity), diameter, layers.release_time)
+
+
+def rain(fill: Rain, count: int, places: np.random.Generator) -> Floats:
+    """Centres of loose random layers, lowest layer first, [count, 3] m."""
+    layers: list[Floats] = []
+    found = 0
+    while found < count:
+        height = fill.first_height + len(layers) * fill.pitch
+        layer = net_layer(fill, places)
+        lift = height + fill.jitter * places.uniform(-1.0, 1.0, len(layer))
+        layers.append(np.column_stack([layer, lift]))
+        found += len(layer)
+    return np.concatenate(layers)[:count] + np.array(fill.axis_point)
+
+
+def net_layer(fill: Rain, places: np.random.Generator) -> Floats:
+    """Points of a square net, jittered, shifted and turned, inside the radius, in random order, [n, 2] m."""
+    angle, shift = places.uniform(0.0, 0.5 * pi), places.uniform(0.0, fill.pitch, 2)
+    reach = int(fill.radius / fill.pitch * sqrt(2.0)) + 2
+    line = np.arange(-reach, reach + 1) * fill.pitch
+    net = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2) + shift
+    net += fill.jitter * places.uniform(-1.0, 1.0, net.shape)
+    points = net @ np.array([[cos(angle), sin(angle)], [-sin(angle), cos(angle)]])
+    return places.permutation(points[np.hypot(points[:, 0], points[:, 1]) <= fill.radius])
+
+
+def lattice(fill: Lattice, count: int, places: np.random.Generator) -> Floats:
+    """The lowest `count` jittered points of a cubic net inside a cylinder, [count, 3] m."""
+    points = lattice_points(fill)
+    points = points[np.argsort(points[:, 2], kind="stable")][:count]
+    return points + fill.jitter * places.uniform(-1.0, 1.0, points.shape)
+
+
+def lattice_points(fill: Lattice) -> Floats:
+    """Points of the cubic net that stay inside the cylinder when jittered, [n, 3] m."""
+    axis = np.array(unit_vector(fill.axis))
+    margin = sqrt(3.0) * fill.jitter
+    radius, half = fill.radius - margin, 0.5 * fill.length - margin
+    steps = int((fill.radius + fill.length) / fill.pitch) + 1
+    line = np.arange(-steps, steps + 1) * fill.pitch
+    points = np.stack(
+        np.meshgrid(*[line[np.abs(line) <= bound] for bound in box_of(fill)], indexing="ij"), axis=-1
+    )
+    points = points.reshape(-1, 3)
+    along = points @ axis
+    across = np.linalg.norm(points - along[:, None] * axis, axis=1)
+    inside = (across <= radius) & (np.abs(along) <= half)
+    return np.asarray(points[inside] + np.array(fill.centre), dtype=np.float64)
+
+
+def box_of(fill: Lattice) -> Vector:
+    """Half sides of the box around a cylinder [m]."""
+    x, y, z = (
+        abs(c) * 0.5 * fill.length + sqrt(max(1.0 - c * c, 0.0)) * fill.radius for c in unit_vector(fill.axis)
+    )
+    return x, y, z
+
+
+def start_top(scene: Scene, reach_largest: float) -> float:
+    """Highest point at which a grain can start [m]; `reach_largest` bounds the grains' radii."""
+    fill = scene.fill
+    if isinstance(fill, Positions):
+        return max(grain.position[2] for grain in fill.grains) + reach_largest
+    if isinstance(fill, Pour):
+        return fill.centre[2] + reach_largest
+    if isinstance(fill, Lattice):
+        return fill.centre[2] + box_of(fill)[2] + reach_largest
+    if isinstance(fill, Layers):
+        assert scene.wind is not None
+        along, across = layer_places(scene.wind, fill)
+        return fill.first_height + (scene.grains.count / (along * across) + 1.0) * fill.pitch + reach_largest
+    # a layer holds at least half of its mean number, so twice the mean number of layers is an upper bound
+    layers = 2.0 * scene.grains.count * fill.pitch**2 / (pi * fill.radius**2) + 2.0
+    return fill.axis_point[2] + fill.first_height + layers * fill.pitch + reach_largest

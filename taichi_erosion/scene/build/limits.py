@@ -1,0 +1,339 @@
+"""What a surface energy means for grains of this size: numbers to print beside it.
+
+Analytic limits of the time step, the step chosen, and everything that a run prints about its numbers.
+"""
+
+from dataclasses import dataclass
+from math import pi, radians, sqrt, tan
+from typing import Any
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.build.clump import template_spheres
+from taichi_erosion.scene.build.contacts import (
+    contact_of,
+    materials_used,
+    shear_modulus,
+    surface_energy,
+    young_effective,
+)
+from taichi_erosion.scene.build.fill import start_top
+from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter, size_range
+from taichi_erosion.scene.build.walls import wall_bounds
+from taichi_erosion.scene.schema.grains import Positions, Pour
+from taichi_erosion.scene.schema.scene import Scene
+
+SOLID_FRACTION = 0.6  # of a poured heap [1]
+COORDINATION = (
+    6.0  # contacts of a grain in a heap [1]; solid fraction times it is 3.6, as in sigma_t = 2.7 gamma / d
+)
+HEAP_SLOPE = radians(30.0)  # slope by which the height of a heap is estimated [rad]
+TEAR_OFF = 1.19055  # separation at which a JKR contact breaks, in L^2 / R* [1]
+WORK_OF_SEPARATION = 3.34129  # from first touch to tear-off, in pi gamma L^2 [1]
+BOND_WARNED = 50.0  # Bond number above which grains hang together against any weight here [1]
+STRESS_WARNED = 0.3  # cohesion over the stress at the base of the heap [1]
+
+
+@dataclass(frozen=True)
+class Adhesion:
+    """Adhesion between two grains of the nominal diameter."""
+
+    surface_energy: float  # J m-2, as simulated
+    pull_off_force: float  # N, 3 pi gamma R*
+    bond_number: float  # pull-off force over weight [1]
+    tensile_strength: float  # Pa, sigma_t = 3/4 phi Z gamma / d
+    sticking_speed: float  # m s-1, below it an impact does not part again
+    tear_off_distance: float  # m
+    cohesion_over_heap_stress: float  # sigma_t tan(phi_i) / (rho_b g H) [1]
+
+
+def contact_length(energy: float, radius: float, young: float) -> float:
+    """Length scale of a JKR contact [m]:  L = (pi gamma R*^2 / E*)^(1/3)."""
+    return (pi * energy * radius**2 / young) ** (1.0 / 3.0)
+
+
+def tear_off_distance(energy: float, radius: float, young: float) -> float:
+    """Separation at which a JKR contact breaks [m]:  1.19055 L^2 / R*."""
+    return TEAR_OFF * contact_length(energy, radius, young) ** 2 / radius
+
+
+def sticking_speed(energy: float, radius: float, young: float, mass: float) -> float:
+    """Speed below which an otherwise elastic impact sticks [m s-1].
+
+    m* v_s^2 / 2 = 3.34129 pi gamma L^2,  so  e(v) = sqrt(1 - (v_s / v)^2)
+    gamma surface energy [J m-2], m* reduced mass [kg], L contact length [m].
+    Reference: Thornton & Ning (1998), Powder Technology 99, 154.
+    """
+    return sqrt(2.0 * WORK_OF_SEPARATION * pi * energy * contact_length(energy, radius, young) ** 2 / mass)
+
+
+def heap_height(scene: Scene) -> float:
+    """Height of a cone of all grains at 30 degrees [m]:  V = pi H^3 / (3 tan^2)."""
+    volume = scene.grains.count * pi / 6.0 * mean_cube(scene.grains.size) / SOLID_FRACTION
+    return (3.0 * volume * tan(HEAP_SLOPE) ** 2 / pi) ** (1.0 / 3.0)
+
+
+def adhesion(scene: Scene) -> Adhesion | None:
+    """Adhesion numbers of grain against grain; None where nothing sticks.
+
+    Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force).
+    """
+    name = scene.grains.material
+    material, contact = scene.materials[name], contact_of(scene, name, name)
+    energy = surface_energy(contact, material, material) if contact and scene.laws.normal == "jkr" else 0.0
+    if energy <= 0.0:
+        return None
+    diameter, gravity = nominal_diameter(scene.grains.size), scene.gravity.magnitude
+    radius, mass = 0.25 * diameter, material.density * pi / 6.0 * diameter**3
+    young = young_effective(material, material)
+    strength = 0.75 * SOLID_FRACTION * COORDINATION * energy / diameter
+    heap_stress = SOLID_FRACTION * material.density * gravity * heap_height(scene)
+    friction = contact.friction_sliding if contact else 0.0
+    pull = 3.0 * pi * energy * radius
+    return Adhesion(
+        surface_energy=energy,
+        pull_off_force=pull,
+        bond_number=pull / (mass * gravity) if gravity > 0.0 else 0.0,
+        tensile_strength=strength,
+        sticking_speed=sticking_speed(energy, radius, young, 0.5 * mass),
+        tear_off_distance=tear_off_distance(energy, radius, young),
+        cohesion_over_heap_stress=strength * friction / heap_stress if gravity > 0.0 else 0.0,
+    )
+
+
+def adhesion_warnings(scene: Scene, sticking: Adhesion | None) -> list[str]:
+    """Sentences about adhesion that cannot be what was meant."""
+    if sticking is None:
+        return []
+    lines = []
+    if sticking.bond_number > BOND_WARNED:
+        lines.append(
+            f"Bond number {sticking.bond_number:.3g} exceeds {BOND_WARNED:g}: "
+            "a grain carries that many weights; the surface energy is a fitted constant of this grain size, "
+            "not a soil property"
+        )
+    if sticking.cohesion_over_heap_stress > STRESS_WARNED and scene.scene.kind in (
+        "repose",
+        "collapse",
+        "lifting",
+    ):
+        lines.append(
+            f"cohesion is {sticking.cohesion_over_heap_stress:.3g} of the stress under the heap, "
+            f"above {STRESS_WARNED:g}: a heap of this size need not fail at any angle"
+        )
+    return lines
+
+
+RAYLEIGH_REFUSED = 0.3  # larger shares of the Rayleigh time are refused unless forced [1]
+HERTZ_SHARE = 0.1  # of the duration of an impact at the expected speed: ten steps in a contact [1]
+NECK_SHARE = 0.1  # of the time in which grains cross the range of adhesion [1]
+SPEED_SHARE = 0.05  # of the smallest radius that a grain may move in one step [1]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the time step [s]; None where a limit does not apply."""
+
+    rayleigh: float  # Rayleigh time T_R of the smallest grain; steps are given as a share of it
+    hertz: float | None
+    neck: float | None
+    speed: float | None
+
+
+def rayleigh_time(radius: float, density: float, shear: float, poisson: float) -> float:
+    """Time in which a Rayleigh wave crosses half the surface of a sphere [s].
+
+    T_R = pi R sqrt(rho / G) / (0.1631 nu + 0.8766)
+    R radius [m], rho density [kg m-3], G shear modulus [Pa], nu Poisson ratio [1].
+    Reference: Thornton & Randall (1988), in Micromechanics of Granular Materials, 133;
+    Li, Xu & Thornton (2005), Powder Technology 160, 219.
+    """
+    return pi * radius * sqrt(density / shear) / (0.1631 * poisson + 0.8766)
+
+
+def impact_duration(mass: float, radius: float, young: float, speed: float) -> float:
+    """Duration of an elastic impact [s].
+
+    t_c = 2.8683 (m*^2 / (R* E*^2 v))^(1/5)
+    m* reduced mass [kg], R* reduced radius [m], E* effective modulus [Pa], v speed [m s-1].
+    Reference: Johnson (1985), Contact Mechanics, eq. (11.24).
+    """
+    return 2.8683 * (mass**2 / (radius * young**2 * speed)) ** 0.2
+
+
+def impact_overlap(mass: float, radius: float, young: float, speed: float) -> float:
+    """Deepest overlap of an elastic impact [m].
+
+    delta = (15 m* v^2 / (16 sqrt(R*) E*))^(2/5);  symbols as in `impact_duration`.
+    Reference: Johnson (1985), Contact Mechanics, eq. (11.23).
+    """
+    return (15.0 * mass * speed**2 / (16.0 * sqrt(radius) * young)) ** 0.4
+
+
+def smallest_radius(scene: Scene) -> float:
+    """Radius of the smallest contact sphere that the scene can make [m]."""
+    diameters = [size_range(scene.grains.size)[0]]
+    if isinstance(scene.fill, Positions):
+        diameters = [grain.diameter or diameters[0] for grain in scene.fill.grains]
+    return min(diameters) * sphere_share(scene)
+
+
+def sphere_share(scene: Scene) -> float:
+    """Radius of the smallest sphere of a grain over its nominal diameter [1]."""
+    clump = scene.grains.clump
+    return min(radius for _, radius in template_spheres(clump)) if clump else 0.5
+
+
+def grain_rayleigh_time(scene: Scene) -> float:
+    """Rayleigh time of the smallest contact sphere [s]; walls do not vibrate."""
+    material = scene.materials[scene.grains.material]
+    return rayleigh_time(
+        smallest_radius(scene), material.density, shear_modulus(material), material.poisson_ratio
+    )
+
+
+def time_step(scene: Scene) -> float:
+    """The time step of the scene [s]: as stated, or a share of the Rayleigh time."""
+    if scene.run.time_step is not None:
+        return scene.run.time_step
+    return scene.run.time_step_fraction * grain_rayleigh_time(scene)
+
+
+def expected_speed(scene: Scene) -> float:
+    """Largest speed to expect [m s-1]: free fall from the highest start to the lowest wall, and moving walls.
+
+    v = sqrt(v_0^2 + 2 g h)
+    """
+    top = start_top(scene, 0.5 * size_range(scene.grains.size)[1])
+    bottom = min((float(wall_bounds(scene, name).low[2]) for name in scene.geometry), default=top)
+    fall = 2.0 * scene.gravity.magnitude * max(top - bottom, 0.0)
+    return max([sqrt(start_speed(scene) ** 2 + fall), *wall_speeds(scene)])
+
+
+def start_speed(scene: Scene) -> float:
+    """Speed with which grains start [m s-1]; three standard deviations where it is random."""
+    fill = scene.fill
+    if isinstance(fill, Positions):
+        return max(sqrt(sum(c * c for c in grain.velocity)) for grain in fill.grains)
+    if isinstance(fill, Pour):
+        return fill.speed
+    return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
+
+
+def wall_speeds(scene: Scene) -> list[float]:
+    """Speeds of moving walls [m s-1]: translation and spin about the stated centre."""
+    speeds = [0.0]
+    for stage in scene.stages:
+        for name, order in stage.move.items():
+            box = wall_bounds(scene, name)
+            arm = max(float(abs(box.low - order.centre).max()), float(abs(box.high - order.centre).max()))
+            spin = sqrt(sum(c * c for c in order.spin))
+            speeds.append(sqrt(sum(c * c for c in order.velocity)) + spin * arm)
+    return speeds
+
+
+def smallest_mass(scene: Scene) -> float:
+    """Mass of the smallest contact sphere [kg]."""
+    return scene.materials[scene.grains.material].density * 4.0 / 3.0 * pi * smallest_radius(scene) ** 3
+
+
+def limits(scene: Scene) -> Limits:
+    """All limits of the time step."""
+    speed, radius = expected_speed(scene), smallest_radius(scene)
+    rayleigh = grain_rayleigh_time(scene)
+    if speed == 0.0:
+        return Limits(rayleigh, None, None, None)
+    material = scene.materials[scene.grains.material]
+    young = young_effective(material, material)
+    hertz = HERTZ_SHARE * impact_duration(0.5 * smallest_mass(scene), 0.5 * radius, young, speed)
+    return Limits(rayleigh, hertz, neck_limit(scene, radius, speed), SPEED_SHARE * radius / speed)
+
+
+def neck_limit(scene: Scene, radius: float, speed: float) -> float | None:
+    """Shortest time to cross the range of adhesion, over all adhesive pairs with a grain in them [s].
+
+    dt = 0.1 * 1.19055 L^2 / (R* v),  L = (pi gamma R*^2 / E*)^(1/3);  R* = R/2 between grains, R at a wall.
+    """
+    grain = scene.grains.material
+    walls = {wall.material for wall in scene.geometry.values()}
+    times = []
+    for other in materials_used(scene) if scene.laws.normal == "jkr" else []:
+        contact = contact_of(scene, grain, other)
+        a, b = scene.materials[grain], scene.materials[other]
+        energy = surface_energy(contact, a, b) if contact else 0.0
+        shares = [
+            share for share, met in ((0.5, other == grain), (1.0, other in walls)) if met and energy > 0.0
+        ]
+        times += [
+            tear_off_distance(energy, share * radius, young_effective(a, b)) / speed for share in shares
+        ]
+    return NECK_SHARE * min(times) if times else None
+
+
+def time_step_warnings(chosen: float, limit: Limits) -> list[str]:
+    """Sentences about limits that the chosen step exceeds; the Rayleigh limit is a refusal, not a warning."""
+    reasons = (
+        (limit.hertz, "an impact at the expected speed is resolved by fewer than 10 steps"),
+        (
+            limit.neck,
+            "grains cross the range of adhesion in fewer than 10 steps: only resting contacts stick",
+        ),
+        (limit.speed, f"a grain can move more than {SPEED_SHARE:g} radii in one step"),
+    )
+    return [
+        f"time step {chosen:.3g} s exceeds {bound:.3g} s: {text}"
+        for bound, text in reasons
+        if bound and chosen > bound
+    ]
+
+
+def softening_lines(scene: Scene) -> list[str]:
+    """What was softened, by how much, and what was kept."""
+    lines = []
+    for name, material in sorted(scene.materials.items()):
+        if material.softening is not None:
+            simulated = material.shear_modulus or material.young_modulus or 1.0
+            ratio = material.softening.true_modulus / simulated
+            kept = material.softening.rule.replace("_", " ")
+            lines.append(
+                f"{name}: stiffness divided by {ratio:.3g}, {kept} kept (rule '{material.softening.rule}')"
+            )
+    return lines
+
+
+def explain(scene: Scene) -> dict[str, Any]:
+    """Numbers that let a reader judge a run, for `run --check` and for every result; SI units."""
+    limit, chosen, sticking = limits(scene), time_step(scene), adhesion(scene)
+    low, high = size_range(scene.grains.size)
+    return {
+        "time_step": chosen,
+        "time_step_over_rayleigh": chosen / limit.rayleigh,
+        "limits": {
+            "rayleigh_time": limit.rayleigh,
+            "hertz": limit.hertz,
+            "jkr_neck": limit.neck,
+            "speed": limit.speed,
+        },
+        "expected_speed": expected_speed(scene),
+        "diameter": {"low": low, "nominal": nominal_diameter(scene.grains.size), "high": high},
+        "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
+        "softening": softening_lines(scene),
+        "adhesion": adhesion_table(sticking),
+        "warnings": time_step_warnings(chosen, limit) + adhesion_warnings(scene, sticking),
+    }
+
+
+def adhesion_table(sticking: Adhesion | None) -> dict[str, float] | None:
+    """Adhesion numbers by name, None for dry grains."""
+    return dict(vars(sticking)) if sticking else None
+
+
+def refuse_unsafe_step(scene: Scene) -> None:
+    """Raise BadInput where the time step exceeds 0.3 Rayleigh times and nobody insists."""
+    rayleigh, chosen = grain_rayleigh_time(scene), time_step(scene)
+    if chosen > RAYLEIGH_REFUSED * rayleigh and not scene.run.force_time_step:
+        key = "time_step" if scene.run.time_step is not None else "time_step_fraction"
+        raise BadInput(
+            f"run.{key}: a step of {chosen:.3g} s is {chosen / rayleigh:.3g} Rayleigh times "
+            f"({rayleigh:.3g} s); "
+            f"at most {RAYLEIGH_REFUSED} unless run.force_time_step = true"
+        )

@@ -1,0 +1,119 @@
+"""From a scene to the setup of one replica."""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Laws, Setup, Surface
+from taichi_erosion.scene.build.clump import Body, body_of
+from taichi_erosion.scene.build.contacts import contact_table, materials_used
+from taichi_erosion.scene.build.fill import Start, start_grains, stream
+from taichi_erosion.scene.build.limits import time_step
+from taichi_erosion.scene.build.walls import domain_box, primitive_table
+from taichi_erosion.scene.build.wind import air_setup, coupling, patch_box
+from taichi_erosion.scene.schema.fields import unit_vector
+from taichi_erosion.scene.schema.grains import Positions
+from taichi_erosion.scene.schema.scene import Scene
+from taichi_erosion.scene.schema.wind import Wind
+
+SPHERE_IN_CUBE = np.pi / 6.0  # volume of a sphere over d^3 [1]
+SPHERE_REACH = 0.5  # radius of a sphere over its diameter [1]
+
+
+def laws(scene: Scene) -> Laws:
+    """Choice for every contact slot."""
+    chosen = Laws(**scene.laws.model_dump())
+    return chosen if scene.wind is None else replace(chosen, drag=scene.wind.drag)
+
+
+def build_setup(scene: Scene, seed: int) -> Setup:
+    """Everything that defines one replica; the same scene and seed give the same bits."""
+    body = body_of(scene.grains.clump) if scene.grains.clump else None
+    start = start_grains(scene, seed, body.reach if body else SPHERE_REACH)
+    names = materials_used(scene)
+    material = names.index(scene.grains.material)
+    density = scene.materials[scene.grains.material].density
+    clumps = clump_table(scene, seed, start, body, density) if body else None
+    grains = (
+        clump_spheres(start, body, clumps, material) if body and clumps else spheres(start, density, material)
+    )
+    walls = sorted(scene.geometry)
+    x, y, z = unit_vector(scene.gravity.direction)
+    g = scene.gravity.magnitude
+    setup = Setup(
+        grains=grains,
+        materials=tuple(names),
+        contacts=contact_table(scene),
+        primitives=primitive_table(scene, walls),
+        surfaces=tuple(Surface(name, names.index(scene.geometry[name].material)) for name in walls),
+        time_step=time_step(scene),
+        gravity=(g * x, g * y, g * z),
+        clumps=clumps,
+        domain=domain_box(scene, grains.position, float(grains.radius.max())),
+        overlap_limit=scene.run.overlap_limit,
+        skin=scene.run.skin,
+    )
+    return setup if scene.wind is None else under_wind(setup, scene, scene.wind, seed)
+
+
+def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
+    """The same grains in a periodic patch with air over them."""
+    return replace(
+        setup,
+        domain=patch_box(wind, setup.grains),
+        period=(wind.length, wind.width, 0.0),
+        air=air_setup(scene, wind, setup.time_step, seed),
+        coupling=coupling(scene, wind, seed),
+    )
+
+
+def spheres(start: Start, density: float, material: int) -> GrainTable:
+    """Grains that are spheres."""
+    return GrainTable(
+        position=start.position,
+        velocity=start.velocity,
+        spin=start.spin,
+        radius=0.5 * start.diameter,
+        mass=density * SPHERE_IN_CUBE * start.diameter**3,
+        material=np.full(len(start.diameter), material, dtype=np.int32),
+        release_time=start.release_time,
+    )
+
+
+def clump_table(scene: Scene, seed: int, start: Start, body: Body, density: float) -> ClumpTable:
+    """Rigid bodies at random orientation; explicitly placed ones keep the orientation of their template."""
+    count, size = len(start.diameter), len(body.radius)
+    turned = scipy.spatial.transform.Rotation.random(count, rng=stream(seed, "orientations"))
+    if isinstance(scene.fill, Positions):
+        turned = scipy.spatial.transform.Rotation.from_quat(np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)))
+    shift = turned.apply(body.centre) if isinstance(scene.fill, Positions) else np.zeros((count, 3))
+    return ClumpTable(
+        body=np.repeat(np.arange(count, dtype=np.int32), size),
+        offset=(start.diameter[:, None, None] * body.offset).reshape(-1, 3),
+        mass=density * body.volume * start.diameter**3,
+        inertia=density * np.outer(start.diameter**5, body.inertia),
+        position=start.position + start.diameter[:, None] * shift,
+        orientation=canonical(turned * body.rotation),
+    )
+
+
+def canonical(rotation: "scipy.spatial.transform.Rotation") -> Floats:
+    """Unit quaternions (w, x, y, z) with w >= 0."""
+    return rotation.as_quat(canonical=True, scalar_first=True)
+
+
+def clump_spheres(start: Start, body: Body, clumps: ClumpTable, material: int) -> GrainTable:
+    """Spheres of all clumps; each moves with its body."""
+    turned = scipy.spatial.transform.Rotation.from_quat(clumps.orientation[clumps.body], scalar_first=True)
+    arm = turned.apply(clumps.offset)
+    spin = start.spin[clumps.body]
+    return GrainTable(
+        position=clumps.position[clumps.body] + arm,
+        velocity=np.asarray(start.velocity[clumps.body] + np.cross(spin, arm), dtype=np.float64),
+        spin=spin,
+        radius=np.outer(start.diameter, body.radius).ravel(),
+        mass=clumps.mass[clumps.body],
+        material=np.full(len(arm), material, dtype=np.int32),
+        release_time=start.release_time[clumps.body],
+    )

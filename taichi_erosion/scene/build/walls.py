@@ -1,0 +1,179 @@
+"""The box that no grain may leave.
+
+Walls of a scene as primitives, and the room they take.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import SHAPE_NUMBERS, Floats, PrimitiveKind, PrimitiveTable
+from taichi_erosion.scene.schema.fields import Vector, unit_vector
+from taichi_erosion.scene.schema.geometry import UPWARDS, Box, Cone, Cylinder, Disc, Funnel, Mesh, Plane, Wall
+from taichi_erosion.scene.schema.scene import Scene
+
+MARGIN_OPEN = 30.0  # side margin over the apparatus where a plane lets splashed grains roll away [1]
+MARGIN_CLOSED = 0.5  # side margin otherwise [1]
+MARGIN_HEIGHT = 0.5  # margin above and below over the height of the apparatus [1]
+MARGIN_RADII = 20.0  # least margin, in largest radii [1]
+MARGIN_RADII_OPEN = 500.0  # likewise to the sides where a plane lets grains slide away [1]
+
+
+def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Vector, Vector]:
+    """Low and high corner [m]: walls, starting grains and the way of moving walls, with a margin.
+
+    A grain found outside is lost, and the run stops; the margin leaves room for a spreading heap.
+    """
+    boxes = [wall_bounds(scene, name) for name in scene.geometry] + [bounds_of(centres)]
+    low = np.min([box.low for box in boxes], axis=0) + travel(scene, np.minimum)
+    high = np.max([box.high for box in boxes], axis=0) + travel(scene, np.maximum)
+    is_open = any(endless(wall) for wall in scene.geometry.values())
+    share = MARGIN_OPEN if is_open else MARGIN_CLOSED
+    least = MARGIN_RADII_OPEN if is_open else MARGIN_RADII
+    extent = high - low
+    side = max(share * max(extent[0], extent[1]), least * radius_largest)
+    margin = np.maximum((side, side, MARGIN_HEIGHT * extent[2]), MARGIN_RADII * radius_largest)
+    (x, y, z), (a, b, c) = (low - margin).tolist(), (high + margin).tolist()
+    return (x, y, z), (a, b, c)
+
+
+def travel(scene: Scene, extreme: np.ufunc) -> Floats:
+    """Farthest shift of a wall along each coordinate, towards the low or the high side [m]."""
+    farthest = np.zeros(3)
+    reached: dict[str, Floats] = {}
+    velocity: dict[str, Floats] = {}
+    for stage in scene.stages:
+        velocity |= {name: np.array(order.velocity) for name, order in stage.move.items()}
+        for name, v in velocity.items():
+            reached[name] = reached.get(name, np.zeros(3)) + v * stage.duration_max
+            farthest = extreme(farthest, reached[name])
+    return farthest
+
+
+MOST_TRIANGLES = 500_000
+
+Row = tuple[PrimitiveKind, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Axis-parallel box."""
+
+    low: Floats  # [3] m
+    high: Floats  # [3] m
+
+
+def primitive_table(scene: Scene, names: list[str]) -> PrimitiveTable:
+    """Primitives of the named walls, in that order."""
+    kinds, surfaces, shapes = [], [], []
+    for surface, name in enumerate(names):
+        for kind, numbers in wall_rows(scene, name):
+            kinds.append(kind)
+            surfaces.append(surface)
+            shapes.append(numbers + (0.0,) * (SHAPE_NUMBERS - len(numbers)))
+    shape = np.array(shapes, dtype=np.float64).reshape(-1, SHAPE_NUMBERS)
+    return PrimitiveTable(np.array(kinds, dtype=np.int32), np.array(surfaces, dtype=np.int32), shape)
+
+
+def wall_rows(scene: Scene, name: str) -> list[Row]:
+    """Primitives of one wall."""
+    wall = scene.geometry[name]
+    if isinstance(wall, Plane):
+        return [(PrimitiveKind.PLANE, (*wall.point, *unit_vector(wall.normal)))]
+    if isinstance(wall, Box):
+        return box_rows(wall)
+    if isinstance(wall, Mesh):
+        triangles = mesh_triangles(scene, name, wall).reshape(-1, 9)
+        return [(PrimitiveKind.TRIANGLE, tuple(corners)) for corners in triangles.tolist()]
+    return [(PrimitiveKind.REVOLVED, numbers) for numbers in revolved_rows(wall)]
+
+
+def box_rows(box: Box) -> list[Row]:
+    """Faces of a box as planes that look inwards."""
+    rows: list[Row] = []
+    for face in box.faces:
+        side = "xyz".index(face[0])
+        inwards = [0.0, 0.0, 0.0]
+        inwards[side] = 1.0 if face.endswith("low") else -1.0
+        rows.append((PrimitiveKind.PLANE, (*(box.low if face.endswith("low") else box.high), *inwards)))
+    return rows
+
+
+def revolved_rows(wall: Disc | Cylinder | Cone | Funnel) -> list[tuple[float, ...]]:
+    """Segments turned about an axis: axis point, unit axis, radius and height of both ends."""
+    if isinstance(wall, Funnel):
+        r, stem = wall.outlet_radius, wall.stem_length
+        cone = (*wall.outlet, *UPWARDS, r, stem, wall.rim_radius, stem + wall.cone_height)
+        return [(*wall.outlet, *UPWARDS, r, 0.0, r, stem), cone] if stem > 0.0 else [cone]
+    axis = (*wall.centre, *unit_vector(wall.axis))
+    if isinstance(wall, Disc):
+        return [(*axis, 0.0, 0.0, wall.radius, 0.0)]
+    if isinstance(wall, Cylinder):
+        return [(*axis, wall.radius, 0.0, wall.radius, wall.length)]
+    return [(*axis, wall.radius_low, 0.0, wall.radius_high, wall.length)]
+
+
+def mesh_triangles(scene: Scene, name: str, wall: Mesh) -> Floats:
+    """Corners of a mesh file's triangles, [t, 3, 3] m."""
+    # the library takes a third of a second to import; scenes without meshes do not pay for it
+    import trimesh
+
+    path = scene.folder / wall.file
+    if not path.is_file():
+        raise BadInput(f"geometry.{name}.file = '{wall.file}': no such file beside the scene")
+    try:
+        triangles = np.asarray(trimesh.load_mesh(path).triangles, dtype=np.float64)
+    except ImportError:  # of what the library would guess an encoding with
+        raise BadInput(
+            f"geometry.{name}.file = '{wall.file}' is not a triangle mesh: not UTF-8 text"
+        ) from None
+    except Exception as error:  # the readers of the many formats raise whatever their parsers raise
+        reason = str(error).splitlines() or [type(error).__name__]
+        raise BadInput(
+            f"geometry.{name}.file = '{wall.file}' is not a triangle mesh: {reason[0][:120]}"
+        ) from None
+    if triangles.shape[1:] != (3, 3):  # corners without a third coordinate
+        raise BadInput(f"geometry.{name}.file = '{wall.file}' is not a triangle mesh: its corners are flat")
+    if not 0 < len(triangles) <= MOST_TRIANGLES or not np.isfinite(triangles).all():
+        raise BadInput(f"geometry.{name}.file = '{wall.file}' needs 1 to {MOST_TRIANGLES} finite triangles")
+    return triangles * wall.scale + np.array(wall.translate)
+
+
+def wall_bounds(scene: Scene, name: str) -> Bounds:
+    """Box around a wall; of a plane, only its point."""
+    wall = scene.geometry[name]
+    if isinstance(wall, Plane):
+        return bounds_of(np.array([wall.point]))
+    if isinstance(wall, Box):
+        return bounds_of(np.array([wall.low, wall.high]))
+    if isinstance(wall, Mesh):
+        return bounds_of(mesh_triangles(scene, name, wall).reshape(-1, 3))
+    return revolved_bounds(wall)
+
+
+def revolved_bounds(wall: Disc | Cylinder | Cone | Funnel) -> Bounds:
+    """Box around a surface of revolution: a circle of radius r reaches r sqrt(1 - axis_k^2) along k."""
+    corners = []
+    for row in revolved_rows(wall):
+        point, axis = np.array(row[0:3]), np.array(row[3:6])
+        for radius, height in (row[6:8], row[8:10]):
+            reach = radius * np.sqrt(np.maximum(1.0 - axis**2, 0.0))
+            corners += [point + height * axis - reach, point + height * axis + reach]
+    return bounds_of(np.array(corners))
+
+
+def bounds_of(points: Floats) -> Bounds:
+    """Box around points."""
+    return Bounds(points.min(axis=0), points.max(axis=0))
+
+
+def endless(wall: Wall) -> bool:
+    """Whether grains can roll away on the wall without end."""
+    return isinstance(wall, Plane)
+
+
+def outward(point: Vector, wall: Plane) -> float:
+    """Distance of a point from a plane, positive on the free side [m]."""
+    normal = unit_vector(wall.normal)
+    return sum((p - q) * n for p, q, n in zip(point, wall.point, normal, strict=True))

@@ -1,0 +1,170 @@
+"""`--set PATH=VALUE`: any parameter of a scene by its dotted path.
+
+Apparatus that grows with its grains: `radius_d = 9.0` means nine nominal diameters.
+
+The suffix serves every quantity in m or s of the sections below; a time then reads in s per m of diameter.
+"""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, get_args
+
+from pydantic import TypeAdapter, ValidationError
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.schema.fields import Part, unit_of
+from taichi_erosion.scene.schema.grains import Size
+from taichi_erosion.scene.schema.scene import Scene
+
+BARE_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+DIAMETERS = "_d"  # suffix of a value given in nominal diameters
+
+
+def apply_override(table: dict[str, Any], order: str) -> None:
+    """Set one value of a raw scene; `order` is PATH=VALUE, VALUE as TOML writes it or a bare word."""
+    path, equals, text = order.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        raise BadInput(f"--set {order[:80]}: write it as PATH=VALUE, for example grains.count=3000")
+    value = parsed(order, text.strip())
+    holder: Any = table
+    for depth, key in enumerate(keys[:-1]):
+        holder = child(holder, spelled(keys[:depth], holder, key), order)
+    put(holder, spelled(keys[:-1], holder, keys[-1]), value, order)
+
+
+def parsed(order: str, text: str) -> Any:
+    """Value of a TOML expression, or the word itself."""
+    try:
+        table = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        table = {}
+    if set(table) == {"value"}:
+        return table["value"]
+    if BARE_WORD.fullmatch(text):
+        return text
+    raise BadInput(f"--set {order[:80]!r}: the value is not a TOML value; text needs quotes")
+
+
+def spelled(above: list[str], holder: Any, key: str) -> str:
+    """The key as the scene writes it: a contact pair may be named in either order."""
+    if above == ["contact"] and isinstance(holder, dict) and key not in holder:
+        other = "-".join(reversed(key.split("-")))
+        return other if other in holder else key
+    return key
+
+
+def child(holder: Any, key: str, order: str) -> Any:
+    """The table or list under a key, made when missing."""
+    if isinstance(holder, dict):
+        return holder.setdefault(key, {})
+    return holder[index(holder, key, order)]
+
+
+def put(holder: Any, key: str, value: Any, order: str) -> None:
+    """Write a value; it replaces the same quantity given in metres or in diameters."""
+    if isinstance(holder, dict):
+        twin = key.removesuffix(DIAMETERS) if key.endswith(DIAMETERS) else key + DIAMETERS
+        holder.pop(twin, None)
+        holder[key] = value
+    else:
+        holder[index(holder, key, order)] = value
+
+
+def index(holder: Any, key: str, order: str) -> int:
+    """Position in a list, counted from 0."""
+    if not isinstance(holder, list):
+        raise BadInput(f"--set {order[:80]}: '{key}' lies below a value that is not a table")
+    if not key.isascii() or not key.isdigit() or len(key) > 9 or int(key) >= len(holder):
+        raise BadInput(f"--set {order[:80]}: '{key}' is not a place in a list of {len(holder)}")
+    return int(key)
+
+
+SECTIONS = ("run", "geometry", "fill", "wind", "threshold", "stages", "measure", "record")
+SCALING_UNITS = ("m", "s")
+
+Path = tuple[str | int, ...]
+Given = dict[Path, tuple[str, Any]]  # what the user wrote, key and value, by the path that it became
+
+
+def parts_of(part: type[Part]) -> Iterator[type[Part]]:
+    """A part of a scene and all parts that it holds."""
+    yield part
+    for field in part.model_fields.values():
+        for sub in parts_in(field.annotation):
+            yield from parts_of(sub)
+
+
+def parts_in(annotation: Any) -> Iterator[type[Part]]:
+    """Parts that a type annotation names, however deep in unions, lists and tables."""
+    if isinstance(annotation, type) and not get_args(annotation) and issubclass(annotation, Part):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from parts_in(inner)
+
+
+@cache
+def scaling_names() -> frozenset[str]:
+    """Names of all quantities in m or s that a scene declares."""
+    fields = (entry for part in parts_of(Scene) for entry in part.model_fields.items())
+    return frozenset(name for name, field in fields if unit_of(field) in SCALING_UNITS)
+
+
+def expand_diameters(table: dict[str, Any]) -> Given | None:
+    """Replace every `NAME_d` of a raw scene by NAME in SI units; None where the diameter itself is wrong."""
+    diameter = readable_diameter(table)
+    if diameter is None:
+        return None
+    found: Given = {}
+    names = scaling_names()
+    for section in SECTIONS:
+        expand(table.get(section), (section,), diameter, names, found)
+    return found
+
+
+def readable_diameter(table: dict[str, Any]) -> float | None:
+    """Nominal diameter [m], or None where the size law is wrong; validation will then say how."""
+    grains = table.get("grains")
+    try:
+        size = TypeAdapter[Size](Size).validate_python(grains["size"]) if isinstance(grains, dict) else None
+        return nominal_diameter(size) if size else None
+    except (ValidationError, KeyError):
+        return None
+
+
+def expand(part: Any, path: Path, diameter: float, names: frozenset[str], found: Given) -> None:
+    """Expand one table or list in place."""
+    if isinstance(part, tuple):
+        for place, entry in enumerate(part):
+            expand(entry, (*path, place), diameter, names, found)
+    if not isinstance(part, dict):
+        return
+    for key in list(part):
+        name = key.removesuffix(DIAMETERS)
+        if name != key and name in names and is_numeric(part[key]):
+            if name in part:
+                raise BadInput(f"{'.'.join(map(str, path))}: {name} and {key} name the same quantity")
+            found[(*path, name)] = (key, part[key])
+            part[name] = times(part.pop(key), diameter)
+        else:
+            expand(part[key], (*path, key), diameter, names, found)
+
+
+def is_numeric(value: Any) -> bool:
+    """Whether a value is a number or a list of numbers."""
+    if isinstance(value, tuple):
+        return len(value) > 0 and all(is_numeric(entry) for entry in value)
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def times(value: Any, diameter: float) -> Any:
+    """A number or a vector in diameters, in SI units."""
+    if isinstance(value, tuple):
+        return tuple(times(entry, diameter) for entry in value)
+    try:
+        return float(value) * diameter
+    except OverflowError:
+        return float("inf")

@@ -1,0 +1,156 @@
+"""Scenes of air alone: a box of cells, what its sides do, what blows in, and what is measured."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from taichi_erosion.core.air_setup import AirModel, AirSetup, ClosureConstants, InletTurbulence
+from taichi_erosion.scene.schema.fields import FASTEST, Name, Part, Vector, contradiction, extent, number
+from taichi_erosion.scene.schema.scene import Conditions, Measured
+
+MOST_CELLS = 20_000_000  # about 8 GB of state
+LONGEST = 1e5  # longest run [s]
+COURANT_MOST = 1.7  # limit of three-stage Runge-Kutta with central advection [1]
+Counts = tuple[int, int, int]
+
+
+class AirHead(Part):
+    """What the scene is."""
+
+    kind: Literal["cavity", "channel", "tunnel"] = Field(description="kind of flow, which the viewer follows")
+    title: str = Field(default="", max_length=200, description="one line for people")
+    notes: str = Field(default="", max_length=20_000, description="assumptions and sources")
+
+
+class AirRun(Part):
+    """How long and how finely the air is followed."""
+
+    seed: int = number(1, "1", "seed of the turbulence at the inlet", 0, 2**62)
+    duration: float = number(..., "s", "simulated time", 1e-9, LONGEST)
+    averaging: float = number(0.2, "1", "last share of the run over which measures take means", 0.0, 1.0)
+    courant: float = number(
+        1.0, "1", "fastest wind times time step over length of a cell", 1e-3, COURANT_MOST
+    )
+    time_step: float | None = number(None, "s", "time step; left out: courant", 1e-12, LONGEST)
+    frames: int = number(40, "1", "frames of the recording", 1, 10_000)
+
+
+class Side(Part):
+    """One side of the box."""
+
+    kind: Literal["periodic", "wall", "rough", "symmetry", "inlet", "outlet", "stress"] = Field(
+        description="what the side does to the air"
+    )
+    velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity of a wall", -FASTEST, FASTEST)
+    roughness_length: float = extent(0.0, "roughness length z0 of a rough wall; 0: smooth", 0.0)
+
+
+class UniformProfile(Part):
+    """The same speed at every height."""
+
+    law: Literal["uniform"]
+    speed: float = number(..., "m s-1", "wind speed", 0.0, FASTEST)
+
+
+class LogProfile(Part):
+    """Speed that grows with the logarithm of height."""
+
+    law: Literal["log"]
+    friction_velocity: float = number(..., "m s-1", "friction velocity u*", 0.0, 10.0)
+    roughness_length: float = extent(..., "roughness length z0", 1e-9)
+
+
+class PowerProfile(Part):
+    """Speed that grows with a power of height up to the edge of a layer."""
+
+    law: Literal["power"]
+    speed: float = number(..., "m s-1", "wind speed at the edge of the layer and above", 0.0, FASTEST)
+    thickness: float = extent(..., "thickness of the layer")
+    exponent: float = number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
+
+
+class TableProfile(Part):
+    """Measured speeds, joined by straight lines."""
+
+    law: Literal["table"]
+    heights: tuple[float, ...] = number(..., "m", "heights, rising", 0.0, 1e4)
+    speeds: tuple[float, ...] = number(..., "m s-1", "wind speeds at these heights", 0.0, FASTEST)
+
+    @model_validator(mode="after")
+    def _pairs_rise(self) -> "TableProfile":
+        if len(self.heights) != len(self.speeds) or len(self.heights) < 2:
+            raise contradiction("heights and speeds must be lists of the same length, at least 2")
+        if any(b <= a for a, b in zip(self.heights, self.heights[1:], strict=False)):
+            raise contradiction("heights must rise")
+        return self
+
+
+Profile = Annotated[UniformProfile | LogProfile | PowerProfile | TableProfile, Field(discriminator="law")]
+
+
+class Turbulence(Part):
+    """Fluctuations at the inlet."""
+
+    deviation: Vector = number(..., "m s-1", "standard deviations of u, v and w", 0.0, FASTEST)
+    integral_length: float = extent(..., "integral length scale")
+    waves: int = number(InletTurbulence.waves, "1", "random waves that are summed", 8, 10_000)
+
+
+class AirBox(Part):
+    """The box, the fluid, the closure."""
+
+    extents: Vector = number(..., "m", "extents along x, y and z", 1e-7, 1e4)
+    cells: Counts = number(..., "1", "cells along x, y and z", 1, 100_000)
+    lowest: float | None = number(None, "m", "thickness of the lowest cells; left out: equal", 1e-7, 1e4)
+    both_ends: bool = Field(default=False, description="whether cells are fine at the lid too")
+    density: float = number(1.2, "kg m-3", "density of the air", 1e-3, 1e3)
+    viscosity: float = number(1.5e-5, "m2 s-1", "kinematic viscosity", 1e-9, 10.0)
+    closure: Literal["none", "mixing_length", "smagorinsky"] = Field(
+        default=AirModel.closure, description="turbulence closure"
+    )
+    advection: Literal["none", "central", "limited"] = Field(
+        default=AirModel.advection, description="central: keeps energy; limited: makes no new extremes"
+    )
+    implicitness: float = number(
+        AirSetup.implicitness, "1", "of diffusion along z: 0.5 second order in time, 1 robust", 0.5, 1.0
+    )
+    karman: float = number(ClosureConstants.karman, "1", "von Karman's constant", 0.3, 0.5)
+    smagorinsky: float = number(ClosureConstants.smagorinsky, "1", "Smagorinsky's constant", 0.0, 0.5)
+    length_share: float = number(
+        ClosureConstants.length_share,
+        "1",
+        "largest mixing length over the thickness of the layer; 0: no limit",
+        0.0,
+        0.5,
+    )
+    friction_velocity: float = number(0.0, "m s-1", "u* of a side under stress", 0.0, 10.0)
+    driving_gradient: Vector = number(
+        (0.0, 0.0, 0.0), "Pa m-1", "mean pressure gradient; negative drives forwards", -1e6, 1e6
+    )
+    sides: dict[Name, Side] = Field(description="x_low, x_high, y_low, y_high, z_low, z_high")
+    inlet: Profile | None = Field(None, description="wind at the inlet, and everywhere at the start")
+    turbulence: Turbulence | None = Field(None, description="fluctuations at the inlet")
+
+
+class AirMeasure(Part):
+    """Where one observable of the air is read."""
+
+    place: float | None = extent(None, "position along x; left out: the mean along x", 0.0)
+
+
+class AirScene(Part):
+    """One flow of air without grains."""
+
+    scene: AirHead
+    conditions: Conditions = Conditions()
+    run: AirRun
+    air: AirBox
+    measure: dict[Name, AirMeasure] = Field({})
+    measured: dict[Name, Measured] = Field({})
+
+    _file: str = PrivateAttr(default="scene")
+
+    @property
+    def file(self) -> str:
+        """Name of the scene file as the user wrote it, for messages."""
+        return self._file

@@ -1,0 +1,143 @@
+"""Walls of a scene; a wall is one surface with one material, and moves as one body."""
+
+from pathlib import PurePath
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from taichi_erosion.scene.schema.fields import (
+    Name,
+    Part,
+    Vector,
+    check_direction,
+    contradiction,
+    direction,
+    extent,
+    number,
+    position,
+)
+
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+UPWARDS: Vector = (0.0, 0.0, 1.0)
+Face = Literal["x_low", "x_high", "y_low", "y_high", "z_low", "z_high"]
+OPEN_BOX: tuple[Face, ...] = ("x_low", "x_high", "y_low", "y_high", "z_low")
+
+
+class Plane(Part):
+    """Half space: everything behind the plane is solid."""
+
+    shape: Literal["plane"]
+    material: Name
+    point: Vector = position(ORIGIN, "a point of the plane")
+    normal: Vector = direction(UPWARDS, "normal into the free side")
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> "Plane":
+        check_direction(self.normal, "normal")
+        return self
+
+
+class Disc(Part):
+    """Thin round plate."""
+
+    shape: Literal["disc"]
+    material: Name
+    centre: Vector = position(ORIGIN, "centre")
+    axis: Vector = direction(UPWARDS, "normal of the disc")
+    radius: float = extent(..., "radius")
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> "Disc":
+        check_direction(self.axis, "axis")
+        return self
+
+
+class Cylinder(Part):
+    """Thin open tube; `centre` is the middle of its low end, `axis` points to the other."""
+
+    shape: Literal["cylinder"]
+    material: Name
+    centre: Vector = position(ORIGIN, "middle of the end where the axis starts")
+    axis: Vector = direction(UPWARDS, "direction of the axis")
+    radius: float = extent(..., "inner radius")
+    length: float = extent(..., "length along the axis")
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> "Cylinder":
+        check_direction(self.axis, "axis")
+        return self
+
+
+class Cone(Part):
+    """Thin cone frustum."""
+
+    shape: Literal["cone"]
+    material: Name
+    centre: Vector = position(ORIGIN, "middle of the end where the axis starts")
+    axis: Vector = direction(UPWARDS, "direction of the axis")
+    radius_low: float = extent(..., "radius where the axis starts", low=0.0)
+    radius_high: float = extent(..., "radius at the other end", low=0.0)
+    length: float = extent(..., "length along the axis")
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> "Cone":
+        check_direction(self.axis, "axis")
+        if self.radius_low + self.radius_high == 0.0:
+            raise contradiction("radius_low and radius_high are both 0")
+        return self
+
+
+class Funnel(Part):
+    """Upright cone frustum on a stem; `outlet` is the middle of the lower opening."""
+
+    shape: Literal["funnel"]
+    material: Name
+    outlet: Vector = position(ORIGIN, "middle of the lower opening")
+    outlet_radius: float = extent(..., "inner radius of the opening and of the stem")
+    stem_length: float = extent(0.0, "length of the stem; 0: none", low=0.0)
+    rim_radius: float = extent(..., "inner radius of the upper rim")
+    cone_height: float = extent(..., "height of the cone")
+
+    @model_validator(mode="after")
+    def _opens_upwards(self) -> "Funnel":
+        if self.rim_radius < self.outlet_radius:
+            raise contradiction("rim_radius is smaller than outlet_radius")
+        return self
+
+
+class Box(Part):
+    """Inside of a rectangular box; a face is a half space, so walls do not end at their edges."""
+
+    shape: Literal["box"]
+    material: Name
+    low: Vector = position(..., "corner of the smallest coordinates")
+    high: Vector = position(..., "corner of the largest coordinates")
+    faces: tuple[Face, ...] = Field(OPEN_BOX, min_length=1, max_length=6, description="faces that exist")
+
+    @model_validator(mode="after")
+    def _has_volume(self) -> "Box":
+        if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
+            raise contradiction("low must be smaller than high in every coordinate")
+        if len(set(self.faces)) < len(self.faces):
+            raise contradiction("faces names a face twice")
+        return self
+
+
+class Mesh(Part):
+    """Triangles of a file (STL, PLY, OBJ), looked for beside the scene."""
+
+    shape: Literal["mesh"]
+    material: Name
+    file: str = Field(min_length=1, max_length=200, description="path relative to the scene file")
+    scale: float = number(1.0, "m per file unit", "size of the file's unit of length", 1e-9, 1e6)
+    translate: Vector = position(ORIGIN, "shift after scaling")
+
+    @model_validator(mode="after")
+    def _stays_beside_the_scene(self) -> "Mesh":
+        path = PurePath(self.file)
+        if path.is_absolute() or ".." in path.parts or "\0" in self.file:
+            raise contradiction(f"file = '{self.file}' must lie beside or below the scene file")
+        return self
+
+
+Wall = Annotated[Plane | Disc | Cylinder | Cone | Funnel | Box | Mesh, Field(discriminator="shape")]

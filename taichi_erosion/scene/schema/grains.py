@@ -1,0 +1,227 @@
+"""Grains, materials and contacts of a scene."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from taichi_erosion.scene.schema.fields import FARTHEST, Name, Part, Vector, contradiction, extent, number
+
+SMALLEST = 1e-6  # grains below it are no longer moved by contact and weight alone [m]
+LARGEST = 1.0  # grains above it are taken for a slip of units [m]
+MOST_GRAINS = 5_000_000  # about 5 GB of state
+MOST_MASS = 1e6  # total of a sieve column, in whatever unit of mass [any]
+
+SieveRow = tuple[float, float, float]
+
+
+class Monodisperse(Part):
+    """All grains alike."""
+
+    law: Literal["monodisperse"]
+    diameter: float = number(..., "m", "grain diameter", SMALLEST, LARGEST)
+
+
+class Lognormal(Part):
+    """Numbers of grains distributed lognormally, cut at both ends."""
+
+    law: Literal["lognormal"]
+    median: float = number(..., "m", "median diameter by number, before truncation", SMALLEST, LARGEST)
+    sigma_log: float = number(
+        ..., "1", "standard deviation of the natural logarithm of the diameter", 0.0, 2.0
+    )
+    low: float = number(..., "m", "smallest diameter", SMALLEST, LARGEST)
+    high: float = number(..., "m", "largest diameter", SMALLEST, LARGEST)
+
+    @model_validator(mode="after")
+    def _bracket(self) -> "Lognormal":
+        if not self.low <= self.median <= self.high:
+            raise contradiction("low <= median <= high must hold")
+        return self
+
+
+class Sieve(Part):
+    """Mass by size class; inside a class mass is uniform over the logarithm of the diameter.
+
+    `low` and `high` cut the tabulated curve, then `scale` magnifies what is left (coarse graining).
+    """
+
+    law: Literal["sieve"]
+    table: Name | None = Field(None, description="name of a shipped sieve table")
+    rows: tuple[SieveRow, ...] = number((), "m, m, any mass", "size classes: low, high, mass", 0.0, MOST_MASS)
+    low: float | None = number(None, "m", "lower cut of the tabulated curve", SMALLEST, LARGEST)
+    high: float | None = number(None, "m", "upper cut of the tabulated curve", SMALLEST, LARGEST)
+    scale: float = number(1.0, "1", "simulated over tabulated diameter (coarse graining)", 1e-2, 1e3)
+
+    @model_validator(mode="after")
+    def _ascending(self) -> "Sieve":
+        if bool(self.rows) == (self.table is not None):
+            raise contradiction("needs either table or rows")
+        for row in self.rows:
+            if not SMALLEST <= row[0] < row[1] <= LARGEST:
+                raise contradiction(f"row {list(row)} needs {SMALLEST} <= low < high <= {LARGEST} m")
+        if any(b[0] < a[1] for a, b in zip(self.rows, self.rows[1:], strict=False)):
+            raise contradiction("rows must ascend without overlap")
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            raise contradiction("low must be smaller than high")
+        return self
+
+
+Size = Annotated[Monodisperse | Lognormal | Sieve, Field(discriminator="law")]
+
+
+class ClumpSphere(Part):
+    """One sphere of a clump template, in nominal grain diameters."""
+
+    offset: Vector = number(..., "d", "centre, in nominal diameters", -10.0, 10.0)
+    radius: float = number(..., "d", "radius, in nominal diameters", 0.05, 10.0)
+
+
+class Clump(Part):
+    """Rigid grain made of several spheres: a shipped template or a list."""
+
+    template: Literal["pair", "tripod", "tetrahedron"] | None = Field(
+        None, description="name of a shipped template"
+    )
+    spheres: tuple[ClumpSphere, ...] = Field((), max_length=64, description="spheres of an own template")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "Clump":
+        if bool(self.spheres) == (self.template is not None):
+            raise contradiction("needs either template or spheres")
+        return self
+
+
+class Grains(Part):
+    """What is poured."""
+
+    count: int = number(..., "1", "number of grains; a clump counts as one", 1, MOST_GRAINS)
+    size: Size = Field(description="distribution of nominal diameters")
+    material: Name = Field(description="name of a table under [materials]")
+    clump: Clump | None = Field(None, description="template of non-spherical grains; left out: spheres")
+
+
+class Softening(Part):
+    """Why the simulated stiffness differs from the real one, and what is kept.
+
+    `bond_number` keeps the pull-off force over the weight: the surface energy stays.
+    `sticking_velocity` keeps the speed below which a grain sticks: the surface energy is multiplied by
+    (E*_simulated / E*_true)^(2/5).
+    """
+
+    rule: Literal["bond_number", "sticking_velocity"] = Field(
+        description="what is kept while stiffness is reduced"
+    )
+    true_modulus: float = number(
+        ..., "Pa", "real modulus, of the kind (shear or Young) that the material states", 1e3, 1e14
+    )
+
+
+class Material(Part):
+    """Elastic material of grains or walls; one modulus is given, the other follows."""
+
+    density: float = number(..., "kg m-3", "density of the solid", 1.0, 3e4)
+    shear_modulus: float | None = number(None, "Pa", "shear modulus as simulated", 1e3, 1e12)
+    young_modulus: float | None = number(None, "Pa", "Young's modulus as simulated", 1e3, 1e12)
+    poisson_ratio: float = number(..., "1", "Poisson ratio", 0.0, 0.5)
+    softening: Softening | None = Field(None, description="names the scaling rule where stiffness is reduced")
+
+    @model_validator(mode="after")
+    def _one_modulus(self) -> "Material":
+        if (self.shear_modulus is None) == (self.young_modulus is None):
+            raise contradiction("needs either shear_modulus or young_modulus")
+        return self
+
+
+class Contact(Part):
+    """Contact parameters of one pair of materials."""
+
+    restitution: float = number(..., "1", "coefficient of normal restitution", 0.0, 1.0)
+    friction_sliding: float = number(..., "1", "coefficient of sliding friction", 0.0, 5.0)
+    friction_rolling: float = number(0.0, "1", "limiting rolling torque over R* F_n", 0.0, 5.0)
+    rolling_damping: float = number(
+        0.3, "1", "rolling damping over its critical value (Ai et al. 2011)", 0.0, 1.0
+    )
+    surface_energy: float = number(
+        0.0, "J m-2", "surface energy of one surface; work of adhesion w = 2 gamma", 0.0, 1e3
+    )
+    effects: bool | None = Field(
+        default=None, description="false: no effect acts on it, it is as stated in every run"
+    )
+
+    @property
+    def acted_on(self) -> bool:
+        """Whether effects act on it."""
+        return self.effects is not False
+
+
+class GrainStart(Part):
+    """One explicitly placed grain."""
+
+    position: Vector = number(..., "m", "centre (of the template's origin for a clump)", -FARTHEST, FARTHEST)
+    velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
+    spin: Vector = number((0.0, 0.0, 0.0), "rad s-1", "angular velocity", -1e6, 1e6)
+    diameter: float | None = number(None, "m", "diameter; left out: nominal diameter", SMALLEST, LARGEST)
+
+
+class Positions(Part):
+    """Explicit list, for scenes of one or a few grains."""
+
+    law: Literal["positions"]
+    grains: tuple[GrainStart, ...] = Field(min_length=1, max_length=10_000, description="one table per grain")
+
+
+class Rain(Part):
+    """Loose random layers that fall: square nets, each turned and shifted at random, with jitter."""
+
+    law: Literal["rain"]
+    pitch: float = extent(..., "distance of neighbours in a layer, and of layers")
+    jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
+    radius: float = extent(..., "largest distance of a centre from the axis")
+    axis_point: Vector = number((0.0, 0.0, 0.0), "m", "point of the vertical axis; heights count from it")
+    first_height: float = extent(..., "height of the first layer")
+    speed_sd: float = number(
+        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
+    )
+
+
+class Lattice(Part):
+    """Rain inside a cylinder of any axis (a drum): a cubic net with jitter, filled from below."""
+
+    law: Literal["lattice"]
+    pitch: float = extent(..., "distance of neighbours")
+    jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
+    centre: Vector = number((0.0, 0.0, 0.0), "m", "centre of the cylinder", -FARTHEST, FARTHEST)
+    axis: Vector = number((0.0, 0.0, 1.0), "1", "direction of the axis", -FARTHEST, FARTHEST)
+    radius: float = extent(..., "radius that holds the centres")
+    length: float = extent(..., "length that holds the centres")
+    speed_sd: float = number(
+        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
+    )
+
+
+class Pour(Part):
+    """Grains pass a horizontal disc downwards, layer by layer, at random places without overlap."""
+
+    law: Literal["pour"]
+    centre: Vector = number(..., "m", "centre of the disc", -FARTHEST, FARTHEST)
+    radius: float = extent(..., "radius of the disc, whole grains inside")
+    speed: float = number(2.0, "m s-1", "downward speed at the disc", 0.0, 100.0)
+    rate: float | None = number(
+        None, "s-1", "grains per second; left out: as fast as layers clear", 1e-3, 1e9
+    )
+    coverage: float = number(0.25, "1", "share of the disc's area that a layer covers", 1e-3, 0.45)
+
+
+class Layers(Part):
+    """Loose jittered layers over a whole periodic patch."""
+
+    law: Literal["layers"]
+    pitch: float = extent(..., "least distance of neighbours in a layer, and of layers")
+    jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
+    first_height: float = extent(..., "height of the first layer")
+    speed_sd: float = number(
+        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
+    )
+
+
+Fill = Annotated[Positions | Rain | Lattice | Pour | Layers, Field(discriminator="law")]

@@ -1,0 +1,121 @@
+"""The air over and between the grains of a periodic patch: one column of cells, or a grid of them.
+
+How the thresholds of motion of a bed under wind are looked for.
+"""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from taichi_erosion.core.setup import Coupling, Laws
+from taichi_erosion.scene.schema.fields import Part, contradiction, extent, number
+
+Columns = tuple[int, int]
+COLUMNS_MOST = 256  # along either side of a patch
+FASTEST_FRICTION = 10.0  # largest friction velocity that a scene may name [m s-1]
+
+
+class Wind(Part):
+    """Periodic patch of a bed under wind: one column of air cells, driven by the stress at its lid, or many.
+
+    The patch reaches from 0 to `length` downwind and from 0 to `width` across; heights count from 0. On
+    several columns a large-eddy closure resolves the gusts that the patch has room for.
+    """
+
+    length: float = extent(..., "period downwind")
+    width: float = extent(..., "period across")
+    height: float = extent(..., "height of the lid")
+    friction_velocity: float = number(0.0, "m s-1", "u* at the start", 0.0, FASTEST_FRICTION)
+    partition: float = number(
+        1.0, "1", "friction velocity that reaches the patch over the stated one", 1e-3, 1.0
+    )
+    density: float = number(1.225, "kg m-3", "density of the air", 1e-3, 1e3)
+    viscosity: float = number(1.46e-5, "m2 s-1", "kinematic viscosity of the air", 1e-8, 1.0)
+    drag: Literal["schiller_naumann", "two_limits", "di_felice", "gidaspow"] = Field(
+        default=Laws.drag, description="law of drag on a grain"
+    )
+    columns: Columns = number((1, 1), "1", "columns of cells downwind and across", 1, COLUMNS_MOST)
+    closure: Literal["none", "mixing_length", "smagorinsky"] = Field(
+        "mixing_length", description="turbulence closure; smagorinsky, or none, lets a grid have eddies"
+    )
+    drive: Literal["lid", "gradient"] = Field(
+        "lid", description="what gives the bed its stress: that of the lid, or a mean pressure gradient"
+    )
+    stir: float = number(1.0, "1", "deviation of the first velocities of a grid, over u*", 0.0, 10.0)
+    turnovers: float = number(
+        10.0,
+        "1",
+        "time for eddies to grow when wind sets in, times u* over the height above the bed",
+        0.0,
+        1e3,
+    )
+    surface: float | None = number(
+        None, "m", "height of the bed; left out: what the grains fill at a solid share of 0.6", 0.0, 1e4
+    )
+    cell: float | None = number(None, "m", "finest layer of air; left out: a quarter diameter", 1e-7, 1e4)
+    growth: float = number(1.15, "1", "widening of a layer over the one below, above the bed", 1.0001, 2.0)
+    look_steps: int = number(
+        Coupling.look_steps, "1", "time steps of the grains between two looks at the air", 1, 10_000
+    )
+    sleep_after: float | None = number(
+        None,
+        "s",
+        "time at rest after which deep grains sleep until disturbed; left out: none does",
+        1e-6,
+        1e3,
+    )
+    sleep_share: float = number(
+        Coupling.sleep_share, "1", "share of its weight that disturbs a grain that sleeps", 1e-4, 1.0
+    )
+    through_flow: float = number(
+        0.0, "m s-1", "superficial velocity of air rising through the bed", -100.0, 100.0
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "Wind":
+        if self.surface is not None and self.surface >= self.height:
+            raise contradiction("surface must lie below height: the lid is inside the bed")
+        return self
+
+
+LONGEST_HOLD = 1e3  # s
+
+
+class Threshold(Part):
+    """A ramp, then winds from rest on either side of where it ended, then transport that is slowed down.
+
+    A grain has rolled when it has moved over the bed by `distance`, and has left the bed when it has risen by
+    `distance` above its place at rest. The bed moves when `share` of as many grains as one layer holds, at
+    least one, have left it.
+    """
+
+    share: float = number(0.01, "1", "share of the surface grains that must move", 1e-6, 1.0)
+    distance: float = number(1.0, "1", "distance over the nominal diameter that counts as moved", 0.01, 100.0)
+    first: float | None = number(
+        None,
+        "m s-1",
+        "u* at which the ramp begins; left out: 0.08 sqrt((s - 1) g d)",
+        1e-3,
+        FASTEST_FRICTION,
+    )
+    rise: float = number(0.04, "1", "share by which u* grows from step to step", 1e-3, 1.0)
+    rise_hold: float = number(0.02, "s", "duration of a step of the ramp", 1e-6, LONGEST_HOLD)
+    hold: float = number(0.3, "s", "time from rest in which grains must leave the bed", 1e-6, LONGEST_HOLD)
+    levels: int = number(2, "1", "halvings of a step of the ramp to which winds are bisected", 0, 20)
+    excess: float = number(
+        1.2, "1", "u* of the transport that is slowed down, over the fluid threshold", 1.0, 10.0
+    )
+    transport: float | None = number(
+        None,
+        "m s-1",
+        "u* of that transport; given: nothing is looked for but where it ceases",
+        1e-3,
+        FASTEST_FRICTION,
+    )
+    spin_up: float = number(0.3, "s", "time in which that transport develops", 1e-6, LONGEST_HOLD)
+    fall: float = number(0.07, "1", "share by which u* falls from step to step", 1e-3, 0.5)
+    fall_hold: float = number(0.25, "s", "duration of such a step", 1e-6, LONGEST_HOLD)
+    ceased: float = number(
+        0.01, "1", "flux over that of the start below which transport has ceased", 1e-6, 0.5
+    )
+    fetch: float = number(7.0, "m", "distance from the inlet of the tunnel that is compared", 0.01, 1e4)

@@ -1,0 +1,126 @@
+"""Validation errors in the user's words: dotted path, value, what is allowed."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from taichi_erosion.scene.entries import Given, Path
+
+DISCRIMINATORS = ("law", "shape")
+KEY_MARK = "[key]"
+LONGEST_VALUE = 60  # characters of a value that a message repeats
+
+SENTENCES = {
+    "missing": "is missing",
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "string_type": "must be text in quotes",
+    "tuple_type": "must be a list",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "string_pattern_mismatch": "must be a name of letters, digits and _ (a contact: two names joined by -)",
+}
+
+
+def problem_lines(error: ValidationError, table: Any, given: Given | None) -> list[str]:
+    """One line for every error, in the order of the file's sections.
+
+    Without a diameter (`given` is None) lengths in diameters cannot be judged: only the grains are.
+    """
+    entries = error.errors(include_url=False)
+    grains = [entry for entry in entries if entry["loc"][:1] == ("grains",)]
+    judged = grains if given is None and grains else entries
+    return [problem_line(entry, table, given or {}) for entry in judged]
+
+
+def problem_line(entry: Any, table: Any, given: Given) -> str:
+    """`grains.count = -3 lies outside [1, 5e+06]`."""
+    path = plain_path(entry["loc"], table)
+    kind, context = entry["type"], entry.get("ctx", {})
+    if kind == "unknown":
+        return f"{dotted((*path, context['key']), given)} is unknown; {context['hint']}"
+    where = dotted(path, given)
+    if kind == "missing":
+        return f"{where} is missing"
+    if kind == "contradiction":
+        return f"{where}: {context['message']}"
+    if kind.startswith("union_tag"):
+        return choice_line(where, entry, context)
+    value = shown(entry["input"])
+    if path in given:
+        value = f"{shown(given[path][1])} diameters: {value}"
+    return f"{where} = {value} {sentence(kind, context, entry['msg'])}"
+
+
+def sentence(kind: str, context: Mapping[str, Any], message: str) -> str:
+    """What is wrong with a value."""
+    if kind == "outside":
+        return f"lies outside {context['range']}"
+    if kind == "literal_error":
+        return f"is not one of {context['expected']}"
+    if kind in ("too_long", "too_short"):
+        bound = context.get("max_length", context.get("min_length"))
+        side = "at most" if kind == "too_long" else "at least"
+        return f"has {context['actual_length']} entries; {side} {bound} allowed"
+    return SENTENCES.get(kind, message[:1].lower() + message[1:])
+
+
+def choice_line(where: str, entry: Any, context: Mapping[str, Any]) -> str:
+    """A section whose `law` or `shape` is missing or unknown."""
+    key = context["discriminator"].strip("'")
+    if entry["type"] == "union_tag_not_found":
+        return f"{where}.{key} is missing"
+    return f"{where}.{key} = {shown(context['tag'])} is not one of {context['expected_tags']}"
+
+
+def plain_path(location: Path, table: Any) -> Path:
+    """Location without the marks of unions and of keys."""
+    path: list[str | int] = []
+    for key in location:
+        if key == KEY_MARK or is_union_mark(table, key):
+            continue
+        path.append(key)
+        table = step_into(table, key)
+    return tuple(path)
+
+
+def is_union_mark(table: Any, key: str | int) -> bool:
+    """Whether a key of a location repeats the `law` or `shape` of the table it leads into."""
+    return isinstance(table, dict) and key not in table and key in [table.get(d) for d in DISCRIMINATORS]
+
+
+def step_into(table: Any, key: str | int) -> Any:
+    """Entry of a table or list, None where there is none."""
+    if isinstance(table, dict):
+        return table.get(key)
+    if isinstance(table, tuple | list) and isinstance(key, int) and key < len(table):
+        return table[key]
+    return None
+
+
+def dotted(path: Path, given: Given) -> str:
+    """Path as the user addresses it; a value given in diameters keeps its suffix."""
+    words = [given.get(path[: depth + 1], (str(key), None))[0] for depth, key in enumerate(path)]
+    return ".".join(one_line(word) for word in words) or "the file"
+
+
+def shown(value: Any) -> str:
+    """Value on one line, shortened."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, tuple):
+        value = list(value)
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**LONGEST_VALUE:
+        return "a number of more than 60 digits"
+    return one_line(f"'{value}'" if isinstance(value, str) else repr(value))
+
+
+def one_line(text: str) -> str:
+    """Printable text without line breaks, at most LONGEST_VALUE characters."""
+    clean = "".join(c if c.isprintable() else "?" for c in text[: LONGEST_VALUE + 1])
+    return clean if len(clean) <= LONGEST_VALUE else clean[: LONGEST_VALUE - 3] + "..."

@@ -1,0 +1,81 @@
+"""From a scene with its optional physics to the setup of one replica."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from taichi_erosion.core.effect import Acting, Conditions, Effect, acting, read_params
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Setup
+from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
+from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.build.wind import surface_height
+
+ON_DEVICE = ("pair", "meeting", "grain")
+
+Library = Mapping[str, Effect]
+
+
+def conditions_of(scene: Scene) -> dict[str, float]:
+    """What the scene states of its conditions, in SI units."""
+    return {name: float(value) for name, value in scene.conditions.model_dump(exclude_none=True).items()}
+
+
+def circumstances_of(scene: Scene) -> dict[str, float]:
+    """What effects on the device may know: the stated conditions, the grains' size, and the bed [m]."""
+    known = {"grain_diameter": nominal_diameter(scene.grains.size)}
+    if scene.wind is not None:
+        known["bed_height"] = surface_height(scene, scene.wind)
+    return conditions_of(scene) | known
+
+
+def effective_scene(scene: Scene, library: Library) -> Scene:
+    """The scene after all effects that change it before it is built; those of strength 0 leave no trace.
+
+    What comes out is validated like a file. Raises BadInput where it cannot be simulated.
+    """
+    conditions, changed = conditions_of(scene), scene
+    for name in sorted(scene.effects):
+        effect = library[name]
+        params, strength = checked_params(scene, effect)
+        if effect.place == "scene" and strength > 0.0:
+            changed = changed_by(effect, params, strength, conditions, changed)
+    if changed is scene:
+        return scene
+    return parse_scene(resolved(changed), f"{scene.file} with its effects", scene.folder)
+
+
+def changed_by(
+    effect: Effect, params: object, strength: float, conditions: Conditions, scene: Scene
+) -> Scene:
+    """The scene after one effect. Raises BadInput where the effect refuses it."""
+    try:
+        return effect.act(params, strength, conditions, scene)
+    except BadInput as error:
+        raise BadInput(f"{scene.file}: {error}") from None
+
+
+def prepare(scene: Scene, seed: int, library: Library) -> Setup:
+    """Setup of one replica with all effects in it. Raises BadInput for parameters out of range."""
+    setup = build_setup(effective_scene(scene, library), seed)
+    largest = float(setup.grains.radius.max())
+    effects = tuple(device_effects(scene, library, largest))
+    return replace(setup, effects=effects)
+
+
+def device_effects(scene: Scene, library: Library, radius: float) -> list[Acting]:
+    """Effects on the device that have a strength, in the order of their names."""
+    found, circumstances = [], circumstances_of(scene)
+    for name in sorted(scene.effects):
+        effect = library[name]
+        params, strength = checked_params(scene, effect)
+        if effect.place in ON_DEVICE and strength > 0.0:
+            found.append(acting(effect, params, strength, circumstances, radius))
+    return found
+
+
+def checked_params(scene: Scene, effect: Effect) -> tuple[object, float]:
+    """Parameters and strength as the scene states them."""
+    try:
+        return read_params(effect, scene.effects[effect.name])
+    except ValueError as error:
+        raise BadInput(f"{scene.file}: {error}") from None

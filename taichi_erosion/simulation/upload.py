@@ -1,0 +1,172 @@
+"""Writing the Setups of an ensemble to the device."""
+
+from typing import Any
+
+import numpy as np
+import scipy
+
+from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, PrimitiveKind, Setup
+from taichi_erosion.core.transfer import upload
+from taichi_erosion.grains.materials import fill_materials
+from taichi_erosion.grains.state import Replicas
+from taichi_erosion.grains.walls import Walls
+from taichi_erosion.grains.world import World
+from taichi_erosion.simulation.capacities import cell_grid, margins
+
+NOWHERE = np.inf  # m, where the primitives lie that a replica with fewer walls than another has too many
+
+
+def padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
+    """Join one array a replica, each filled up to `rows`; a replica may have none."""
+    inner = np.asarray(max(columns, key=len)).shape[1:]
+    stacked = np.full((len(columns), rows, *inner), filling)
+    for block, column in zip(stacked, columns, strict=True):
+        if len(column):
+            block[: len(column)] = column
+    return stacked.reshape(-1, *inner)
+
+
+def release_steps(setup: Setup) -> Any:
+    """Step at which each grain is released."""
+    return np.ceil(setup.grains.release_time / setup.time_step - 1e-9).astype(np.int32).clip(0)
+
+
+def fill_world(world: World, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
+    """Write everything that a Setup states."""
+    fill_source(world, setups)
+    fill_replicas(world.replicas, setups, reaches, partitions)
+    fill_cells(world, setups, reaches)
+    fill_walls(world.walls, setups)
+    fill_materials(world.materials, [s.contacts for s in setups])
+    if world.sleeps:
+        orders = [(s.coupling.sleep_looks, s.coupling.sleep_share) for s in setups]
+        looks, share = zip(*orders, strict=True)
+        upload([(world.sleep.looks, looks), (world.sleep.share, share)])
+    if world.clumped:
+        fill_clumps(world, setups)
+
+
+def fill_source(world: World, setups: list[Setup]) -> None:
+    """GrainTables, from which grains are released."""
+    source, rows = world.source, world.grains.capacity
+    grains = [s.grains for s in setups]
+    bodies = [np.arange(len(s.grains.radius)) if s.clumps is None else s.clumps.body for s in setups]
+    names = ("position", "velocity", "spin", "radius", "material")
+    columns = [(getattr(source, name), padded([getattr(g, name) for g in grains], rows)) for name in names]
+    columns.append((source.mass_inverse, padded([1.0 / g.mass for g in grains], rows)))
+    columns.append((source.release_step, padded([release_steps(s) for s in setups], rows)))
+    columns.append((source.body, padded(bodies, rows)))
+    upload(columns)
+
+
+def fill_replicas(
+    replicas: Replicas, setups: list[Setup], reaches: list[float], partitions: list[int]
+) -> None:
+    """Clocks, boxes and list margins; nothing is released yet, the first step rebuilds."""
+    allowed = [margins(s) for s in setups]
+    # where cells allow for the widest grain, none is wide, whatever rounding says
+    grasp = [np.inf if s.air is None else m.grasp for s, m in zip(setups, allowed, strict=True)]
+    upload(
+        [
+            (replicas.total, [len(s.grains.radius) for s in setups]),
+            (replicas.stale, np.ones(len(setups))),
+            (replicas.partitions, partitions),
+            (replicas.time_step, [s.time_step for s in setups]),
+            (replicas.gravity, [s.gravity for s in setups]),
+            (replicas.low, [s.domain[0] for s in setups]),
+            (replicas.high, [s.domain[1] for s in setups]),
+            (replicas.period, [s.period for s in setups]),
+            (replicas.reach, reaches),
+            (replicas.overlap_limit, [s.overlap_limit for s in setups]),
+            (replicas.margin_least, [m.least for m in allowed]),
+            (replicas.margin_most, [m.most for m in allowed]),
+            (replicas.margin_time, [m.time for m in allowed]),
+            (replicas.grasp_most, grasp),
+        ]
+    )
+
+
+def fill_cells(world: World, setups: list[Setup], reaches: list[float]) -> None:
+    """Cell grids."""
+    grids = [cell_grid(s, reach, world.cells.capacity) for s, reach in zip(setups, reaches, strict=True)]
+    names = ("most", "width_least", "low", "inverse_width", "number")
+    upload([(getattr(world.cells, name), [getattr(grid, name) for grid in grids]) for name in names])
+
+
+def fill_walls(walls: Walls, setups: list[Setup]) -> None:
+    """Primitives and surfaces, at rest."""
+    tables = [s.primitives for s in setups]
+    if not any(len(table.kind) for table in tables):
+        return
+    shapes = padded([t.shape for t in tables], walls.primitives)
+    kinds = padded([t.kind for t in tables], walls.primitives)
+    balls = [[bounding_ball(k, row) for k, row in zip(t.kind, t.shape, strict=True)] for t in tables]
+    upload(
+        [
+            (walls.kind, kinds),
+            (walls.surface, padded([t.surface for t in tables], walls.primitives)),
+            (walls.corner, shapes[..., 0:3]),
+            (walls.second, shapes[..., 3:6]),
+            (walls.third, np.where((kinds == PrimitiveKind.TRIANGLE)[..., None], shapes[..., 6:9], 0.0)),
+            (walls.profile, shapes[..., 6:10]),
+            (walls.middle, padded([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE)),
+            (walls.size, padded([[b[1] for b in ball] for ball in balls], walls.primitives)),
+        ]
+    )
+    present = padded([np.ones(len(s.surfaces)) for s in setups], walls.surfaces)
+    upload(
+        [
+            (walls.material, padded([[f.material for f in s.surfaces] for s in setups], walls.surfaces)),
+            (walls.present, present),
+            (walls.turn, np.broadcast_to(np.eye(3), (*present.shape, 3, 3))),
+        ]
+    )
+
+
+def bounding_ball(kind: int, row: Floats) -> tuple[Floats, float]:
+    """Centre [m] and radius [m] of a ball around a primitive; infinite for a plane."""
+    if kind == PrimitiveKind.TRIANGLE:
+        corners = row[:9].reshape(3, 3)
+        middle = corners.mean(axis=0)
+        return middle, float(np.linalg.norm(corners - middle, axis=1).max())
+    if kind == PrimitiveKind.REVOLVED:
+        height = 0.5 * (row[7] + row[9])
+        return row[:3] + height * row[3:6], float(np.hypot(max(row[6], row[8]), 0.5 * abs(row[9] - row[7])))
+    return np.zeros(3), float("inf")
+
+
+def fill_clumps(world: World, setups: list[Setup]) -> None:
+    """Bodies as placed, moving and turning as the first sphere of each does at release."""
+    clumps, rows = world.clumps, world.grains.capacity
+    tables = [s.clumps for s in setups if s.clumps is not None]
+    bodies = clumps.capacity
+    firsts = [np.searchsorted(t.body, np.arange(len(t.mass))).astype(np.int32) for t in tables]
+    motions = [body_motion(s.grains, t, f) for s, t, f in zip(setups, tables, firsts, strict=True)]
+    upload(
+        [
+            (clumps.first, padded(firsts, bodies)),
+            (clumps.number, padded([np.bincount(t.body) for t in tables], bodies)),
+            (clumps.position, padded([t.position for t in tables], bodies)),
+            (clumps.orientation, padded([t.orientation for t in tables], bodies)),
+            (clumps.mass_inverse, padded([1.0 / t.mass for t in tables], bodies)),
+            (clumps.inertia_inverse, padded([1.0 / t.inertia for t in tables], bodies)),
+            (clumps.velocity, padded([velocity for velocity, _ in motions], bodies)),
+            (clumps.momentum, padded([momentum for _, momentum in motions], bodies)),
+        ]
+    )
+    upload([(clumps.offset, padded([t.offset for t in tables], rows))])
+
+
+def body_motion(grains: GrainTable, table: ClumpTable, firsts: Integers) -> tuple[Floats, Floats]:
+    """Velocity of the centre [m s-1] and angular momentum [kg m2 s-1] of bodies that follow a sphere.
+
+        v = v_1 - w x (A o_1),    L = A I A^T w
+
+    with v_1 and w velocity and spin of the sphere, o_1 its offset in the body, A the rotation of the body.
+    """
+    spin = grains.spin[firsts]
+    frame: Any = scipy.spatial.transform.Rotation.from_quat(table.orientation, scalar_first=True).as_matrix()
+    arm = np.einsum("bij,bj->bi", frame, table.offset[firsts])
+    turning: Any = np.cross(spin, arm)
+    momentum = np.einsum("bij,bj,bkj,bk->bi", frame, table.inertia, frame, spin)
+    return grains.velocity[firsts] - turning, momentum

@@ -1,0 +1,226 @@
+"""V27: flow between plates, driven by a pressure gradient (Poiseuille) or by the upper plate (Couette).
+
+    Poiseuille:  u = G z (H - z) / (2 nu),      Couette:  u = U z / H
+
+Couette flow is linear, which the grid holds exactly. Poiseuille's parabola is found with an error of dz^2:
+with half a cell to the wall the discrete solution lies above it by G dz^2 / (8 nu) everywhere. Plates normal
+to y work through ghosts and explicit diffusion, plates normal to z through the implicit sweep; both are
+tried. Replicas of one ensemble are Couette and Poiseuille flow on equal and on stretched cells.
+
+V28: a logarithmic wind survives an empty tunnel, and the stress in a channel is linear.
+
+Wind enters with  u = (u*/kappa) ln((z + z0) / z0)  over a rough floor, under a lid that pulls with rho u*^2:
+nothing may change over the fetch. In a channel driven by a mean pressure gradient G the total stress is
+
+    tau = rho u*^2 (1 - z / H),    rho u*^2 = -G H,
+
+whatever the closure; over a smooth floor the mixing length gives u+ = z+ in the viscous sublayer and the law
+of the wall above, u+ = ln(z+) / kappa + 5.2 (kappa = 0.40 and R_c = 7 leave 0.3 of scatter about it).
+
+Reference: Richards & Hoxey (1993), J. Wind Eng. Ind. Aerodyn. 46-47, 145-153.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from taichi_erosion.air.column import advance_columns
+from taichi_erosion.air.readback import air_snapshot, face_velocities
+from taichi_erosion.air.step import advance_air
+from taichi_erosion.core.air_setup import (
+    AirModel,
+    AirSetup,
+    AirSide,
+    both_faces,
+    even_faces,
+    log_profile,
+    stretched_faces,
+)
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import AirSnapshot
+from taichi_erosion.verification.air.boxes import LAMINAR, STILL, aired, box, centres, order, sides
+from taichi_erosion.verification.claim import Outcome, below, relative
+
+PLATE_LAYERS = 32
+GRIDS = (16, 32)
+LONG = 1e6  # s: a step so long that one gives the steady state
+STEADY_STEPS = 3
+WALL, LID = AirSide("wall"), AirSide("wall", (1.0, 0.0, 0.0))
+SIDEWAYS_LAYERS, SIDEWAYS_STEP, SIDEWAYS_STEPS = (
+    16,
+    0.4,
+    1000,
+)  # 1, dy^2 / nu, 1: 1.6 H^2 / nu, 16 decay times
+
+
+def plates(layers: int, lid: AirSide, gradient: float, stretched: bool, model: AirModel = STILL) -> AirSetup:
+    """A column of air between plates one metre apart."""
+    faces = both_faces(0.0, 1.0, layers, 0.3 / layers) if stretched else even_faces(0.0, 1.0, layers)
+    return box(
+        (1, 1, layers),
+        (1.0, 1.0, 1.0),
+        faces_z=faces,
+        sides=sides(z_low=WALL, z_high=lid),
+        driving_gradient=(gradient, 0.0, 0.0),
+        implicitness=1.0,
+        time_step=LONG,
+        model=model,
+    )
+
+
+def ensemble(layers: int) -> list[AirSetup]:
+    """Couette flow, then Poiseuille flow with largest speed 1 m/s; each on equal, then on stretched cells."""
+    flows = ((LID, 0.0), (WALL, -8.0))
+    return [
+        plates(layers, lid, gradient, stretched) for lid, gradient in flows for stretched in (False, True)
+    ]
+
+
+def exact(setups: list[AirSetup]) -> list[Floats]:
+    """The flows of `ensemble` in closed form at the centres of the cells."""
+    z = [centres(setup.faces_z) for setup in setups]
+    return [z[0], z[1], 4.0 * z[2] * (1.0 - z[2]), 4.0 * z[3] * (1.0 - z[3])]
+
+
+def errors(layers: int, whole_grid: bool) -> list[float]:
+    """Largest error of the steady u(z) of every flow of `ensemble` [m s-1]."""
+    setups = ensemble(layers)
+    air = aired(setups)
+    if whole_grid:
+        advance_air(air, STEADY_STEPS)
+    else:
+        advance_columns(STEADY_STEPS, air)
+    found = [face_velocities(air, replica)[0][0, 0, :] for replica in range(len(setups))]
+    return [float(np.abs(u - want).max()) for u, want in zip(found, exact(setups), strict=True)]
+
+
+def between_side_walls() -> float:
+    """Largest error of Poiseuille flow between walls normal to y, over its maximum."""
+    n = SIDEWAYS_LAYERS
+    setup = box(
+        (2, n, 2),
+        (1.0, 1.0, 1.0),
+        sides=sides(y_low=WALL, y_high=WALL),
+        driving_gradient=(-8.0, 0.0, 0.0),
+        time_step=SIDEWAYS_STEP / n**2,
+        model=LAMINAR,
+    )
+    air = aired([setup])
+    advance_air(air, SIDEWAYS_STEPS)
+    y = centres(even_faces(0.0, 1.0, n))
+    parabola = 4.0 * y * (1.0 - y) + 1.0 / n**2
+    return float(np.abs(face_velocities(air, 0)[0][0, :, 0] - parabola).max())
+
+
+def plane_flows() -> Iterator[Outcome]:
+    """V27."""
+    for words, whole_grid in (("grid", True), ("column", False)):
+        even, stretched, parabola, _ = errors(PLATE_LAYERS, whole_grid)
+        yield below(f"Couette, {words}, equal cells: error over the lid's speed", even, 1e-9, "f64")
+        yield below(f"Couette, {words}, stretched cells: error over the lid's speed", stretched, 1e-9, "f64")
+        name = f"Poiseuille, {words}, {LAYERS} cells: error over the largest speed"
+        yield below(name, parabola, 1.0 / PLATE_LAYERS**2 * (1.0 + 1e-6), "f64")
+    found = order([errors(layers, False)[3] for layers in GRIDS])
+    yield Outcome("Poiseuille, stretched cells: order in space", found, 2.0, 0.15, "f64")
+    name = "Poiseuille between side walls: off the discrete parabola, over the largest speed"
+    yield below(name, between_side_walls(), 1e-5, "f64")
+
+
+KARMAN, DENSITY, VISCOSITY = 0.40, 1.2, 1.5e-5  # 1, kg m-3, m2 s-1
+FRICTION, ROUGHNESS = 0.3, 1e-4  # m s-1, m
+FETCH, HEIGHT = 5.0, 0.5  # m
+CELLS, LAYERS, LOWEST = 64, 32, 5e-3  # 1, 1, m
+FETCH_STEP, FETCH_STEPS = 5e-3, 200  # s, 1: Courant number 0.5 at the lid, one passage of the slowest cell
+CHANNEL_HEIGHT, CHANNEL_LAYERS, CHANNEL_LOWEST = 0.05, 96, 2e-5  # m, 1, m: u* z / nu = 0.4
+CHANNEL_STEP, CHANNEL_STEPS = 0.05, 4000  # s, 1
+SUBLAYER, LOG_LAYER = 4.0, (40.0, 0.2)  # in wall units: below, from; share of the height up to
+
+
+def fetch() -> AirSetup:
+    """Empty tunnel."""
+    faces = stretched_faces(0.0, HEIGHT, LAYERS, LOWEST)
+    profile = log_profile(centres(faces), FRICTION, ROUGHNESS, KARMAN)
+    around = sides(
+        x_low=AirSide("inlet", (1.0, 0.0, 0.0)),
+        x_high=AirSide("outlet"),
+        y_low=AirSide("symmetry"),
+        y_high=AirSide("symmetry"),
+        z_low=AirSide("rough", roughness=ROUGHNESS),
+        z_high=AirSide("stress"),
+    )
+    return box(
+        (CELLS, 1, LAYERS),
+        (FETCH, 0.1, HEIGHT),
+        faces_z=faces,
+        sides=around,
+        density=DENSITY,
+        viscosity=VISCOSITY,
+        time_step=FETCH_STEP,
+        model=AirModel(closure="mixing_length"),
+        implicitness=1.0,
+        friction_velocity=FRICTION,
+        inlet_shape=profile,
+        start=profile,
+    )
+
+
+def channel() -> AirSetup:
+    """Half a channel over a smooth floor, driven by a mean pressure gradient."""
+    faces = stretched_faces(0.0, CHANNEL_HEIGHT, CHANNEL_LAYERS, CHANNEL_LOWEST)
+    return box(
+        (1, 1, CHANNEL_LAYERS),
+        (0.1, 0.1, CHANNEL_HEIGHT),
+        faces_z=faces,
+        sides=sides(z_low=AirSide("wall")),
+        density=DENSITY,
+        viscosity=VISCOSITY,
+        time_step=CHANNEL_STEP,
+        model=AirModel(closure="mixing_length", advection="none", scheme="euler"),
+        implicitness=1.0,
+        driving_gradient=(-DENSITY * FRICTION**2 / CHANNEL_HEIGHT, 0.0, 0.0),
+        start=log_profile(centres(faces), FRICTION, 0.11 * VISCOSITY / FRICTION, KARMAN),
+    )
+
+
+def kept_profile() -> Iterator[Outcome]:
+    """The wind at the end of the fetch is that at its beginning."""
+    setup = fetch()
+    air = aired([setup])
+    advance_air(air, FETCH_STEPS)
+    state = air_snapshot(air, 0)
+    assert setup.inlet_shape is not None
+    off = state.velocity[:, 0, :, 0] / setup.inlet_shape - 1.0
+    yield below("log wind over the fetch: change of the speed, relative", off, 0.02, "f64")
+    friction = state.friction_velocity[:, 0] / FRICTION - 1.0
+    yield below("log wind over the fetch: change of u* at the floor, relative", friction, 0.02, "f64")
+
+
+def wall_units(state: AirSnapshot) -> Iterator[Outcome]:
+    """Sublayer and law of the wall."""
+    height, speed = state.z * FRICTION / VISCOSITY, state.velocity[0, 0, :, 0] / FRICTION
+    low = height < SUBLAYER
+    yield below("viscous sublayer: u+ over z+ less 1", speed[low] / height[low] - 1.0, 0.03, "f64")
+    middle = (height > LOG_LAYER[0]) & (state.z < LOG_LAYER[1] * CHANNEL_HEIGHT)
+    law = np.log(height[middle]) / KARMAN + 5.2
+    # the stress falls off by 1 - z/H, which the law of the wall does not know: up to 3 % of u+ at z = H/5
+    yield below("law of the wall: u+ off ln(z+)/kappa + 5.2", speed[middle] - law, 0.8, "f64")
+
+
+def linear_stress() -> Iterator[Outcome]:
+    """Total stress against height, and the friction velocity that the gradient implies."""
+    air = aired([channel()])
+    advance_columns(CHANNEL_STEPS, air)
+    state = air_snapshot(air, 0)
+    viscosity = state.viscosity + state.eddy_viscosity[0, 0, 1:-1]
+    stress = state.density * viscosity * np.diff(state.velocity[0, 0, :, 0]) / np.diff(state.z)
+    wall = DENSITY * FRICTION**2
+    off = stress / wall - (1.0 - state.faces_z[1:-1] / CHANNEL_HEIGHT)
+    yield below("channel: total stress off a straight line, over that of the floor", off, 1e-3, "f64")
+    yield relative("channel: u* of the floor [m/s]", state.friction_velocity[0, 0], FRICTION, 1e-3, "f64")
+    yield from wall_units(state)
+
+
+def wind_profile() -> Iterator[Outcome]:
+    """V28."""
+    yield from kept_profile()
+    yield from linear_stress()
