@@ -23,13 +23,13 @@ DOUBTS = """
 V33: through round holes the law holds as well as three of them can tell: 2.48 with the k of the least
 squares, 1.2, at the lower end of its range, 2.40 with Beverloo's 1.4. Through slots it does not: 1.64 with
 the k of the least squares at the upper end, 1.6, where 1.5 is asked for; with 3/2 given, the two edges of a
-slot take 2.1 grains from its width instead of 1.4. Silos, heads and openings are those that the law is stated
-for (`taichi_erosion/verification/contact/bulk.py`), and the flow through slots changes neither with time nor
-as the head falls. It does scatter from filling to filling, by 3 % through the narrowest slot and by 8 %
-through the narrowest hole: fillings read over half as many grains gave 2.55 for holes, and 1.64 and 1.59 for
-slots. Read over three thousand grains each, slots give 1.68. Why their edges count for more is not known here; until
-then that row fails. The rung used to ask one silo for all holes, 2.0 times the widest, under a head of 1.3 of
-its diameters; that is outside of the range of the law, and gave 2.67.
+slot take 2.1 grains from its width instead of 1.4. Silos, heads and openings are those that the law is
+stated for (`taichi_erosion/verification/contact/bulk.py`), and the flow through slots changes neither with
+time nor as the head falls. It does scatter from filling to filling, by 3 % through the narrowest slot and
+by 8 % through the narrowest hole: fillings read over half as many grains gave 2.55 for holes, and 1.64 and
+1.59 for slots. Read over three thousand grains each, slots give 1.68. Why their edges count for more is not
+known here; until then that row fails. The rung used to ask one silo for all holes, 2.0 times the widest,
+under a head of 1.3 of its diameters; that is outside of the range of the law, and gave 2.67.
 
 V35, silo, drum and penetration by Dosta et al. (2024), needs walls and places of grains that were published
 beside that paper. They could not be had, and the rung is missing.

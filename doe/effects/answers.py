@@ -37,7 +37,7 @@ from doe.effects.pocket import (
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.run.observables import as_read
+from taichi_erosion.run.instrument_response import as_read
 from taichi_erosion.scene.change import sample_scene
 
 MILLIMETRES = 1e3  # per metre

@@ -18,7 +18,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
 from taichi_erosion.effects import load_library
 from taichi_erosion.run.ensemble_loop import Play, play
-from taichi_erosion.run.observables import as_read
+from taichi_erosion.run.instrument_response import as_read
 from taichi_erosion.run.options import Report
 from taichi_erosion.run.recorder import (
     Camera,

@@ -4,8 +4,8 @@ What a laboratory reads in place of the true value: effects of instruments, appl
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from math import inf, isfinite
+from dataclasses import dataclass, field
+from math import inf
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures import drum_and_incline, heap, repose, splash, threshold, wind_bed
@@ -15,7 +15,6 @@ from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.build.wind import surface_height
 from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Plane
 from taichi_erosion.scene.schema.scene import Measure
-from taichi_erosion.simulation.scene_setup import Library, checked_params, conditions_of
 
 
 @dataclass(frozen=True)
@@ -131,26 +130,3 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
 def measure(name: str, evidence: Evidence) -> Measurement:
     """Measure one observable by its name."""
     return OBSERVABLES[name](evidence)
-
-
-def as_read(
-    measurements: Mapping[str, Measurement], scene: Scene, library: Library
-) -> dict[str, Measurement]:
-    """Measurements as the instruments of the scene show them, in the order of the effects' names."""
-    read = dict(measurements)
-    for effect in (library[name] for name in sorted(scene.effects)):
-        params, strength = checked_params(scene, effect)
-        if effect.place != "instrument" or strength == 0.0:
-            continue
-        for name, true in read.items():
-            value = effect.act(params, strength, conditions_of(scene), name, true.value)
-            if isfinite(true.value) and value != true.value:
-                read[name] = reading(true, value, effect.name)
-    return read
-
-
-def reading(true: Measurement, value: float, instrument: str) -> Measurement:
-    """A measurement with another value; its spread grows by the same factor."""
-    factor = abs(value / true.value) if true.value else 1.0
-    note = f"{true.value:.6g} {true.unit} before {instrument}"
-    return replace(true, value=value, sd=true.sd * factor, notes=(*true.notes, note))

@@ -26,7 +26,7 @@ from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble_loop import Play, play
-from taichi_erosion.run.observables import as_read
+from taichi_erosion.run.instrument_response import as_read
 from taichi_erosion.run.options import RunOptions
 from taichi_erosion.run.recorder import (
     Camera,

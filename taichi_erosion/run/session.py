@@ -1,6 +1,6 @@
 """A session: a scene played by hand, with parameters changed on the way.
 
-    from taichi_erosion.run.live import measure_now, open_session, run_for, set_entry
+    from taichi_erosion.run.session import measure_now, open_session, run_for, set_entry
 
     session = open_session("scenes/funnel_repose.toml")
     run_for(session, 0.5)

@@ -18,7 +18,7 @@ from taichi_erosion.core.setup import Laws, Numerics, Setup, pair_row
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.run.observables import as_read
+from taichi_erosion.run.instrument_response import as_read
 from taichi_erosion.scene import parse_scene
 from taichi_erosion.scene.change import SAMPLE
 from taichi_erosion.simulation import advance, assemble, prepare, snapshot

@@ -210,7 +210,7 @@ def test_the_answer_does_not_depend_on_the_order_of_rows_or_candidates(tmp_path,
 SLOW_LAB = """
 import time
 from pathlib import Path
-from taichi_erosion.evidence.reduced import predict as fast
+from taichi_erosion.evidence.models.reduced import predict as fast
 
 def predict(observable, conditions, parameters, effects, seeds):
     time.sleep(0.01)

@@ -106,7 +106,7 @@ def test_a_problem_file_holds_no_truth(tmp_path):
     trial = Trial(FAMILY, 4, tmp_path)
     seal(trial)
     written = b"".join(path.read_bytes() for path in Path(tmp_path).rglob("*") if path.is_file())
-    assert b"blind_laboratory" in written  # the model is there
+    assert b"laboratory" in written  # the model is there
     assert b"Truth" not in written
     assert b"understated" not in written
 

@@ -27,11 +27,11 @@ WRITER = """
 import resource, sys
 from pathlib import Path
 from recorded_heaps import heap_snapshot
-from taichi_erosion.recording import room, stream
+from taichi_erosion.recording import disk_space, stream
 from test_full_disk import HEADER, MOVING
 
 limit, path = int(sys.argv[1]), Path(sys.argv[2])
-room.ROOM_LEAST = 0  # as if another program had filled the disk since
+disk_space.ROOM_LEAST = 0  # as if another program had filled the disk since
 stream.FLUSH_LIMIT = 1.0  # s
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))

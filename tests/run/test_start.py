@@ -14,7 +14,7 @@ DEAR = (
 )
 QUESTION = f"""
 import sys
-import taichi_erosion.cli.main, taichi_erosion.run.play
+import taichi_erosion.cli.main, taichi_erosion.run.ensemble_loop
 print([name for name in {DEAR} if name in sys.modules])
 """
 
