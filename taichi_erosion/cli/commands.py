@@ -19,7 +19,7 @@ from taichi_erosion.cli.live import live
 from taichi_erosion.cli.output import AsJson
 from taichi_erosion.cli.progress import LOG, open_log, reporting
 from taichi_erosion.cli.view import export, snapshot, view
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, ExitCode
 
 if TYPE_CHECKING:
     from taichi_erosion.verification import Claim
@@ -46,9 +46,7 @@ Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the first replica
 Replicas = Annotated[
     int | None, typer.Option(min=1, help="Number of repeats; those of the scene if left out.")
 ]
-Arch = Annotated[
-    Literal["cpu", "cuda", "vulkan", "metal"] | None, typer.Option(help="Device; cpu if left out.")
-]
+Arch = Annotated[Literal["cpu", "cuda"] | None, typer.Option(help="Device; cpu if left out.")]
 Threads = Annotated[int | None, typer.Option(min=1, max=1024, help="CPU threads; all cores if left out.")]
 Precision = Annotated[Literal["f32", "f64"] | None, typer.Option(help="Floating-point type.")]
 RecordTo = Annotated[Path | None, typer.Option("--record", metavar="FILE", help="Where the recording goes.")]
@@ -229,7 +227,7 @@ def verify(
     else:
         output.print_claims(claims)
     if not all(claim["passed"] for claim in claims):
-        raise typer.Exit(1)
+        raise typer.Exit(ExitCode.FAILURE)
 
 
 def announce(claim: "Claim") -> None:

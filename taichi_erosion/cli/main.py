@@ -6,7 +6,6 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
-from enum import IntEnum
 from types import FrameType
 
 import typer
@@ -14,7 +13,7 @@ import typer
 from taichi_erosion.cli import effects, evidence
 from taichi_erosion.cli.commands import app
 from taichi_erosion.cli.progress import LOG, close_log
-from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.errors import BadInput, ExitCode, SimulationStopped
 
 TRACEBACK_SWITCH = (
     "TAICHI_EROSION_TRACEBACK"  # environment variable: "1" shows where an unexpected error arose
@@ -28,16 +27,6 @@ logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 app.add_typer(evidence.app)
 app.add_typer(effects.app)
-
-
-class ExitCode(IntEnum):
-    """What the shell learns."""
-
-    SUCCESS = 0
-    FAILURE = 1
-    BAD_INPUT = 2
-    STOPPED = 3
-    TERMINATED = 143  # 128 + SIGTERM
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -12,9 +12,8 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import impl, ti
 
 LOCK = "ticache.lock"  # Taichi's own, held while it reads or writes the index of the cache
-LOCK_SECONDS = 30.0  # a lock older than this belongs to nobody
-CACHE_BYTES = 1 << 30  # of compiled kernels, 2 MB a kind of run; beyond it the oldest go
-WITHOUT_DOUBLES = ("vulkan", "metal")  # devices that Taichi compiles for without f64 arithmetic
+LOCK_SECONDS = 30.0  # age from which a lock counts as left behind
+CACHE_BYTES = 1 << 30  # of compiled kernels, 2 MB a kind of run; beyond it the oldest are dropped
 
 
 def cache_folder() -> Path:
@@ -34,7 +33,7 @@ def is_writable(folder: Path) -> bool:
 
 
 def remove_stale_lock(folder: Path) -> None:
-    """Remove the lock that a killed process left: with it no later run would ever use the cache."""
+    """Remove the lock of a killed process, which would keep every later run from the cache."""
     lock = folder / LOCK
     with contextlib.suppress(OSError):
         if time.time() - lock.stat().st_mtime > LOCK_SECONDS:
@@ -42,21 +41,20 @@ def remove_stale_lock(folder: Path) -> None:
 
 
 def usable_cores() -> int:
-    """Cores that this process may run on; more workers than those would wait for each other in turn."""
+    """Cores that this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     """Start Taichi and return the number of workers that run at the same time.
 
-    The number of threads in Taichi's pool is compiled into every kernel. Who gives his kernels no more than
-    that many workers to run asks for `pool_least` threads, so that what was compiled for one serves several.
+    The size of Taichi's thread pool is compiled into every kernel. `pool_least` is a lower bound of it, so
+    that kernels compiled for one number of workers serve any smaller number.
 
     Fast-math stays off: IEEE arithmetic gives the same bits in every kernel that holds the same formula, so a
-    replica repeats alone, in an ensemble, and on any number of threads.
+    replica repeats alone, in an ensemble, and on any number of threads. Raises BadInput where Taichi falls
+    back to another device.
     """
-    if numerics.arch in WITHOUT_DOUBLES:
-        raise BadInput(f"--arch {numerics.arch}: positions are kept in f64, which it lacks; use cpu or cuda")
     threads = numerics.threads or usable_cores()
     cache = cache_folder()
     offline = is_writable(cache)

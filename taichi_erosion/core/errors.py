@@ -1,9 +1,21 @@
-"""The two ways a command ends badly."""
+"""Exit codes of the command line, and the two exceptions that stand for an expected failure."""
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """Exit status of a command."""
+
+    SUCCESS = 0
+    FAILURE = 1  # an unexpected error, or a check that does not hold
+    BAD_INPUT = 2
+    STOPPED = 3  # a run that a guard ended
+    TERMINATED = 143  # 128 + SIGTERM
 
 
 class BadInput(Exception):
-    """The user's words or files cannot be used; one line says what, where, what is allowed (exit code 2)."""
+    """Unusable arguments or files; one line with what, where and what is allowed (ExitCode.BAD_INPUT)."""
 
 
 class SimulationStopped(Exception):
-    """A guard ended the simulation; one line names the grains, the time, the likely cause (exit code 3)."""
+    """Simulation ended by a guard; one line with grains, time and likely cause (ExitCode.STOPPED)."""

@@ -159,6 +159,6 @@ class Motion:
 class Numerics:
     """How the device runs; none of these changes a result on a CPU."""
 
-    arch: Literal["cpu", "cuda", "vulkan", "metal"] = "cpu"
+    arch: Literal["cpu", "cuda"] = "cpu"
     threads: int = field(default=0)  # 0: all cores
     precision: Literal["f32", "f64"] = "f32"

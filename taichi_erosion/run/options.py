@@ -15,7 +15,7 @@ class RunOptions:
     overrides: tuple[str, ...] = ()
     seed: int | None = None
     replicas: int | None = None
-    arch: Literal["cpu", "cuda", "vulkan", "metal"] = "cpu"
+    arch: Literal["cpu", "cuda"] = "cpu"
     threads: int = 0
     precision: Literal["f32", "f64"] | None = None
     record: Path | None = None
