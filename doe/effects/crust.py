@@ -18,12 +18,11 @@ from io import StringIO
 from itertools import pairwise
 from math import cos, radians, sin, sqrt, tan
 from pathlib import Path
-from runpy import run_path
 
 import numpy as np
-from beds import DIAMETER, ORDERS, THRESHOLD
 
-from doe.common.cases import ROOT
+from doe.effect_signatures.run import COLUMN, COLUMN_ORDERS
+from doe.effects.beds import DIAMETER, ORDERS, THRESHOLD
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import acting
 from taichi_erosion.core.files import write_whole
@@ -47,7 +46,6 @@ from taichi_erosion.simulation import (
 )
 
 TABLE = Path(__file__).with_name("crust.csv")
-COLUMN = run_path(str(ROOT / "doe" / "effect_signatures" / "run.py"))
 LIBRARY = load_library()
 CRUST = LIBRARY["surface_crust"]
 VARIANTS = ("bare", "crust", "healing")
@@ -164,7 +162,7 @@ def gone(after: Floats, before: Floats, period: Floats) -> Floats:
 
 def shaken() -> Iterator[Row]:
     """Height of the column without its tube, and after a blow to every grain."""
-    scene = read_scene(COLUMN["COLUMN"], COLUMN["COLUMN_ORDERS"])
+    scene = read_scene(COLUMN, COLUMN_ORDERS)
     seeds = range(1, 7)
     sim = begin(scene, [prepare(scene, seed, LIBRARY) for seed in seeds], CRUST.params().tensile_strength)
     advance(sim, [REST] * len(sim.setups))

@@ -17,10 +17,21 @@ from math import pi, sqrt
 from pathlib import Path
 
 import numpy as np
-from run import DENSITY, DIAMETERS, NECK, POISSON, RESTITUTION, ROLLING, SLIDING, SMALL, Grains, dry_walls
-from run import laboratory_run as theirs_once
 
 from doe.common.cases import ROOT
+from doe.t3.run import (
+    DENSITY,
+    DIAMETERS,
+    NECK,
+    POISSON,
+    RESTITUTION,
+    ROLLING,
+    SLIDING,
+    SMALL,
+    Grains,
+    dry_walls,
+)
+from doe.t3.run import laboratory_run as theirs_once
 from taichi_erosion.core.files import write_whole
 
 TABLE = Path(__file__).with_name("results_pull.csv")

@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 import typer
-from run import DENSITY, GRAVITY, WHOLE, Grains, laboratory_run
 
 from doe.sealed.studies import command
+from doe.t3.run import DENSITY, GRAVITY, WHOLE, Grains, laboratory_run
 from taichi_erosion.core.files import write_whole
 
 HERE = Path(__file__).parent

@@ -13,10 +13,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from run import ADHESION, DIAMETERS, FINE, bond_number, size_order
-
 from doe.common.cases import Case, perform, read_rows, settings
 from doe.wind.blown_sand import BARE, STICKY
+from doe.wind.run import ADHESION, DIAMETERS, FINE, bond_number, size_order
 from doe.wind.saturated_sand import LIGHT
 from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 
