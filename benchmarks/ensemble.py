@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.ledger import close_store, open_store
+from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import scene_request
 from taichi_erosion.experiments.design import Design, Factor, box_behnken
 
@@ -49,9 +49,9 @@ def together(design: Design, grains: int) -> tuple[float | None, ...]:
     """All rows as a campaign of one worker."""
     requests = [scene_request(SCENE, orders(design, row, grains), row) for row in range(len(design))]
     with tempfile.TemporaryDirectory() as folder:
-        store = open_store(Path(folder))
+        store = open_ledger(Path(folder))
         results = execute(requests, store, workers=1)
-        close_store(store)
+        close_ledger(store)
     return tuple(result.record["measures"]["repose_angle"]["value"] for result in results)
 
 

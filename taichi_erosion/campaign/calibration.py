@@ -13,11 +13,17 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from taichi_erosion.campaign import calibration_steps
-from taichi_erosion.campaign.calibration_steps import Climb, Confirmed, Screening, Surface, screened_effects
+from taichi_erosion.campaign.calibration_steps import (
+    Climb,
+    Confirmed,
+    ResponseSurface,
+    Screening,
+    screened_effects,
+)
 from taichi_erosion.campaign.calibration_study import StudyFile, read_study
-from taichi_erosion.campaign.design_runs import Asked, Laboratory
+from taichi_erosion.campaign.design_runs import DesignRun, DesignRunner
 from taichi_erosion.campaign.execute import SIMULATE, Report
-from taichi_erosion.campaign.ledger import close_store, open_store
+from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.experiments.anova import anova, curvature
@@ -65,7 +71,7 @@ def climb_document(path: Climb) -> Document:
     return path_document(path.design, path.best)
 
 
-def surface_document(surface: Surface) -> Document:
+def surface_document(surface: ResponseSurface) -> Document:
     """Variance, figures of merit and equations of every response."""
     ranges = {f.path: (f.low, f.high) for f in surface.design.factors}
     found = {
@@ -108,7 +114,7 @@ def write_design_table(folder: Path, name: str, design: Design) -> Path:
     return write_whole(folder / f"{name}.csv", design_text(design).encode())
 
 
-def write_runs(file: StudyFile, asked: list[Asked]) -> Path:
+def write_runs(file: StudyFile, asked: list[DesignRun]) -> Path:
     """The table of every run: settings, all measures, reason of a failure, cost."""
     paths = list(file.study.parameters)
     measures = dict.fromkeys(name for one in asked for name in one.result.record.get("measures", {}))
@@ -136,12 +142,12 @@ class Calibration:
     document: dict[str, Any] = field(default_factory=dict)
     screening: calibration_steps.Screening | None = None
     climb: calibration_steps.Climb | None = None
-    surface: calibration_steps.Surface | None = None
+    surface: calibration_steps.ResponseSurface | None = None
     optimum: Optimisation | None = None
     confirmed: calibration_steps.Confirmed | None = None
 
 
-def calibrated(
+def calibrate(
     path: Path,
     until: Step = "confirm",
     workers: int | None = None,
@@ -158,18 +164,18 @@ def calibrated(
     if not stands_already(file.folder / "screen.csv", planned):
         write_design_table(file.folder, "screen", planned)
     if until != "design":
-        store = open_store(file.folder)
+        store = open_ledger(file.folder)
         place = file.study.campaign
-        laboratory = Laboratory(
+        runner = DesignRunner(
             file, store, workers or place.workers, scheduler or place.scheduler, progress, function
         )
         try:
-            take_steps(found, laboratory, STEPS[2 : STEPS.index(until) + 1])
+            take_steps(found, runner, STEPS[2 : STEPS.index(until) + 1])
         finally:
-            close_store(store)
-        write_runs(file, laboratory.asked)
-        found.document["runs"] = len(laboratory.asked)
-        found.document["cpu_s"] = sum(one.result.record.get("cpu_s", 0.0) for one in laboratory.asked)
+            close_ledger(store)
+        write_runs(file, runner.asked)
+        found.document["runs"] = len(runner.asked)
+        found.document["cpu_s"] = sum(one.result.record.get("cpu_s", 0.0) for one in runner.asked)
     found.document["wall_s"] = time.perf_counter() - started
     return found
 
@@ -185,35 +191,33 @@ def stands_already(table: Path, planned: Design) -> bool:
     return found.factors == planned.factors and np.array_equal(found.coded, planned.coded)
 
 
-def take_steps(found: Calibration, laboratory: Laboratory, steps: tuple[Step, ...]) -> None:
+def take_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
     """Screen, then every further step that was asked for."""
     folder = found.file.folder
-    screening = found.screening = calibration_steps.screen(laboratory)
+    screening = found.screening = calibration_steps.screen(runner)
     write_design_table(folder, "screen", screening.design)
     found.document["screen"] = path_document(screening.design)
     if "analyse" in steps:
         found.document["analyse"] = screening_document(screening)
     if "climb" in steps:
-        path = found.climb = calibration_steps.climb(laboratory, screening)
+        path = found.climb = calibration_steps.climb(runner, screening)
         write_design_table(folder, "climb", path.design)
         found.document["climb"] = climb_document(path)
         if "surface" in steps:
-            take_last_steps(
-                found, laboratory, calibration_steps.surface_factors(laboratory, screening, path), steps
-            )
+            take_last_steps(found, runner, calibration_steps.surface_factors(runner, screening, path), steps)
 
 
 def take_last_steps(
-    found: Calibration, laboratory: Laboratory, factors: list[Any], steps: tuple[Step, ...]
+    found: Calibration, runner: DesignRunner, factors: list[Any], steps: tuple[Step, ...]
 ) -> None:
     """Surface, optimum, confirmation."""
-    surface = found.surface = calibration_steps.fit_surface(laboratory, factors)
+    surface = found.surface = calibration_steps.fit_response_surface(runner, factors)
     write_design_table(found.file.folder, "surface", surface.design)
     found.document["surface"] = surface_document(surface)
     if "optimise" in steps:
-        optimum = found.optimum = calibration_steps.find_optimum(laboratory, surface)
+        optimum = found.optimum = calibration_steps.find_optimum(runner, surface)
         found.document["optimise"] = optimum_document(optimum)
         if "confirm" in steps:
-            confirmed = found.confirmed = calibration_steps.confirm_optimum(laboratory, surface, optimum)
+            confirmed = found.confirmed = calibration_steps.confirm_optimum(runner, surface, optimum)
             write_design_table(found.file.folder, "confirm", confirmed.design)
             found.document["confirm"] = confirmed_document(confirmed)

@@ -27,7 +27,7 @@ import numpy as np
 from scipy import stats
 
 from taichi_erosion.campaign.calibration_study import StudyFile
-from taichi_erosion.campaign.design_runs import Laboratory, carry_out
+from taichi_erosion.campaign.design_runs import DesignRunner, run_design
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.anova import Curvature, curvature, reduced
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
@@ -100,7 +100,7 @@ class Climb:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class ResponseSurface:
     """The surface design, its full quadratic models by target, and those models without their idle terms."""
 
     design: Design
@@ -124,10 +124,10 @@ def screening_design(file: StudyFile) -> Design:
     return plackett_burman(factors, centre_points=study.design.screen_centre, seed=study.study.seed)
 
 
-def screen(laboratory: Laboratory) -> Screening:
+def screen(runner: DesignRunner) -> Screening:
     """Run and analyse the screening."""
-    study = laboratory.file.study
-    design = carry_out(laboratory, "screen", screening_design(laboratory.file))
+    study = runner.file.study
+    design = run_design(runner, "screen", screening_design(runner.file))
     terms = linear_terms(len(design.factors))
     fits = {name: fit_model(design, name, terms) for name in study.targets}
     # effects of different responses are compared in standard deviations of their own runs
@@ -141,9 +141,9 @@ def effect_sizes(fit: Fit) -> Floats:
     return np.abs([effect.value for effect in screened_effects(fit)[0]])
 
 
-def climb(laboratory: Laboratory, screening: Screening) -> Climb:
+def climb(runner: DesignRunner, screening: Screening) -> Climb:
     """Walk from the centre of the screening towards the first target."""
-    study = laboratory.file.study
+    study = runner.file.study
     name, target = next(iter(study.targets.items()))
     fit = screening.fits[name]
     slopes = {effect.name: 0.5 * effect.value for effect in screened_effects(fit)[0]}
@@ -155,10 +155,10 @@ def climb(laboratory: Laboratory, screening: Screening) -> Climb:
         step=study.design.climb_step if upwards else -study.design.climb_step,
         limits={path: entry.limits for path, entry in study.parameters.items()},
     )
-    design = carry_out(laboratory, "climb", design)
+    design = run_design(runner, "climb", design)
     distance = np.abs(design.responses[name] - target.value)
     if not np.isfinite(distance).any():
-        raise BadInput(f"{laboratory.file.path}: no run of the climb gave a {name}")
+        raise BadInput(f"{runner.file.path}: no run of the climb gave a {name}")
     return Climb(design, int(np.nanargmin(distance)))
 
 
@@ -169,9 +169,9 @@ def centre_value(design: Design, name: str, otherwise: float) -> float:
     return float(known.mean()) if len(known) else otherwise
 
 
-def surface_factors(laboratory: Laboratory, screening: Screening, path: Climb) -> list[Factor]:
+def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> list[Factor]:
     """Ranges around the best point of the climb, moved where they would leave the limits."""
-    study, found = laboratory.file.study, []
+    study, found = runner.file.study, []
     for factor, level in zip(screening.kept, path.design.natural[path.best], strict=True):
         low, high = study.parameters[factor.path].limits
         half = min(study.design.surface_half * factor.half, 0.5 * (high - low))
@@ -180,28 +180,30 @@ def surface_factors(laboratory: Laboratory, screening: Screening, path: Climb) -
     return found
 
 
-def fit_surface(laboratory: Laboratory, factors: list[Factor]) -> Surface:
+def fit_response_surface(runner: DesignRunner, factors: list[Factor]) -> ResponseSurface:
     """Run the Box-Behnken design and fit its quadratics."""
-    study = laboratory.file.study
+    study = runner.file.study
     design = box_behnken(factors, centre_points=study.design.surface_centre, seed=study.study.seed)
-    design = carry_out(laboratory, "surface", design)
+    design = run_design(runner, "surface", design)
     full = {name: fit_model(design, name, "quadratic") for name in study.targets}
     smaller = {name: reduced(fit).fit for name, fit in full.items()}
-    return Surface(design, full, {name: fit if fit.terms else full[name] for name, fit in smaller.items()})
+    return ResponseSurface(
+        design, full, {name: fit if fit.terms else full[name] for name, fit in smaller.items()}
+    )
 
 
-def find_optimum(laboratory: Laboratory, surface: Surface) -> Optimisation:
+def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation:
     """Settings that meet all targets."""
-    goals = [Goal(name, "target", target.value) for name, target in laboratory.file.study.targets.items()]
+    goals = [Goal(name, "target", target.value) for name, target in runner.file.study.targets.items()]
     return optimise(list(surface.fits.values()), goals)
 
 
-def confirm_optimum(laboratory: Laboratory, surface: Surface, found: Optimisation) -> Confirmed:
+def confirm_optimum(runner: DesignRunner, surface: ResponseSurface, found: Optimisation) -> Confirmed:
     """Run fresh seeds at the most certain optimum and test them against the measurements."""
-    study, optimum = laboratory.file.study, found.optima[0]
+    study, optimum = runner.file.study, found.optima[0]
     points = np.tile(optimum.coded, (study.design.confirm, 1))
     design = arranged("confirmation", surface.design.factors, [("added", points)])
-    design = carry_out(laboratory, "confirm", design)
+    design = run_design(runner, "confirm", design)
     tests = {
         name: confirm(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))
         for name, target in study.targets.items()

@@ -9,7 +9,7 @@ import numpy as np
 
 from taichi_erosion.campaign.calibration_study import StudyFile
 from taichi_erosion.campaign.execute import SIMULATE, Report, execute
-from taichi_erosion.campaign.ledger import Store
+from taichi_erosion.campaign.ledger import Ledger
 from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
 from taichi_erosion.experiments.design_table import Design
 
@@ -17,7 +17,7 @@ SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share
 
 
 @dataclass(frozen=True)
-class Asked:
+class DesignRun:
     """One run of a stage, as the table of all runs shows it."""
 
     stage: str
@@ -28,44 +28,44 @@ class Asked:
 
 
 @dataclass
-class Laboratory:
+class DesignRunner:
     """Where a study's runs are carried out, and all that were asked for so far."""
 
     file: StudyFile
-    store: Store
+    store: Ledger
     workers: int | None = None
     scheduler: str | None = None
     progress: Report | None = None
     function: str = SIMULATE
-    asked: list[Asked] = field(default_factory=list)
+    asked: list[DesignRun] = field(default_factory=list)
 
 
 STAGES = ("screen", "climb", "surface", "confirm")
 
 
-def carry_out(laboratory: Laboratory, stage: str, design: Design) -> Design:
+def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
     """The design with the values of all targets; NaN where a run gave none."""
     rows = [int(row) for row in design.by_turn]
-    first = laboratory.file.study.study.seed + SEEDS_APART * STAGES.index(stage)
-    observables = list(laboratory.file.study.targets)
-    scenes = list(dict.fromkeys(laboratory.file.scene(name) for name in observables))
+    first = runner.file.study.study.seed + SEEDS_APART * STAGES.index(stage)
+    observables = list(runner.file.study.targets)
+    scenes = list(dict.fromkeys(runner.file.scene(name) for name in observables))
     plan = [(row, scene) for row in rows for scene in scenes]
-    requests = [ask(laboratory, stage, design, row, scene, first + row) for row, scene in plan]
+    requests = [ask(runner, stage, design, row, scene, first + row) for row, scene in plan]
     results = execute(
         requests,
-        laboratory.store,
-        workers=laboratory.workers,
-        scheduler=laboratory.scheduler,
-        progress=staged(laboratory.progress, stage),
-        function=laboratory.function,
+        runner.store,
+        workers=runner.workers,
+        scheduler=runner.scheduler,
+        progress=staged(runner.progress, stage),
+        function=runner.function,
     )
     found = dict(zip(plan, results, strict=True))
-    laboratory.asked += [
-        Asked(stage, row + 1, first + row, all_settings(laboratory.file, design.settings(row)), result)
+    runner.asked += [
+        DesignRun(stage, row + 1, first + row, all_settings(runner.file, design.settings(row)), result)
         for (row, _), result in sorted(found.items(), key=lambda entry: entry[0][0])
     ]
     columns = {
-        name: np.array([found[row, laboratory.file.scene(name)].value(name) for row in range(len(design))])
+        name: np.array([found[row, runner.file.scene(name)].value(name) for row in range(len(design))])
         for name in observables
     }
     return design.with_responses(**columns)
@@ -76,16 +76,16 @@ def staged(progress: Report | None, stage: str) -> Report | None:
     return None if progress is None else lambda share, words: progress(share, f"{stage}: {words}")
 
 
-def ask(laboratory: Laboratory, stage: str, design: Design, row: int, scene: Path, seed: int) -> RunRequest:
+def ask(runner: DesignRunner, stage: str, design: Design, row: int, scene: Path, seed: int) -> RunRequest:
     """Request of one row at one scene."""
-    study, settings = laboratory.file.study, all_settings(laboratory.file, design.settings(row))
-    orders = [f"{path}={value!r}" for path, value in spread_out(laboratory.file, settings).items()]
+    study, settings = runner.file.study, all_settings(runner.file, design.settings(row))
+    orders = [f"{path}={value!r}" for path, value in spread_out(runner.file, settings).items()]
     extra: dict[str, Any] = {}
     if study.design.record in (stage, "all"):
         name = f"{stage}-{row + 1}-{seed}.rrd"
         columns = {path.replace(".", "_").replace("-", "_"): value for path, value in settings.items()}
         extra = {
-            "record": laboratory.file.folder / "recordings" / name,
+            "record": runner.file.folder / "recordings" / name,
             "properties": {"doe": {"stage": stage, "row": row + 1} | columns},
         }
     return scene_request(scene, [*study.study.settings, *orders], seed, **extra)
@@ -103,7 +103,7 @@ def spread_out(file: StudyFile, settings: dict[str, float]) -> dict[str, float]:
     return settings | twins
 
 
-def values_of(asked: Sequence[Asked], observable: str) -> np.ndarray:
+def values_of(asked: Sequence[DesignRun], observable: str) -> np.ndarray:
     """Values of one observable, those without a value left out."""
     values = np.array([entry.result.value(observable) for entry in asked])
     return values[np.isfinite(values)]

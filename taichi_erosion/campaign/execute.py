@@ -22,15 +22,15 @@ import numpy as np
 
 from taichi_erosion.campaign.ledger import (
     LEASE,
-    Store,
+    Ledger,
+    add_requests,
     beat,
-    claim,
-    enlist,
-    free_orphans,
-    give_up,
-    note_death,
-    note_result,
+    lease_runs,
     read_results,
+    record_result,
+    record_worker_death,
+    release_leases,
+    release_stale_leases,
     unfinished,
 )
 from taichi_erosion.campaign.pool import Batch, Event, Pool, named_work, start_pool
@@ -70,7 +70,7 @@ class Campaign:
     """A campaign under way."""
 
     requests: dict[str, RunRequest]  # by key
-    store: Store
+    store: Ledger
     pool: Pool
     progress: Report | None
     started: float = field(default_factory=time.monotonic)
@@ -82,7 +82,7 @@ class Campaign:
 
 def execute(
     requests: Sequence[RunRequest],
-    store: Store,
+    store: Ledger,
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Report | None = None,
@@ -95,8 +95,8 @@ def execute(
     """
     wanted = {request.key: request for request in requests}
     named_work(function)
-    enlist(store, list(wanted.values()))
-    free_orphans(store)
+    add_requests(store, list(wanted.values()))
+    release_stale_leases(store)
     left = unfinished(store, list(wanted))
     if left:
         most = min(len(left), workers or usable_cores())
@@ -107,7 +107,7 @@ def execute(
         finally:
             pool.close()
             with quiet_after_failure():
-                give_up(store, store.owner)
+                release_leases(store, store.owner)
     return read_results(store, [request.key for request in requests])
 
 
@@ -129,7 +129,7 @@ def work_off(campaign: Campaign) -> None:
         if time.monotonic() - campaign.beaten > BEAT:
             campaign.beaten = time.monotonic()
             beat(campaign.store)
-            free_orphans(campaign.store)
+            release_stale_leases(campaign.store)
         tell_progress(campaign, len(left))
 
 
@@ -140,7 +140,7 @@ def hand_out(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:
     while waiting and campaign.pool.free():
         batch = next_batch(waiting, deaths, campaign.pool.workers)
         waiting = [request for request in waiting if request not in batch]
-        mine = set(claim(campaign.store, [request.key for request in batch]))
+        mine = set(lease_runs(campaign.store, [request.key for request in batch]))
         batch = [request for request in batch if request.key in mine]
         if batch:
             keys, payloads = zip(*((request.key, request.payload) for request in batch), strict=True)
@@ -151,7 +151,7 @@ def digest(campaign: Campaign, event: Event) -> None:
     """Write down what a pool says."""
     keys = event.batch.keys
     if event.kind == "told":
-        note_result(campaign.store, keys[event.place], event.record)
+        record_result(campaign.store, keys[event.place], event.record)
         campaign.shares.pop(keys[event.place], None)
     elif event.kind == "share":
         told = unfinished(campaign.store, keys)
@@ -165,9 +165,9 @@ def give_back(campaign: Campaign, event: Event, untold: list[str]) -> None:
     for key in event.batch.keys:
         campaign.shares.pop(key, None)
     if event.kind == "broken" and len(event.batch.keys) == 1 and untold:
-        note_result(campaign.store, untold[0], {"failure": event.reason})
+        record_result(campaign.store, untold[0], {"failure": event.reason})
     else:
-        note_death(campaign.store, untold, event.reason or "it told of no result")
+        record_worker_death(campaign.store, untold, event.reason or "it told of no result")
 
 
 def tell_progress(campaign: Campaign, left: int) -> None:

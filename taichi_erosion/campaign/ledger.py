@@ -47,7 +47,7 @@ CREATE TABLE IF NOT EXISTS run (
 
 
 @dataclass(frozen=True)
-class Store:
+class Ledger:
     """An open ledger; it belongs to the thread that opened it."""
 
     path: Path
@@ -56,7 +56,7 @@ class Store:
     seen: dict[str, tuple[float, float]] = field(default_factory=dict)  # owner: (beat, s when it was new)
 
 
-def open_store(folder: Path) -> Store:
+def open_ledger(folder: Path) -> Ledger:
     """Open the ledger of a folder, made where there is none. Raises BadInput where that is impossible."""
     path = folder / LEDGER
     with spoken(path):
@@ -68,7 +68,7 @@ def open_store(folder: Path) -> Store:
         connection.execute("PRAGMA synchronous = NORMAL")
         connection.execute(f"PRAGMA user_version = {FORMAT}")
         connection.execute(TABLE)
-    return Store(path, connection, f"{socket.gethostname()}:{os.getpid()}")
+    return Ledger(path, connection, f"{socket.gethostname()}:{os.getpid()}")
 
 
 def write_ahead(connection: sqlite3.Connection) -> None:
@@ -113,7 +113,7 @@ def spoken(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def writing(store: Store) -> Iterator[sqlite3.Connection]:
+def writing(store: Ledger) -> Iterator[sqlite3.Connection]:
     """One transaction; what fails leaves the ledger as it was."""
     with spoken(store.path):
         store.connection.execute("BEGIN IMMEDIATE")
@@ -126,27 +126,27 @@ def writing(store: Store) -> Iterator[sqlite3.Connection]:
             raise
 
 
-def close_store(store: Store) -> None:
+def close_ledger(store: Ledger) -> None:
     """Close the ledger."""
     with spoken(store.path):
         store.connection.close()
 
 
-def enlist(store: Store, requests: Sequence[RunRequest]) -> None:
+def add_requests(store: Ledger, requests: Sequence[RunRequest]) -> None:
     """Put down what is to be run; what stands there already stays as it is."""
     rows = [(request.key, json.dumps(request.payload)) for request in requests]
     with writing(store) as ledger:
         ledger.executemany("INSERT OR IGNORE INTO run (key, payload) VALUES (?, ?)", rows)
 
 
-def claim(store: Store, keys: Sequence[str]) -> list[str]:
+def lease_runs(store: Ledger, keys: Sequence[str]) -> list[str]:
     """Lease waiting runs; returns those that could be had."""
     taken = "UPDATE run SET state = 'leased', owner = ?, beat = ? WHERE key = ? AND state = 'waiting'"
     with writing(store) as ledger:
         return [key for key in keys if ledger.execute(taken, (store.owner, time.time(), key)).rowcount]
 
 
-def beat(store: Store) -> None:
+def beat(store: Ledger) -> None:
     """Renew all leases of this process."""
     with writing(store) as ledger:
         ledger.execute(
@@ -154,14 +154,14 @@ def beat(store: Store) -> None:
         )
 
 
-def give_up(store: Store, owner: str) -> None:
+def release_leases(store: Ledger, owner: str) -> None:
     """Free all leases of an owner."""
     with writing(store) as ledger:
         freed = "UPDATE run SET state = 'waiting', owner = NULL WHERE state = 'leased' AND owner = ?"
         ledger.execute(freed, (owner,))
 
 
-def free_orphans(store: Store) -> None:
+def release_stale_leases(store: Ledger) -> None:
     """Free the leases of processes that no longer exist, or whose beat stood still for LEASE seconds."""
     question = "SELECT owner, MAX(beat) FROM run WHERE state = 'leased' GROUP BY owner"
     with spoken(store.path):
@@ -170,10 +170,10 @@ def free_orphans(store: Store) -> None:
         machine, _, process = owner.rpartition(":")
         gone = machine == socket.gethostname() and not is_alive(int(process))
         if owner != store.owner and (gone or silence(store, owner, last) > LEASE):
-            give_up(store, owner)
+            release_leases(store, owner)
 
 
-def silence(store: Store, owner: str, last: float) -> float:
+def silence(store: Ledger, owner: str, last: float) -> float:
     """Time for which this parent has seen another's beat stand still [s], by its own steady clock."""
     now = time.monotonic()
     beat, since = store.seen.get(owner, (last, now))
@@ -192,7 +192,7 @@ def is_alive(process: int) -> bool:
     return True
 
 
-def note_result(store: Store, key: str, record: dict[str, Any]) -> None:
+def record_result(store: Ledger, key: str, record: dict[str, Any]) -> None:
     """Write down what came out of a run, unless another parent was first."""
     failure = record.get("failure")
     text = json.dumps(without_nan(record), allow_nan=False)
@@ -205,7 +205,7 @@ def note_result(store: Store, key: str, record: dict[str, Any]) -> None:
         )
 
 
-def note_death(store: Store, keys: Sequence[str], reason: str) -> None:
+def record_worker_death(store: Ledger, keys: Sequence[str], reason: str) -> None:
     """Put runs back whose worker died; a run that has taken DEATHS_MOST workers with it has failed."""
     with writing(store) as ledger:
         for key in keys:
@@ -221,7 +221,7 @@ def note_death(store: Store, keys: Sequence[str], reason: str) -> None:
             )
 
 
-def unfinished(store: Store, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
+def unfinished(store: Ledger, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
     """State and deaths of those runs that have not ended."""
     with spoken(store.path):
         rows = store.connection.execute(
@@ -231,7 +231,7 @@ def unfinished(store: Store, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
     return {key: open_rows[key] for key in keys if key in open_rows}
 
 
-def read_results(store: Store, keys: Sequence[str]) -> list[RunResult]:
+def read_results(store: Ledger, keys: Sequence[str]) -> list[RunResult]:
     """Results of runs that have ended, in the order of the keys."""
     found = {}
     with spoken(store.path):

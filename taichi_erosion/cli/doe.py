@@ -154,11 +154,11 @@ def go(
     until: "Step", study: Path, workers: int | None, scheduler: str | None, as_json: bool
 ) -> "Calibration":
     """Carry the study out up to a step and print what that step found."""
-    from taichi_erosion.campaign.calibration import calibrated
+    from taichi_erosion.campaign.calibration import calibrate
 
     try:
         with reporting("calibrating") as progress:
-            found = calibrated(study, until, workers, scheduler, progress)
+            found = calibrate(study, until, workers, scheduler, progress)
     except KeyboardInterrupt:
         typer.echo("interrupted; finished runs are kept, the same command goes on", err=True)
         raise typer.Exit(INTERRUPTED) from None

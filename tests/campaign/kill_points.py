@@ -16,7 +16,7 @@ import psutil
 from stand_in import FUNCTION, requests, starts, table
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.ledger import close_store, open_store
+from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 
 RUNS = 120
 PAUSE = 0.004  # s of a run
@@ -28,17 +28,17 @@ WORKER_FIRST = 1.0 / 3.0  # share of the kills
 
 def carry_out(folder: Path) -> list[tuple[str, float, str | None]]:
     """A parent: work until everything is done."""
-    store = open_store(folder)
+    store = open_ledger(folder)
     results = execute(requests(folder, RUNS, PAUSE), store, workers=2, function=FUNCTION)
-    close_store(store)
+    close_ledger(store)
     return table(results)
 
 
 def finished(folder: Path) -> set[int]:
     """Seeds whose results stand in the ledger."""
-    store = open_store(folder)
+    store = open_ledger(folder)
     rows = store.connection.execute("SELECT key FROM run WHERE state IN ('done', 'failed')").fetchall()
-    close_store(store)
+    close_ledger(store)
     return {int(key.removeprefix("scene-")) for (key,) in rows}
 
 

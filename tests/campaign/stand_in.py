@@ -89,11 +89,11 @@ def processes(folder: Path) -> set[int]:
 def main(folder: Path, pause: float) -> None:
     """A parent in a process of its own."""
     from taichi_erosion.campaign.execute import execute
-    from taichi_erosion.campaign.ledger import close_store, open_store
+    from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 
-    store = open_store(folder)
+    store = open_ledger(folder)
     results = execute(requests(folder, pause=pause), store, workers=2, function=FUNCTION)
-    close_store(store)
+    close_ledger(store)
     sys.stdout.write(str(len(results)))
 
 

@@ -4,7 +4,7 @@ import pytest
 from run.small_scene import write_scene
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.ledger import close_store, open_store
+from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import scene_request
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
@@ -31,9 +31,9 @@ def results(folder):
         scene_request(scene, (STIFF,), 3),
         scene_request(scene, HASTY, 3),
     ]
-    store = open_store(folder / "campaign")
+    store = open_ledger(folder / "campaign")
     found = execute(requests, store, workers=1)
-    close_store(store)
+    close_ledger(store)
     return found
 
 

@@ -14,7 +14,7 @@ from stand_in import FUNCTION, processes, requests, starts, table
 
 from taichi_erosion.campaign import ledger as ledger
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.ledger import close_store, is_alive, open_store
+from taichi_erosion.campaign.ledger import close_ledger, is_alive, open_ledger
 from taichi_erosion.core.errors import BadInput
 
 RUNS = 120
@@ -25,11 +25,11 @@ Table = list[tuple[str, float, str | None]]
 
 
 def carry_out(folder: Path, **words: object) -> Table:
-    store = open_store(folder)
+    store = open_ledger(folder)
     try:
         return table(execute(requests(folder, RUNS, **words), store, workers=2, function=FUNCTION))  # type: ignore[arg-type]
     finally:
-        close_store(store)
+        close_ledger(store)
 
 
 def start_parent(folder: Path, pause: float) -> subprocess.Popen[str]:
@@ -39,11 +39,11 @@ def start_parent(folder: Path, pause: float) -> subprocess.Popen[str]:
 
 
 def done(folder: Path) -> list[str]:
-    store = open_store(folder)
+    store = open_ledger(folder)
     try:
         found = store.connection.execute("SELECT key FROM run WHERE state = 'done'").fetchall()
     finally:
-        close_store(store)
+        close_ledger(store)
     return [key for (key,) in found]
 
 
@@ -95,14 +95,14 @@ def test_after_a_killed_parent_its_workers_end_and_nothing_finished_is_repeated(
 
 
 def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
-    store = open_store(tmp_path)
-    ledger.enlist(store, requests(tmp_path, RUNS))
+    store = open_ledger(tmp_path)
+    ledger.add_requests(store, requests(tmp_path, RUNS))
     pages = store.connection.execute("PRAGMA page_count").fetchone()[0]
     # SQLite answers a file that may not grow with the error it gives for a disk that is full
     store.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
     with pytest.raises(BadInput, match=r"ledger\.sqlite: the disk is full; finished runs are kept"):
         execute(requests(tmp_path, RUNS), store, workers=2, function=FUNCTION)
-    close_store(store)
+    close_ledger(store)
     kept, before = done(tmp_path), Counter(starts(tmp_path))
     assert 0 < len(kept) < RUNS
     assert carry_out(tmp_path) == undisturbed
@@ -123,13 +123,13 @@ def test_two_parents_at_once_share_the_work_and_repeat_none_of_it(tmp_path, undi
 def neighbours(tmp_path):
     """One run, leased by a parent on another machine, and a parent here that would like to have it."""
     (request,) = requests(tmp_path, 1)
-    near, far = open_store(tmp_path), open_store(tmp_path)
-    elsewhere = ledger.Store(far.path, far.connection, "other-machine:1")
-    ledger.enlist(near, [request])
-    assert ledger.claim(elsewhere, [request.key]) == [request.key]
+    near, far = open_ledger(tmp_path), open_ledger(tmp_path)
+    elsewhere = ledger.Ledger(far.path, far.connection, "other-machine:1")
+    ledger.add_requests(near, [request])
+    assert ledger.lease_runs(elsewhere, [request.key]) == [request.key]
     yield request.key, near, elsewhere
-    close_store(near)
-    close_store(far)
+    close_ledger(near)
+    close_ledger(far)
 
 
 def pass_time(monkeypatch, steady: float, clock: float = 0.0) -> None:
@@ -141,38 +141,38 @@ def pass_time(monkeypatch, steady: float, clock: float = 0.0) -> None:
 
 def test_a_lease_lapses_when_its_owner_was_silent_while_we_looked_on(neighbours, monkeypatch):
     key, near, _ = neighbours
-    ledger.free_orphans(near)
-    assert ledger.claim(near, [key]) == []
+    ledger.release_stale_leases(near)
+    assert ledger.lease_runs(near, [key]) == []
     pass_time(monkeypatch, steady=1.1 * ledger.LEASE)
-    ledger.free_orphans(near)
-    assert ledger.claim(near, [key]) == [key]
+    ledger.release_stale_leases(near)
+    assert ledger.lease_runs(near, [key]) == [key]
 
 
 @pytest.mark.parametrize("clock", [-86_400.0, 86_400.0], ids=["back", "forward"])
 def test_a_clock_that_is_put_back_or_forward_takes_no_lease_and_keeps_none(neighbours, monkeypatch, clock):
     key, near, elsewhere = neighbours
-    ledger.free_orphans(near)
+    ledger.release_stale_leases(near)
     pass_time(monkeypatch, steady=0.9 * ledger.LEASE, clock=clock)
-    ledger.free_orphans(near)
-    assert ledger.claim(near, [key]) == []  # a day by the clock, but not yet a minute
+    ledger.release_stale_leases(near)
+    assert ledger.lease_runs(near, [key]) == []  # a day by the clock, but not yet a minute
     ledger.beat(elsewhere)
-    ledger.free_orphans(near)
+    ledger.release_stale_leases(near)
     pass_time(monkeypatch, steady=0.9 * ledger.LEASE)
-    ledger.free_orphans(near)
-    assert ledger.claim(near, [key]) == []  # it has given a sign of life, whatever its date
+    ledger.release_stale_leases(near)
+    assert ledger.lease_runs(near, [key]) == []  # it has given a sign of life, whatever its date
     pass_time(monkeypatch, steady=1.1 * ledger.LEASE)
-    ledger.free_orphans(near)
-    assert ledger.claim(near, [key]) == [key]
+    ledger.release_stale_leases(near)
+    assert ledger.lease_runs(near, [key]) == [key]
 
 
 def test_the_first_result_of_a_run_stays(tmp_path):
     (request,) = requests(tmp_path, 1)
-    store = open_store(tmp_path)
-    ledger.enlist(store, [request])
+    store = open_ledger(tmp_path)
+    ledger.add_requests(store, [request])
     for value in (1.0, 2.0):
-        ledger.note_result(store, request.key, {"measures": {"angle": {"value": value}}})
+        ledger.record_result(store, request.key, {"measures": {"angle": {"value": value}}})
     assert ledger.read_results(store, [request.key])[0].value("angle") == 1.0
-    close_store(store)
+    close_ledger(store)
 
 
 def test_failed_runs_are_results_with_their_reason(tmp_path):
@@ -187,10 +187,10 @@ def test_failed_runs_are_results_with_their_reason(tmp_path):
 
 def test_progress_grows_to_the_whole_and_says_how_much_is_left(tmp_path):
     said: list[tuple[float, str]] = []
-    store = open_store(tmp_path)
+    store = open_ledger(tmp_path)
     slow = requests(tmp_path, 60, pause=SLOW)
     execute(slow, store, workers=2, function=FUNCTION, progress=lambda *words: said.append(words))
-    close_store(store)
+    close_ledger(store)
     shares = [share for share, _ in said]
     assert shares == sorted(shares)
     assert any("of 60 runs" in words and words.endswith("s left") for _, words in said)
@@ -199,28 +199,28 @@ def test_progress_grows_to_the_whole_and_says_how_much_is_left(tmp_path):
 def test_a_folder_that_cannot_be_made_gives_one_clear_line(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(BadInput, match=r"ledger\.sqlite: the ledger cannot be used"):
-        open_store(tmp_path / "file" / "campaign")
+        open_ledger(tmp_path / "file" / "campaign")
 
 
 def test_a_file_that_is_no_ledger_gives_one_clear_line(tmp_path):
     (tmp_path / ledger.LEDGER).write_bytes(b"surface energies " * 100)
     with pytest.raises(BadInput, match=r"file is not a database"):
-        open_store(tmp_path)
+        open_ledger(tmp_path)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
 def test_a_ledger_cut_anywhere_is_refused_in_one_line_or_read_rightly(tmp_path, share):
-    store = open_store(tmp_path)
+    store = open_ledger(tmp_path)
     listed = requests(tmp_path, RUNS)
-    ledger.enlist(store, listed)
+    ledger.add_requests(store, listed)
     for request in listed:
-        ledger.note_result(store, request.key, {"measures": {"angle": {"value": 1.0}}})
-    close_store(store)
+        ledger.record_result(store, request.key, {"measures": {"angle": {"value": 1.0}}})
+    close_ledger(store)
     path = tmp_path / ledger.LEDGER
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     line = None
     try:
-        store = open_store(tmp_path)
+        store = open_ledger(tmp_path)
         found = ledger.read_results(store, [request.key for request in listed])
         assert all(result.value("angle") == 1.0 for result in found)
     except BadInput as refusal:
@@ -234,26 +234,26 @@ def test_a_database_of_another_program_is_refused_and_left_alone(tmp_path):
     foreign.close()
     before = (tmp_path / ledger.LEDGER).read_bytes()
     with pytest.raises(BadInput, match="a database of another program, not the ledger of a campaign"):
-        open_store(tmp_path)
+        open_ledger(tmp_path)
     assert (tmp_path / ledger.LEDGER).read_bytes() == before
 
 
 def test_a_folder_that_cannot_be_written_gives_one_clear_line(unwritable):
     with pytest.raises(BadInput, match="the ledger cannot be used"):
-        open_store(unwritable)
+        open_ledger(unwritable)
 
 
 def test_work_that_does_not_exist_is_refused_at_the_door(tmp_path):
-    store = open_store(tmp_path)
+    store = open_ledger(tmp_path)
     with pytest.raises(BadInput, match="work 'stand_in:nothing'"):
         execute(requests(tmp_path, 1), store, function="stand_in:nothing")
-    close_store(store)
+    close_ledger(store)
 
 
 def test_workers_put_away_what_they_have_once_all_is_done(tmp_path, monkeypatch):
     monkeypatch.setenv("STAND_IN_FOLDER", str(tmp_path))
-    store = open_store(tmp_path)
+    store = open_ledger(tmp_path)
     execute(requests(tmp_path), store, workers=2, function="stand_in:putting_away")
-    close_store(store)
+    close_ledger(store)
     left = {int(path.name.rpartition("-")[2]) for path in tmp_path.glob("put-away-*")}
     assert left >= processes(tmp_path)

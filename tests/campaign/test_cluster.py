@@ -9,7 +9,7 @@ import pytest
 from stand_in import FUNCTION, processes, requests, starts, table
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.ledger import close_store, open_store
+from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.core.errors import BadInput
 
 distributed = pytest.importorskip("distributed")
@@ -40,11 +40,11 @@ def cluster() -> Iterator[str]:
 
 
 def carry_out(folder, scheduler=None, mishaps=None):
-    store = open_store(folder)
+    store = open_ledger(folder)
     found = execute(
         requests(folder, RUNS, mishaps=mishaps), store, workers=2, scheduler=scheduler, function=FUNCTION
     )
-    close_store(store)
+    close_ledger(store)
     return table(found)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.models.run_store import Remembered, Store
+from taichi_erosion.evidence.models.run_store import CachedModel, RunStore
 
 ROWS = {"moisture": np.array([0.0, 0.01])}
 
@@ -19,7 +19,7 @@ def counted(tmp_path):
         level = parameters.get("a", 0.0) + sum(effects.values())
         return level + np.asarray(seeds, float)[:, None] + conditions["moisture"][None, :]
 
-    return lambda identity="m 1": (Remembered(model, identity, Store(tmp_path / "runs.sqlite")), calls)
+    return lambda identity="m 1": (CachedModel(model, identity, RunStore(tmp_path / "runs.sqlite")), calls)
 
 
 def ask(remembered, parameters=None, effects=None, seeds=(1, 2), observable="repose_angle", rows=ROWS):
@@ -78,7 +78,7 @@ def test_another_version_of_the_model_starts_afresh(counted):
 
 
 def test_a_value_that_could_not_be_computed_is_remembered_as_such(tmp_path):
-    remembered = Remembered(lambda *_: np.full((1, 2), np.nan), "m", Store(tmp_path / "runs.sqlite"))
+    remembered = CachedModel(lambda *_: np.full((1, 2), np.nan), "m", RunStore(tmp_path / "runs.sqlite"))
     ask(remembered, seeds=(1,))
     assert np.isnan(ask(remembered, seeds=(1,))).all()
     assert remembered.store.made == 1

@@ -5,9 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.emulator.gaussian_process import Points, Reads, Surface, fit_surface
+from taichi_erosion.evidence.emulator.gaussian_process import (
+    ActiveInputs,
+    GaussianProcess,
+    Points,
+    fit_gaussian_process,
+)
 
-READS = Reads(
+READS = ActiveInputs(
     bare=np.array([True, False]),
     effects=np.array([[True, True], [True, False]]),
     bare_numbers=np.array([True, True]),
@@ -36,10 +41,10 @@ def joined(*parts: Points) -> Points:
 
 
 @pytest.fixture(scope="module")
-def surface() -> Surface:
+def surface() -> GaussianProcess:
     generator = np.random.default_rng(3)
     known = joined(*(drawn(generator, count, k) for count, k in ((40, None), (30, 0), (30, 1))))
-    return fit_surface(known, law(known) + SCATTER * generator.standard_normal(100), READS)
+    return fit_gaussian_process(known, law(known) + SCATTER * generator.standard_normal(100), READS)
 
 
 @pytest.mark.parametrize("effect", [None, 0, 1])
@@ -76,7 +81,7 @@ def test_a_number_of_an_effect_moves_nothing_without_it_and_is_learnt_with_it():
     def world(points: Points) -> np.ndarray:
         return points.x[:, 0] + points.psi[:, 0] * (1.0 + 0.3 * points.x[:, 1])
 
-    surface = fit_surface(known, world(known) + 0.1 * generator.standard_normal(80), own)
+    surface = fit_gaussian_process(known, world(known) + 0.1 * generator.standard_normal(80), own)
     bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
     moved = Points(bare.x + np.array([0.0, 2.0]), bare.c, bare.psi)
     assert np.array_equal(surface.mean(bare), surface.mean(moved))
@@ -94,7 +99,7 @@ def test_an_effect_without_any_action_is_read_as_none(surface):
 
 def test_values_without_scatter_are_met(surface):
     known = drawn(np.random.default_rng(7), 40, 0)
-    exact = fit_surface(known, law(known), READS)
+    exact = fit_gaussian_process(known, law(known), READS)
     # the scatter's prior keeps a little of it: e^-4 of its usual size at the least
     assert np.abs(exact.mean(known) - law(known)).max() < 0.05
 
@@ -109,8 +114,8 @@ def test_what_two_effects_do_together_is_learnt_from_runs_with_both():
     def world(points: Points) -> np.ndarray:
         return law(points) - 0.5 * points.psi[:, 0] * points.psi[:, 1]
 
-    blind = fit_surface(joined(*parts), world(joined(*parts)), READS)
-    seeing = fit_surface(joined(*parts, both), world(joined(*parts, both)), READS)
+    blind = fit_gaussian_process(joined(*parts), world(joined(*parts)), READS)
+    seeing = fit_gaussian_process(joined(*parts, both), world(joined(*parts, both)), READS)
     errors = [np.sqrt(np.mean((surface.mean(asked) - world(asked)) ** 2)) for surface in (blind, seeing)]
     assert errors[1] < 0.3 * errors[0]
 
@@ -127,7 +132,7 @@ def test_a_curved_law_lies_within_the_stated_sd_as_often_as_it_should():
         generator = np.random.default_rng(100 + seed)
         known = joined(*(drawn(generator, count, k) for count, k in ((24, None), (12, 0), (12, 1))))
         runs = curved(known) + SCATTER * generator.standard_normal(known.x.shape[0])
-        surface = fit_surface(known, runs, READS)
+        surface = fit_gaussian_process(known, runs, READS)
         asked = {"bare": drawn(generator, 40, None), "one": drawn(generator, 40, 0)}
         both = drawn(generator, 40, 0)
         both.psi[:, 1] = generator.uniform(0.3, 2.5, 40)  # far from any run: two effects were never tried
@@ -143,7 +148,7 @@ def test_what_a_surface_misses_widens_it_where_it_is_missed():
     generator = np.random.default_rng(9)
     known = joined(drawn(generator, 40, None), drawn(generator, 40, 0))
     jumps = np.where(known.psi[:, 0] > 0.0, generator.choice([-1.0, 1.0], 80), 0.0)  # no smooth law at all
-    surface = fit_surface(known, law(known) + jumps + 0.05 * generator.standard_normal(80), READS)
+    surface = fit_gaussian_process(known, law(known) + jumps + 0.05 * generator.standard_normal(80), READS)
     bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
     assert surface.missed(acting).mean() > 3.0 * surface.missed(bare).mean()
     assert surface.missed(acting).mean() > 0.2

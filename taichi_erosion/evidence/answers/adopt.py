@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.compare import silent
-from taichi_erosion.evidence.data.comparison_rows import Scaled, scaled_measurements
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit, Rows
 from taichi_erosion.evidence.data.linear_algebra import projection, working
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress
@@ -33,7 +33,7 @@ SHARE_LEFT = 0.5  # of that misfit, above which an effect has not been borne out
 class VaultSide:
     """Held-out rows with the model bound to them; None where the vault is empty."""
 
-    rows: Scaled
+    rows: ComparisonRows
     exam: Examination
 
 
@@ -59,7 +59,7 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = silent)
     added = fits[1]
     assert added is not None
     assert fits[0] is not None
-    runs = exam.predictor.ledger.runs + (vault.exam.predictor.ledger.runs if vault else 0)
+    runs = exam.predictor.cost.runs + (vault.exam.predictor.cost.runs if vault else 0)
     return Adoption(
         effect=effect,
         base=fits[0],
@@ -100,7 +100,7 @@ def vault_side(exam: Examination, base: Fit) -> VaultSide | None:
     problem = exam.problem
     if problem.vault.rows.size == 0:
         return None
-    rows = scaled_measurements(problem, problem.hidden())
+    rows = comparison_rows(problem, problem.hidden())
     typical = {
         exam.rows.observables[index].name: float(np.median(exam.rows.variance[exam.rows.which == index]))
         for index in np.unique(exam.rows.which)
@@ -112,12 +112,12 @@ def vault_side(exam: Examination, base: Fit) -> VaultSide | None:
     if rows.size == 0:
         return None
     predictor = bound_predictor(problem, rows)
-    own = predictor.own_errors(base.x, base.acting())
+    own = predictor.model_errors(base.x, base.acting())
     variance = rows.variance + simulated_variance(exam, rows) + np.sum(own**2, axis=1)
     return VaultSide(rows, replace(exam, rows=rows, predictor=predictor, variance=variance))
 
 
-def simulated_variance(exam: Examination, rows: Scaled) -> Floats:
+def simulated_variance(exam: Examination, rows: ComparisonRows) -> Floats:
     """Variance of the judged mean at held-out rows: that of the visible rows of the same observable."""
     names = [observable.name for observable in exam.rows.observables]
     variance = np.zeros(rows.size)

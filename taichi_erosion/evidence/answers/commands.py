@@ -36,7 +36,7 @@ from taichi_erosion.evidence.answers.refinement_rounds import (
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Experiment, HypothesisFit
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
-from taichi_erosion.evidence.emulator.design import Explanation
+from taichi_erosion.evidence.emulator.design import RefinementPoint
 from taichi_erosion.evidence.models.load_study import Study, load_study
 
 
@@ -119,7 +119,7 @@ def next_study(path: Path, progress: Progress) -> Document:
         def question(ready: Study) -> tuple[Discovery, list[Experiment]]:
             return propose(ready.problem, laboratory_of(ready), seed, progress)
 
-        def about(found: tuple[Discovery, list[Experiment]]) -> list[Explanation]:
+        def about(found: tuple[Discovery, list[Experiment]]) -> list[RefinementPoint]:
             return about_discovery(found[0])
 
         asked = Asked("next", question, about, names_of(study), ahead=True)

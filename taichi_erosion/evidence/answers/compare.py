@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from taichi_erosion.evidence.data.findings import Comparison
-from taichi_erosion.evidence.data.measurement_noise import doubt_sentence
+from taichi_erosion.evidence.data.measurement_noise import unchecked_noise_sentence
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Progress
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 from taichi_erosion.evidence.inference.goodness_of_fit import (
@@ -51,9 +51,9 @@ def compare(problem: Problem, progress: Progress = silent, seed: int = SEED) -> 
         noise=noise,
         parameters=parameter_fits(exam, base),
         rows=table,
-        failures=exam.predictor.ledger.failures,
+        failures=exam.predictor.cost.failures,
         warnings=exam.warnings,
-        runs=exam.predictor.ledger.runs,
+        runs=exam.predictor.cost.runs,
         wall_s=perf_counter() - start,
     )
 
@@ -78,7 +78,7 @@ def guessed(problem: Problem, scatter: dict[str, float], seed: int) -> tuple[Exa
     """The bare model calibrated as if the scatter were known."""
     supposed = replace(problem, measurements=with_scatter(problem, scatter))
     exam = examine(supposed, supposed.visible(), seed)
-    told = tuple(words for words in exam.warnings if words != doubt_sentence(exam.rows.freedom))
+    told = tuple(words for words in exam.warnings if words != unchecked_noise_sentence(exam.rows.freedom))
     return calibrated(replace(exam, warnings=told))
 
 

@@ -213,8 +213,8 @@ def worded(found: Autopsy, seed: int, start: float) -> Discovery:
         closest=closest_of(found),
         rows_before=rows_table(exam, base),
         rows_after=rows_table(exam, final),
-        failures=exam.predictor.ledger.failures,
-        runs=exam.predictor.ledger.runs,
+        failures=exam.predictor.cost.failures,
+        runs=exam.predictor.cost.runs,
         wall_s=perf_counter() - start,
         seed=seed,
     )
@@ -307,8 +307,8 @@ def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Di
         closest=(),
         rows_before=rows,
         rows_after=rows,
-        failures=exam.predictor.ledger.failures,
-        runs=exam.predictor.ledger.runs,
+        failures=exam.predictor.cost.failures,
+        runs=exam.predictor.cost.runs,
         wall_s=perf_counter() - start,
         seed=seed,
     )

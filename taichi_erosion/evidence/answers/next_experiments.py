@@ -20,7 +20,7 @@ from scipy.stats import qmc
 
 from taichi_erosion.evidence.answers.compare import silent
 from taichi_erosion.evidence.answers.discover import discover
-from taichi_erosion.evidence.data.comparison_rows import Scaled
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.findings import Discovery, Experiment, Survivor
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Laboratory, Problem, Progress
@@ -166,11 +166,11 @@ def rival_of(exam: Examination, pool: Pool, survivor: Survivor) -> Rival:
     root = (
         slopes @ np.linalg.cholesky(covariance + 1e-12 * np.eye(position.size)) if position.size else slopes
     )
-    own = pool.predictor.own_errors(x, acting)
+    own = pool.predictor.model_errors(x, acting)
     return Rival(label(survivor.names), survivor.probability, mean, np.hstack([root, own]))
 
 
-def pool_rows(exam: Examination, pool: Pool) -> Scaled:
+def pool_rows(exam: Examination, pool: Pool) -> ComparisonRows:
     """Rows that stand for the pool where only their number and conditions matter."""
     size = pool.which.size
     nothing = np.zeros(size)

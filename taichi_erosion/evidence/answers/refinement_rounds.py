@@ -13,8 +13,13 @@ from taichi_erosion.evidence.answers import documents
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, HypothesisFit
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
-from taichi_erosion.evidence.emulator.design import Explanation
-from taichi_erosion.evidence.emulator.training_runs import next_round, on_surfaces, rehearsal_of, room_for
+from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.emulator.training_runs import (
+    emulated_study,
+    initial_training_runs,
+    refined_training_runs,
+    within_budget,
+)
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.scene.load import file_text
 
@@ -22,10 +27,10 @@ MOST_EXPLANATIONS = 3  # about which a round simulates
 MOST_CLOSER = 2  # rounds beyond the planned ones, about what an answer must not pass over
 BudgetName = Literal["quick", "full"]
 Found = TypeVar("Found")
-Rounds = dict[str, list[list[Explanation]]]  # question -> its rounds
+Rounds = dict[str, list[list[RefinementPoint]]]  # question -> its rounds
 
 
-def nothing_due(_: object) -> list[Explanation]:
+def nothing_due(_: object) -> list[RefinementPoint]:
     """Of an answer that counts as it is."""
     return []
 
@@ -36,10 +41,11 @@ class Asked(Generic[Found]):
 
     name: str
     question: Callable[[Study], Found]
-    about: Callable[[Found], list[Explanation]]
+    about: Callable[[Found], list[RefinementPoint]]
     effects: Sequence[str] = ()  # that it needs to know
     ahead: bool = False  # whether it looks at conditions that were not measured but could be
-    due: Callable[[Found], list[Explanation]] = nothing_due  # to be simulated about before the answer counts
+    # to be simulated about before the answer counts
+    due: Callable[[Found], list[RefinementPoint]] = nothing_due
 
 
 def answered(
@@ -50,20 +56,20 @@ def answered(
     Scenes are simulated about what each answer leaves standing and must not pass over, and then the
     question is put again.
     """
-    rehearsal = rehearsal_of(study, asked.effects, budget, asked.ahead)
+    rehearsal = initial_training_runs(study, asked.effects, budget, asked.ahead)
     if rehearsal is None:
         return asked.question(study), study
     past, key = read_rounds(study), f"{asked.name} {budget}"
     own = past.pop(key, [])
     for name, rounds in past.items():
         for number, about in enumerate(rounds):
-            rehearsal = next_round(rehearsal, about, f"{name}|{number}")
+            rehearsal = refined_training_runs(rehearsal, about, f"{name}|{number}")
     alike = [rounds for name, rounds in past.items() if name.endswith(budget)]
     seen = {set_of(explanation) for rounds in alike for about in rounds for explanation in about}
     for number, about in enumerate(own):
-        rehearsal = next_round(rehearsal, about, f"{key}|{number}")
+        rehearsal = refined_training_runs(rehearsal, about, f"{key}|{number}")
     while True:
-        ready = on_surfaces(rehearsal, progress)
+        ready = emulated_study(rehearsal, progress)
         found = asked.question(ready)
         if len(own) < rehearsal.amount.rounds:
             about = [e for e in asked.about(found) if set_of(e) not in seen]
@@ -71,14 +77,14 @@ def answered(
             known = seen | {set_of(e) for about in own for e in about}
             about = [e for e in asked.due(found) if set_of(e) not in known]
             done = len(own) >= rehearsal.amount.rounds + MOST_CLOSER
-            if done or not about or not room_for(rehearsal, about):
+            if done or not about or not within_budget(rehearsal, about):
                 return found, ready
-        rehearsal = next_round(rehearsal, about, f"{key}|{len(own)}")
+        rehearsal = refined_training_runs(rehearsal, about, f"{key}|{len(own)}")
         own.append(about)
         keep_rounds(study, {**past, key: own})
 
 
-def set_of(explanation: Explanation) -> frozenset[str]:
+def set_of(explanation: RefinementPoint) -> frozenset[str]:
     """Effects that act in an explanation."""
     return frozenset(name for name, strength in explanation.effects.items() if strength > 0.0)
 
@@ -89,7 +95,7 @@ def read_rounds(study: Study) -> Rounds:
     if document is None or document.get("of") != state_of(study):
         return {}
     return {
-        name: [[Explanation(**entry) for entry in about] for about in rounds]
+        name: [[RefinementPoint(**entry) for entry in about] for about in rounds]
         for name, rounds in document["rounds"].items()
     }
 
@@ -116,12 +122,12 @@ def last_budget(study: Study) -> BudgetName:
     return "full" if last is not None and last.get("budget") == "full" else "quick"
 
 
-def about_comparison(found: Comparison) -> list[Explanation]:
+def about_comparison(found: Comparison) -> list[RefinementPoint]:
     """The calibrated bare model."""
     return [explanation({name: fitted.value for name, fitted in found.parameters.items()}, {})]
 
 
-def about_discovery(found: Discovery) -> list[Explanation]:
+def about_discovery(found: Discovery) -> list[RefinementPoint]:
     """The likeliest explanations, the bare model among them."""
     bare = [survivor for survivor in found.survivors if not survivor.names]
     others = [survivor for survivor in found.survivors if survivor.names]
@@ -131,14 +137,14 @@ def about_discovery(found: Discovery) -> list[Explanation]:
     ]
 
 
-def due_before_outside(found: Discovery) -> list[Explanation]:
+def due_before_outside(found: Discovery) -> list[RefinementPoint]:
     """The closest single effect and pair, before something that no candidate describes is blamed."""
     if found.verdict != "outside_library":
         return []
     return [explanation(survivor.parameters, survivor.strengths) for survivor in found.closest]
 
 
-def about_adoption(found: Adoption) -> list[Explanation]:
+def about_adoption(found: Adoption) -> list[RefinementPoint]:
     """The model before and after, and with the controls."""
     fits: list[HypothesisFit | None] = [found.base, found.added, found.best_wrong, found.random_wrong]
     return [
@@ -151,7 +157,7 @@ def about_adoption(found: Adoption) -> list[Explanation]:
     ]
 
 
-def explanation(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> Explanation:
+def explanation(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> RefinementPoint:
     """Calibrated numbers and strengths; the strength of an adopted effect may stand among the numbers."""
     numbers, effects = {}, dict(strengths)
     for name, value in parameters.items():
@@ -159,4 +165,4 @@ def explanation(parameters: Mapping[str, float], strengths: Mapping[str, float])
             effects[name[len(EFFECTS) : -len(STRENGTH)]] = value
         else:
             numbers[name] = value
-    return Explanation(numbers, effects)
+    return RefinementPoint(numbers, effects)

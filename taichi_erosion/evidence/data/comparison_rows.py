@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.evidence.data.findings import ObservableNoise
-from taichi_erosion.evidence.data.measurement_noise import Scatter, doubt_sentence, lab_scatter
+from taichi_erosion.evidence.data.measurement_noise import Scatter, lab_scatter, unchecked_noise_sentence
 from taichi_erosion.evidence.data.problem import (
     Bools,
     Conditions,
@@ -20,7 +20,7 @@ from taichi_erosion.evidence.data.transforms import slope, to_scale
 
 
 @dataclass(frozen=True)
-class Scaled:
+class ComparisonRows:
     """n merged rows; a repeated condition is one row."""
 
     observables: tuple[Observable, ...]
@@ -45,11 +45,11 @@ class Scaled:
         """Rows whose noise is known."""
         return np.isfinite(self.variance)
 
-    def rows(self, chosen: Integers | Bools) -> "Scaled":
+    def rows(self, chosen: Integers | Bools) -> "ComparisonRows":
         """Some of the rows."""
         index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         shared = self.shared[index]
-        return Scaled(
+        return ComparisonRows(
             self.observables,
             self.which[index],
             self.z[index],
@@ -65,7 +65,7 @@ class Scaled:
         )
 
 
-def scaled_measurements(problem: Problem, table: Measurements) -> Scaled:
+def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     """The rows of a table on their comparison scales, with repeated rows merged."""
     names = sorted(set(table.observable))
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
@@ -78,7 +78,7 @@ def scaled_measurements(problem: Problem, table: Measurements) -> Scaled:
         warnings += notes
         scatters.append(scatter)
     freedom = joint_freedom(scatters)
-    note = doubt_sentence(freedom)
+    note = unchecked_noise_sentence(freedom)
     return joined(observables, pieces, freedom, noise, [*warnings, *([note] if note else [])])
 
 
@@ -199,11 +199,11 @@ def joined(
     freedom: float,
     noise: Mapping[str, ObservableNoise],
     warnings: list[str],
-) -> Scaled:
+) -> ComparisonRows:
     """All observables together."""
     shared = np.vstack([piece.shared for piece in pieces]) if pieces else np.zeros((0, 0))
     names = list(pieces[0].conditions) if pieces else []
-    return Scaled(
+    return ComparisonRows(
         observables,
         np.concatenate([piece.which for piece in pieces]).astype(np.int64),
         np.concatenate([piece.z for piece in pieces]),

@@ -264,7 +264,7 @@ def refuse_copies(lines: Sequence[tuple[int, Sequence[str]]], columns: Sequence[
             raise BadInput(f"{name}: row {line} repeats row {first} cell by cell; remove one of them")
 
 
-def gather(table: Table, file: StudyFile, name: str) -> tuple[Measurements, list[str]]:
+def study_measurements(table: Table, file: StudyFile, name: str) -> tuple[Measurements, list[str]]:
     """Rows that the study uses, in the model's units, and what is to be said about the others."""
     for column in file.conditions:
         if column not in table.conditions:

@@ -175,14 +175,14 @@ def likely_factor(squares: float, between: int) -> float:
 
 
 @dataclass(frozen=True)
-class Doubt:
+class NoiseLevelPrior:
     """Prior of the factor by which every stated sd may be wrong: a grid and its log weights."""
 
     factor: Floats
     log_weight: Floats
 
 
-def noise_doubt(freedom: float) -> Doubt:
+def noise_level_prior(freedom: float) -> NoiseLevelPrior:
     """How far the noise level may be wrong, given the degrees of freedom that measure it.
 
     Without repeats a stated sd can only be understated: ln f ~ exponential with mean DOUBT. With nu degrees
@@ -196,10 +196,10 @@ def noise_doubt(freedom: float) -> Doubt:
         sd = min(DOUBT, sqrt(0.5 / freedom))
         grid = sd * np.linspace(-3.0, 3.0, 9)
         log_weight = -0.5 * (grid / sd) ** 2
-    return Doubt(np.exp(grid), log_weight - log_sum_exp(log_weight))
+    return NoiseLevelPrior(np.exp(grid), log_weight - log_sum_exp(log_weight))
 
 
-def doubt_sentence(freedom: float) -> str:
+def unchecked_noise_sentence(freedom: float) -> str:
     """What to measure when the noise level is only asserted."""
     if freedom >= LEAST_FREEDOM:
         return ""

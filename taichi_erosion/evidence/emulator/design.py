@@ -15,7 +15,7 @@ from scipy.stats import qmc
 
 from taichi_erosion.evidence.data.problem import Candidate, Floats, expected_strength
 from taichi_erosion.evidence.data.transforms import Axis, axis_value
-from taichi_erosion.evidence.models.simulator import Answer, Simulator, effects_of, enters, moves
+from taichi_erosion.evidence.models.simulator import SceneMeasure, Simulator, effects_of, enters, moves
 
 REACH = 2.0  # prior sd to either side over which calibrated numbers are spread
 LEAST_STRENGTH = 0.3  # of the expected one, at which an effect is tried
@@ -30,7 +30,7 @@ Row = dict[str, float]  # dotted path of a condition -> value
 
 
 @dataclass(frozen=True)
-class Setting:
+class TrainingRun:
     """One run that is asked for."""
 
     scene: Path
@@ -41,17 +41,17 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Bench:
+class SceneRows:
     """One scene of a study: what it answers, and the conditions under which it was measured."""
 
-    answer: Answer
+    answer: SceneMeasure
     observables: tuple[str, ...]
     rows: tuple[Row, ...]  # distinct
     ahead: tuple[Row, ...] = ()  # that could be measured
 
 
 @dataclass(frozen=True)
-class Explanation:
+class RefinementPoint:
     """Numbers and strengths about which the surface is to be sure."""
 
     parameters: Mapping[str, float]
@@ -59,7 +59,7 @@ class Explanation:
 
 
 @dataclass(frozen=True)
-class Amount:
+class PlanSize:
     """How many runs a plan holds."""
 
     bare: int  # per calibrated number and one more
@@ -69,10 +69,10 @@ class Amount:
     rounds: int
 
 
-AMOUNTS = {"quick": Amount(8, 8, 2, 8, 1), "full": Amount(20, 20, 6, 16, 3)}
+PLAN_SIZES = {"quick": PlanSize(8, 8, 2, 8, 1), "full": PlanSize(20, 20, 6, 16, 3)}
 
 
-def cells(bench: Bench, simulator: Simulator, effects: Sequence[str]) -> list[Row]:
+def cells(bench: SceneRows, simulator: Simulator, effects: Sequence[str]) -> list[Row]:
     """Distinct conditions that a run with some effects can depend on, where all of them can act."""
     scene = bench.answer.scene
     read = {name for effect in {*effects, *effects_of(scene)} for name in simulator.library[effect].reads}
@@ -97,27 +97,27 @@ def seed_of(key: str, number: int) -> int:
 
 
 def bare_plan(
-    bench: Bench, simulator: Simulator, axes: Sequence[Axis], amount: Amount, tag: str = ""
-) -> list[Setting]:
+    bench: SceneRows, simulator: Simulator, axes: Sequence[Axis], amount: PlanSize, tag: str = ""
+) -> list[TrainingRun]:
     """Runs of the bare model; plans of another tag are other runs."""
     count = amount.bare * (len(moving(bench, axes, ())) + 1)
     return list(planned(bench, simulator, axes, None, count, tag))
 
 
-def moving(bench: Bench, axes: Sequence[Axis], effects: Sequence[str]) -> list[Axis]:
+def moving(bench: SceneRows, axes: Sequence[Axis], effects: Sequence[str]) -> list[Axis]:
     """Calibrated numbers on which a run with some effects can depend: an effect's own need that effect."""
     present = {*effects, *effects_of(bench.answer.scene)}
     return [axis for axis in axes if moves(axis.name, present)]
 
 
 def effect_plan(
-    bench: Bench,
+    bench: SceneRows,
     simulator: Simulator,
     axes: Sequence[Axis],
     candidate: Candidate,
-    amount: Amount,
+    amount: PlanSize,
     tag: str = "",
-) -> list[Setting]:
+) -> list[TrainingRun]:
     """Runs with one effect, at strengths from weak to strong."""
     rows = cells(bench, simulator, (candidate.name,))
     columns = {tuple(row.get(path) for row in rows) for path in dict.fromkeys(p for row in rows for p in row)}
@@ -128,13 +128,13 @@ def effect_plan(
 
 
 def planned(
-    bench: Bench,
+    bench: SceneRows,
     simulator: Simulator,
     axes: Sequence[Axis],
     candidate: Candidate | None,
     count: int,
     tag: str = "",
-) -> Iterator[Setting]:
+) -> Iterator[TrainingRun]:
     """Runs spread over the reach of the priors, the conditions, and the strengths of at most one effect."""
     names = () if candidate is None else (candidate.name,)
     rows, scene = cells(bench, simulator, names), bench.answer.scene
@@ -145,7 +145,7 @@ def planned(
         chosen = {axis.name: number_at(axis, share) for axis, share in zip(free, point, strict=False)}
         parameters = middle | chosen
         effects = {} if candidate is None else {candidate.name: strength_at(candidate, point[-2])}
-        yield Setting(scene, row, parameters, effects, seed_of(key, number))
+        yield TrainingRun(scene, row, parameters, effects, seed_of(key, number))
 
 
 def middles(axes: Sequence[Axis]) -> dict[str, float]:
@@ -167,14 +167,14 @@ def strength_at(candidate: Candidate, share: float) -> float:
 
 
 def round_plan(
-    bench: Bench,
+    bench: SceneRows,
     simulator: Simulator,
     axes: Sequence[Axis],
     candidates: Mapping[str, Candidate],
-    about: Explanation,
+    about: RefinementPoint,
     count: int,
     key: str,
-) -> list[Setting]:
+) -> list[TrainingRun]:
     """Runs about one explanation, with fresh seeds."""
     names = tuple(name for name, strength in about.effects.items() if strength > 0.0)
     rows, scene = cells(bench, simulator, names), bench.answer.scene
@@ -198,7 +198,7 @@ def round_plan(
             )
             for name, share in zip(names, point[len(free) :], strict=False)
         }
-        settings.append(Setting(scene, row, parameters, effects, seed_of(f"{key}|{names}", number)))
+        settings.append(TrainingRun(scene, row, parameters, effects, seed_of(f"{key}|{names}", number)))
     return settings
 
 

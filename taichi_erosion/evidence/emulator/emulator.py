@@ -23,10 +23,15 @@ from taichi_erosion.evidence.data.problem import (
     expected_strength,
 )
 from taichi_erosion.evidence.data.transforms import EFFECTS, Axis, axis_position, from_scale, slope, to_scale
-from taichi_erosion.evidence.emulator.design import Bench, Setting
-from taichi_erosion.evidence.emulator.gaussian_process import Points, Reads, Surface, fit_surface
+from taichi_erosion.evidence.emulator.design import SceneRows, TrainingRun
+from taichi_erosion.evidence.emulator.gaussian_process import (
+    ActiveInputs,
+    GaussianProcess,
+    Points,
+    fit_gaussian_process,
+)
 from taichi_erosion.evidence.models.simulator import (
-    Answer,
+    SceneMeasure,
     Simulator,
     effects_of,
     enters,
@@ -43,7 +48,7 @@ LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken
 
 
 @dataclass(frozen=True)
-class Ruler:
+class ConditionScale:
     """How a condition is standardised."""
 
     centre: float
@@ -57,12 +62,12 @@ class Ruler:
 
 
 @dataclass(frozen=True)
-class Ground:
+class EmulatorInputs:
     """Coordinates of the surfaces of one scene."""
 
-    answer: Answer
+    answer: SceneMeasure
     axes: tuple[Axis, ...]  # calibrated numbers that the scene understands
-    rulers: Mapping[str, Ruler]  # of conditions that vary, by dotted path
+    rulers: Mapping[str, ConditionScale]  # of conditions that vary, by dotted path
     candidates: tuple[Candidate, ...]
     simulator: Simulator
 
@@ -97,7 +102,7 @@ class Ground:
         dose = np.where(effect.can_act(known), effect.dose(params, known), 0.0)
         return given / expected_strength(candidate) * dose
 
-    def reads(self) -> Reads:
+    def reads(self) -> ActiveInputs:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
         library = self.simulator.library
         present = effects_of(self.answer.scene)
@@ -112,7 +117,7 @@ class Ground:
         def moving(*effects: str) -> list[bool]:
             return [moves(axis.name, {*present, *effects}) for axis in self.axes]
 
-        return Reads(
+        return ActiveInputs(
             bare=np.array(entering(), dtype=bool),
             effects=np.array([entering(name) for name in names], bool).reshape(count, rulers),
             bare_numbers=np.array(moving(), dtype=bool),
@@ -126,19 +131,19 @@ def position(axis: Axis, values: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Answered:
+class ObservableEmulator:
     """Surface of one observable."""
 
-    ground: Ground
+    ground: EmulatorInputs
     scale: Observable  # on which its noise is even; the logarithm of anything above 0
-    surface: Surface
+    surface: GaussianProcess
 
 
 @dataclass(frozen=True)
-class Surfaces:
+class Emulator:
     """A model: surfaces by observable. The same answer for every seed."""
 
-    answered: Mapping[str, Answered]
+    answered: Mapping[str, ObservableEmulator]
 
     def __call__(
         self,
@@ -171,7 +176,7 @@ class Surfaces:
 
 
 def asked(
-    ground: Ground,
+    ground: EmulatorInputs,
     rows: int,
     conditions: dict[str, Floats],
     parameters: dict[str, float],
@@ -186,13 +191,13 @@ def asked(
 
 
 def train(
-    bench: Bench,
-    ground: Ground,
-    settings: Sequence[Setting],
+    bench: SceneRows,
+    ground: EmulatorInputs,
+    settings: Sequence[TrainingRun],
     results: Sequence[RunResult],
     observables: Mapping[str, Observable],
-    answers: Mapping[str, Answer],
-) -> dict[str, Answered]:
+    answers: Mapping[str, SceneMeasure],
+) -> dict[str, ObservableEmulator]:
     """Surfaces of all observables of one scene."""
     at = {path: np.array([s.at.get(path, np.nan) for s in settings]) for path in every_path(settings)}
     at = at or {"": np.full(len(settings), np.nan)}
@@ -209,11 +214,11 @@ def train(
         if good.sum() < LEAST_RUNS:
             raise SimulationStopped(few_values(name, int(good.sum()), results))
         known = Points(points.x[good], points.c[good], points.psi[good])
-        found[name] = Answered(ground, scale, fit_surface(known, z[good], reads))
+        found[name] = ObservableEmulator(ground, scale, fit_gaussian_process(known, z[good], reads))
     return found
 
 
-def every_path(settings: Sequence[Setting]) -> list[str]:
+def every_path(settings: Sequence[TrainingRun]) -> list[str]:
     """Dotted paths of conditions that some run states."""
     return list(dict.fromkeys(path for setting in settings for path in setting.at))
 
@@ -233,17 +238,19 @@ def even_scale(observable: Observable, values: Floats) -> Observable:
     return Observable(observable.name, "log")
 
 
-def rulers_of(rows: Sequence[Mapping[str, float]], understood: frozenset[str]) -> dict[str, Ruler]:
+def rulers_of(
+    rows: Sequence[Mapping[str, float]], accepted_paths: frozenset[str]
+) -> dict[str, ConditionScale]:
     """Rulers of the conditions that vary and that the scene knows."""
-    found: dict[str, Ruler] = {}
+    found: dict[str, ConditionScale] = {}
     seen: set[tuple[float, ...]] = set()
     for path in dict.fromkeys(path for row in rows for path in row):
         column = tuple(row.get(path, np.nan) for row in rows)
         values = np.array(sorted({value for value in column if isfinite(value)}))
-        if values.size < 2 or path not in understood or column in seen:
+        if values.size < 2 or path not in accepted_paths or column in seen:
             continue
         seen.add(column)  # one column of a table may set several paths
         logarithmic = bool(values[0] > 0.0 and values[-1] > LOG_SPAN * values[0])
         values = np.log(values) if logarithmic else values
-        found[path] = Ruler(float(values.mean()), float(values.std()), logarithmic)
+        found[path] = ConditionScale(float(values.mean()), float(values.std()), logarithmic)
     return found

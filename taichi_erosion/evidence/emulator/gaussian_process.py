@@ -52,7 +52,7 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Reads:
+class ActiveInputs:
     """Which conditions and calibrated numbers enter which part."""
 
     bare: Bools  # (q,) conditions
@@ -62,11 +62,11 @@ class Reads:
 
 
 @dataclass(frozen=True)
-class Surface:
+class GaussianProcess:
     """A fitted surface of one observable."""
 
     known: Points
-    reads: Reads
+    reads: ActiveInputs
     amplitude: Floats  # (effects + 3,): bend, every effect, two together, scatter; over `width`
     centre: float
     width: float
@@ -124,7 +124,7 @@ def closeness(one: Floats, other: Floats, length: float) -> Floats:
     return np.exp(-0.5 * square / length**2)
 
 
-def kernels(one: Points, other: Points, reads: Reads) -> Floats:
+def kernels(one: Points, other: Points, reads: ActiveInputs) -> Floats:
     """Plane, bend, every effect and two together at amplitude 1: (effects + 3, n, m)."""
     bare_one, bare_other = one.c[:, reads.bare], other.c[:, reads.bare]
     x_one, x_other = one.x[:, reads.bare_numbers], other.x[:, reads.bare_numbers]
@@ -148,7 +148,7 @@ def kernels(one: Points, other: Points, reads: Reads) -> Floats:
     return parts
 
 
-def fit_surface(known: Points, values: Floats, reads: Reads) -> Surface:
+def fit_gaussian_process(known: Points, values: Floats, reads: ActiveInputs) -> GaussianProcess:
     """Surface through values that scatter; its amplitudes are the likeliest."""
     centre = float(values.mean())
     width = max(float(values.std()), 1e-9 * abs(centre), 1e-300)
@@ -170,7 +170,7 @@ def fit_surface(known: Points, values: Floats, reads: Reads) -> Surface:
     amplitude = np.exp(found.x)
     factor = np.asarray(np.linalg.cholesky(whole(parts, amplitude)), dtype=np.float64)
     weights = linalg.cho_solve((factor, True), standard)
-    return Surface(known, reads, amplitude, centre, width, factor, weights)
+    return GaussianProcess(known, reads, amplitude, centre, width, factor, weights)
 
 
 def whole(parts: Floats, amplitude: Floats) -> Floats:

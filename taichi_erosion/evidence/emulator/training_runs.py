@@ -28,25 +28,31 @@ from taichi_erosion.evidence.data.problem import (
 )
 from taichi_erosion.evidence.data.transforms import Axis, parameter_axis
 from taichi_erosion.evidence.emulator.design import (
-    AMOUNTS,
-    Amount,
-    Bench,
-    Explanation,
+    PLAN_SIZES,
+    PlanSize,
+    RefinementPoint,
     Row,
-    Setting,
+    SceneRows,
+    TrainingRun,
     bare_plan,
     cells,
     effect_plan,
     round_plan,
 )
-from taichi_erosion.evidence.emulator.emulator import Answered, Ground, Surfaces, rulers_of, train
+from taichi_erosion.evidence.emulator.emulator import (
+    Emulator,
+    EmulatorInputs,
+    ObservableEmulator,
+    rulers_of,
+    train,
+)
 from taichi_erosion.evidence.models.load_study import Study
-from taichi_erosion.evidence.models.plugin import Spoken
+from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.simulator import Simulator, paths_in, read_scene_once
 from taichi_erosion.simulation.scene_setup import conditions_of, effective_scene
 
 
-def why_idle(simulator: Simulator, bench: Bench, candidate: Candidate) -> str | None:
+def why_idle(simulator: Simulator, bench: SceneRows, candidate: Candidate) -> str | None:
     """Why an effect changes nothing that a scene answers, None where it may."""
     effect, scene = simulator.library[candidate.name], bench.answer.scene
     rows, strength = cells(bench, simulator, (candidate.name,)), expected_strength(candidate)
@@ -59,7 +65,9 @@ def why_idle(simulator: Simulator, bench: Bench, candidate: Candidate) -> str | 
     return f"{scene.name} does not depend on it" if still else None
 
 
-def changes_nothing(simulator: Simulator, bench: Bench, effect: Effect, strength: float, row: Row) -> bool:
+def changes_nothing(
+    simulator: Simulator, bench: SceneRows, effect: Effect, strength: float, row: Row
+) -> bool:
     """Whether an effect leaves the scene and all readings as they are."""
     if effect.place not in ("scene", "instrument"):
         return False
@@ -81,36 +89,38 @@ SURE = 3.0  # sd of a left-out value beyond which it counts as missed
 
 
 @dataclass(frozen=True)
-class Rehearsal:
+class TrainingRuns:
     """Everything simulated for a study so far."""
 
     study: Study
     simulator: Simulator
-    benches: tuple[Bench, ...]
-    amount: Amount
-    settings: tuple[Setting, ...]
+    benches: tuple[SceneRows, ...]
+    amount: PlanSize
+    settings: tuple[TrainingRun, ...]
 
 
-def rehearsal_of(study: Study, effects: Sequence[str], budget: str, ahead: bool = False) -> Rehearsal | None:
+def initial_training_runs(
+    study: Study, effects: Sequence[str], budget: str, ahead: bool = False
+) -> TrainingRuns | None:
     """The first plan of a study with some of its effects; None for a study that no scene answers.
 
     `ahead` adds conditions that the laboratory could measure.
     """
     model = study.problem.model
-    simulator = model.model if isinstance(model, Spoken) else model
+    simulator = model.model if isinstance(model, NameMapping) else model
     if not isinstance(simulator, Simulator):
         return None
     benches = benches_of(study, simulator)
     if ahead:
         benches = tuple(replace(bench, ahead=rows_ahead(study, bench)) for bench in benches)
-    start = Rehearsal(study, simulator, benches, AMOUNTS[budget], ())
+    start = TrainingRuns(study, simulator, benches, PLAN_SIZES[budget], ())
     whole, most = len(first_plan(start, list(known_effects(study.problem)))), affordable(study, benches)
     if whole > most:  # every question of a study has the same bare runs, whatever effects it asks for
         start = replace(start, amount=reduced(start.amount, (1.0 - KEPT) * most / whole))
     return replace(start, settings=tuple(first_plan(start, effects)))
 
 
-def benches_of(study: Study, simulator: Simulator) -> tuple[Bench, ...]:
+def benches_of(study: Study, simulator: Simulator) -> tuple[SceneRows, ...]:
     """Scenes of a study with the conditions of its measurements, those of the vault included."""
     table, said = study.problem.measurements, study.file.conditions
     grouped: dict[str, list[str]] = {}
@@ -128,11 +138,11 @@ def benches_of(study: Study, simulator: Simulator) -> tuple[Bench, ...]:
                     if isfinite(column[i])
                 }
                 rows.setdefault(tuple(sorted(row.items())), row)
-        found.append(Bench(simulator.answers[names[0]], tuple(names), tuple(rows.values())))
+        found.append(SceneRows(simulator.answers[names[0]], tuple(names), tuple(rows.values())))
     return tuple(found)
 
 
-def rows_ahead(study: Study, bench: Bench) -> tuple[Row, ...]:
+def rows_ahead(study: Study, bench: SceneRows) -> tuple[Row, ...]:
     """Conditions that the laboratory could set: ends and middles of its ranges, else as measured first."""
     said, ranges = study.file.conditions, study.file.laboratory.ranges
     levels = [
@@ -146,13 +156,13 @@ def rows_ahead(study: Study, bench: Bench) -> tuple[Row, ...]:
     )
 
 
-def affordable(study: Study, benches: Sequence[Bench]) -> int:
+def affordable(study: Study, benches: Sequence[SceneRows]) -> int:
     """Single simulations within the study's budget; one run there is all conditions at one setting."""
     runs = study.file.budget.runs
     return 10**9 if runs is None else runs * sum(len(bench.rows) for bench in benches)
 
 
-def reduced(amount: Amount, share: float) -> Amount:
+def reduced(amount: PlanSize, share: float) -> PlanSize:
     """A smaller plan of the same shape, for a budget that leaves no rounds to every question."""
     return replace(
         amount,
@@ -173,43 +183,45 @@ def axes_of(problem: Problem) -> tuple[Axis, ...]:
     return tuple(parameter_axis(parameter) for parameter in problem.parameters)
 
 
-def first_plan(rehearsal: Rehearsal, effects: Sequence[str]) -> list[Setting]:
+def first_plan(training_runs: TrainingRuns, effects: Sequence[str]) -> list[TrainingRun]:
     """Runs of the bare model and of every effect, of adopted ones too."""
-    problem, simulator = rehearsal.study.problem, rehearsal.simulator
+    problem, simulator = training_runs.study.problem, training_runs.simulator
     axes, known = axes_of(problem), known_effects(problem)
     names = dict.fromkeys([*effects, *(candidate.name for candidate in problem.adopted)])
-    settings: list[Setting] = []
-    for bench in rehearsal.benches:
+    settings: list[TrainingRun] = []
+    for bench in training_runs.benches:
         wider = [(replace(bench, rows=bench.ahead, ahead=()), "ahead")] if bench.ahead else []
         for there, tag in [(bench, ""), *wider]:
-            settings += bare_plan(there, simulator, axes, rehearsal.amount, tag)
+            settings += bare_plan(there, simulator, axes, training_runs.amount, tag)
             for name in names:
                 if why_idle(simulator, there, known[name]) is None:
-                    settings += effect_plan(there, simulator, axes, known[name], rehearsal.amount, tag)
+                    settings += effect_plan(there, simulator, axes, known[name], training_runs.amount, tag)
     return settings
 
 
-def next_round(rehearsal: Rehearsal, about: Sequence[Explanation], key: str) -> Rehearsal:
+def refined_training_runs(
+    training_runs: TrainingRuns, about: Sequence[RefinementPoint], key: str
+) -> TrainingRuns:
     """A further round about some explanations; rounds of other keys have other seeds."""
-    problem = rehearsal.study.problem
+    problem = training_runs.study.problem
     axes, known = axes_of(problem), known_effects(problem)
-    more: list[Setting] = []
-    for bench in rehearsal.benches:
+    more: list[TrainingRun] = []
+    for bench in training_runs.benches:
         for number, explanation in enumerate(about):
-            share = (known, explanation, rehearsal.amount.round, f"{key}|{number}")
-            more += round_plan(bench, rehearsal.simulator, axes, *share)
-    return replace(rehearsal, settings=(*rehearsal.settings, *more))
+            share = (known, explanation, training_runs.amount.round, f"{key}|{number}")
+            more += round_plan(bench, training_runs.simulator, axes, *share)
+    return replace(training_runs, settings=(*training_runs.settings, *more))
 
 
-def room_for(rehearsal: Rehearsal, about: Sequence[Explanation]) -> bool:
+def within_budget(training_runs: TrainingRuns, about: Sequence[RefinementPoint]) -> bool:
     """Whether the study's budget has room for a further round."""
-    more = rehearsal.amount.round * len(about) * len(rehearsal.benches)
-    return len(rehearsal.settings) + more <= affordable(rehearsal.study, rehearsal.benches)
+    more = training_runs.amount.round * len(about) * len(training_runs.benches)
+    return len(training_runs.settings) + more <= affordable(training_runs.study, training_runs.benches)
 
 
 def requested(
-    simulator: Simulator, benches: Sequence[Bench], settings: Sequence[Setting]
-) -> tuple[list[Setting], list[RunRequest], dict[str, str]]:
+    simulator: Simulator, benches: Sequence[SceneRows], settings: Sequence[TrainingRun]
+) -> tuple[list[TrainingRun], list[RunRequest], dict[str, str]]:
     """Runs that scenes accept, their requests, and why effects were refused."""
     answers = {bench.answer.scene: bench.answer for bench in benches}
     kept, requests, refused = [], [], {}
@@ -227,48 +239,48 @@ def requested(
     return kept, requests, refused
 
 
-def on_surfaces(rehearsal: Rehearsal, tell: Tell) -> Study:
+def emulated_study(training_runs: TrainingRuns, tell: Tell) -> Study:
     """The study with surfaces in place of its scenes; simulates what is not in the ledger."""
-    study, simulator = rehearsal.study, rehearsal.simulator
-    settings, requests, refused = requested(simulator, rehearsal.benches, rehearsal.settings)
+    study, simulator = training_runs.study, training_runs.simulator
+    settings, requests, refused = requested(simulator, training_runs.benches, training_runs.settings)
     results = execute(
         requests, simulator.opened(), progress=lambda share, words: tell(f"simulating: {words}", share)
     )
-    answered: dict[str, Answered] = {}
-    for bench in rehearsal.benches:
+    answered: dict[str, ObservableEmulator] = {}
+    for bench in training_runs.benches:
         own = [k for k, setting in enumerate(settings) if setting.scene == bench.answer.scene]
         answered |= train(
             bench,
-            ground_of(rehearsal, bench),
+            ground_of(training_runs, bench),
             [settings[k] for k in own],
             [results[k] for k in own],
             study.problem.observables,
             simulator.answers,
         )
-    surfaces = Surfaces(answered)
-    told = (*run_notes(results, requests), *idle_notes(rehearsal), *refusal_notes(refused))
+    surfaces = Emulator(answered)
+    told = (*run_notes(results, requests), *idle_notes(training_runs), *refusal_notes(refused))
     notes = (*study.notes, *told, *surface_notes(answered))
     count = len({request.key for request in requests})
-    return replace(study, problem=surfaced(rehearsal, surfaces), notes=notes, simulations=count)
+    return replace(study, problem=surfaced(training_runs, surfaces), notes=notes, simulations=count)
 
 
-def ground_of(rehearsal: Rehearsal, bench: Bench) -> Ground:
+def ground_of(training_runs: TrainingRuns, bench: SceneRows) -> EmulatorInputs:
     """Coordinates of one scene's surfaces."""
-    problem, answer = rehearsal.study.problem, bench.answer
-    return Ground(
+    problem, answer = training_runs.study.problem, bench.answer
+    return EmulatorInputs(
         answer=answer,
-        axes=tuple(axis for axis in axes_of(problem) if axis.name in answer.understood),
-        rulers=rulers_of((*bench.rows, *bench.ahead), answer.understood),
+        axes=tuple(axis for axis in axes_of(problem) if axis.name in answer.accepted_paths),
+        rulers=rulers_of((*bench.rows, *bench.ahead), answer.accepted_paths),
         candidates=tuple(known_effects(problem).values()),
-        simulator=rehearsal.simulator,
+        simulator=training_runs.simulator,
     )
 
 
-def surfaced(rehearsal: Rehearsal, surfaces: Surfaces) -> Problem:
+def surfaced(training_runs: TrainingRuns, surfaces: Emulator) -> Problem:
     """The problem with surfaces for a model, and what they do not know."""
-    problem = rehearsal.study.problem
+    problem = training_runs.study.problem
     model = problem.model
-    assert isinstance(model, Spoken)
+    assert isinstance(model, NameMapping)
     spoken = replace(model, model=surfaces)
 
     def uncertainty(
@@ -293,11 +305,11 @@ def run_notes(results: Sequence[RunResult], requests: Sequence[RunRequest]) -> l
     return notes
 
 
-def idle_notes(rehearsal: Rehearsal) -> list[str]:
+def idle_notes(training_runs: TrainingRuns) -> list[str]:
     """Candidates that no scene of the study can show."""
     notes = []
-    for candidate in rehearsal.study.problem.candidates:
-        reasons = [why_idle(rehearsal.simulator, bench, candidate) for bench in rehearsal.benches]
+    for candidate in training_runs.study.problem.candidates:
+        reasons = [why_idle(training_runs.simulator, bench, candidate) for bench in training_runs.benches]
         if all(reason is not None for reason in reasons):
             notes.append(f"{candidate.name} was not simulated: {reasons[0]}.")
     return notes
@@ -308,7 +320,7 @@ def refusal_notes(refused: Mapping[str, str]) -> list[str]:
     return [f"{name} cannot act here: {reason}" for name, reason in refused.items()]
 
 
-def surface_notes(answered: Mapping[str, Answered]) -> list[str]:
+def surface_notes(answered: Mapping[str, ObservableEmulator]) -> list[str]:
     """Whether runs that a surface has not seen lie where it says."""
     notes = []
     for name, found in answered.items():

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import Scaled, scaled_measurements
-from taichi_erosion.evidence.data.measurement_noise import Doubt, noise_doubt
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
+from taichi_erosion.evidence.data.measurement_noise import NoiseLevelPrior, noise_level_prior
 from taichi_erosion.evidence.data.problem import Bools, Candidate, Floats, Integers, Measurements, Problem
 from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, parameter_axis
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
@@ -36,12 +36,12 @@ class Examination:
     """What every later step works on."""
 
     problem: Problem
-    rows: Scaled
+    rows: ComparisonRows
     predictor: Predictor
     seeds: Seeds
     seed_variance: Floats  # of one seed, row by row; zero for a model without noise
     variance: Floats  # of a judged residual: laboratory, numerical, simulated mean
-    doubt: Doubt
+    doubt: NoiseLevelPrior
     warnings: tuple[str, ...]
 
     @property
@@ -66,7 +66,7 @@ class Examination:
 
     def about(self, x: Floats, acting: dict[str, float]) -> "Examination":
         """The same with the model's own errors at one setting among the shared ones."""
-        own = self.predictor.own_errors(x, acting)
+        own = self.predictor.model_errors(x, acting)
         if not own.shape[1]:
             return self
         return replace(self, rows=replace(self.rows, shared=np.hstack([self.rows.shared, own])))
@@ -89,7 +89,7 @@ def axes_of(problem: Problem) -> tuple[Axis, ...]:
     )
 
 
-def bound_predictor(problem: Problem, rows: Scaled) -> Predictor:
+def bound_predictor(problem: Problem, rows: ComparisonRows) -> Predictor:
     """The model over some rows."""
     return Predictor(
         problem.model,
@@ -104,7 +104,7 @@ def bound_predictor(problem: Problem, rows: Scaled) -> Predictor:
 
 def examine(problem: Problem, table: Measurements, seed: int) -> Examination:
     """Everything that is needed before the first fit; measures the model's own noise at the start values."""
-    rows = scaled_measurements(problem, table)
+    rows = comparison_rows(problem, table)
     predictor = bound_predictor(problem, rows)
     start = np.array([min(max(0.0, axis.low), axis.high) for axis in predictor.axes])
     generator = np.random.default_rng(seed)
@@ -133,7 +133,7 @@ def examine(problem: Problem, table: Measurements, seed: int) -> Examination:
 
 def judged(
     problem: Problem,
-    rows: Scaled,
+    rows: ComparisonRows,
     predictor: Predictor,
     seeds: Seeds,
     variance: Floats,
@@ -145,7 +145,14 @@ def judged(
     kept_predictor = predictor.over(kept.observables, kept.which, kept.conditions)
     total = kept.variance + variance[known] / seeds.judging.size + UNKNOWN_NOISE
     return Examination(
-        problem, kept, kept_predictor, seeds, variance[known], total, noise_doubt(rows.freedom), warnings
+        problem,
+        kept,
+        kept_predictor,
+        seeds,
+        variance[known],
+        total,
+        noise_level_prior(rows.freedom),
+        warnings,
     )
 
 
@@ -154,7 +161,7 @@ def draw_seeds(generator: np.random.Generator, count: int) -> Integers:
     return generator.integers(1, 2**31 - 1, size=count).astype(np.int64)
 
 
-def fitting_seeds(problem: Problem, rows: Scaled, variance: Floats) -> int:
+def fitting_seeds(problem: Problem, rows: ComparisonRows, variance: Floats) -> int:
     """Seeds per fitted setting: until the simulator's variance is a small share, within the budget."""
     known = rows.known
     if not known.any():

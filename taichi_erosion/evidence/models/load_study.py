@@ -7,7 +7,7 @@ from typing import Literal
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
-from taichi_erosion.evidence.data.measured import gather, read_table
+from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.data.problem import (
     Budget,
     Candidate,
@@ -26,8 +26,8 @@ from taichi_erosion.evidence.data.study_file import (
     StudyFile,
     read_study_file,
 )
-from taichi_erosion.evidence.models.plugin import OwnErrors, Plugin, Spoken, load_plugin
-from taichi_erosion.evidence.models.run_store import FILE, Remembered, Store
+from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
+from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 
 Report = Callable[[float, str], None]  # (share done [1], words)
 
@@ -44,7 +44,7 @@ class Study:
     results: Path  # folder of everything that is found
     digest: str  # of the measurements
     model: str  # what answers, and its version
-    store: Store
+    store: RunStore
     notes: tuple[str, ...]  # what the report has to say about the table and the vault
     simulations: int | None = None  # behind the surfaces that answer; None where a function answers
 
@@ -57,7 +57,7 @@ class Answering:
     identity: str  # what answers, and its version
     candidates: Sequence[Candidate]
     adopted: tuple[Candidate, ...]
-    store: Store
+    store: RunStore
     numbers: tuple[Parameter, ...] = ()  # of effects themselves, to be calibrated with them
     plugin: Plugin | None = None  # the function, where one answers
 
@@ -71,7 +71,7 @@ def load_study(
     """
     file = read_study_file(path)
     table = read_table(path.parent / file.study.measurements, file.study.measurements)
-    measurements, notes = gather(table, file, str(path))
+    measurements, notes = study_measurements(table, file, str(path))
     hidden, said = split(measurements, file.vault.fraction, file.vault.ranges)
     results = results_folder(path, file)
     digest = content_digest(measurements)
@@ -79,7 +79,7 @@ def load_study(
         answering = function_study(path, file, results)
     else:
         answering = scene_answers(path, file, results, measurements, report)
-    spoken = Spoken(answering.model, dict(file.conditions), measures_of(file))
+    spoken = NameMapping(answering.model, dict(file.conditions), measures_of(file))
     problem = Problem(
         measurements=measurements,
         observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
@@ -105,15 +105,15 @@ def function_study(path: Path, file: StudyFile, results: Path) -> Answering:
     assert file.study.model is not None
     plugin = load_plugin(file.study.model, path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
-    store = Store(results / FILE)
+    store = RunStore(results / FILE)
     adopted = tuple(candidate_of(name, entry) for name, entry in file.adopted.items())
-    model, candidates = Remembered(plugin, identity, store), candidates_of(file, str(path))
+    model, candidates = CachedModel(plugin, identity, store), candidates_of(file, str(path))
     return Answering(model, identity, candidates, adopted, store, plugin=plugin)
 
 
-def own_errors(plugin: Plugin | None, spoken: Spoken, seed: int) -> OwnErrors | None:
+def own_errors(plugin: Plugin | None, spoken: NameMapping, seed: int) -> ModelErrorCovariance | None:
     """What a model function says of its own errors; None where it says nothing."""
-    return None if plugin is None or plugin.covariance is None else OwnErrors(plugin, spoken, seed)
+    return None if plugin is None or plugin.covariance is None else ModelErrorCovariance(plugin, spoken, seed)
 
 
 def scene_answers(
@@ -133,7 +133,7 @@ def scene_answers(
     numbers = scene_study.own_numbers(file, simulator, measurements, (*candidates, *adopted))
     simulator = scene_study.understanding(simulator, numbers)
     identity = scene_study.identity_of(simulator)
-    return Answering(simulator, identity, candidates, adopted, Store(results / FILE), numbers)
+    return Answering(simulator, identity, candidates, adopted, RunStore(results / FILE), numbers)
 
 
 def measures_of(file: StudyFile) -> dict[str, str]:

@@ -166,7 +166,7 @@ def source_digest(module: ModuleType, where: str) -> str:
 
 
 @dataclass(frozen=True)
-class Spoken:
+class NameMapping:
     """A model that calls conditions by other names than the table; what was not written down is left out."""
 
     model: Model
@@ -191,11 +191,11 @@ class Spoken:
 
 
 @dataclass(frozen=True)
-class OwnErrors:
+class ModelErrorCovariance:
     """How far off a model function says it may be: the covariance of its errors, on the comparison scale."""
 
     plugin: Plugin
-    spoken: Spoken
+    spoken: NameMapping
     seed: int  # of the value at which the scale is taken
 
     def __call__(

@@ -35,7 +35,7 @@ NEGLIGIBLE = 1e-6  # share of the largest variance below which a common error is
 
 
 @dataclass
-class Ledger:
+class ModelCost:
     """What the model has cost so far."""
 
     runs: int = 0  # seeds times settings, each over all conditions
@@ -53,7 +53,7 @@ class Predictor:
     axes: tuple[Axis, ...]
     candidates: tuple[Candidate, ...]
     uncertainty: Uncertainty | None = None
-    ledger: Ledger = field(default_factory=Ledger)
+    cost: ModelCost = field(default_factory=ModelCost)
     seen: dict[Key, Floats] = field(default_factory=dict)
     spectra: dict[bytes, Spectrum] = field(default_factory=dict)  # of smooth functions over some rows
 
@@ -98,14 +98,14 @@ class Predictor:
         for observable, rows, chosen in self.asked:
             answer = self.model(observable.name, dict(chosen), dict(parameters), dict(effects), seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
-        self.ledger.runs += int(seeds.size)
+        self.cost.runs += int(seeds.size)
         failed = ~np.isfinite(result)
         if failed.any():
-            self.ledger.failures += int(failed.sum())
+            self.cost.failures += int(failed.sum())
             result[failed] = np.nan
         return result
 
-    def own_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
+    def model_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
         """Errors (n, r) of the model itself at one setting, one sd each: their covariance is F F^T.
 
         No column for a model that is what it says.

@@ -24,7 +24,7 @@ WAIT = 30.0  # s that a second process waits for the first to write
 
 
 @dataclass
-class Store:
+class RunStore:
     """A file of values by key, made when the first value is kept."""
 
     file: Path
@@ -74,12 +74,12 @@ def connect(file: Path) -> sqlite3.Connection:
 
 
 @dataclass(frozen=True)
-class Remembered:
+class CachedModel:
     """A model in front of its store."""
 
     model: Model
     identity: str  # model and version
-    store: Store
+    store: RunStore
 
     def __call__(
         self,

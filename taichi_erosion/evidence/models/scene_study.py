@@ -14,7 +14,7 @@ from taichi_erosion.evidence.data.problem import Bools, Candidate, Conditions, M
 from taichi_erosion.evidence.data.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.evidence.models.simulator import (
     CONDITIONS,
-    Answer,
+    SceneMeasure,
     Simulator,
     mask_of,
     paths_in,
@@ -38,10 +38,10 @@ def simulator_of(path: Path, file: StudyFile, table: Measurements, folder: Path)
             told = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
             raise BadInput(f"{path}: observables.{name}: {told}")
         refusals |= {(scene, number): refusal(scene, number, value) for number, value in numbers.items()}
-        understood = frozenset(number for number in numbers if refusals[scene, number] is None)
-        answers[name] = Answer(scene, measure, units[name], understood)
+        accepted_paths = frozenset(number for number in numbers if refusals[scene, number] is None)
+        answers[name] = SceneMeasure(scene, measure, units[name], accepted_paths)
     for (_, number), reason in refusals.items():
-        if not any(number in answer.understood for answer in answers.values()):
+        if not any(number in answer.accepted_paths for answer in answers.values()):
             raise BadInput(f"{path}: {number} fits no scene of the study: {reason}")
     return Simulator(answers, load_library(), folder)
 
@@ -138,7 +138,7 @@ def understanding(simulator: Simulator, numbers: Sequence[Parameter]) -> Simulat
     """The simulator whose scenes take some numbers of effects too."""
     paths = {number.path for number in numbers}
     answers = {
-        name: replace(answer, understood=answer.understood | paths)
+        name: replace(answer, accepted_paths=answer.accepted_paths | paths)
         for name, answer in simulator.answers.items()
     }
     return replace(simulator, answers=answers)

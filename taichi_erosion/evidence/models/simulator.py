@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.ledger import Store, open_store
+from taichi_erosion.campaign.ledger import Ledger, open_ledger
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
@@ -34,24 +34,24 @@ Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
-class Answer:
+class SceneMeasure:
     """What answers an observable: a measure of a scene, and the unit in which the study counts it."""
 
     scene: Path
     measure: str
     unit: str
-    understood: frozenset[str]  # paths of conditions and parameters that the scene has
+    accepted_paths: frozenset[str]  # paths of conditions and parameters that the scene has
 
 
 @dataclass
 class Simulator:
     """Scenes that answer the observables of a study."""
 
-    answers: Mapping[str, Answer]
+    answers: Mapping[str, SceneMeasure]
     library: Mapping[str, Effect]
     folder: Path  # of the ledger
     report: Report | None = None
-    store: Store | None = field(default=None, repr=False)
+    store: Ledger | None = field(default=None, repr=False)
 
     def __call__(
         self,
@@ -76,7 +76,7 @@ class Simulator:
 
     def overrides(
         self,
-        answer: Answer,
+        answer: SceneMeasure,
         at: Mapping[str, float],
         parameters: Mapping[str, float],
         effects: Mapping[str, float],
@@ -91,7 +91,7 @@ class Simulator:
         numbers = {
             path: value
             for path, value in {**kept, **parameters}.items()
-            if path in answer.understood and moves(path, present)
+            if path in answer.accepted_paths and moves(path, present)
         }
         words = numbers | {f"effects.{name}.strength": psi for name, psi in acting.items()}
         return tuple(f"{path}={float(value)!r}" for path, value in words.items())
@@ -101,10 +101,10 @@ class Simulator:
         columns = {path: np.array([value]) for path, value in at.items()}
         return bool(mask_of(self.library[effect], columns, stated_conditions(scene))[0])
 
-    def opened(self) -> Store:
+    def opened(self) -> Ledger:
         """The ledger, opened at first need."""
         if self.store is None:
-            self.store = open_store(self.folder)
+            self.store = open_ledger(self.folder)
         return self.store
 
 
@@ -166,7 +166,7 @@ def known_conditions(columns: Conditions, stated: Mapping[str, float]) -> Condit
     return known
 
 
-def value_in(result: RunResult, answer: Answer) -> float:
+def value_in(result: RunResult, answer: SceneMeasure) -> float:
     """Measured value in the study's unit, NaN where there is none."""
     unit = result.record.get("measures", {}).get(answer.measure, {}).get("unit")
     if result.failure or unit is None:
