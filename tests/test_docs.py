@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", ROOT / "recordings" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FENCE = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 INLINE = re.compile(r"`\./erosion ([^`]+)`")
+pytestmark = pytest.mark.docs
 LAUNCHER_WORDS = {"test"}  # what the launcher does by itself
 PLACEHOLDER = re.compile(r"^[A-Z][A-Z=]*$")
 EXECUTED = {"audit", "compare", "discover", "adopt", "next", "report", "effects", "measure", "schema"}

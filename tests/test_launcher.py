@@ -201,7 +201,8 @@ def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
         "ruff format --check",
         "basedpyright",
         "lint-imports",
-        "pytest -m not slow and not gpu -n logical --dist worksteal",
+        "pytest -m not slow and not gpu and not docs -n logical --dist worksteal",
+        "pytest -m docs and not slow and not gpu -n logical --dist worksteal",
     ]
     summary = [line.split()[1:3] for line in answer.stderr.splitlines() if line[9:15] in ("passed", "FAILED")]
     assert summary == [
@@ -209,6 +210,7 @@ def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
         ["FAILED", "ruff"],
         ["passed", "basedpyright"],
         ["FAILED", "lint-imports"],
+        ["passed", "pytest"],
         ["passed", "pytest"],
     ]
 

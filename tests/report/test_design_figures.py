@@ -1,4 +1,4 @@
-"""Figures of designed experiments show what the analysis says, and the page shows what the audit says."""
+"""Figures of designed experiments show what the analysis says."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,12 +18,10 @@ from taichi_erosion.experiments.effects import effect_limits
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.terms import model_terms
 from taichi_erosion.report import design_figures as figures
-from taichi_erosion.report.markdown import fill_tables
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "doe" / "hao2022"
 TURNS = np.arange(1, 18)
-MOST_BYTES = 200_000  # of a picture in the repository
 
 
 @cache
@@ -110,15 +108,3 @@ def test_a_fit_in_natural_units_predicts_as_in_coded_ones():
     assert replace(coded, factors=hao2022.RANGES).predict(coded.coded) == pytest.approx(
         coded.fitted, abs=1e-9
     )
-
-
-def test_the_page_shows_what_the_audit_finds():
-    text = (ROOT / "docs" / hao2022.PAGE).read_text(encoding="utf-8")
-    made = hao2022.tables(audited(hao2022.SCREENING), audited(hao2022.SURFACE))
-    assert fill_tables(text, made) == text
-
-
-@pytest.mark.parametrize("picture", hao2022.PICTURES.values())
-def test_a_picture_of_the_page_is_there_and_small(picture):
-    assert 0 < (ROOT / "docs" / picture).stat().st_size < MOST_BYTES
-    assert picture in (ROOT / "docs" / hao2022.PAGE).read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import pytest
 from doe.wind.blown_sand import STRESS_LINE, found_in
 from doe.wind.saturated_sand import saturated_thresholds
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FINE = 1e-4  # m, simulated without and with adhesion
 NO_SEED = np.array([1])
 

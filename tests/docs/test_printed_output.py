@@ -8,6 +8,7 @@ import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
 NUMBER = re.compile(r"\d+\.?\d*(?:e-?\d+)?")
+pytestmark = pytest.mark.docs
 ROUNDING = 0.01  # by which a printed number may differ where a processor rounds otherwise
 
 

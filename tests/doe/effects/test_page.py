@@ -12,7 +12,7 @@ from doe.effects.page import Saying, judged, read_sayings
 from doe.effects.pocket import Pocket, expected_threshold, measured_thresholds
 from taichi_erosion.effects import load_library
 
-TABLES = Path(__file__).parents[2] / "doe" / "effects"
+TABLES = Path(__file__).parents[3] / "doe" / "effects"
 BARE = Pocket()
 SAYING = Saying("dry_adhesion", "lifts", "x", "answers", "u*_t over bare", "", nan, nan, nan, 1)
 ANSWER = Answer("dry_adhesion", "u*_t over bare", "diameter [mm]", 0.1, 0.25, 1.5, 0.001, 1.501, 1, "pocket")

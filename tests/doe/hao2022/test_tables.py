@@ -22,7 +22,7 @@ from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.experiments.quality import quality
 
-FOLDER = Path(__file__).parents[2] / "doe" / "hao2022"
+FOLDER = Path(__file__).parents[3] / "doe" / "hao2022"
 MEASURED = 33.52  # deg
 # -1 is the low level of every factor; the coding that the published optimum needs
 NATURAL = [Factor("Ct", 0.64, 0.80), Factor("Gt", 0.15, 0.31), Factor("It", 3.1, 3.5)]

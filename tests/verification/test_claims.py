@@ -1,11 +1,9 @@
 """Every rung of the ladder that takes seconds; those that pour heaps or drain silos are marked slow."""
 
-from dataclasses import fields
 from math import nan
 
 import pytest
 
-from docs.verification_curves import markdown_table
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.verification import LADDER, Claim, verify
 from taichi_erosion.verification.claim import Outcome, as_claim
@@ -55,17 +53,3 @@ def test_a_check_that_breaks_is_a_claim_that_fails_and_says_why(monkeypatch: pyt
     assert first.passed
     assert not second.passed
     assert "spheres were cubes" in second.claim
-
-
-def test_the_table_shows_a_failing_claim_as_failing() -> None:
-    claims = [
-        as_claim("V01", Outcome("a | b", 1.0, 1.0, 0.1, "f64"), 0.5),
-        as_claim("V02", Outcome("late", 2.0, 1.0, 0.1, "f32"), 0.5),
-    ]
-    table = markdown_table(claims)
-    assert "**NO**" in table
-    assert "a \\| b" in table
-    assert "1 of 2 claims hold; 1 s." in table
-    assert all(
-        len(fields(Claim)) + 1 == line.replace("\\|", "").count("|") for line in table.splitlines()[:4]
-    )

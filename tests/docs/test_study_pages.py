@@ -1,0 +1,65 @@
+"""Pages of studies show the tables that their committed results make, and pictures of a modest size."""
+
+from pathlib import Path
+
+import pytest
+
+from doe.common.cases import read_rows
+from doe.hao2022 import tables as hao2022
+from doe.lab_c import page as lab_c
+from doe.repose_sensitivity import page as repose_sensitivity
+from doe.wind import page as threshold
+from taichi_erosion.experiments.audit.examine import audit
+from taichi_erosion.report.markdown import MARKED, fill_tables
+
+pytestmark = pytest.mark.docs
+
+ROOT = Path(__file__).parents[2]
+DOE, DOCS = ROOT / "doe", ROOT / "docs"
+MOST_BYTES = 200_000  # of a picture in the repository
+PICTURES = {
+    lab_c.PAGE: [lab_c.PICTURE],
+    repose_sensitivity.PAGE: [repose_sensitivity.PICTURE],
+    hao2022.PAGE: list(hao2022.PICTURES.values()),
+}
+
+
+def lab_c_tables() -> dict[str, str]:
+    folder = DOE / "lab_c"
+    return lab_c.tables(read_rows(folder / "results.csv"), lab_c.read_laboratory(folder / "laboratory.csv"))
+
+
+def repose_tables() -> dict[str, str]:
+    return repose_sensitivity.tables(read_rows(DOE / "repose_sensitivity" / "results.csv"))
+
+
+def hao2022_tables() -> dict[str, str]:
+    return hao2022.tables(*(audit(DOE / "hao2022" / name) for name in (hao2022.SCREENING, hao2022.SURFACE)))
+
+
+@pytest.mark.parametrize(
+    ("page", "made"),
+    [
+        (lab_c.PAGE, lab_c_tables),
+        (repose_sensitivity.PAGE, repose_tables),
+        (hao2022.PAGE, hao2022_tables),
+    ],
+)
+def test_a_page_shows_the_tables_that_its_numbers_make(page, made):
+    text = (DOCS / page).read_text(encoding="utf-8")
+    assert fill_tables(text, made()) == text
+
+
+@pytest.mark.parametrize(("page", "picture"), [(page, one) for page in PICTURES for one in PICTURES[page]])
+def test_a_picture_is_there_and_small(page, picture):
+    assert 0 < (DOCS / picture).stat().st_size < MOST_BYTES
+    assert picture in (DOCS / page).read_text(encoding="utf-8")
+
+
+def test_the_page_of_thresholds_marks_a_place_for_every_table():
+    page = (DOCS / threshold.PAGE).read_text(encoding="utf-8")
+    marks = {found["name"] for found in MARKED.finditer(page)}
+    assert marks == {
+        *("fluid", "map", "choices", "impact", "scaling", "adhesion", "saturated", "flux", "lines"),
+        *("splash", "cost"),
+    }
