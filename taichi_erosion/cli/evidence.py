@@ -14,14 +14,13 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.help_pages import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, Record, empty_table, print_table
 from taichi_erosion.cli.progress import reporting
-
-MISFIT_LEVEL = 0.05  # p below which a model is said not to agree
+from taichi_erosion.evidence.inference.levels import fails
 
 
 def print_comparison(document: Record) -> None:
     """Whether the model agrees, where it fails, observable by observable."""
     typer.echo(agreement(document))
-    failing = [place["sentence"] for place in document["where"] if (place["p"] or 0.0) < MISFIT_LEVEL]
+    failing = [place["sentence"] for place in document["where"] if fails(place["p"])]
     say(failing or ["No misfit is seen in any observable or along any condition."])
     table = empty_table(
         "calibrated model against measurement", "observable", "rows", "chi2", "rmse", "bias", "p"
@@ -44,8 +43,10 @@ def agreement(document: Record) -> str:
         return f"The misfit cannot be judged: the scatter of the {among} is not known."
     freedom = f"{figure(document['dof'])} degrees of freedom"
     numbers = f"(chi2 = {figure(document['chi2'])} for {freedom}, p = {figure(p)})"
-    if p < MISFIT_LEVEL:
+    if fails(p):
         return f"The model does not agree with the {among}, however it is calibrated {numbers}."
+    if any(fails(place["p"]) for place in document["where"]):
+        return f"The model agrees with the {among} as a whole {numbers}, but not everywhere."
     return f"The model is consistent with the {among} {numbers}."
 
 

@@ -12,14 +12,12 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.evidence.answers import documents as results
 from taichi_erosion.evidence.data.study_file import read_study_file
+from taichi_erosion.evidence.inference.levels import ABSORBED, STABLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.report import evidence_figures as figures
 from taichi_erosion.report.html import Picture, render
 
 Document = Mapping[str, Any]
-
-UNSTABLE = 1.0  # share of repeats that agree; below it the name depends on the seeds
-ABSORBED = 0.8  # above it calibration imitates most of an effect
 
 
 def doubts(
@@ -63,7 +61,7 @@ def doubts_about_runs(discovery: Document) -> Iterator[str]:
     if discovery["decoy_rank"] == 1:
         yield "A made-up effect fits best of all: the shortlist is not to be trusted."
     stability = discovery["stability"]
-    if stability is not None and stability < UNSTABLE:
+    if stability is not None and stability < STABLE:
         yield f"With other seeds the first name is the same in {100.0 * stability:.0f} % of repeats."
     if discovery["failures"]:
         yield f"{discovery['failures']} model values could not be computed; they were left out."
@@ -71,7 +69,6 @@ def doubts_about_runs(discovery: Document) -> Iterator[str]:
 
 TEMPLATE = "evidence.html"
 CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
-MISFIT_LEVEL = 0.05  # family-wise p below which a place counts as one where the model fails
 NO_MISFIT = "No misfit is seen in any observable or along any condition."
 TIMES = {0: "has not been opened", 1: "has been opened once"}
 
@@ -176,7 +173,7 @@ def summary(found: Found) -> list[str]:
 def failures(comparison: Document | None) -> list[str]:
     """Places where the model fails."""
     places = comparison["where"] if comparison else ()
-    return [place["sentence"] for place in places if place["p"] is not None and place["p"] < MISFIT_LEVEL]
+    return [place["sentence"] for place in places if fails(place["p"])]
 
 
 def ranked_effects(discovery: Document | None) -> list[tuple[str, Document]]:

@@ -12,10 +12,11 @@ from taichi_erosion.evidence.data.findings import HypothesisFit, Rows
 from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference.goodness_of_fit import axis_words
+from taichi_erosion.evidence.inference.levels import REJECTION_LEVEL
 from taichi_erosion.evidence.inference.pipeline import Autopsy, autopsy, concluded, decided
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, posterior
 from taichi_erosion.evidence.inference.prepared_problem import examine
-from taichi_erosion.evidence.inference.refit import REJECTED, doubted_p, hypotheses
+from taichi_erosion.evidence.inference.refit import doubted_p, hypotheses
 from taichi_erosion.evidence.inference.verdict import borne_out
 from tests.evidence.small_study import write_study
 
@@ -86,11 +87,11 @@ def test_all_hypotheses_are_held_against_the_rows_that_each_has_a_value_for():
 
 def test_what_the_measurements_reject_counts_as_something_not_in_the_list(wet):
     (right,) = [item for item in wet.judged if item.names == wet.decision.named]
-    assert doubted_p(wet.exam, right) > REJECTED
+    assert doubted_p(wet.exam, right) > REJECTION_LEVEL
     jagged = 40.0 * wet.exam.sd * np.where(np.arange(wet.exam.sd.size) % 2, 1.0, -1.0)
     moved = replace(right.scored.expansion, mean=right.scored.expansion.mean + jagged)
     wrong = replace(right, scored=replace(right.scored, expansion=moved))
-    assert doubted_p(wet.exam, wrong) < REJECTED
+    assert doubted_p(wet.exam, wrong) < REJECTION_LEVEL
     others = [item for item in wet.judged if item is not right]
     told = hypotheses(wet.exam, wet.base, wet.found, wet.seen, [*others, wrong])
     assert [h.told for h in told if h.names == right.names] == [False, False]

@@ -19,14 +19,12 @@ from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progres
 from taichi_erosion.evidence.inference.familywise_test import significance
 from taichi_erosion.evidence.inference.goodness_of_fit import chi_square, rows_table
 from taichi_erosion.evidence.inference.intervals import parameter_fits, strength_fits
+from taichi_erosion.evidence.inference.levels import HELD_OUT_MISFIT, HELD_OUT_SHARE
 from taichi_erosion.evidence.inference.map_fit import Fit, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.prepared_problem import Examination, bound_predictor, examine
 from taichi_erosion.evidence.inference.refit import likely_strength, refit
 from taichi_erosion.evidence.inference.screen import Screen, screen
-
-NOISE = 2.0  # misfit per held-out row, from which the bare model fails there [1]
-SHARE_LEFT = 0.5  # of that misfit, above which an effect has not been borne out [1]
 
 
 @dataclass(frozen=True)
@@ -241,5 +239,5 @@ def proof_words(
         f"{w.vault_chi2:.3g} with {what} ({w.effects[0]})" for w, what in wrongs if w is not None
     ]
     words += f"; for comparison {', '.join(controls_told)}." if controls_told else "."
-    refuted = base.vault_chi2 > NOISE and added.vault_chi2 > SHARE_LEFT * base.vault_chi2
+    refuted = base.vault_chi2 > HELD_OUT_MISFIT and added.vault_chi2 > HELD_OUT_SHARE * base.vault_chi2
     return words + (f" What was held out does not bear {effect} out." if refuted else "")

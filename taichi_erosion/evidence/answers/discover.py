@@ -32,6 +32,7 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     where_it_fails,
 )
 from taichi_erosion.evidence.inference.intervals import parameter_fits, strength_fits, upper_strength
+from taichi_erosion.evidence.inference.levels import ABSORBED, NOISE_LIMIT, PLAUSIBLE, TESTABLE_POWER
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.model_discrepancy import free_residual
 from taichi_erosion.evidence.inference.pipeline import Autopsy, autopsy
@@ -39,8 +40,8 @@ from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, Posterior
 from taichi_erosion.evidence.inference.prepared_problem import Examination, examine
 from taichi_erosion.evidence.inference.refit import Judged
 from taichi_erosion.evidence.inference.residual_structure import clues_of
-from taichi_erosion.evidence.inference.screen import NOISE_LIMIT, Signature
-from taichi_erosion.evidence.inference.verdict import TESTABLE, Decision
+from taichi_erosion.evidence.inference.screen import Signature
+from taichi_erosion.evidence.inference.verdict import Decision
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def status_of(name: str, decision: Decision, strong: float) -> Status:
     """Present only what stands alone; silence means absence only where the effect would have been seen."""
     if name in decision.named:
         return "present"
-    if name in decision.group or strong < TESTABLE:
+    if name in decision.group or strong < TESTABLE_POWER:
         return "not_testable"
     return "excluded"
 
@@ -155,13 +156,12 @@ def effect_words(
         return f"{name}: cannot act in any measured condition"
     if signature.noise > NOISE_LIMIT and signature.norm <= 1.0:
         return f"{name}: its signature is not resolved from the model's own scatter; more seeds would tell"
-    if absorption > 0.8:
+    if absorption > ABSORBED:
         share = f"{absorption:.0%} imitated"
         return f"{name}: hardly distinguishable from a change of the calibrated numbers ({share})"
     return f"{name}: not testable with these measurements"
 
 
-SURVIVING = 0.01  # probability below which an explanation is not carried to the next experiment
 MOST_SURVIVORS = 6
 NO_CANDIDATE = "No candidate is listed, so nothing can be named; `compare` says where the model fails."
 
@@ -241,7 +241,7 @@ def survivors_of(found: Autopsy) -> tuple[Survivor, ...]:
     """Explanations that the next experiment has to tell apart."""
     survivors = [survivor_of(found, item) for item in [found.base, *found.judged]]
     survivors.sort(key=lambda survivor: -survivor.probability)
-    kept = [s for k, s in enumerate(survivors) if k < 2 or s.probability > SURVIVING]
+    kept = [s for k, s in enumerate(survivors) if k < 2 or s.probability > PLAUSIBLE]
     return tuple(kept[:MOST_SURVIVORS])
 
 

@@ -25,6 +25,7 @@ from taichi_erosion.evidence.data.findings import Discovery, Experiment, Survivo
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Laboratory, Problem, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, position_of, slope
+from taichi_erosion.evidence.inference.levels import DECIDED
 from taichi_erosion.evidence.inference.map_fit import Objective
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import Examination, examine
@@ -34,7 +35,6 @@ EXPERIMENTS = 6
 POINTS = 32  # settings considered per observable, the corners of the ranges among them
 LEAST_WEIGHT = 0.02  # of an explanation that is still standing
 MOST_RIVALS = 8
-DECIDED = 0.9  # probability at which an explanation has won
 OUTCOMES = 400  # simulated per explanation
 
 

@@ -4,19 +4,15 @@ from collections.abc import Mapping
 
 from taichi_erosion.evidence.data.findings import Clue, EffectFinding, Where
 from taichi_erosion.evidence.inference.goodness_of_fit import (
-    TOLD,
     chance_words,
     misfit_p,
     noise_table,
     residuals_of,
 )
+from taichi_erosion.evidence.inference.levels import TOLD_CLOSEST, TOLD_RIVAL, fails
 from taichi_erosion.evidence.inference.pipeline import Autopsy, too_few_rows
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE
 from taichi_erosion.evidence.inference.refit import explained_share
-from taichi_erosion.evidence.inference.verdict import MISFIT_LEVEL
-
-TOLD_RIVAL = 1e-3  # probability from which another explanation is told
-CLOSE = 0.5  # share of the misfit, from which an explanation that does not suffice is told
 
 
 def summary(
@@ -24,11 +20,11 @@ def summary(
 ) -> tuple[str, ...]:
     """Verdict first, then where the model fails, then what would change the conclusion."""
     sentences = [verdict_words(found, effects)]
-    if found.final.names and found.p_misfit_after < MISFIT_LEVEL:
+    if found.final.names and fails(found.p_misfit_after):
         sentences.append(left_words(found))
     if found.decision.verdict == "outside_library":
         sentences += closest_words(found)
-    sentences += [place.sentence for place in where if place.p < TOLD]
+    sentences += [place.sentence for place in where if fails(place.p)]
     sentences += [clue.sentence for clue in clues]
     sentences += noise_table(found.exam, None).sentences
     if found.seen.decoy_rank == 1 and found.decision.named:
@@ -52,7 +48,7 @@ def closest_words(found: Autopsy) -> list[str]:
     """The explanation of the list that comes closest to what is not in it, where it comes close."""
     tried = [item for item in found.judged if item.scored.surfaces]
     shares = [explained_share(found.exam, found.base, item) for item in tried]
-    if not shares or max(shares) < CLOSE:
+    if not shares or max(shares) < TOLD_CLOSEST:
         return []
     closest = tried[shares.index(max(shares))]
     chance = chance_words(misfit_p(residuals_of(found.exam, closest.scored.expansion)))

@@ -7,11 +7,9 @@ from scipy.cluster import hierarchy
 from scipy.spatial.distance import squareform
 
 from taichi_erosion.evidence.data.problem import Floats, expected_strength
+from taichi_erosion.evidence.inference.levels import ABSORBED, SEPARATION
 from taichi_erosion.evidence.inference.prepared_problem import Examination
 from taichi_erosion.evidence.inference.screen import Screen, Signature
-
-SEPARATION = 3.0  # sd between two hypotheses below which they form a group: 93 % are told apart at 3
-ABSORBED = 0.8  # absorption above which an effect is hardly distinguishable from a calibration
 
 
 def at_strength(signature: Signature, strength: float) -> Floats:

@@ -14,12 +14,12 @@ from scipy import special
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.inference.levels import FAMILYWISE_LEVEL
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
 from taichi_erosion.evidence.inference.prepared_problem import Examination
 from taichi_erosion.evidence.inference.screen import Screen, log_bayes
 
 DRAWS = 2000  # of the null: a p of 0.05 is known to 0.005
-LEVEL = 0.05
 DECOYS = 3
 DECOY_LENGTH = 1.0  # of a made-up effect, in sd of the conditions
 
@@ -31,7 +31,7 @@ class Significance:
     observed: Floats  # (candidates,), ln Bayes factors; 0 where the signature is not resolved
     p: float  # of the strongest
     step_down: Floats  # (candidates,), adjusted
-    threshold: float  # sd that a signature of unit noise must reach at LEVEL
+    threshold: float  # sd that a signature of unit noise must reach at FAMILYWISE_LEVEL
     decoy_rank: int
 
 
@@ -79,7 +79,7 @@ def step_down(observed: Floats, drawn: Floats) -> Floats:
 
 
 def max_threshold(found: Screen, noise: Floats) -> float:
-    """Quantile of the largest projected residual, in sd, that chance exceeds in LEVEL of all cases."""
+    """Quantile of the largest projected residual [sd] that chance exceeds at FAMILYWISE_LEVEL."""
     units = []
     for signature in found.signatures:
         norms = np.linalg.norm(signature.free, axis=1)
@@ -88,7 +88,7 @@ def max_threshold(found: Screen, noise: Floats) -> float:
             units.append(signature.free[at] / norms[at])
     if not units:
         return 0.0
-    return float(np.quantile(np.max(np.array(units) @ noise, axis=0), 1.0 - LEVEL))
+    return float(np.quantile(np.max(np.array(units) @ noise, axis=0), 1.0 - FAMILYWISE_LEVEL))
 
 
 def power(norm: float, threshold: float) -> float:

@@ -21,6 +21,7 @@ from taichi_erosion.evidence.data.findings import Noise, ObservableMisfit, Obser
 from taichi_erosion.evidence.data.linear_algebra import projection, working
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale
+from taichi_erosion.evidence.inference.levels import LEAST_P, NOISE_LEVEL, fails
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.model_discrepancy import free_residual
 from taichi_erosion.evidence.inference.prepared_problem import Examination
@@ -28,9 +29,7 @@ from taichi_erosion.evidence.models.predictor import standard_axis
 
 LENGTH = 0.7  # of the kernel, in sd of a condition
 BINS = 4  # along an axis, of equal numbers of rows
-TOLD = 0.05  # adjusted probability below which a place is told as a failure
 LEVEL_AXIS = "level"
-LEAST_P = 1e-16  # told as such; below, rounding decides
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ def axis_words(column: Floats, free: Floats) -> str:
 
 def sentence(observable: str, axis: str, words: str, p: float) -> str:
     """Plain words about one place."""
-    if p >= TOLD:
+    if not fails(p):
         place = "as a whole" if axis == LEVEL_AXIS else f"along {axis}"
         return f"{observable}: no misfit seen {place} ({chance_words(p)})"
     what = words.format(axis=axis) if axis != LEVEL_AXIS else f"{words} as a whole"
@@ -163,7 +162,6 @@ ASK_REPEATS = (
     "Neither an sd nor repeated measurements are given, so no effect can be named. Repeat at least 4 "
     "conditions 3 times or more, or state the sd of a single measurement."
 )
-SUSPECT = 0.05  # probability below which stated and found scatter disagree
 
 
 def rows_table(exam: Examination, expansion: Expansion) -> Rows:
@@ -243,7 +241,7 @@ def noise_table(exam: Examination, correlation: Floats | None, known: bool = Tru
 
 def noise_words(name: str, given: ObservableNoise) -> list[str]:
     """What one observable's noise check says."""
-    if given.stated_factor == given.stated_factor and given.p < SUSPECT:
+    if given.stated_factor == given.stated_factor and given.p < NOISE_LEVEL:
         relation = "larger" if given.stated_factor > 1.0 else "smaller"
         return [
             f"{name}: repeated measurements scatter {given.stated_factor:.2g} times as much as stated, "

@@ -7,11 +7,11 @@ from taichi_erosion.evidence.data.findings import Fitted
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import axis_value, effect_of
+from taichi_erosion.evidence.inference.levels import INTERVAL_TAIL
 from taichi_erosion.evidence.inference.marginal_likelihood import Scored
 from taichi_erosion.evidence.inference.prepared_problem import Examination
 
-TAIL = 0.05  # to either side of a 90 % interval
-HALF_WIDTH = float(stats.norm.ppf(1.0 - TAIL))  # of a normal 90 % interval, in sd
+HALF_WIDTH = float(stats.norm.ppf(1.0 - INTERVAL_TAIL))  # of a normal 90 % interval, in sd
 BOUND = 1e-3  # of a prior sd: closer to an end of its range a number is called bound
 
 
@@ -54,7 +54,7 @@ def strength_fits(exam: Examination, scored: Scored) -> dict[str, Fitted]:
             share = table.sum(axis=1 - index)
         else:
             share = weight
-        low, high = (quantile(path.grid, share, q) for q in (TAIL, 1.0 - TAIL))
+        low, high = (quantile(path.grid, share, q) for q in (INTERVAL_TAIL, 1.0 - INTERVAL_TAIL))
         best = float(scored.expansion.fit.psi[index])
         maximum = exam.candidate(name).maximum
         found[name] = Fitted(best, min(low, best), max(high, best), best >= maximum * (1.0 - BOUND))
@@ -103,4 +103,4 @@ def parameter_fits(exam: Examination, scored: Scored) -> dict[str, Fitted]:
 def upper_strength(grid: Floats, log_likelihood: Floats) -> float:
     """Strength above which an effect is excluded with 95 %."""
     weight = np.exp(log_likelihood - log_likelihood.max()) * cell_width(grid)
-    return quantile(grid, weight, 1.0 - TAIL)
+    return quantile(grid, weight, 1.0 - INTERVAL_TAIL)

@@ -12,6 +12,7 @@ import numpy as np
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, residuals_of
+from taichi_erosion.evidence.inference.levels import SECOND_EFFECT_LEVEL
 from taichi_erosion.evidence.inference.model_discrepancy import Kernel
 from taichi_erosion.evidence.inference.prepared_problem import Examination
 from taichi_erosion.evidence.inference.refit import WITHIN, Judged, judge, likely_strength, quick, refit
@@ -19,7 +20,6 @@ from taichi_erosion.evidence.inference.screen import Screen, Signature, screen
 
 GAIN = 0.5  # ln Bayes factor by which a pair must beat its better member in the screen
 PAIRS, PAIRS_QUICK = 6, 3
-LEFT = 0.2  # chance of a misfit below which a single leaves room for a second effect
 GRANTED, SECONDS = 3, 3  # singles taken for granted, and second effects tried on top of each
 
 Starts = dict[tuple[str, str], list[Floats]]  # joint positions from which a pair is refitted
@@ -46,7 +46,7 @@ def second_effects(exam: Examination, singles: list[Judged]) -> Starts:
     starts: Starts = {}
     for first in ranked[: 1 if quick(exam) else GRANTED]:
         expansion = first.scored.expansion
-        if misfit_p(residuals_of(exam, expansion)) > LEFT:
+        if misfit_p(residuals_of(exam, expansion)) > SECOND_EFFECT_LEVEL:
             break
         rest = screen(exam, expansion)
         asked = [(log_fall(s, rest.residual), s) for s in rest.signatures if s.resolved]

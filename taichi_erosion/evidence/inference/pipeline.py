@@ -9,6 +9,7 @@ from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference.cross_validation import HeldOut, held_out
 from taichi_erosion.evidence.inference.familywise_test import DRAWS, Significance, power, significance
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, residuals_of, where_it_fails
+from taichi_erosion.evidence.inference.levels import UNSTABLE
 from taichi_erosion.evidence.inference.map_fit import Fit, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import Kernel, discrepancy_gain, kernels
@@ -155,7 +156,9 @@ def settled(
         believed = posterior(part, hypotheses(part, rejudged(part, base, family), found, rough, halves))
         top = max(believed.probability, key=lambda key: believed.probability[key])
         agree += bool(accepted & set(top.split("+")))
-        against += top != label(()) and not accepted & set(top.split("+")) and believed.probability[top] > 0.5
+        against += (
+            top != label(()) and not accepted & set(top.split("+")) and believed.probability[top] > UNSTABLE
+        )
     return agree / 2.0, replace(decision, verdict="unstable") if against else decision
 
 

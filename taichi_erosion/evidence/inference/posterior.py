@@ -7,13 +7,10 @@ import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.inference.levels import PRIOR_NONE, PRIOR_OUTSIDE, PRIOR_PAIRS, PRIOR_REMAINDER
 from taichi_erosion.evidence.inference.prepared_problem import Examination
 
 NONE, OUTSIDE = "none", "outside_library"
-PRIOR_NONE = 0.50
-PRIOR_OUTSIDE = 0.15  # something missing that no candidate describes
-PRIOR_PAIRS = 0.06  # two candidates at once, shared by all pairs
-PRIOR_REMAINDER = 0.10  # share of a single's prior that allows a smooth remainder beside it
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     misfit_p,
     residuals_of,
 )
+from taichi_erosion.evidence.inference.levels import EXPLAINED_SHARE, REJECTION_LEVEL, fails
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, STEPS, STEPS_QUICK, Fit, fit
 from taichi_erosion.evidence.inference.marginal_likelihood import Scored, expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import Kernel, discrepancy_gain
@@ -24,9 +25,6 @@ WITHIN = 8.0  # ln Bayes factor behind the best at which a candidate is still re
 LEAST = 3
 MOST = 8
 LEAST_QUICK, MOST_QUICK = 2, 4
-LEAST_SHARE = 0.85  # of the misfit, from which an effect with a smooth remainder is still named
-REJECTED = 1e-3  # chance of the misfit that a hypothesis leaves below which it is no explanation
-WELL = 0.01  # chance of a misfit above which a hypothesis is taken to explain the measurements
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,9 @@ def rejudge(
 def explained_well(exam: Examination, judged: list[Judged]) -> bool:
     """Whether some hypothesis leaves no more than noise."""
     return any(
-        misfit_p(residuals_of(exam, item.scored.expansion)) > WELL for item in judged if item.scored.surfaces
+        not fails(misfit_p(residuals_of(exam, item.scored.expansion)))
+        for item in judged
+        if item.scored.surfaces
     )
 
 
@@ -139,10 +139,10 @@ def hypotheses(
             value = unrefitted(base, seen, judged, found, index)
             listed.append(Hypothesis((signature.name,), False, log_prior_of(("a",), False, count), value))
     for item in judged:
-        evidence, told = item.scored.log_evidence, doubted_p(exam, item) > REJECTED
+        evidence, told = item.scored.log_evidence, doubted_p(exam, item) > REJECTION_LEVEL
         listed.append(Hypothesis(item.names, False, log_prior_of(item.names, False, count), evidence, told))
         if len(item.names) == 1:
-            told = told and explained_share(exam, base, item) > LEAST_SHARE
+            told = told and explained_share(exam, base, item) > EXPLAINED_SHARE
             prior = log_prior_of(item.names, True, count)
             listed.append(Hypothesis(item.names, True, prior, evidence + item.gain, told))
     return listed

@@ -15,7 +15,8 @@ from scipy import stats
 from taichi_erosion.evidence.data.findings import Clue, Law, Where
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
-from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS, TOLD, Residuals, residuals_of
+from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS, Residuals, residuals_of
+from taichi_erosion.evidence.inference.levels import SECOND_TERM, fails
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.prepared_problem import Examination
 
@@ -24,7 +25,6 @@ EXPONENTS = np.linspace(-4.0, 4.0, 161)  # at which the scaling is profiled
 FALL = float(stats.chi2.ppf(0.9, 1))  # misfit above the best at the ends of a 90 % interval
 MOST_AXES = 4  # conditions from which a law is built
 FIRST_TERMS = 12  # single terms that are tried with a second one
-SECOND_TERM = 0.05  # share of the misfit that a second term must explain beyond the first, on left-out groups
 
 
 def clues_of(exam: Examination, base: Expansion, where: tuple[Where, ...]) -> tuple[Clue, ...]:
@@ -32,7 +32,7 @@ def clues_of(exam: Examination, base: Expansion, where: tuple[Where, ...]) -> tu
     left = residuals_of(exam, base)
     clues = []
     for index, observable in enumerate(exam.rows.observables):
-        places = [place for place in where if place.observable == observable.name and place.p < TOLD]
+        places = [place for place in where if place.observable == observable.name and fails(place.p)]
         rows = exam.rows.which == index
         if places and rows.sum() > 2:
             axes = [place for place in places if place.axis != LEVEL_AXIS] or places

@@ -16,6 +16,7 @@ from taichi_erosion.evidence.data.linear_algebra import (
     working,
 )
 from taichi_erosion.evidence.data.problem import Bools, Candidate, Floats, expected_strength
+from taichi_erosion.evidence.inference.levels import UNRESOLVED_NOISE
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, log_prior, smooth_path
 from taichi_erosion.evidence.inference.prepared_problem import Examination
 from taichi_erosion.evidence.models.predictor import paired_change
@@ -24,8 +25,6 @@ STEPS = (0.25, 0.5, 1.0, 2.0)  # strengths of a path, in units of the expected o
 QUICK_STEPS = (0.5, 1.0)
 GRID = 25  # strengths at which a candidate is compared with chance, closest near 0
 PEAK = np.linspace(-4.0, 4.0, 9)  # further strengths, in sd about the one that fits the residual best
-UNRESOLVED = 0.7  # share of noise from which a signature is not used at all
-NOISE_LIMIT = 0.1  # share of a signature's energy that replicate noise may make up
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Signature:
     @property
     def resolved(self) -> bool:
         """Whether there is a signature, and more of it than replicate noise."""
-        return self.norm > 0.0 and self.noise < UNRESOLVED
+        return self.norm > 0.0 and self.noise < UNRESOLVED_NOISE
 
 
 @dataclass(frozen=True)

@@ -5,19 +5,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.evidence.data.findings import Verdict
+from taichi_erosion.evidence.inference.levels import (
+    ALONE,
+    CREDIBLE,
+    FAMILYWISE_LEVEL,
+    NAME_ODDS,
+    NONE_LIMIT,
+    RIVAL_MISFIT,
+    SURE,
+    TESTABLE_POWER,
+    TESTABLE_SHARE,
+    fails,
+)
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, Posterior, label
 from taichi_erosion.evidence.inference.refit import Judged
-
-LEVEL = 0.05  # family-wise, of a first name
-MISSING = 0.4  # probability of "nothing" below which something is said to be missing
-ALONE = 0.5  # probability that an effect named alone must have
-MISFIT_LEVEL = 0.01  # of the base model's misfit, or of its worst place, where no signature explains it
-NAME_ODDS = 3.0  # of a name over something outside the list, which a name that leaves a misfit must have
-SURE = 0.8  # share of the named probability from which one effect stands alone
-CREDIBLE = 0.9  # probability that a group holds
-RIVAL = 3.0  # misfit behind the best below which a rival explains as well [1]
-TESTABLE = 0.8  # power from which silence means absence
-TESTABLE_SHARE = 0.5  # of the candidates, below which silence means nothing
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ def detected(believed: Posterior, p: float, p_misfit: float) -> bool:
 
     `p` is that of the best signature, `p_misfit` the least of the misfit as a whole and of its worst place.
     """
-    return believed.probability[NONE] < MISSING and (p < LEVEL or p_misfit < MISFIT_LEVEL)
+    return believed.probability[NONE] < NONE_LIMIT and (p < FAMILYWISE_LEVEL or fails(p_misfit))
 
 
 def decide(
@@ -44,7 +45,7 @@ def decide(
     named_mass = 1.0 - believed.probability[NONE] - believed.probability[OUTSIDE]
     likeliest = max(named_mass, believed.probability[OUTSIDE])
     if not detected(believed, p, p_misfit) or likeliest < believed.probability[NONE]:
-        testable = np.mean([power >= TESTABLE for power in powers]) if powers else 0.0
+        testable = np.mean([power >= TESTABLE_POWER for power in powers]) if powers else 0.0
         return Decision("none_detected" if testable >= TESTABLE_SHARE else "not_testable", (), ())
     if believed.probability[OUTSIDE] > named_mass:
         return Decision("outside_library", (), ())
@@ -61,7 +62,7 @@ def borne_out(decision: Decision, believed: Posterior, p_left: float) -> Decisio
     """
     outside = believed.probability[OUTSIDE]
     named = 1.0 - believed.probability[NONE] - outside
-    if decision.verdict in ("present", "group") and p_left < MISFIT_LEVEL and named < NAME_ODDS * outside:
+    if decision.verdict in ("present", "group") and fails(p_left) and named < NAME_ODDS * outside:
         return Decision("outside_library", (), ())
     return decision
 
@@ -94,7 +95,7 @@ def equal_rivals(judged: list[Judged], sure: list[str]) -> list[str]:
     best = misfit.get(sure[0])
     if best is None:
         return []
-    return [other for other, value in misfit.items() if other != sure[0] and value < best + RIVAL]
+    return [other for other, value in misfit.items() if other != sure[0] and value < best + RIVAL_MISFIT]
 
 
 def credible_group(believed: Posterior, mass: float) -> list[str]:
