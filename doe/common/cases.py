@@ -20,6 +20,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_whole
 
 ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
+MEASURED = ROOT / "taichi_erosion" / "effects" / "measured"  # tables that `effects NAME` prints
 STOPPED = "stopped"  # observable of a case that gave no result; `note` says why
 GUARDED = 3  # exit code of a run of which its guards stopped a seed; with a document where others ended
 

@@ -1,17 +1,16 @@
-"""What each effect moves, measured with paired seeds; writes signatures.csv.
+"""Shift of every effect, measured with paired seeds; writes taichi_erosion/effects/measured/signatures.csv.
 
 python -m doe.effect_signatures.run              all cases of all scenes
 python -m doe.effect_signatures.run EFFECT...    the cases of some effects
 """
 
 import sys
-from pathlib import Path
 
-from doe.common.cases import ROOT
+from doe.common.cases import MEASURED, ROOT
 from doe.effect_signatures.shifts import Case, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
-TABLE = Path(__file__).with_name("signatures.csv")
+TABLE = MEASURED / "signatures.csv"
 SEEDS = range(1, 7)
 
 # The collapsing column of laboratory C with grains of 0.15 mm, where adhesion and water count, a fifth of its

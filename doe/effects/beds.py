@@ -1,4 +1,4 @@
-"""What some effects move on a small bed under wind, with paired seeds; writes beds.csv beside this file.
+"""Shifts of some effects on a small bed under wind, with paired seeds; writes effects/measured/beds.csv.
 
 python -m doe.effects.beds              all cases
 python -m doe.effects.beds EFFECT...    the cases of some effects
@@ -13,11 +13,11 @@ only their shifts are used.
 import sys
 from pathlib import Path
 
-from doe.common.cases import ROOT
+from doe.common.cases import MEASURED, ROOT
 from doe.effect_signatures.shifts import Case, Orders, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
-TABLE = Path(__file__).with_name("beds.csv")
+TABLE = MEASURED / "beds.csv"
 THRESHOLD, FLUX = (ROOT / "scenes" / f"{name}.toml" for name in ("wind_threshold", "saltation"))
 SEEDS = range(1, 5)
 LAW_SEEDS = range(1, 17)  # a law is judged by its size, for which beds that differ by a tenth need more pairs

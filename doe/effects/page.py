@@ -7,6 +7,7 @@ from math import isfinite, nan
 from pathlib import Path
 from typing import Any
 
+from doe.common.cases import MEASURED
 from doe.effect_signatures.shifts import read_shifts
 from doe.effects.answers import Answer, bed_law, read_answers
 from doe.effects.cost import Cost, read_costs
@@ -226,9 +227,9 @@ def crust_table(rows: Sequence[dict[str, str]]) -> str:
 
 def publish(doe: Path, docs: Path) -> None:
     """Draw the figure and fill the tables of the page."""
-    answers = read_answers(doe / "effects" / "answers.csv")
-    shifts = read_shifts(doe / "effect_signatures" / "signatures.csv")
-    beds = read_shifts(doe / "effects" / "beds.csv")
+    answers = read_answers(MEASURED / "answers.csv")
+    shifts = read_shifts(MEASURED / "signatures.csv")
+    beds = read_shifts(MEASURED / "beds.csv")
     sayings = read_sayings(doe / "effects" / "literature.csv")
     crusts = read_shifts(doe / "effects" / "crust.csv")
     costs = read_costs(doe / "effects" / "cost.csv")

@@ -8,13 +8,13 @@ python -m doe.effects.run --page       only the figure and the tables of the pag
 import sys
 from pathlib import Path
 
-from doe.common.cases import ROOT
+from doe.common.cases import MEASURED, ROOT
 from doe.effects.answers import GROUPS, write_answers
 from doe.effects.cost import costs, write_costs
 from doe.effects.page import publish
 
 FOLDER = Path(__file__).parent
-ANSWERS, COSTS = FOLDER / "answers.csv", FOLDER / "cost.csv"
+ANSWERS, COSTS = MEASURED / "answers.csv", FOLDER / "cost.csv"
 
 
 def main(words: list[str]) -> None:

@@ -1,0 +1,118 @@
+"""Contents and output of the wheel: product files only, and the same output as the source tree.
+
+The wheel is installed into an empty environment outside the repository. Its dependencies come from the
+environment of the tests through a path file, which does not follow the editable installation there.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "taichi_erosion"
+SCENE, STUDY, PAGE = "lid_cavity.toml", "my_lab.toml", "page.html"
+TINY = ("--set", "air.cells=[4, 1, 4]", "--set", "run.duration=0.1", "--no-record")
+STUDY_FILES = (STUDY, "my_lab.py", "measured/my_lab.csv")
+COMMANDS = {
+    "effects": ("effects", "--json"),
+    "effects NAME": ("effects", "liquid_bridge"),  # has rows in every table of measured values
+    "run": ("run", SCENE, *TINY, "--json"),
+    "compare": ("compare", STUDY),
+    "discover": ("discover", STUDY, "--json"),
+    "report": ("report", STUDY, "-o", PAGE),
+}
+WALL_TIME = re.compile(r'\b[0-9.e+-]+ s\b|"wall_s": [0-9.e+-]+')
+DRIVER = """
+import io, json, sys
+from contextlib import redirect_stdout
+import taichi_erosion
+from taichi_erosion.cli.main import main
+
+printed = {"file": taichi_erosion.__file__}
+for name, words in json.loads(sys.argv[1]).items():
+    page = io.StringIO()
+    with redirect_stdout(page):
+        assert main(words) == 0, name
+    printed[name] = page.getvalue()
+print(json.dumps(printed))
+"""
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Wheel of this source tree."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    (file,) = folder.glob("*.whl")
+    return file
+
+
+def outputs(python: Path, folder: Path, source: Path | None) -> dict[str, str]:
+    """Standard output of every command, the page of `report`, and the file of the imported package."""
+    (folder / "measured").mkdir(parents=True)
+    for name in STUDY_FILES:
+        shutil.copy(ROOT / "doe" / name, folder / name)
+    shutil.copy(ROOT / "scenes" / SCENE, folder / SCENE)
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    environment |= {"PYTHONPATH": str(source)} if source else {}
+    command = [str(python), "-c", DRIVER, json.dumps(COMMANDS)]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    page = (folder / PAGE).read_text(encoding="utf-8")
+    return json.loads(done.stdout) | {"page": page}
+
+
+@pytest.fixture(scope="session")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Outputs of the wheel in an environment of its own."""
+    folder = tmp_path_factory.mktemp("installed")
+    python = folder / "environment" / "bin" / "python"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "environment")], check=True)
+    query = [str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
+    site = Path(subprocess.run(query, capture_output=True, text=True, check=True).stdout.strip())
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    found = outputs(python, folder / "work", source=None)
+    assert Path(found.pop("file")).is_relative_to(site)
+    return found
+
+
+@pytest.fixture(scope="session")
+def from_source(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Outputs of the source tree."""
+    found = outputs(Path(sys.executable), tmp_path_factory.mktemp("source") / "work", source=ROOT)
+    assert Path(found.pop("file")).is_relative_to(ROOT)
+    return found
+
+
+def test_the_wheel_holds_the_product_and_nothing_else(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        names = [name for name in archive.namelist() if ".dist-info/" not in name]
+    files = (path for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    assert sorted(names) == sorted(path.relative_to(ROOT).as_posix() for path in files)
+
+
+def test_the_package_imports_no_study_and_no_test() -> None:
+    forbidden = re.compile(r"^\s*(?:from|import) (?:doe|tests|benchmarks|docs)\b", re.MULTILINE)
+    found = [path for path in PACKAGE.rglob("*.py") if forbidden.search(path.read_text(encoding="utf-8"))]
+    assert found == []
+
+
+def test_the_installed_program_prints_what_the_source_tree_prints(
+    installed: dict[str, str], from_source: dict[str, str]
+) -> None:
+    assert set(installed) == {*COMMANDS, "page"}
+    for name, text in from_source.items():
+        assert text, name
+        assert WALL_TIME.sub("", installed[name]) == WALL_TIME.sub("", text), name
