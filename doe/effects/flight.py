@@ -24,10 +24,10 @@ from taichi_erosion.simulation import (
     advance,
     air_profile,
     assemble,
-    develop_wind,
     effective_scene,
     prepare,
     snapshot,
+    spin_up_wind,
 )
 from taichi_erosion.verification.reference.flow import Stream, two_limits
 
@@ -105,7 +105,7 @@ def simulated_hops(effects: Sequence[str]) -> tuple[list[Hop], AirProfile]:
         Numerics(threads=1, precision="f64"),
     )
     for replica in range(len(effects)):
-        develop_wind(sim, replica, WIND, anew=True)
+        spin_up_wind(sim, replica, WIND, anew=True)
     wind, paths = air_profile(sim, 0), []
     for time in np.linspace(0.0, FLIGHT, SAMPLES + 1)[1:]:
         advance(sim, [float(time)] * len(effects))

@@ -35,12 +35,12 @@ from taichi_erosion.simulation import (
     Simulation,
     advance,
     assemble,
-    develop_wind,
     effective_scene,
     export_bed,
     import_bed,
     prepare,
     snapshot,
+    spin_up_wind,
 )
 from taichi_erosion.verification.reference.flow import Stream, two_limits
 
@@ -134,17 +134,17 @@ def blow(sim: Simulation, beds: Sequence[dict[str, Any]], winds: Floats, began: 
     left = np.zeros(len(beds), dtype=bool)
     for replica, wind in enumerate(winds):
         import_bed(sim, replica, beds[replica])
-        develop_wind(sim, replica, SOFTLY * float(wind), anew=True)
+        spin_up_wind(sim, replica, SOFTLY * float(wind), anew=True)
     for look in range(LOOKS + 1):
         advance(sim, [began + look / LOOKS * HOLD + SOFT_START] * len(beds))
         if look == 0:
             for replica, wind in enumerate(winds):
-                develop_wind(sim, replica, float(wind))
+                spin_up_wind(sim, replica, float(wind))
         for replica in map(int, np.flatnonzero(~left)):
             if has_left(sim, replica):
                 left[replica] = True
                 import_bed(sim, replica, beds[replica])
-                develop_wind(sim, replica, SLOWEST, anew=True)
+                spin_up_wind(sim, replica, SLOWEST, anew=True)
     return left
 
 

@@ -18,10 +18,10 @@ import numpy as np
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.replica_step import advance_moving
 from taichi_erosion.core.setup import Floats, Numerics
-from taichi_erosion.coupling.grid_exchange import meet_air
+from taichi_erosion.coupling.grid_exchange import match_air_to_grains
 from taichi_erosion.run.threshold_search import way
 from taichi_erosion.scene import build_setup, laws, load_scene
-from taichi_erosion.simulation import Simulation, advance, assemble, develop_wind, failure, snapshot
+from taichi_erosion.simulation import Simulation, advance, assemble, failure, snapshot, spin_up_wind
 
 FOLDER = Path(__file__).parent
 SCENE = FOLDER.parents[1] / "scenes" / "gusty_patch.toml"
@@ -48,8 +48,8 @@ def patch(orders: Sequence[str], seed: int) -> Simulation:
 
 def profiles(sim: Simulation) -> tuple[Floats, ...]:
     """Layer by layer: mean wind, deviations of u, v, w [m s-1], stress of eddies over rho [m2 s-2]."""
-    assert sim.around.air is not None
-    u, v, w = face_velocities(sim.around.air, 0)
+    assert sim.coupling.air is not None
+    u, v, w = face_velocities(sim.coupling.air, 0)
     along, across = 0.5 * (u[1:] + u[:-1]), 0.5 * (v[:, 1:] + v[:, :-1])
     upward, mean = 0.5 * (w[:, :, 1:] + w[:, :, :-1]), along.mean(axis=(0, 1))
     parts = (part.std(axis=(0, 1)) for part in (along, across, upward))
@@ -59,10 +59,10 @@ def profiles(sim: Simulation) -> tuple[Floats, ...]:
 def eddies(label: str, orders: Sequence[str]) -> Iterator[dict[str, Any]]:
     """The flow over the resting bed, turnover by turnover."""
     sim = patch((*orders, "wind.turnovers=0.0"), 1)
-    air, setup = sim.around.air, sim.setups[0].air
+    air, setup = sim.coupling.air, sim.setups[0].air
     assert air is not None
     assert setup is not None
-    develop_wind(sim, 0, WIND)
+    spin_up_wind(sim, 0, WIND)
     height, unit = setup.high[2] - setup.ground, setup.viscosity / WIND
     above = 0.5 * (setup.faces_z[1:] + setup.faces_z[:-1]) - setup.ground
     every = max(int(height / WIND / SAMPLES / setup.time_step), 1)
@@ -71,7 +71,7 @@ def eddies(label: str, orders: Sequence[str]) -> Iterator[dict[str, Any]]:
         for _ in range(SAMPLES):
             for _ in range(every):
                 advance_moving(air, 1, sim.chunk)
-            meet_air(sim.world, sim.around, 1, sim.chunk)
+            match_air_to_grains(sim.world, sim.coupling, 1, sim.chunk)
             found.append(profiles(sim))
         mean, *deviation, stress = np.mean(found, axis=0)
         yield {
@@ -92,7 +92,7 @@ def below(arm: str, wind: float, seed: int) -> dict[str, Any]:
     """How many grains of one bed leave their places under one wind."""
     sim = patch(ARMS[arm], seed)
     setup = sim.setups[0]
-    develop_wind(sim, 0, wind)
+    spin_up_wind(sim, 0, wind)
     place, size, period = snapshot(sim, 0).position, 2.0 * setup.grains.radius, np.array(setup.period[:2])
     rolled = risen = np.zeros(len(place), bool)
     flux, gusts = [], []
@@ -103,7 +103,7 @@ def below(arm: str, wind: float, seed: int) -> dict[str, Any]:
         rolled = rolled | (np.hypot(moved[:, 0], moved[:, 1]) > MOVED * size.mean())
         risen = risen | (moved[:, 2] > MOVED * size.mean())
         flux.append(float((state.mass * state.velocity[:, 0]).sum() / period.prod()))
-        if sim.around.apart:
+        if sim.coupling.host_driven:
             gusts.append(profiles(sim)[1].max() / wind)
     stopped = failure(sim, 0)
     return {

@@ -4,7 +4,7 @@ from typing import Any
 
 from taichi_erosion.benchmark.rates import Precision, numerics
 from taichi_erosion.scene import build_setup, laws, parse_scene
-from taichi_erosion.simulation import Simulation, advance, assemble, develop_wind
+from taichi_erosion.simulation import Simulation, advance, assemble, spin_up_wind
 
 SEED = 1
 GUST, GUST_UNTIL = 0.6, 0.1  # u* [m s-1] that starts the transport, and when it ends [s]
@@ -47,6 +47,6 @@ def blowing_patch(threads: int, precision: Precision) -> Simulation:
     scene = parse_scene(PATCH)
     sim = assemble([build_setup(scene, SEED)], laws(scene), numerics(threads, precision))
     for wind, until in ((GUST, GUST_UNTIL), (WIND, WIND_UNTIL)):
-        develop_wind(sim, 0, wind)
+        spin_up_wind(sim, 0, wind)
         advance(sim, [until])
     return sim

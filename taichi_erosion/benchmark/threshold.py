@@ -18,13 +18,13 @@ from taichi_erosion.simulation import (
     Simulation,
     advance,
     assemble,
-    develop_wind,
     energies,
     export_bed,
     export_state,
     import_bed,
     import_state,
     snapshot,
+    spin_up_wind,
 )
 
 SEEDS = (1, 2, 3, 4, 5)  # of the beds of an interval
@@ -103,7 +103,7 @@ def load_kernels(sim: Simulation) -> None:
     state = export_state(sim)
     advance(sim, [setup.time_step for setup in sim.setups])
     import_bed(sim, 0, export_bed(sim, 0))
-    develop_wind(sim, 0, 0.0)
+    spin_up_wind(sim, 0, 0.0)
     snapshot(sim, 0)
     energies(sim)
     import_state(sim, state)

@@ -18,13 +18,13 @@ real = ti.f64
 
 
 @dataclass(frozen=True, eq=False)
-class Sums:
+class PartitionSums:
     """Sums over the grains of one partition in one cell of air: place (partition * replicas + r, cell)."""
 
     volume: Any  # of grains [m3]
     rate: Any  # sum of m b [kg s-1]
     pull: Any  # vec3, sum of m b v [N]
-    given: Any  # vec3, momentum that drag has given to grains since the last look [N s]
+    impulse: Any  # vec3, momentum that drag has given to grains since the last look [N s]
     flow: Any  # sum of V v_z [m4 s-1]
 
 
@@ -37,31 +37,33 @@ class Exchange:
     seed: Any  # i32, of random numbers
     surface: Any  # height of the undisturbed bed [m]
     through_flow: Any  # superficial velocity of air that rises through the bed [m s-1]
-    owed: Any  # vec3 (replica, cell), momentum that the air has lost and its grains have not yet got [N s]
+    residual_momentum: (
+        Any  # vec3 (replica, cell), momentum that the air has lost and its grains have not yet got [N s]
+    )
     rise: Any  # (replica, layer), vertical velocity of the air between the grains [m s-1]
     lift: Any  # (replica, layer), pressure gradient that carries grains, upwards [Pa m-1]
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class CouplingState:
     """Everything around the grains; `windy`, `rising` and `apart` are compiled in."""
 
-    windy: bool  # whether there is air
-    rising: bool  # whether air rises through the bed
-    apart: bool  # whether the host drives the looks, since the air is a grid
+    has_air: bool  # whether there is air
+    has_through_flow: bool  # whether air rises through the bed
+    host_driven: bool  # whether the host drives the looks, since the air is a grid
     air: Air | None
-    sums: Sums
+    sums: PartitionSums
     exchange: Exchange
-    drag_rate: Any  # ti.func of coupling.drag
+    drag_law: Any  # ti.func of coupling.drag
     grain_type: Any
 
 
-def allocate_sums(replicas: int, partitions: int, cells: int) -> Sums:
+def allocate_partition_sums(replicas: int, partitions: int, cells: int) -> PartitionSums:
     """Fields of one buffer a partition."""
     table: dict[str, Any] = {name: ti.field(real) for name in ("volume", "rate", "flow")}
-    table |= {name: ti.Vector.field(3, real) for name in ("pull", "given")}
+    table |= {name: ti.Vector.field(3, real) for name in ("pull", "impulse")}
     ti.root.dense(ti.ij, (replicas * partitions, cells)).place(*table.values())
-    return Sums(**table)
+    return PartitionSums(**table)
 
 
 def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
@@ -71,31 +73,31 @@ def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
     }
     table |= {name: ti.field(real, shape=replicas) for name in ("surface", "through_flow")}
     table |= {name: ti.field(real, shape=(replicas, layers)) for name in ("rise", "lift")}
-    table["owed"] = ti.Vector.field(3, real, shape=(replicas, cells))
+    table["residual_momentum"] = ti.Vector.field(3, real, shape=(replicas, cells))
     return Exchange(**table)
 
 
-def write_looks(exchange: Exchange, setups: Sequence[Setup]) -> None:
+def upload_exchange_settings(exchange: Exchange, setups: Sequence[Setup]) -> None:
     """How the grains of every replica look at their surroundings; none has looked yet."""
     names = ("look_steps", "seed", "surface", "through_flow")
     upload([(getattr(exchange, name), [getattr(s.coupling, name) for s in setups]) for name in names])
     write(exchange.looked, -1)
 
 
-def surround(setups: Sequence[Setup], laws: Laws, partitions: int) -> Surroundings:
+def allocate_coupling(setups: Sequence[Setup], laws: Laws, partitions: int) -> CouplingState:
     """Put the air on the device; all setups have air, or none has."""
     airs: list[AirSetup] = [s.air for s in setups if s.air is not None]
     layers = airs[0].cells[2] if airs else 1
     cells = prod(airs[0].cells) if airs else 1
-    exchange, looks = allocate_exchange(len(setups), cells, layers), [s.coupling for s in setups]
-    write_looks(exchange, setups)
-    return Surroundings(
-        windy=bool(airs),
-        rising=any(look.rising or look.through_flow != 0.0 for look in looks),
-        apart=any(air.cells[:2] != (1, 1) for air in airs),
+    exchange = allocate_exchange(len(setups), cells, layers)
+    upload_exchange_settings(exchange, setups)
+    return CouplingState(
+        has_air=bool(airs),
+        has_through_flow=any(s.coupling.rising or s.coupling.through_flow != 0.0 for s in setups),
+        host_driven=any(air.cells[:2] != (1, 1) for air in airs),
         air=allocate_air(airs) if airs else None,
-        sums=allocate_sums(len(setups), partitions, cells),
+        sums=allocate_partition_sums(len(setups), partitions, cells),
         exchange=exchange,
-        drag_rate=DRAG[laws.drag],
+        drag_law=DRAG[laws.drag],
         grain_type=grain_type(),
     )

@@ -28,11 +28,11 @@ continuity and the balance of drag and pressure give, layer by layer,
 from taichi_erosion.air.column import advance_column
 from taichi_erosion.air.interpolation import cell_volume
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.deposit import buffer_row, cell_number, give_partition, look_interval
-from taichi_erosion.coupling.gather import feel_partition
+from taichi_erosion.coupling.deposit import buffer_row, cell_index, deposit_partition, exchange_interval
+from taichi_erosion.coupling.gather import gather_partition
 from taichi_erosion.coupling.weights import wind_of
-from taichi_erosion.grains.partition import is_mine, wait_for_team
-from taichi_erosion.grains.sleep import lull
+from taichi_erosion.grains.partition import barrier, owns_partition
+from taichi_erosion.grains.sleep import update_sleep
 
 real = ti.f64
 
@@ -40,9 +40,9 @@ VOID_LEAST = 0.05  # of a layer that grains of one height fill: keeps velocities
 
 
 @ti.func
-def collect_cell(world: ti.template(), around: ti.template(), r, c):
+def sum_partitions(world: ti.template(), coupling: ti.template(), r, c):
     """Volume, rate, pull and vertical flow of all grains in a cell."""
-    (sums,) = ti.static((around.sums,))
+    (sums,) = ti.static((coupling.sums,))
     row = buffer_row(world, r, 0)
     volume, rate, flow = sums.volume[row, c], sums.rate[row, c], sums.flow[row, c]
     pull = sums.pull[row, c]
@@ -56,7 +56,7 @@ def collect_cell(world: ti.template(), around: ti.template(), r, c):
 
 
 @ti.func
-def exchanged(air: ti.template(), momentum):
+def exchanged_part(air: ti.template(), momentum):
     """The part that is exchanged: of a column the level one, since vertical momentum is the pressure's."""
     part = momentum
     if ti.static(air.is_column):
@@ -65,92 +65,96 @@ def exchanged(air: ti.template(), momentum):
 
 
 @ti.func
-def settle(world: ti.template(), around_out: ti.template(), r):
+def reduce_residual(world: ti.template(), coupling_out: ti.template(), r):
     """Take what the grains have got off what is owed to them."""
-    sums, exchange_out = ti.static((around_out.sums, around_out.exchange))
-    for c in range(around_out.air.cell_count):
+    sums, exchange_out = ti.static((coupling_out.sums, coupling_out.exchange))
+    for c in range(coupling_out.air.cell_count):
         for p in range(world.replicas.partitions[r]):
-            given = sums.given[buffer_row(world, r, p), c]
-            exchange_out.owed[r, c] = exchange_out.owed[r, c] - exchanged(around_out.air, given)
+            impulse = sums.impulse[buffer_row(world, r, p), c]
+            exchange_out.residual_momentum[r, c] = exchange_out.residual_momentum[r, c] - exchanged_part(
+                coupling_out.air, impulse
+            )
 
 
 @ti.func
-def load_cell(world: ti.template(), around_out: ti.template(), r, column, k):
+def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, column, k):
     """Write void fraction and exchange of one cell."""
-    air_out, exchange_out = ti.static((around_out.air, around_out.exchange))
+    air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
     i, j = column[0], column[1]
-    volume, rate, pull, flow = collect_cell(world, around_out, r, cell_number(air_out, column, k))
+    volume, rate, pull, flow = sum_partitions(world, coupling_out, r, cell_index(air_out, column, k))
     cell = cell_volume(air_out, r, k)
     void = ti.max(1.0 - volume / cell, VOID_LEAST)
     air_out.void_fraction[r, i, j, k] = void
     air_out.exchange_coefficient[r, i, j, k] = rate / cell
     air_out.exchange_force[r, i, j, k] = pull / cell
-    if ti.static(around_out.rising):
+    if ti.static(coupling_out.has_through_flow):
         rise = (exchange_out.through_flow[r] - flow / cell) / void
         exchange_out.rise[r, k] = rise
         exchange_out.lift[r, k] = (rate * rise - pull[2]) / (cell * void)
 
 
 @ti.func
-def load_air(world: ti.template(), around_out: ti.template(), r):
+def set_air_load(world: ti.template(), coupling_out: ti.template(), r):
     """Write void fraction and exchange of every cell for the coming steps of the air."""
-    for i in range(around_out.air.cells[0]):
-        for j in range(around_out.air.cells[1]):
-            for k in range(around_out.air.cells[2]):
-                load_cell(world, around_out, r, ti.Vector([i, j]), k)
+    for i in range(coupling_out.air.cells[0]):
+        for j in range(coupling_out.air.cells[1]):
+            for k in range(coupling_out.air.cells[2]):
+                set_cell_load(world, coupling_out, r, ti.Vector([i, j]), k)
 
 
 @ti.func
-def drag_on_air(air: ti.template(), r, k):
+def column_drag(air: ti.template(), r, k):
     """Force of the grains on a layer of a column of air [N m-3]."""
-    force = exchanged(air, air.exchange_force[r, 0, 0, k])
+    force = exchanged_part(air, air.exchange_force[r, 0, 0, k])
     return force - air.exchange_coefficient[r, 0, 0, k] * wind_of(air, r, ti.Vector([0, 0]), k)
 
 
 @ti.func
-def advance_single(world: ti.template(), around_out: ti.template(), r):
+def advance_loaded_column(world: ti.template(), coupling_out: ti.template(), r):
     """Let the column of replica r move on until the next look."""
-    air_out, exchange_out = ti.static((around_out.air, around_out.exchange))
-    interval = look_interval(world, around_out, r)
+    air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
+    interval = exchange_interval(world, coupling_out, r)
     for k in range(air_out.cells[2]):
-        back = exchange_out.owed[r, k] / (interval * cell_volume(air_out, r, k))
+        back = exchange_out.residual_momentum[r, k] / (interval * cell_volume(air_out, r, k))
         air_out.exchange_force[r, 0, 0, k] = air_out.exchange_force[r, 0, 0, k] + back
     advance_column(air_out, r, interval)
     for k in range(air_out.cells[2]):
-        gained = drag_on_air(air_out, r, k) * (interval * cell_volume(air_out, r, k))
-        exchange_out.owed[r, k] = exchange_out.owed[r, k] - gained
+        gained = column_drag(air_out, r, k) * (interval * cell_volume(air_out, r, k))
+        exchange_out.residual_momentum[r, k] = exchange_out.residual_momentum[r, k] - gained
 
 
 @ti.func
-def exchange(world_out: ti.template(), around_out: ti.template(), r, member, size, turn, advances):
+def deposit_and_advance(
+    world_out: ti.template(), coupling_out: ti.template(), r, member, size, turn, advances
+):
     """Sum up the grains, cell by cell, and let the air move on where it `advances`; the next meeting."""
     (replicas_out,) = ti.static((world_out.replicas,))
     for p in range(replicas_out.partitions[r]):
-        if is_mine(replicas_out, r, p, member, size):
-            give_partition(world_out, around_out, r, p)
-    turn = wait_for_team(replicas_out, r, size, turn)
+        if owns_partition(replicas_out, r, p, member, size):
+            deposit_partition(world_out, coupling_out, r, p)
+    turn = barrier(replicas_out, r, size, turn)
     if member == 0:
-        settle(world_out, around_out, r)
-        load_air(world_out, around_out, r)
+        reduce_residual(world_out, coupling_out, r)
+        set_air_load(world_out, coupling_out, r)
         if advances:
-            advance_single(world_out, around_out, r)
-    return wait_for_team(replicas_out, r, size, turn)
+            advance_loaded_column(world_out, coupling_out, r)
+    return barrier(replicas_out, r, size, turn)
 
 
 @ti.func
-def look(world_out: ti.template(), around_out: ti.template(), r, member, size, turn):
+def exchange_momentum(world_out: ti.template(), coupling_out: ti.template(), r, member, size, turn):
     """One look of all grains of replica r; returns the next meeting of the team."""
     (replicas_out,) = ti.static((world_out.replicas,))
     before = ti.select(replicas_out.step[r] == 0, 1, 0)
     for passage in range(before + 1):
-        if ti.static(around_out.windy):
-            turn = exchange(world_out, around_out, r, member, size, turn, passage == before)
+        if ti.static(coupling_out.has_air):
+            turn = deposit_and_advance(world_out, coupling_out, r, member, size, turn, passage == before)
         for p in range(replicas_out.partitions[r]):
-            if is_mine(replicas_out, r, p, member, size):
-                feel_partition(world_out, around_out, r, p, passage == before)
+            if owns_partition(replicas_out, r, p, member, size):
+                gather_partition(world_out, coupling_out, r, p, passage == before)
     if ti.static(world_out.remembers):
         # forces read what is remembered of grains of other partitions
-        turn = wait_for_team(replicas_out, r, size, turn)
+        turn = barrier(replicas_out, r, size, turn)
     if ti.static(world_out.sleeps):
-        turn = lull(world_out, r, member, size, turn)
+        turn = update_sleep(world_out, r, member, size, turn)
     return turn

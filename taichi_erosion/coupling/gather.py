@@ -61,9 +61,9 @@ SPHERE_VOLUME = 4.0 * pi / 3.0  # of radius 1 [1]
 
 
 @ti.func
-def felt_in_column(around: ti.template(), r, column, height, radius):
+def gather_column(coupling: ti.template(), r, column, height, radius):
     """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain in one column."""
-    air, exchange = ti.static((around.air, around.exchange))
+    air, exchange = ti.static((coupling.air, coupling.exchange))
     i, j = column[0], column[1]
     first, last = layer_range(air, r, height, radius)
     velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
@@ -73,7 +73,7 @@ def felt_in_column(around: ti.template(), r, column, height, radius):
         share = above - below
         velocity += share * wind_of(air, r, column, k)
         void += share * air.void_fraction[r, i, j, k]
-        if ti.static(around.rising):
+        if ti.static(coupling.has_through_flow):
             velocity[2] += share * exchange.rise[r, k]
             pull[2] += share * exchange.lift[r, k]
         if ti.static(not air.is_column):
@@ -85,13 +85,13 @@ def felt_in_column(around: ti.template(), r, column, height, radius):
 
 
 @ti.func
-def felt(around: ti.template(), r, position, radius):
+def gather_flow(coupling: ti.template(), r, position, radius):
     """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain."""
     velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
     pull, void, shear = 0.0 * velocity, real(0.0), real(0.0)
-    for sharer in range(around.air.sharers):
-        column, share = column_share(around.air, r, position, sharer)
-        wind, open_share, gradient, slope = felt_in_column(around, r, column, position[2], radius)
+    for corner in range(coupling.air.sharers):
+        column, share = column_share(coupling.air, r, position, corner)
+        wind, open_share, gradient, slope = gather_column(coupling, r, column, position[2], radius)
         velocity += share * wind
         void += share * open_share
         pull += share * gradient
@@ -100,32 +100,32 @@ def felt(around: ti.template(), r, position, radius):
 
 
 @ti.func
-def feel_air(world_out: ti.template(), around: ti.template(), r, i):
+def gather_drag(world_out: ti.template(), coupling: ti.template(), r, i):
     """Hold drag and buoyancy of the grain at place i; returns void fraction [1] and shear [s-1]."""
-    grains, held_out, air = ti.static((world_out.grains, world_out.held, around.air))
+    grains, frozen_out, air = ti.static((world_out.grains, world_out.frozen_drag, coupling.air))
     radius, inverse = grains.radius[i], grains.mass_inverse[i]
     position = position_of(grains, world_out.replicas, r, i)
-    exact, void, pull, shear = felt(around, r, position, ti.cast(radius, real))
-    drift = ti.cast(exact, float)
+    exact, void, pull, shear = gather_flow(coupling, r, position, ti.cast(radius, real))
+    air_velocity = ti.cast(exact, float)
     density = ti.cast(air.numbers.density[r], float)
     viscosity = ti.cast(air.numbers.viscosity[r], float)
-    slip = (drift - grains.velocity[i]).norm()
+    slip = (air_velocity - grains.velocity[i]).norm()
     open_share = ti.cast(void, float)
-    held_out.drift[i] = drift
-    held_out.drift_rate[i] = around.drag_rate(slip, radius, 1.0 / inverse, density, viscosity, open_share)
+    frozen_out.air_velocity[i] = air_velocity
+    frozen_out.drag_rate[i] = coupling.drag_law(slip, radius, 1.0 / inverse, density, viscosity, open_share)
     volume = SPHERE_VOLUME * radius * radius * radius
-    push = -density * world_out.replicas.gravity[r]
-    push += ti.cast(pull, float)
-    held_out.push[i] = volume * inverse * push
+    steady_acceleration = -density * world_out.replicas.gravity[r]
+    steady_acceleration += ti.cast(pull, float)
+    frozen_out.steady_acceleration[i] = volume * inverse * steady_acceleration
     return open_share, ti.cast(shear, float)
 
 
 @ti.func
-def seen(world: ti.template(), around: ti.template(), r, i, open_share, shear):
+def grain_record(world: ti.template(), coupling: ti.template(), r, i, open_share, shear):
     """The grain at place i and the air around it, as effects see them."""
     grains, replicas = ti.static((world.grains, world.replicas))
     position = ti.cast(position_of(grains, replicas, r, i), float)
-    grain = around.grain_type(
+    grain = coupling.grain_type(
         position=position,
         velocity=grains.velocity[i],
         spin=grains.spin[i],
@@ -133,48 +133,48 @@ def seen(world: ti.template(), around: ti.template(), r, i, open_share, shear):
         mass=1.0 / grains.mass_inverse[i],
         air_shear=shear,
         void_fraction=open_share,
-        height=position[2] - ti.cast(around.exchange.surface[r], float),
+        height=position[2] - ti.cast(coupling.exchange.surface[r], float),
         period=ti.cast(replicas.period[r], float),
-        noise=normal(around.exchange.seed[r], grains.ident[i], replicas.step[r]),
-        interval=replicas.time_step[r] * around.exchange.look_steps[r],
+        noise=normal(coupling.exchange.seed[r], grains.ident[i], replicas.step[r]),
+        interval=replicas.time_step[r] * coupling.exchange.look_steps[r],
         time=replicas.time_step[r] * replicas.step[r],
-        chance=ti.cast(uniform(around.exchange.seed[r], 0, 0)[0], float),
+        chance=ti.cast(uniform(coupling.exchange.seed[r], 0, 0)[0], float),
     )
     if ti.static(world.driven):
-        grain.air_velocity = world.held.drift[i]
-    if ti.static(around.windy):
-        grain.air_density = ti.cast(around.air.numbers.density[r], float)
-        grain.air_viscosity = grain.air_density * ti.cast(around.air.numbers.viscosity[r], float)
-        grain.friction_velocity = ti.cast(around.air.numbers.friction_velocity[r], float)
+        grain.air_velocity = world.frozen_drag.air_velocity[i]
+    if ti.static(coupling.has_air):
+        grain.air_density = ti.cast(coupling.air.numbers.density[r], float)
+        grain.air_viscosity = grain.air_density * ti.cast(coupling.air.numbers.viscosity[r], float)
+        grain.friction_velocity = ti.cast(coupling.air.numbers.friction_velocity[r], float)
     return grain
 
 
 @ti.func
-def feel_effects(world_out: ti.template(), r, i, grain: ti.template()):
+def apply_grain_effects(world_out: ti.template(), r, i, grain: ti.template()):
     """Add forces and torques of the grain effects to what the grain at place i holds."""
-    grains, held_out = ti.static((world_out.grains, world_out.held))
+    grains, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
     force, torque = push_of(world_out.grain_effects, r, grain, i)
-    held_out.push[i] = held_out.push[i] + force * grains.mass_inverse[i]
-    held_out.twist[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
+    frozen_out.steady_acceleration[i] = frozen_out.steady_acceleration[i] + force * grains.mass_inverse[i]
+    frozen_out.steady_spin_rate[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
 
 
 @ti.func
-def feel_partition(world_out: ti.template(), around: ti.template(), r, p, counts):
+def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, counts):
     """Renew what the grains of one partition hold; a look that `counts` is remembered by the effects."""
-    grains, held_out, replicas = ti.static((world_out.grains, world_out.held, world_out.replicas))
+    grains, frozen_out, replicas = ti.static((world_out.grains, world_out.frozen_drag, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
     for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
         i = base + rank
         open_share, shear = 1.0, 0.0
         if ti.static(world_out.driven):
-            held_out.push[i] = 0.0 * held_out.push[i]
-        if ti.static(around.windy):
-            open_share, shear = feel_air(world_out, around, r, i)
+            frozen_out.steady_acceleration[i] = 0.0 * frozen_out.steady_acceleration[i]
+        if ti.static(coupling.has_air):
+            open_share, shear = gather_drag(world_out, coupling, r, i)
         if ti.static(world_out.grain_effects.any or world_out.remembers):
-            grain = seen(world_out, around, r, i, open_share, shear)
+            grain = grain_record(world_out, coupling, r, i, open_share, shear)
             if ti.static(world_out.remembers):
                 if counts:
                     update_memory(world_out.pair_effects, r, grain, i)
                     update_memory(world_out.grain_effects, r, grain, i)
             if ti.static(world_out.grain_effects.any):
-                feel_effects(world_out, r, i, grain)
+                apply_grain_effects(world_out, r, i, grain)

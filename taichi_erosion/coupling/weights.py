@@ -45,12 +45,12 @@ def share_along(air: ti.template(), r, axis: ti.template(), x, upper):
 
 
 @ti.func
-def column_share(air: ti.template(), r, position, sharer):
+def column_share(air: ti.template(), r, position, corner):
     """Column (i, j) that is one of the sharers of a grain, and its share [1]."""
     column, share = ti.Vector([0, 0]), real(1.0)
     if ti.static(not air.is_column):
-        i, along = share_along(air, r, 0, position[0], sharer // 2)
-        j, across = share_along(air, r, 1, position[1], sharer % 2)
+        i, along = share_along(air, r, 0, position[0], corner // 2)
+        j, across = share_along(air, r, 1, position[1], corner % 2)
         column, share = ti.Vector([i, j]), along * across
     return column, share
 

@@ -151,7 +151,7 @@ def place_spheres(world_out: ti.template(), r, b):
         grains_out.shift[i] = ti.cast(nearest_image(away, period), float)
         grains_out.velocity[i] = ti.cast(clumps.velocity[b] + spin.cross(arm), float)
         grains_out.spin[i] = ti.cast(spin, float)
-        if grains_out.shift[i].norm_sqr() <= grains_out.travel_squared[i]:
+        if grains_out.shift[i].norm_sqr() <= grains_out.skin_squared[i]:
             need = need | 0
         else:
             need = REBUILD  # also where the shift is not a number

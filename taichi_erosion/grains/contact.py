@@ -48,10 +48,10 @@ class ContactLaws:
     rolling_energy: Any
     adhesive: bool  # whether contacts act across a gap
     gap_reach: Any  # host function (pi gamma, E*, R*) -> gap [m]
-    touch: Any  # struct type of one contact, in the run's precision
+    contact: Any  # struct type of one contact, in the run's precision
 
 
-def touch_type() -> Any:
+def contact_type() -> Any:
     """What the laws know of one contact."""
     real3 = ti.types.vector(3, float)
     return ti.types.struct(
@@ -87,17 +87,17 @@ def compile_contact_laws(laws: Laws) -> ContactLaws:
         rolling_energy=rolling.rolling_energy,
         adhesive=sticky,
         gap_reach=jkr.gap_reach if sticky else hertz.gap_reach,
-        touch=touch_type(),
+        contact=contact_type(),
     )
 
 
 @ti.func
-def describe_contact(laws: ti.template(), normal, velocity, rolling, constants, elastic):
+def make_contact(laws: ti.template(), normal, velocity, rolling, constants, elastic):
     """Struct of one contact.
 
     `constants` are (root radius, damping, rolling damping), `elastic` is (force, contact radius, cap force).
     """
-    return laws.touch(
+    return laws.contact(
         normal=normal,
         velocity=velocity,
         rolling=rolling - rolling.dot(normal) * normal,
@@ -112,15 +112,15 @@ def describe_contact(laws: ti.template(), normal, velocity, rolling, constants, 
 
 
 @ti.func
-def friction_force(materials: ti.template(), row, touch: ti.template(), slip, dt):
+def friction_force(materials: ti.template(), row, contact: ti.template(), tangential_displacement, dt):
     """Tangential force on grain i [N] and the spring's displacement after it [m]."""
-    stiffness = 8.0 * materials.shear[row] * touch.contact_radius
-    tangential = touch.velocity - touch.velocity.dot(touch.normal) * touch.normal
-    stretched = slip + tangential * dt
-    stretched -= stretched.dot(touch.normal) * touch.normal
+    stiffness = 8.0 * materials.shear[row] * contact.contact_radius
+    tangential = contact.velocity - contact.velocity.dot(contact.normal) * contact.normal
+    stretched = tangential_displacement + tangential * dt
+    stretched -= stretched.dot(contact.normal) * contact.normal
     force = -stiffness * stretched
-    limit = materials.friction_sliding[row] * touch.cap_force
-    damping = materials.shear_damping[row] * touch.damping * touch.root_contact_radius
+    limit = materials.friction_sliding[row] * contact.cap_force
+    damping = materials.shear_damping[row] * contact.damping * contact.root_contact_radius
     size_squared = force.norm_sqr()
     if size_squared > limit * limit:
         force *= limit / ti.sqrt(size_squared)
@@ -131,12 +131,20 @@ def friction_force(materials: ti.template(), row, touch: ti.template(), slip, dt
 
 
 @ti.func
-def contact_force(laws: ti.template(), materials: ti.template(), row, touch: ti.template(), slip, tilt, dt):
+def contact_force(
+    laws: ti.template(),
+    materials: ti.template(),
+    row,
+    contact: ti.template(),
+    tangential_displacement,
+    rolling_displacement,
+    dt,
+):
     """Force on grain i [N], its tangential part [N], rolling torque [N m], slip and tilt after the step."""
-    tangential, slip_after = friction_force(materials, row, touch, slip, dt)
-    turned = tilt + touch.rolling * dt
-    turned -= turned.dot(touch.normal) * touch.normal
-    torque, tilt_after = laws.rolling_torque(materials, row, touch, turned)
-    damping = touch.damping * touch.root_contact_radius
-    force = (touch.elastic - damping * touch.velocity.dot(touch.normal)) * touch.normal + tangential
-    return force, tangential, torque, slip_after, tilt_after
+    tangential, tangential_after = friction_force(materials, row, contact, tangential_displacement, dt)
+    turned = rolling_displacement + contact.rolling * dt
+    turned -= turned.dot(contact.normal) * contact.normal
+    torque, rolling_after = laws.rolling_torque(materials, row, contact, turned)
+    damping = contact.damping * contact.root_contact_radius
+    force = (contact.elastic - damping * contact.velocity.dot(contact.normal)) * contact.normal + tangential
+    return force, tangential, torque, tangential_after, rolling_after

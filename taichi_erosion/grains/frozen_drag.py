@@ -17,48 +17,60 @@ from taichi_erosion.grains.state import vector
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class FrozenDrag:
     """Held terms by grain place, both sides, as in `Grains`."""
 
-    drift: Any  # vec3, velocity that drag pulls towards [m s-1]
-    drift_rate: Any  # rate at which it does [s-1]
-    push: Any  # vec3, acceleration by everything that is not drag [m s-2]
-    twist: Any  # vec3, likewise of the spin [rad s-2]
-    dragged: Any  # vec3, change of velocity by drag since the last look [m s-1]
+    air_velocity: Any  # vec3, velocity that drag pulls towards [m s-1]
+    drag_rate: Any  # rate at which it does [s-1]
+    steady_acceleration: Any  # vec3, acceleration by everything that is not drag [m s-2]
+    steady_spin_rate: Any  # vec3, likewise of the spin [rad s-2]
+    drag_kick: Any  # vec3, change of velocity by drag since the last look [m s-1]
 
 
-HELD = ("drift", "drift_rate", "push", "twist", "dragged")
+FROZEN_FIELDS = ("air_velocity", "drag_rate", "steady_acceleration", "steady_spin_rate", "drag_kick")
 
 
-def allocate_held(replicas: int, capacity: int) -> Held:
+def allocate_frozen_drag(replicas: int, capacity: int) -> FrozenDrag:
     """Fields for `capacity` places a replica and side."""
-    table = {name: vector() for name in HELD if name != "drift_rate"} | {"drift_rate": ti.field(float)}
+    table = {name: vector() for name in FROZEN_FIELDS if name != "drag_rate"} | {"drag_rate": ti.field(float)}
     ti.root.dense(ti.i, 2 * replicas * capacity).place(*table.values())
-    return Held(**table)
+    return FrozenDrag(**table)
 
 
 @ti.func
-def drag_along(held_out: ti.template(), i, velocity, kick):
+def apply_drag(frozen_out: ti.template(), i, velocity, kick):
     """Velocity of the grain at place i after drag has acted for `kick` [s]."""
-    share = held_out.drift_rate[i] * kick
-    after = (velocity + share * held_out.drift[i]) / (1.0 + share)
-    held_out.dragged[i] = held_out.dragged[i] + (after - velocity)
+    share = frozen_out.drag_rate[i] * kick
+    after = (velocity + share * frozen_out.air_velocity[i]) / (1.0 + share)
+    frozen_out.drag_kick[i] = frozen_out.drag_kick[i] + (after - velocity)
     return after
 
 
 @ti.func
-def move_held(held_out: ti.template(), k, i):
+def copy_frozen_drag(frozen_out: ti.template(), k, i):
     """Carry the held terms of place i to place k."""
     for field_out in ti.static(
-        (held_out.drift, held_out.drift_rate, held_out.push, held_out.twist, held_out.dragged)
+        (
+            frozen_out.air_velocity,
+            frozen_out.drag_rate,
+            frozen_out.steady_acceleration,
+            frozen_out.steady_spin_rate,
+            frozen_out.drag_kick,
+        )
     ):
         field_out[k] = field_out[i]
 
 
 @ti.func
-def clear_held(held_out: ti.template(), i):
+def clear_frozen_drag(frozen_out: ti.template(), i):
     """Nothing acts on the grain at place i until the next look at it."""
     for field_out in ti.static(
-        (held_out.drift, held_out.drift_rate, held_out.push, held_out.twist, held_out.dragged)
+        (
+            frozen_out.air_velocity,
+            frozen_out.drag_rate,
+            frozen_out.steady_acceleration,
+            frozen_out.steady_spin_rate,
+            frozen_out.drag_kick,
+        )
     ):
         field_out[i] = 0.0 * field_out[i]

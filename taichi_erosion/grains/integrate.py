@@ -8,8 +8,8 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 """
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.frozen_drag import drag_along
-from taichi_erosion.grains.sleep import sleep_on
+from taichi_erosion.grains.frozen_drag import apply_drag
+from taichi_erosion.grains.sleep import hold_sleeping
 from taichi_erosion.grains.state import REBUILD, STOP, force_block, partition_first, side_block
 
 SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
@@ -44,7 +44,7 @@ def kick_time(replicas: ti.template(), r, step):
 @ti.func
 def accelerations(world_out: ti.template(), r, i, buffer):
     """Acceleration [m s-2] and spin rate [rad s-2] of the grain at place i; clears its buffer."""
-    grains_out, held = ti.static((world_out.grains, world_out.held))
+    grains_out, frozen = ti.static((world_out.grains, world_out.frozen_drag))
     inverse, radius = grains_out.mass_inverse[i], grains_out.radius[i]
     gravity = world_out.replicas.gravity[r]
     acceleration = grains_out.force[buffer] * inverse + gravity
@@ -52,8 +52,8 @@ def accelerations(world_out: ti.template(), r, i, buffer):
     grains_out.force[buffer] = 0.0 * gravity
     grains_out.torque[buffer] = 0.0 * gravity
     if ti.static(world_out.driven):
-        acceleration += held.push[i]
-        spin_rate += held.twist[i]
+        acceleration += frozen.steady_acceleration[i]
+        spin_rate += frozen.steady_spin_rate[i]
     return acceleration, spin_rate
 
 
@@ -72,7 +72,7 @@ def advance_grain(world_out: ti.template(), r, i, buffer, kick, place):
     acceleration, spin_rate = accelerations(world_out, r, i, buffer)
     velocity = grains_out.velocity[i] + acceleration * kick
     if ti.static(world_out.driven):
-        velocity = drag_along(world_out.held, i, velocity, kick)
+        velocity = apply_drag(world_out.frozen_drag, i, velocity, kick)
         acceleration = (velocity - grains_out.velocity[i]) / kick
     shift = grains_out.shift[i] + velocity * world_out.replicas.time_step[r]
     grains_out.velocity[i] = velocity
@@ -80,7 +80,7 @@ def advance_grain(world_out: ti.template(), r, i, buffer, kick, place):
     grains_out.shift[i] = shift
     keep_rates(grains_out, place, acceleration, spin_rate)
     need = REBUILD  # also where the shift is not a number
-    if shift.norm_sqr() <= grains_out.travel_squared[i]:
+    if shift.norm_sqr() <= grains_out.skin_squared[i]:
         need = 0
     return need
 
@@ -98,7 +98,7 @@ def advance_grains(world_out: ti.template(), r, p, step, is_last):
         place = ti.select(is_last, r * grains_out.capacity + rank, -1)
         moves = True
         if ti.static(world_out.sleeps):
-            moves = not sleep_on(world_out, r, base + rank, buffer + rank, kick)
+            moves = not hold_sleeping(world_out, r, base + rank, buffer + rank, kick)
             if not moves:
                 still = 0.0 * replicas.gravity[r]
                 keep_rates(grains_out, place, still, still)

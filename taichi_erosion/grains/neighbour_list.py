@@ -28,7 +28,7 @@ ROW_SHIFT = 2  # of a label: above these bits stands the row of Materials
 
 
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class NeighbourList:
     """Entries of all replicas, both sides."""
 
     capacity: int  # entries a replica and side
@@ -39,25 +39,31 @@ class Pairs:
     root_radius: Any  # square root of the effective radius [m^0.5]
     damping: Any  # normal damping constant over sqrt(a) [kg s-1 m-0.5]
     rolling_damping: Any  # rolling damping constant over sqrt(a) [N m s m-0.5]
-    slip: Any  # vec3, tangential displacement since engagement [m]
-    tilt: Any  # vec3, rolling angle since engagement [rad]
+    tangential_displacement: Any  # vec3, tangential displacement since engagement [m]
+    rolling_displacement: Any  # vec3, rolling angle since engagement [rad]
     start: Any  # i32 by grain place: first entry
     stop: Any  # i32 by grain place: one past the last entry
 
 
-def allocate_pairs(replicas: int, grains: int, capacity: int) -> Pairs:
+def allocate_neighbour_list(replicas: int, grains: int, capacity: int) -> NeighbourList:
     """Fields of `capacity` entries a replica and side."""
     reals = {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
-    vectors = {name: ti.Vector.field(3, float) for name in ("separation", "slip", "tilt")}
+    vectors = {
+        name: ti.Vector.field(3, float)
+        for name in ("separation", "tangential_displacement", "rolling_displacement")
+    }
     labels = {name: ti.field(ti.i32) for name in ("owner", "neighbour", "label")}
     # by themselves: the search for a pair in an old list reads nothing else
     ti.root.dense(ti.i, 2 * replicas * capacity).place(*labels.values())
     ti.root.dense(ti.i, 2 * replicas * capacity).place(
-        vectors["separation"], *reals.values(), vectors["slip"], vectors["tilt"]
+        vectors["separation"],
+        *reals.values(),
+        vectors["tangential_displacement"],
+        vectors["rolling_displacement"],
     )
     bounds = {name: ti.field(ti.i32) for name in ("start", "stop")}
     ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())
-    return Pairs(capacity, **reals, **vectors, **labels, **bounds)
+    return NeighbourList(capacity, **reals, **vectors, **labels, **bounds)
 
 
 @ti.func
@@ -76,31 +82,31 @@ WIDE_MOST = 150  # wide grains in a crowd: in a dense bed a grain looks at about
 
 
 @ti.func
-def margin_wanted(replicas: ti.template(), r, radius, speed):
+def wanted_skin(replicas: ti.template(), r, radius, speed):
     """Distance that a grain should be able to move before its list is stale [m]."""
-    least = replicas.margin_least[r] * radius
-    return ti.min(ti.max(least, speed * replicas.margin_time[r]), replicas.margin_most[r])
+    least = replicas.skin_least[r] * radius
+    return ti.min(ti.max(least, speed * replicas.skin_time[r]), replicas.skin_most[r])
 
 
 @ti.func
-def margin(replicas: ti.template(), r, radius, speed):
+def skin(replicas: ti.template(), r, radius, speed):
     """Distance that a grain may move before its list is stale [m]; in a crowd no more than cells allow."""
-    allowed = margin_wanted(replicas, r, radius, speed)
+    allowed = wanted_skin(replicas, r, radius, speed)
     if replicas.crowded[r] == 1:
-        least = replicas.margin_least[r] * radius
-        allowed = ti.min(allowed, ti.max(least, replicas.grasp_most[r] - radius))
+        least = replicas.skin_least[r] * radius
+        allowed = ti.min(allowed, ti.max(least, replicas.cell_reach[r] - radius))
     return allowed
 
 
 @ti.func
-def count_wide(world_out: ti.template(), r):
+def count_wide_grains(world_out: ti.template(), r):
     """Note whether more grains than `WIDE_MOST` would reach beyond adjacent cells."""
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
     base = side_block(grains, r, replicas_out.side[r])
     wide = 0
     for i in range(base, base + replicas_out.released[r]):
-        wanted = margin_wanted(replicas_out, r, grains.radius[i], grains.velocity[i].norm())
-        wide += ti.cast(grains.radius[i] + wanted > replicas_out.grasp_most[r], ti.i32)
+        wanted = wanted_skin(replicas_out, r, grains.radius[i], grains.velocity[i].norm())
+        wide += ti.cast(grains.radius[i] + wanted > replicas_out.cell_reach[r], ti.i32)
     replicas_out.crowded[r] = ti.cast(wide > WIDE_MOST, ti.i32)
 
 
@@ -108,4 +114,4 @@ def count_wide(world_out: ti.template(), r):
 def is_wide(world: ti.template(), r, i):
     """Whether the grain at place i reaches beyond adjacent cells."""
     (grains,) = ti.static((world.grains,))
-    return grains.extent[i] > world.replicas.grasp_most[r]
+    return grains.extent[i] > world.replicas.cell_reach[r]

@@ -21,15 +21,15 @@ from taichi_erosion.grains.cells import (
     shortest_way,
 )
 from taichi_erosion.grains.contact import ROLLING_INERTIA
-from taichi_erosion.grains.frozen_drag import clear_held, move_held
+from taichi_erosion.grains.frozen_drag import clear_frozen_drag, copy_frozen_drag
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.neighbour_list import (
     MEMORY,
     ROW_SHIFT,
     entry_block,
     is_wide,
-    margin,
     partition_entries,
+    skin,
 )
 from taichi_erosion.grains.sleep import clear_sleep, move_sleep
 from taichi_erosion.grains.state import partition_first, side_block
@@ -38,25 +38,25 @@ ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one besid
 
 
 @ti.func
-def closeness(world: ti.template(), r, i, j, period):
+def proximity(world: ti.template(), r, i, j, period):
     """How places i and j stand: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
     (grains,) = ti.static((world.grains,))
     within = grains.extent[i] + grains.extent[j] + world.replicas.reach[r]
     away = shortest_way(ti.abs(grains.origin[i] - grains.origin[j]), period)
     distance_squared = ti.cast(away.norm_sqr(), float)
-    stand = 0
+    state = 0
     if distance_squared < within * within:
         contact_distance = grains.radius[i] + grains.radius[j]
-        stand = 1 + ti.cast(distance_squared < contact_distance * contact_distance, ti.i32)
+        state = 1 + ti.cast(distance_squared < contact_distance * contact_distance, ti.i32)
     if ti.static(world.clumped):
         row = r * grains.capacity
         if world.source.body[row + grains.ident[i]] == world.source.body[row + grains.ident[j]]:
-            stand = 0
-    return stand
+            state = 0
+    return state
 
 
 @ti.func
-def row_piece(cells: ti.template(), grid, r, place, row, piece):
+def cell_run(cells: ti.template(), grid, r, place, row, piece):
     """Ranks [first, last) of one run of cells in row `row` after the cell `place`; empty outside the grid.
 
     `grid` is (number of cells, whether periodic), and x, y, z here are the arranged axes. Piece 0 is the run
@@ -84,17 +84,17 @@ def row_piece(cells: ti.template(), grid, r, place, row, piece):
 
 
 @ti.func
-def list_partner(world_out: ti.template(), entry, limit, found, j, stand):
+def list_partner(world_out: ti.template(), entry, limit, found, j, state):
     """Write partner j behind those `found`, (wanted, touching), and return both numbers; touching ones first.
 
     Nothing is written from `limit` on; a number beyond it tells the host to grow the list.
     """
     (pairs_out,) = ti.static((world_out.pairs,))
     wanted, touching = found
-    if stand > 0:
+    if state > 0:
         if entry + wanted < limit:
             slot = entry + wanted
-            if stand == 2:
+            if state == 2:
                 pairs_out.neighbour[slot] = pairs_out.neighbour[entry + touching]
                 slot = entry + touching
                 touching += 1
@@ -114,15 +114,15 @@ def search_cells(world_out: ti.template(), r, rank, entry, limit):
     grid = (arranged(cells, r, cells.number[r]), periodic)
     wanted, touching = 0, 0
     for run in range(2 * ROWS):
-        first, last = row_piece(cells, grid, r, place, run // 2, run % 2)
+        first, last = cell_run(cells, grid, r, place, run // 2, run % 2)
         if run == 0:
             first = rank + 1
         for j in range(first, last):
-            stand = closeness(world_out, r, base + rank, base + j, period)
-            if stand > 0:
+            state = proximity(world_out, r, base + rank, base + j, period)
+            if state > 0:
                 if is_wide(world_out, r, base + j):
-                    stand = 0
-                wanted, touching = list_partner(world_out, entry, limit, (wanted, touching), j, stand)
+                    state = 0
+                wanted, touching = list_partner(world_out, entry, limit, (wanted, touching), j, state)
     return wanted
 
 
@@ -134,11 +134,11 @@ def search_all(world_out: ti.template(), r, rank, entry, limit):
     period = replicas.period[r]
     wanted, touching = 0, 0
     for j in range(replicas.released[r]):
-        stand = closeness(world_out, r, base + rank, base + j, period)
-        if stand > 0:
+        state = proximity(world_out, r, base + rank, base + j, period)
+        if state > 0:
             if j == rank or (j < rank and is_wide(world_out, r, base + j)):
-                stand = 0
-            wanted, touching = list_partner(world_out, entry, limit, (wanted, touching), j, stand)
+                state = 0
+            wanted, touching = list_partner(world_out, entry, limit, (wanted, touching), j, state)
     return wanted
 
 
@@ -174,7 +174,7 @@ def release_grains(world_out: ti.template(), r):
         grains_out.material[base + count] = source.material[row + count]
         grains_out.ident[base + count] = count
         if ti.static(world_out.driven):
-            clear_held(world_out.held, base + count)
+            clear_frozen_drag(world_out.frozen_drag, base + count)
         if ti.static(world_out.sleeps):
             clear_sleep(world_out.sleep, base + count)
         if ti.static(world_out.remembers):
@@ -200,19 +200,19 @@ def move_grains(world_out: ti.template(), r, p):
         k = new + rank
         velocity = grains_out.velocity[i]
         radius = grains_out.radius[i]
-        allowed = margin(replicas, r, radius, velocity.norm())
+        allowed = skin(replicas, r, radius, velocity.norm())
         grains_out.origin[k] = position_of(grains_out, replicas, r, i)
         grains_out.shift[k] = 0.0 * velocity
         grains_out.velocity[k] = velocity
         grains_out.spin[k] = grains_out.spin[i]
         grains_out.radius[k] = radius
         grains_out.mass_inverse[k] = grains_out.mass_inverse[i]
-        grains_out.travel_squared[k] = allowed * allowed
+        grains_out.skin_squared[k] = allowed * allowed
         grains_out.extent[k] = radius + allowed
         grains_out.material[k] = grains_out.material[i]
         grains_out.ident[k] = grains_out.ident[i]
         if ti.static(world_out.driven):
-            move_held(world_out.held, k, i)
+            copy_frozen_drag(world_out.frozen_drag, k, i)
         if ti.static(world_out.sleeps):
             move_sleep(world_out.sleep, k, i)
         if ti.static(world_out.remembers):
@@ -221,7 +221,7 @@ def move_grains(world_out: ti.template(), r, p):
 
 
 @ti.func
-def remembered(pairs: ti.template(), place_i, place_j, rank_j):
+def find_entry(pairs: ti.template(), place_i, place_j, rank_j):
     """Entry of the pair in the list of place_i, or -1."""
     found = -1
     for e in range(pairs.start[place_i], pairs.stop[place_i]):
@@ -231,7 +231,7 @@ def remembered(pairs: ti.template(), place_i, place_j, rank_j):
 
 
 @ti.func
-def recall(world_out: ti.template(), r, entry, rank_i, rank_j):
+def copy_history(world_out: ti.template(), r, entry, rank_i, rank_j):
     """Copy the memory of a pair from the old list to `entry`; a pair seen from its other end changes sign."""
     pairs_out, grains = ti.static((world_out.pairs, world_out.grains))
     row = r * grains.capacity
@@ -239,35 +239,35 @@ def recall(world_out: ti.template(), r, entry, rank_i, rank_j):
     old_j = world_out.cells.order[row + rank_j]
     old = side_block(grains, r, world_out.replicas.side[r])
     sign = 1.0
-    source = remembered(pairs_out, old + old_i, old + old_j, old_j)
+    source = find_entry(pairs_out, old + old_i, old + old_j, old_j)
     if source < 0:
         sign = -1.0
-        source = remembered(pairs_out, old + old_j, old + old_i, old_i)
-    slip = 0.0 * pairs_out.separation[entry]
-    tilt = slip
+        source = find_entry(pairs_out, old + old_j, old + old_i, old_i)
+    tangential_displacement = 0.0 * pairs_out.separation[entry]
+    rolling_displacement = tangential_displacement
     memory = 0
     if source >= 0:
-        slip = sign * pairs_out.slip[source]
-        tilt = sign * pairs_out.tilt[source]
+        tangential_displacement = sign * pairs_out.tangential_displacement[source]
+        rolling_displacement = sign * pairs_out.rolling_displacement[source]
         memory = pairs_out.label[source] & MEMORY
-    pairs_out.slip[entry] = slip
-    pairs_out.tilt[entry] = tilt
+    pairs_out.tangential_displacement[entry] = tangential_displacement
+    pairs_out.rolling_displacement[entry] = rolling_displacement
     return memory
 
 
 @ti.func
-def may_go_on(world: ti.template(), i, j, difference):
+def may_persist(world: ti.template(), i, j, difference):
     """Whether a contact of places i and j may have a memory: apart they forget, if nothing holds them."""
     (grains,) = ti.static((world.grains,))
-    held = True
+    persists = True
     if ti.static(not (world.laws.adhesive or world.pair_effects.any)):
         contact_distance = (1.0 + TOUCHING) * (grains.radius[i] + grains.radius[j])
-        held = difference.norm_sqr() < contact_distance * contact_distance
-    return held
+        persists = difference.norm_sqr() < contact_distance * contact_distance
+    return persists
 
 
 @ti.func
-def fill_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
+def write_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     """Constants and memory of one listed pair."""
     grains, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
     base = side_block(grains, r, 1 - world_out.replicas.side[r])
@@ -286,16 +286,16 @@ def fill_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     pairs_out.damping[entry] = materials.damping[row] * ti.sqrt(mass)
     pairs_out.rolling_damping[entry] = world_out.laws.rolling_constant(materials, row, root_radius, inertia)
     memory = 0
-    if may_go_on(world_out, i, j, difference):
-        memory = recall(world_out, r, entry, rank_i, rank_j)
+    if may_persist(world_out, i, j, difference):
+        memory = copy_history(world_out, r, entry, rank_i, rank_j)
     else:
-        pairs_out.slip[entry] = 0.0 * pairs_out.slip[entry]
-        pairs_out.tilt[entry] = 0.0 * pairs_out.tilt[entry]
+        pairs_out.tangential_displacement[entry] = 0.0 * pairs_out.tangential_displacement[entry]
+        pairs_out.rolling_displacement[entry] = 0.0 * pairs_out.rolling_displacement[entry]
     pairs_out.label[entry] = (row << ROW_SHIFT) + memory
 
 
 @ti.func
-def wider(ranks, rank):
+def extended_range(ranks, rank):
     """Lowest of some ranks, and one past the highest, with one more among them."""
     return ti.Vector([ti.min(ranks[0], rank), ti.max(ranks[1], rank + 1)])
 
@@ -321,10 +321,10 @@ def list_partition(world_out: ti.template(), r, p):
         for e in range(entry, entry + listed):
             j = pairs_out.neighbour[e]
             if j < first:
-                before = wider(before, j)
+                before = extended_range(before, j)
             if j >= last:
-                behind = wider(behind, j)
-            fill_entry(world_out, r, e, rank, j)
+                behind = extended_range(behind, j)
+            write_entry(world_out, r, e, rank, j)
         entry += listed
     replicas_out.short[r, p] = short
     replicas_out.before_low[r, p], replicas_out.before_high[r, p] = before

@@ -8,8 +8,8 @@ from taichi_erosion.core.effect_device import force_of, passes, pull_of
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT
-from taichi_erosion.grains.simd_batch import LANES, gather_entry, lane, put, strike
-from taichi_erosion.grains.sleep import hear, next_awake
+from taichi_erosion.grains.simd_batch import LANES, evaluate_contact, lane, load_entry, set_lane
+from taichi_erosion.grains.sleep import next_awake, note_wake
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 
 MULTIPLIER = 0x9E3779B1  # golden ratio of 32 bits, odd (Knuth 1998, Art of Computer Programming 3, sec. 6.4)
@@ -26,36 +26,36 @@ def report_overlap(replicas_out: ti.template(), r, p, ranks, overlap, size):
 
 
 @ti.func
-def forget(entries_out: ti.template(), e):
+def end_contact(entries_out: ti.template(), e):
     """Drop the memory of a contact that has ended."""
     if entries_out.label[e] & ENGAGED == ENGAGED:
         entries_out.label[e] = entries_out.label[e] - ENGAGED
-        entries_out.slip[e] = 0.0 * entries_out.slip[e]
-        entries_out.tilt[e] = 0.0 * entries_out.tilt[e]
+        entries_out.tangential_displacement[e] = 0.0 * entries_out.tangential_displacement[e]
+        entries_out.rolling_displacement[e] = 0.0 * entries_out.rolling_displacement[e]
 
 
 @ti.func
-def remember(entries_out: ti.template(), e, slip, tilt):
+def store_contact(entries_out: ti.template(), e, tangential_displacement, rolling_displacement):
     """Keep the memory of a contact that acts."""
     entries_out.label[e] = entries_out.label[e] | ENGAGED
-    entries_out.slip[e] = slip
-    entries_out.tilt[e] = tilt
+    entries_out.tangential_displacement[e] = tangential_displacement
+    entries_out.rolling_displacement[e] = rolling_displacement
 
 
 @ti.func
-def touch_stiffness(materials: ti.template(), row, root_radius, overlap):
+def hertz_stiffness(materials: ti.template(), row, root_radius, overlap):
     """Stiffness of a Hertz contact, 2 E* a [N m-1]."""
     return 2.0 * materials.young[row] * root_radius * ti.sqrt(ti.max(overlap, 0.0))
 
 
 @ti.func
-def acted_on(materials: ti.template(), entries: ti.template(), e):
+def effects_act(materials: ti.template(), entries: ti.template(), e):
     """Whether pair effects act between the materials of entry e."""
     return materials.effects[entries.label[e] >> ROW_SHIFT] > 0.0
 
 
 @ti.func
-def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.template(), i, j):
+def pair_attraction(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.template(), i, j):
     """Attraction of places i and j by the effects [N]; remembers that they have met until all have let go."""
     if pair_out.gap <= 0.0:
         entries_out.label[e] = entries_out.label[e] | MET
@@ -67,7 +67,7 @@ def hold(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.te
 
 
 @ti.func
-def pull_pair(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
+def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
     """Give both grains of lane n the force of the effects."""
     grains_out, pairs_out = ti.static((world_out.grains, world_out.pairs))
     e, root = batch.entry[n], batch.root_radius[n]
@@ -82,13 +82,13 @@ def pull_pair(world_out: ti.template(), batch: ti.template(), n, r, base, buffer
         mass_i=1.0 / grains_out.mass_inverse[i],
         mass_j=1.0 / grains_out.mass_inverse[j],
         closing_speed=-lane(batch.velocity, n).dot(normal),
-        stiffness=touch_stiffness(world_out.materials, row, root, batch.overlap[n]),
+        stiffness=hertz_stiffness(world_out.materials, row, root, batch.overlap[n]),
         met=0.0,
         normal=normal,
         offset=lane(batch.offset, n),
         period=ti.cast(world_out.replicas.period[r], float),
     )
-    force = -hold(world_out.pair_effects, pairs_out, r, e, pair, i, j) * normal
+    force = -pair_attraction(world_out.pair_effects, pairs_out, r, e, pair, i, j) * normal
     if ti.static(world_out.pair_effects.thrusts):
         force += force_of(world_out.pair_effects, r, pair, i, j)
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
@@ -97,7 +97,7 @@ def pull_pair(world_out: ti.template(), batch: ti.template(), n, r, base, buffer
 
 
 @ti.func
-def chance_of(first, second):
+def pair_random(first, second):
     """Number between 0 and 1 that two grains always have together, in either order."""
     low, high = ti.cast(ti.min(first, second), ti.u32), ti.cast(ti.max(first, second), ti.u32)
     key = (low * ti.u32(MULTIPLIER) + high) * ti.u32(STIR)
@@ -106,7 +106,7 @@ def chance_of(first, second):
 
 
 @ti.func
-def passing(world: ti.template(), r, e, places, overlap):
+def passes_through(world: ti.template(), r, e, places, overlap):
     """Whether two grains that overlap, at `places` (i, j), pass through each other.
 
     Those that touch go on touching until they part.
@@ -119,27 +119,27 @@ def passing(world: ti.template(), r, e, places, overlap):
         meeting = world.meeting_type(
             height=ti.cast(ti.min(first[2], second[2]), float),
             depth=overlap / world.pairs.root_radius[e] ** 2,
-            chance=chance_of(grains.ident[i], grains.ident[j]),
+            chance=pair_random(grains.ident[i], grains.ident[j]),
         )
         free = passes(world.meeting_effects, r, meeting)
     return free
 
 
 @ti.func
-def gather_pair(world: ti.template(), batch_out: ti.template(), n, base):
+def load_pair(world: ti.template(), batch_out: ti.template(), n, base):
     """Write what the contact law reads of the pair in lane n."""
     (grains,) = ti.static((world.grains,))
     i, j = base + batch_out.owner[n], base + batch_out.partner[n]
     batch_out.radius_i[n] = grains.radius[i]
     batch_out.radius_j[n] = grains.radius[j]
-    gather_entry(world, world.pairs, batch_out, n)
-    put(batch_out.velocity, n, grains.velocity[i] - grains.velocity[j])
-    put(batch_out.spin_i, n, grains.spin[i])
-    put(batch_out.spin_j, n, grains.spin[j])
+    load_entry(world, world.pairs, batch_out, n)
+    set_lane(batch_out.velocity, n, grains.velocity[i] - grains.velocity[j])
+    set_lane(batch_out.spin_i, n, grains.spin[i])
+    set_lane(batch_out.spin_j, n, grains.spin[j])
 
 
 @ti.func
-def strike_pair(laws: ti.template(), batch_out: ti.template(), n, dt):
+def evaluate_pair(laws: ti.template(), batch_out: ti.template(), n, dt):
     """Contact law in lane n.
 
     Both grains turn about one point of contact, which keeps the angular momentum of the pair; the lever is
@@ -148,24 +148,35 @@ def strike_pair(laws: ti.template(), batch_out: ti.template(), n, dt):
     offset = lane(batch_out.offset, n)
     span = batch_out.radius_i[n] + batch_out.radius_j[n]
     distance = offset.norm()
-    strike(laws, batch_out, n, dt, offset * (1.0 / distance), span - distance, distance / span)
+    evaluate_contact(laws, batch_out, n, dt, offset * (1.0 / distance), span - distance, distance / span)
 
 
 @ti.func
-def deal_out(world_out: ti.template(), batch: ti.template(), n, buffer):
+def scatter_pair(world_out: ti.template(), batch: ti.template(), n, buffer):
     """Give both grains of lane n their share of an acting contact, and keep its memory."""
     (grains_out,) = ti.static((world_out.grains,))
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
-    force, moment, twist = lane(batch.force, n), lane(batch.moment, n), lane(batch.twist, n)
-    remember(world_out.pairs, batch.entry[n], lane(batch.slip, n), lane(batch.tilt, n))
+    force, moment, torque_per_radius = (
+        lane(batch.force, n),
+        lane(batch.moment, n),
+        lane(batch.torque_per_radius, n),
+    )
+    store_contact(
+        world_out.pairs,
+        batch.entry[n],
+        lane(batch.tangential_displacement, n),
+        lane(batch.rolling_displacement, n),
+    )
     grains_out.force[action] = grains_out.force[action] + force
-    grains_out.torque[action] = grains_out.torque[action] + (moment - batch.radius_i[n] * twist)
+    grains_out.torque[action] = grains_out.torque[action] + (moment - batch.radius_i[n] * torque_per_radius)
     grains_out.force[reaction] = grains_out.force[reaction] - force
-    grains_out.torque[reaction] = grains_out.torque[reaction] - (moment + batch.radius_j[n] * twist)
+    grains_out.torque[reaction] = grains_out.torque[reaction] - (
+        moment + batch.radius_j[n] * torque_per_radius
+    )
 
 
 @ti.func
-def place_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, base):
+def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, base):
     """Write to lane n how the grains of entry e stand; says whether they are within reach of each other.
 
     The lane is written in any case: a branch that goes either way at random costs more.
@@ -180,32 +191,32 @@ def place_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, base
     batch_out.entry[n] = e
     batch_out.owner[n] = owner
     batch_out.partner[n] = partner
-    put(batch_out.offset, n, offset)
+    set_lane(batch_out.offset, n, offset)
     distance_squared = offset.norm_sqr()
     near = ti.cast(distance_squared < reach * reach, ti.i32)
     if ti.static(world_out.meeting_effects.any):
         overlap = grains.radius[i] + grains.radius[j] - ti.sqrt(distance_squared)
-        near -= near * passing(world_out, r, e, (i, j), overlap)
+        near -= near * passes_through(world_out, r, e, (i, j), overlap)
     if near < pairs_out.label[e] & ENGAGED:
-        forget(pairs_out, e)
+        end_contact(pairs_out, e)
     return near
 
 
 @ti.func
-def finish_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
+def apply_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """What the contact in lane n does to its grains."""
     buffer = force_block(world_out.grains, world_out.replicas, r, p)
     size = 2.0 * batch.root_radius[n] * batch.root_radius[n]
     report_overlap(world_out.replicas, r, p, (batch.owner[n], batch.partner[n]), batch.overlap[n], size)
     if batch.acts[n] == 1:
-        deal_out(world_out, batch, n, buffer)
+        scatter_pair(world_out, batch, n, buffer)
     else:
-        forget(world_out.pairs, batch.entry[n])
+        end_contact(world_out.pairs, batch.entry[n])
     if ti.static(world_out.pair_effects.any):
-        if acted_on(world_out.materials, world_out.pairs, batch.entry[n]):
-            pull_pair(world_out, batch, n, r, base, buffer)
+        if effects_act(world_out.materials, world_out.pairs, batch.entry[n]):
+            apply_pair_effects(world_out, batch, n, r, base, buffer)
     if ti.static(world_out.sleeps):
-        hear(world_out.sleep, base + batch.owner[n], base + batch.partner[n])
+        note_wake(world_out.sleep, base + batch.owner[n], base + batch.partner[n])
 
 
 @ti.func
@@ -221,13 +232,13 @@ def add_pair_forces(world_out: ti.template(), r, p):
         end = pairs.stop[base + last - 1]
         e = next_awake(world_out, base, pairs.start[base + first], end)
         while e < end:
-            taken = 0
-            while e < end and taken < LANES:
-                taken += place_pair(world_out, batch, taken, r, e, base)
+            filled = 0
+            while e < end and filled < LANES:
+                filled += detect_pair(world_out, batch, filled, r, e, base)
                 e = next_awake(world_out, base, e + 1, end)
-            for n in range(taken):
-                gather_pair(world_out, batch, n, base)
-            for n in range(taken):
-                strike_pair(world_out.laws, batch, n, dt)
-            for n in range(taken):
-                finish_pair(world_out, batch, n, r, p, base)
+            for n in range(filled):
+                load_pair(world_out, batch, n, base)
+            for n in range(filled):
+                evaluate_pair(world_out.laws, batch, n, dt)
+            for n in range(filled):
+                apply_pair(world_out, batch, n, r, p, base)

@@ -12,24 +12,24 @@ the bounds must be the same in every run, since forces are summed partition by p
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.neighbour_list import ENGAGED
-from taichi_erosion.grains.state import MEETING, side_block
+from taichi_erosion.grains.state import ARRIVAL_SLOT, side_block
 
 CPU_CHUNK = 512  # Taichi hands out CPU iterations in blocks of this size: one worker needs a whole block
 
 
 @ti.func
-def wait_for_team(replicas_out: ti.template(), r, size, turn):
+def barrier(replicas_out: ti.template(), r, size, turn):
     """Wait until all `size` members have come here; returns the number of the next meeting."""
     if size > 1:
-        ti.atomic_add(replicas_out.arrivals[r, MEETING], 1)
+        ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 1)
         # an atomic read: a plain one may be hoisted out of the loop
-        while ti.atomic_add(replicas_out.arrivals[r, MEETING], 0) < turn * size:
+        while ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 0) < turn * size:
             pass
     return turn + 1
 
 
 @ti.func
-def is_mine(replicas: ti.template(), r, p, member, size):
+def owns_partition(replicas: ti.template(), r, p, member, size):
     """Whether partition p belongs to a member; members own runs of neighbouring partitions."""
     return p * size // replicas.partitions[r] == member
 
@@ -59,7 +59,7 @@ def cost(world: ti.template(), i):
 
 
 @ti.func
-def share_grains(world_out: ti.template(), r):
+def balance_partitions(world_out: ti.template(), r):
     """Bounds of all partitions of replica r in the new order, by one worker."""
     grains, cells, replicas_out = ti.static((world_out.grains, world_out.cells, world_out.replicas))
     base = side_block(grains, r, replicas_out.side[r])

@@ -9,7 +9,7 @@ does not depend on which pairs happen to share a batch.
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.contact import contact_force, describe_contact
+from taichi_erosion.grains.contact import contact_force, make_contact
 from taichi_erosion.grains.neighbour_list import ENGAGED, ROW_SHIFT
 
 LANES = 16  # pairs of a batch; 32 were no faster
@@ -23,7 +23,17 @@ def batch_type() -> Any:
     labels = ("entry", "owner", "partner", "engaged", "acts")
     scalars = ("radius_i", "radius_j", "root_radius", "damping", "rolling_damping", "overlap")
     columns = ("young", "shear", "shear_damping", "friction_sliding", "friction_rolling", "adhesion")
-    vectors = ("offset", "velocity", "spin_i", "spin_j", "slip", "tilt", "force", "moment", "twist")
+    vectors = (
+        "offset",
+        "velocity",
+        "spin_i",
+        "spin_j",
+        "tangential_displacement",
+        "rolling_displacement",
+        "force",
+        "moment",
+        "torque_per_radius",
+    )
     members = dict.fromkeys(labels, whole) | dict.fromkeys((*scalars, *columns), one)
     return ti.types.struct(**members, **dict.fromkeys(vectors, three))
 
@@ -35,7 +45,7 @@ def lane(columns: ti.template(), n):
 
 
 @ti.func
-def put(columns_out: ti.template(), n, vector):
+def set_lane(columns_out: ti.template(), n, vector):
     """Write a vector to lane n."""
     columns_out.x[n] = vector[0]
     columns_out.y[n] = vector[1]
@@ -43,7 +53,7 @@ def put(columns_out: ti.template(), n, vector):
 
 
 @ti.func
-def gather_entry(world: ti.template(), entries: ti.template(), batch_out: ti.template(), n):
+def load_entry(world: ti.template(), entries: ti.template(), batch_out: ti.template(), n):
     """Write constants and memory of the entry in lane n; `entries` are those of pairs or of walls."""
     (materials,) = ti.static((world.materials,))
     e = batch_out.entry[n]
@@ -59,12 +69,12 @@ def gather_entry(world: ti.template(), entries: ti.template(), batch_out: ti.tem
     if ti.static(world.laws.adhesive):
         batch_out.adhesion[n] = materials.adhesion[row]
         batch_out.engaged[n] = entries.label[e] & ENGAGED
-    put(batch_out.slip, n, entries.slip[e])
-    put(batch_out.tilt, n, entries.tilt[e])
+    set_lane(batch_out.tangential_displacement, n, entries.tangential_displacement[e])
+    set_lane(batch_out.rolling_displacement, n, entries.rolling_displacement[e])
 
 
 @ti.func
-def strike(laws: ti.template(), batch_out: ti.template(), n, dt, normal, overlap, lever):
+def evaluate_contact(laws: ti.template(), batch_out: ti.template(), n, dt, normal, overlap, lever):
     """Contact law in lane n; the `lever` of the forces is the distance of the centre over the radius [1]."""
     root = batch_out.root_radius[n]
     elastic = laws.normal_force(batch_out, n, overlap, root, batch_out.engaged[n])
@@ -72,14 +82,20 @@ def strike(laws: ti.template(), batch_out: ti.template(), n, dt, normal, overlap
     arms = batch_out.radius_i[n] * spin_i + batch_out.radius_j[n] * spin_j
     velocity = lane(batch_out.velocity, n) - lever * arms.cross(normal)
     constants = (root, batch_out.damping[n], batch_out.rolling_damping[n])
-    touch = describe_contact(laws, normal, velocity, spin_i - spin_j, constants, elastic)
-    force, tangential, moment, slip, tilt = contact_force(
-        laws, batch_out, n, touch, lane(batch_out.slip, n), lane(batch_out.tilt, n), dt
+    contact = make_contact(laws, normal, velocity, spin_i - spin_j, constants, elastic)
+    force, tangential, moment, tangential_displacement, rolling_displacement = contact_force(
+        laws,
+        batch_out,
+        n,
+        contact,
+        lane(batch_out.tangential_displacement, n),
+        lane(batch_out.rolling_displacement, n),
+        dt,
     )
     batch_out.overlap[n] = overlap
     batch_out.acts[n] = elastic[3]
-    put(batch_out.force, n, force)
-    put(batch_out.moment, n, moment)
-    put(batch_out.twist, n, lever * ti.math.cross(normal, tangential))
-    put(batch_out.slip, n, slip)
-    put(batch_out.tilt, n, tilt)
+    set_lane(batch_out.force, n, force)
+    set_lane(batch_out.moment, n, moment)
+    set_lane(batch_out.torque_per_radius, n, lever * ti.math.cross(normal, tangential))
+    set_lane(batch_out.tangential_displacement, n, tangential_displacement)
+    set_lane(batch_out.rolling_displacement, n, rolling_displacement)

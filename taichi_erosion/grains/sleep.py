@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.frozen_drag import drag_along
+from taichi_erosion.grains.frozen_drag import apply_drag
 from taichi_erosion.grains.neighbour_list import ENGAGED
-from taichi_erosion.grains.partition import is_mine, wait_for_team
+from taichi_erosion.grains.partition import barrier, owns_partition
 from taichi_erosion.grains.state import partition_first, side_block, vector
 
 CALM = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
@@ -49,7 +49,7 @@ class Sleep:
     share: Any  # of the weight, that disturbs [1]
 
 
-CARRIED = ("state", "calm", "load")
+SAVED_FIELDS = ("state", "calm", "load")
 
 
 def allocate_sleep(replicas: int, capacity: int) -> Sleep:
@@ -83,7 +83,7 @@ def clear_sleep(sleep_out: ti.template(), i):
 
 
 @ti.func
-def hear(sleep_out: ti.template(), i, j):
+def note_wake(sleep_out: ti.template(), i, j):
     """A sleeper notes its load anew where a grain that it touches has just woken or fallen asleep."""
     first, second = sleep_out.state[i], sleep_out.state[j]
     if first == ASLEEP and (second == WOKEN or second == FALLING):
@@ -102,13 +102,13 @@ def next_awake(world_out: ti.template(), base, e, end):
             i, j = base + world_out.pairs.owner[found], base + world_out.pairs.neighbour[found]
             asleep = ti.cast(is_asleep(world_out.sleep, i) and is_asleep(world_out.sleep, j), ti.i32)
             if asleep == 1:
-                hear(world_out.sleep, i, j)
+                note_wake(world_out.sleep, i, j)
                 found += 1
     return found
 
 
 @ti.func
-def sleep_on(world_out: ti.template(), r, i, buffer, kick):
+def hold_sleeping(world_out: ti.template(), r, i, buffer, kick):
     """Hold the grain at place i for one step where it sleeps, and clear its buffer; says whether it does."""
     grains_out, sleep_out = ti.static((world_out.grains, world_out.sleep))
     asleep = is_asleep(sleep_out, i)
@@ -121,7 +121,7 @@ def sleep_on(world_out: ti.template(), r, i, buffer, kick):
         elif not (force - sleep_out.load[i]).norm() <= bearable:  # also where it is not a number
             sleep_out.state[i] = WOKEN
             sleep_out.calm[i] = 0
-        drag_along(world_out.held, i, grains_out.velocity[i], kick)
+        apply_drag(world_out.frozen_drag, i, grains_out.velocity[i], kick)
         grains_out.force[buffer] = 0.0 * force
         grains_out.torque[buffer] = 0.0 * force
     elif sleep_out.state[i] == WOKEN:
@@ -130,7 +130,7 @@ def sleep_on(world_out: ti.template(), r, i, buffer, kick):
 
 
 @ti.func
-def count_calm(world_out: ti.template(), r, i):
+def count_rest(world_out: ti.template(), r, i):
     """Count the looks at which the grain at place i was at rest."""
     grains, sleep_out = ti.static((world_out.grains, world_out.sleep))
     radius = grains.radius[i]
@@ -141,7 +141,7 @@ def count_calm(world_out: ti.template(), r, i):
 
 
 @ti.func
-def spread_unrest(world_out: ti.template(), r, i):
+def mark_unsettled(world_out: ti.template(), r, i):
     """Tell whom the grain at place i touches, of the pairs it owns, that one of the two is not at rest."""
     pairs, sleep_out = ti.static((world_out.pairs, world_out.sleep))
     base, looks = side_block(world_out.grains, r, world_out.replicas.side[r]), sleep_out.looks[r]
@@ -154,10 +154,13 @@ def spread_unrest(world_out: ti.template(), r, i):
 
 
 @ti.func
-def choose_sleep(world_out: ti.template(), r, i):
+def update_sleep_state(world_out: ti.template(), r, i):
     """Let the grain at place i fall asleep, or wake, by what it feels of its surroundings."""
-    grains_out, held, sleep_out = ti.static((world_out.grains, world_out.held, world_out.sleep))
-    feels = held.drift_rate[i] * (held.drift[i] - grains_out.velocity[i]) + held.push[i]
+    grains_out, frozen, sleep_out = ti.static((world_out.grains, world_out.frozen_drag, world_out.sleep))
+    feels = (
+        frozen.drag_rate[i] * (frozen.air_velocity[i] - grains_out.velocity[i])
+        + frozen.steady_acceleration[i]
+    )
     deep = feels.norm() < DEEP * world_out.replicas.gravity[r].norm()
     if is_asleep(sleep_out, i):
         if not deep:
@@ -170,16 +173,16 @@ def choose_sleep(world_out: ti.template(), r, i):
 
 
 @ti.func
-def lull(world_out: ti.template(), r, member, size, turn):
+def update_sleep(world_out: ti.template(), r, member, size, turn):
     """Who of replica r sleeps until the next look; returns the next meeting of the team."""
     (replicas_out,) = ti.static((world_out.replicas,))
     if world_out.sleep.looks[r] > 0:
         base = side_block(world_out.grains, r, replicas_out.side[r])
-        for task in ti.static((count_calm, spread_unrest, choose_sleep)):
+        for task in ti.static((count_rest, mark_unsettled, update_sleep_state)):
             for p in range(replicas_out.partitions[r]):
-                if is_mine(replicas_out, r, p, member, size):
+                if owns_partition(replicas_out, r, p, member, size):
                     first = partition_first(replicas_out, r, p)
                     for rank in range(first, partition_first(replicas_out, r, p + 1)):
                         task(world_out, r, base + rank)
-            turn = wait_for_team(replicas_out, r, size, turn)
+            turn = barrier(replicas_out, r, size, turn)
     return turn

@@ -15,9 +15,11 @@ from taichi_erosion.core.ti import ti
 
 REBUILD = 1  # of Replicas.need: a grain has used up its list margin
 STOP = 2  # of Replicas.need: two bodies overlap beyond the limit
-REACHED = ("before_low", "before_high", "after_low", "after_high")  # of Replicas
-APART = 64  # numbers: four lines of a cache, so that who looks at the one in the middle disturbs no other
-MEETING = APART // 2  # where that one lies
+REACH_FIELDS = ("before_low", "before_high", "after_low", "after_high")  # of Replicas
+CACHE_PADDING = (
+    64  # numbers: four lines of a cache, so that who looks at the one in the middle disturbs no other
+)
+ARRIVAL_SLOT = CACHE_PADDING // 2  # where that one lies
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +34,7 @@ class Grains:
     radius: Any  # [m]
     mass_inverse: Any  # [kg-1]
     extent: Any  # radius and list margin [m]
-    travel_squared: Any  # square of the list margin [m2], a displacement that calls for a rebuild
+    skin_squared: Any  # square of the list margin [m2], a displacement that calls for a rebuild
     material: Any  # i32
     ident: Any  # i32
     force: Any  # vec3 [N], one buffer a partition: (partition * replicas + replica) * capacity + rank
@@ -74,11 +76,11 @@ class Replicas:
     low: Any  # f64 vec3 [m], lost below
     high: Any  # f64 vec3 [m], lost above
     period: Any  # f64 vec3 [m], 0 where open
-    margin_least: Any  # list margin of a resting grain over its radius [1]
-    margin_most: Any  # largest list margin [m]
-    grasp_most: Any  # radius and margin of a grain up to which adjacent cells hold all its partners [m]
+    skin_least: Any  # list margin of a resting grain over its radius [1]
+    skin_most: Any  # largest list margin [m]
+    cell_reach: Any  # radius and margin of a grain up to which adjacent cells hold all its partners [m]
     crowded: Any  # i32, 1 where too many grains want to reach further
-    margin_time: Any  # time that a moving grain should last on one list [s]
+    skin_time: Any  # time that a moving grain should last on one list [s]
     reach: Any  # gap up to which a contact may act [m]
     wall_travel: Any  # bound on how far any wall has moved since the rebuild [m]
     overlap_limit: Any  # overlap over the smaller radius [1]
@@ -105,7 +107,7 @@ def allocate_grains(replicas: int, partitions: int, capacity: int) -> Grains:
     """Fields of `replicas` blocks; what the force loop reads lies together in memory."""
     places = 2 * replicas * capacity
     hot = {"shift": vector(), "velocity": vector(), "spin": vector(), "radius": ti.field(float)}
-    hot |= {"mass_inverse": ti.field(float), "travel_squared": ti.field(float)}
+    hot |= {"mass_inverse": ti.field(float), "skin_squared": ti.field(float)}
     ti.root.dense(ti.i, places).place(*hot.values())
     cold = {"origin": vector(ti.f64), "extent": ti.field(float)}
     ti.root.dense(ti.i, places).place(*cold.values())
@@ -135,15 +137,15 @@ def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
     clocks = ("step", "steps_left", "rebuilds", "status")
     whole = ("side", "partitions", "stale", "crowded", "released", "total", *clocks)
-    margins = ("margin_least", "margin_most", "margin_time", "grasp_most", "reach", "wall_travel")
+    margins = ("skin_least", "skin_most", "skin_time", "cell_reach", "reach", "wall_travel")
     reals = ("time_step", *margins, "overlap_limit")
-    shared = ("need", "short", "wall_short", "fault_grain", "fault_partner", *REACHED)
+    shared = ("need", "short", "wall_short", "fault_grain", "fault_partner", *REACH_FIELDS)
     table: dict[str, Any] = {name: ti.field(ti.i32, shape=count) for name in whole}
     table |= {name: ti.field(float, shape=count) for name in reals}
     table |= {name: ti.field(ti.i32, shape=(count, partitions)) for name in shared}
     table |= {name: ti.Vector.field(3, ti.f64, shape=count) for name in ("low", "high", "period")}
     table["bounds"] = ti.field(ti.i32, shape=(count, partitions + 1))
-    table["arrivals"] = ti.field(ti.i32, shape=(count, APART))
+    table["arrivals"] = ti.field(ti.i32, shape=(count, CACHE_PADDING))
     table["gravity"] = ti.Vector.field(3, float, shape=count)
     table["fault_value"] = ti.field(float, shape=(count, partitions))
     return Replicas(count, **table)

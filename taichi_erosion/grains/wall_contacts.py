@@ -17,14 +17,14 @@ from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.neighbour_list import ENGAGED, MEMORY, ROW_SHIFT, entry_block, partition_entries
 from taichi_erosion.grains.pair_contacts import (
-    acted_on,
-    forget,
-    hold,
-    remember,
+    effects_act,
+    end_contact,
+    hertz_stiffness,
+    pair_attraction,
     report_overlap,
-    touch_stiffness,
+    store_contact,
 )
-from taichi_erosion.grains.simd_batch import LANES, gather_entry, lane, put, strike
+from taichi_erosion.grains.simd_batch import LANES, evaluate_contact, lane, load_entry, set_lane
 from taichi_erosion.grains.sleep import is_asleep
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 from taichi_erosion.grains.walls import (
@@ -40,7 +40,7 @@ SAME_POINT = 1e-6  # of the grain radius: closest points nearer than this are on
 
 
 @dataclass(frozen=True, eq=False)
-class WallPairs:
+class WallList:
     """Grains near walls: entries of all replicas, both sides, laid out as in `Pairs`."""
 
     capacity: int
@@ -52,24 +52,28 @@ class WallPairs:
     root_radius: Any  # square root of the grain's radius [m^0.5]
     damping: Any  # as in `Pairs`
     rolling_damping: Any  # as in `Pairs`
-    slip: Any  # vec3, tangential displacement since engagement [m]
-    tilt: Any  # vec3, rolling angle since engagement [rad]
+    tangential_displacement: Any  # vec3, tangential displacement since engagement [m]
+    rolling_displacement: Any  # vec3, rolling angle since engagement [rad]
     start: Any  # i32 by grain place
     stop: Any  # i32 by grain place
-    clear_squared: Any  # by grain place: square of the way [m2] that the grain has before it can touch a wall
+    clearance_squared: (
+        Any  # by grain place: square of the way [m2] that the grain has before it can touch a wall
+    )
 
 
-def allocate_wall_pairs(replicas: int, grains: int, capacity: int) -> WallPairs:
+def allocate_wall_list(replicas: int, grains: int, capacity: int) -> WallList:
     """Fields of `capacity` entries a replica and side."""
     entries: dict[str, Any] = {name: ti.field(ti.i32) for name in ("owner", "wall", "label", "pushes")}
     entries |= {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
-    entries |= {name: ti.Vector.field(3, float) for name in ("slip", "tilt")}
+    entries |= {
+        name: ti.Vector.field(3, float) for name in ("tangential_displacement", "rolling_displacement")
+    }
     entries["offset"] = ti.Vector.field(3, ti.f64)
     ti.root.dense(ti.i, 2 * replicas * capacity).place(*entries.values())
     bounds: dict[str, Any] = {name: ti.field(ti.i32) for name in ("start", "stop")}
-    bounds["clear_squared"] = ti.field(float)
+    bounds["clearance_squared"] = ti.field(float)
     ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())
-    return WallPairs(capacity, **entries, **bounds)
+    return WallList(capacity, **entries, **bounds)
 
 
 @ti.func
@@ -79,7 +83,7 @@ def position_at(grains: ti.template(), i):
 
 
 @ti.func
-def seen_from(world: ti.template(), i, e):
+def position_in_wall_frame(world: ti.template(), i, e):
     """Position of the grain at place i in the frame of the wall of entry e [m]."""
     walls, entries = ti.static((world.walls, world.wall_pairs))
     return into_wall_frame(walls, surface_of(walls, entries.wall[e]), position_at(world.grains, i))
@@ -95,7 +99,7 @@ def is_local_minimum(world: ti.template(), i, e):
     walls, entries = ti.static((world.walls, world.wall_pairs))
     surface = walls.surface[entries.wall[e]]
     tolerance = SAME_POINT * world.grains.radius[i]
-    position = seen_from(world, i, e)
+    position = position_in_wall_frame(world, i, e)
     farthest = entries.offset[e].norm() + tolerance
     minimum = 1
     for f in range(entries.start[i], entries.stop[i]):
@@ -112,7 +116,9 @@ def locate_contacts(world_out: ti.template(), i):
     """Closest points of all walls near the grain at place i, and which of them push."""
     entries_out, walls = ti.static((world_out.wall_pairs, world_out.walls))
     for e in range(entries_out.start[i], entries_out.stop[i]):
-        entries_out.offset[e] = wall_offset(walls, entries_out.wall[e], seen_from(world_out, i, e))
+        entries_out.offset[e] = wall_offset(
+            walls, entries_out.wall[e], position_in_wall_frame(world_out, i, e)
+        )
     for e in range(entries_out.start[i], entries_out.stop[i]):
         entries_out.pushes[e] = 1
         if entries_out.start[i] + 1 < entries_out.stop[i]:
@@ -120,7 +126,7 @@ def locate_contacts(world_out: ti.template(), i):
 
 
 @ti.func
-def hand_over(world_out: ti.template(), i):
+def transfer_history(world_out: ti.template(), i):
     """Pass memory from the entry where a contact ended to the one where it goes on, within a surface."""
     surface, entries_out = ti.static((world_out.walls.surface, world_out.wall_pairs))
     for e in range(entries_out.start[i], entries_out.stop[i]):
@@ -128,12 +134,12 @@ def hand_over(world_out: ti.template(), i):
             for f in range(entries_out.start[i], entries_out.stop[i]):
                 same = surface[entries_out.wall[f]] == surface[entries_out.wall[e]]
                 if same and entries_out.pushes[f] == 0 and entries_out.label[f] & ENGAGED == ENGAGED:
-                    entries_out.slip[e] = entries_out.slip[f]
-                    entries_out.tilt[e] = entries_out.tilt[f]
+                    entries_out.tangential_displacement[e] = entries_out.tangential_displacement[f]
+                    entries_out.rolling_displacement[e] = entries_out.rolling_displacement[f]
 
 
 @ti.func
-def pull_to_wall(world_out: ti.template(), r, batch: ti.template(), n, i):
+def wall_effect_force(world_out: ti.template(), r, batch: ti.template(), n, i):
     """Force on the grain of lane n, at place i, by the effects [N]; the wall counts as at rest."""
     grains, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
     e, radius, normal = batch.entry[n], batch.radius_i[n], lane(batch.offset, n)
@@ -146,21 +152,21 @@ def pull_to_wall(world_out: ti.template(), r, batch: ti.template(), n, i):
         mass_i=1.0 / grains.mass_inverse[i],
         mass_j=0.0,
         closing_speed=-grains.velocity[i].dot(normal),
-        stiffness=touch_stiffness(world_out.materials, row, batch.root_radius[n], batch.overlap[n]),
+        stiffness=hertz_stiffness(world_out.materials, row, batch.root_radius[n], batch.overlap[n]),
         met=0.0,
         normal=normal,
         offset=ti.cast(position_at(grains, i), float),
         period=ti.cast(world_out.replicas.period[r], float),
     )
     (bound,) = ti.static((world_out.pair_effects,))
-    force = -hold(bound, entries_out, r, e, pair, i, bound.nobody) * normal
+    force = -pair_attraction(bound, entries_out, r, e, pair, i, bound.nobody) * normal
     if ti.static(bound.thrusts):
         force += force_of(bound, r, pair, i, bound.nobody)
     return force
 
 
 @ti.func
-def place_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, e):
+def detect_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, e):
     """Write to lane n how a grain stands to the wall of entry e; says whether it is within reach of it.
 
     The column of the offset holds the normal.
@@ -180,45 +186,51 @@ def place_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, e
         batch_out.radius_i[n] = radius
         batch_out.radius_j[n] = 0.0
         batch_out.overlap[n] = ti.cast(ti.cast(radius, ti.f64) - distance, float)
-        put(batch_out.offset, n, ti.cast(normal, float))
-        put(batch_out.velocity, n, grains.velocity[i] - ti.cast(surface_velocity(walls, s, there), float))
-        put(batch_out.spin_i, n, grains.spin[i])
-        put(batch_out.spin_j, n, ti.cast(walls.spin[s], float))
+        set_lane(batch_out.offset, n, ti.cast(normal, float))
+        set_lane(
+            batch_out.velocity, n, grains.velocity[i] - ti.cast(surface_velocity(walls, s, there), float)
+        )
+        set_lane(batch_out.spin_i, n, grains.spin[i])
+        set_lane(batch_out.spin_j, n, ti.cast(walls.spin[s], float))
     else:
         near = 0
-        forget(entries_out, e)
+        end_contact(entries_out, e)
     return near
 
 
 @ti.func
-def strike_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
+def evaluate_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
     """Contact law in lane n; the grain turns about a point of its own surface."""
-    strike(laws, batch_out, n, dt, lane(batch_out.offset, n), batch_out.overlap[n], 1.0)
+    evaluate_contact(laws, batch_out, n, dt, lane(batch_out.offset, n), batch_out.overlap[n], 1.0)
 
 
 @ti.func
-def finish_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
+def apply_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """What the contact in lane n does to its grain."""
     grains_out, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
     e, rank, radius = batch.entry[n], batch.owner[n], batch.radius_i[n]
     place = force_block(grains_out, world_out.replicas, r, p) + rank
     report_overlap(world_out.replicas, r, p, (rank, batch.partner[n]), batch.overlap[n], radius)
     if batch.acts[n] == 1:
-        remember(entries_out, e, lane(batch.slip, n), lane(batch.tilt, n))
-        entries_out.clear_squared[base + rank] = 0.0  # until the next rebuild: what ends is forgotten at once
+        store_contact(
+            entries_out, e, lane(batch.tangential_displacement, n), lane(batch.rolling_displacement, n)
+        )
+        entries_out.clearance_squared[base + rank] = (
+            0.0  # until the next rebuild: what ends is forgotten at once
+        )
         grains_out.force[place] = grains_out.force[place] + lane(batch.force, n)
-        torque = lane(batch.moment, n) - radius * lane(batch.twist, n)
+        torque = lane(batch.moment, n) - radius * lane(batch.torque_per_radius, n)
         grains_out.torque[place] = grains_out.torque[place] + torque
     else:
-        forget(entries_out, e)
+        end_contact(entries_out, e)
     if ti.static(world_out.pair_effects.any):
-        if acted_on(world_out.materials, entries_out, e):
-            pull = pull_to_wall(world_out, r, batch, n, base + rank)
+        if effects_act(world_out.materials, entries_out, e):
+            pull = wall_effect_force(world_out, r, batch, n, base + rank)
             grains_out.force[place] = grains_out.force[place] + pull
 
 
 @ti.func
-def next_due(world_out: ti.template(), base, e, end):
+def next_wall_entry(world_out: ti.template(), base, e, end):
     """First entry from e on whose grain may touch a wall; where a grain begins, its contacts are located."""
     grains, entries = ti.static((world_out.grains, world_out.wall_pairs))
     found = e
@@ -226,14 +238,14 @@ def next_due(world_out: ti.template(), base, e, end):
     while found < end and clear:
         i = base + entries.owner[found]
         if found == entries.start[i]:
-            clear = grains.shift[i].norm_sqr() < entries.clear_squared[i]
+            clear = grains.shift[i].norm_sqr() < entries.clearance_squared[i]
             if ti.static(world_out.sleeps):
                 clear = clear or is_asleep(world_out.sleep, i)
             if clear:
                 found = entries.stop[i]
             else:
                 locate_contacts(world_out, i)
-                hand_over(world_out, i)
+                transfer_history(world_out, i)
         else:
             clear = False
     return found
@@ -252,18 +264,18 @@ def add_wall_forces(world_out: ti.template(), r, p):
         e = entries.start[base + first]
         end = entries.stop[base + last - 1]
         while e < end:
-            taken = 0
-            while e < end and taken < LANES:
-                e = next_due(world_out, base, e, end)
+            filled = 0
+            while e < end and filled < LANES:
+                e = next_wall_entry(world_out, base, e, end)
                 if e < end:
-                    taken += place_wall(world_out, batch, taken, r, base, e)
+                    filled += detect_wall(world_out, batch, filled, r, base, e)
                     e += 1
-            for n in range(taken):
-                gather_entry(world_out, world_out.wall_pairs, batch, n)
-            for n in range(taken):
-                strike_wall(world_out.laws, batch, n, dt)
-            for n in range(taken):
-                finish_wall(world_out, batch, n, r, p, base)
+            for n in range(filled):
+                load_entry(world_out, world_out.wall_pairs, batch, n)
+            for n in range(filled):
+                evaluate_wall(world_out.laws, batch, n, dt)
+            for n in range(filled):
+                apply_wall(world_out, batch, n, r, p, base)
 
 
 FAR = 1e30  # gap of a wall that is nowhere near [m]
@@ -279,23 +291,23 @@ def wall_gap(world: ti.template(), r, i, w):
     gap = ti.cast(FAR, ti.f64)
     if walls.present[s] == 1:
         seen = into_wall_frame(walls, s, grains.origin[i])
-        around = walls.size[w] + near + list_margin(world, r, i, w)
+        around = walls.size[w] + near + wall_skin(world, r, i, w)
         if (seen - walls.middle[w]).norm_sqr() < around * around:
             gap = wall_distance(walls, w, wall_offset(walls, w, seen)) - near
     return gap
 
 
 @ti.func
-def list_margin(world: ti.template(), r, i, w):
+def wall_skin(world: ti.template(), r, i, w):
     """Bound on how much nearer the grain at place i and primitive w may come before the next rebuild [m]."""
-    allowed = ti.sqrt(world.grains.travel_squared[i])
+    allowed = ti.sqrt(world.grains.skin_squared[i])
     if world.walls.moving[surface_of(world.walls, w)] == 1:
-        allowed += world.replicas.margin_most[r]
+        allowed += world.replicas.skin_most[r]
     return allowed
 
 
 @ti.func
-def recall_wall(world_out: ti.template(), r, e, rank, w):
+def write_wall_entry(world_out: ti.template(), r, e, rank, w):
     """Write entry e: its constants, and the memory that the grain had of primitive w."""
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
     before = world_out.cells.order[r * grains.capacity + rank]
@@ -309,17 +321,17 @@ def recall_wall(world_out: ti.template(), r, e, rank, w):
     entries_out.owner[e] = rank
     entries_out.wall[e] = w
     entries_out.label[e] = row << ROW_SHIFT
-    entries_out.slip[e] = 0.0 * entries_out.slip[e]
-    entries_out.tilt[e] = 0.0 * entries_out.tilt[e]
+    entries_out.tangential_displacement[e] = 0.0 * entries_out.tangential_displacement[e]
+    entries_out.rolling_displacement[e] = 0.0 * entries_out.rolling_displacement[e]
     for f in range(entries_out.start[old], entries_out.stop[old]):
         if entries_out.wall[f] == w:
             entries_out.label[e] = (row << ROW_SHIFT) + (entries_out.label[f] & MEMORY)
-            entries_out.slip[e] = entries_out.slip[f]
-            entries_out.tilt[e] = entries_out.tilt[f]
+            entries_out.tangential_displacement[e] = entries_out.tangential_displacement[f]
+            entries_out.rolling_displacement[e] = entries_out.rolling_displacement[f]
 
 
 @ti.func
-def way_left(world: ti.template(), e, gap):
+def wall_clearance(world: ti.template(), e, gap):
     """How far the grain of entry e may move before it can touch that wall [m]: not at all on a moving one."""
     walls, entries = ti.static((world.walls, world.wall_pairs))
     still = walls.moving[surface_of(walls, entries.wall[e])] == 0 and entries.label[e] & MEMORY == 0
@@ -331,18 +343,18 @@ def list_grain(world_out: ti.template(), r, rank, entry, limit):
     """List the walls near one grain from `entry` on; returns the number wanted."""
     walls, entries_out = ti.static((world_out.walls, world_out.wall_pairs))
     i = side_block(world_out.grains, r, 1 - world_out.replicas.side[r]) + rank
-    clear = (1.0 - ROUNDING) * ti.sqrt(world_out.grains.travel_squared[i])
+    clear = (1.0 - ROUNDING) * ti.sqrt(world_out.grains.skin_squared[i])
     wanted = 0
     for k in range(walls.primitives):
         w = r * walls.primitives + k
         gap = wall_gap(world_out, r, i, w)
-        if gap < list_margin(world_out, r, i, w):
+        if gap < wall_skin(world_out, r, i, w):
             if entry + wanted < limit:
-                recall_wall(world_out, r, entry + wanted, rank, w)
+                write_wall_entry(world_out, r, entry + wanted, rank, w)
                 spare = gap - ROUNDING * world_out.grains.radius[i]
-                clear = ti.min(clear, way_left(world_out, entry + wanted, spare))
+                clear = ti.min(clear, wall_clearance(world_out, entry + wanted, spare))
             wanted += 1
-    entries_out.clear_squared[i] = clear * clear
+    entries_out.clearance_squared[i] = clear * clear
     return wanted
 
 

@@ -7,12 +7,12 @@ from taichi_erosion.core.effect_device import Bound
 from taichi_erosion.grains.cells import Cells
 from taichi_erosion.grains.clumps import Clumps
 from taichi_erosion.grains.contact import ContactLaws
-from taichi_erosion.grains.frozen_drag import Held
+from taichi_erosion.grains.frozen_drag import FrozenDrag
 from taichi_erosion.grains.materials import Materials
-from taichi_erosion.grains.neighbour_list import Pairs
+from taichi_erosion.grains.neighbour_list import NeighbourList
 from taichi_erosion.grains.sleep import Sleep
 from taichi_erosion.grains.state import Grains, Replicas, Source
-from taichi_erosion.grains.wall_contacts import WallPairs
+from taichi_erosion.grains.wall_contacts import WallList
 from taichi_erosion.grains.walls import Walls
 
 
@@ -24,9 +24,9 @@ class World:
     source: Source
     replicas: Replicas
     cells: Cells
-    pairs: Pairs
+    pairs: NeighbourList
     walls: Walls
-    wall_pairs: WallPairs
+    wall_pairs: WallList
     materials: Materials
     laws: ContactLaws
     batch_type: Any  # struct type of a batch of pairs, in the run's precision
@@ -39,6 +39,6 @@ class World:
     grain_effects: Bound
     remembers: bool  # compiled in: whether any effect remembers something of grains
     driven: bool  # compiled in: whether air or grain effects act between contacts
-    held: Held
+    frozen_drag: FrozenDrag
     sleeps: bool  # compiled in: whether deep grains are held until disturbed
     sleep: Sleep

@@ -31,7 +31,7 @@ from taichi_erosion.run.recorder import (
 from taichi_erosion.run.result import replica_record, versions
 from taichi_erosion.run.stages import Actor
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
-from taichi_erosion.simulation import Simulation, effective_scene, prepare, succeed
+from taichi_erosion.simulation import Simulation, effective_scene, prepare, reuse_or_assemble
 
 Told = Callable[[int, dict[str, Any]], None]  # (place in the list, what came out)
 
@@ -85,7 +85,7 @@ def play_after(
     if not cast.parts:
         return before
     try:
-        sim = succeed(before, cast.setups, laws(cast.scenes[0]), numerics)
+        sim = reuse_or_assemble(before, cast.setups, laws(cast.scenes[0]), numerics)
     except BadInput as error:
         if len(cast.parts) == 1:
             tell(cast.places[0], refused(cast.parts[0], str(error)))

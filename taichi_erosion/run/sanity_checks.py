@@ -5,7 +5,7 @@ import numpy as np
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.limits import expected_speed
-from taichi_erosion.simulation import Simulation, momentum_astray, snapshot
+from taichi_erosion.simulation import Simulation, force_imbalance, snapshot
 from taichi_erosion.simulation.self_checks import Impact, first_impacts
 
 RESTITUTION_ERROR = 0.1  # that stops a run: four times the largest of the shipped scenes, 0.024 [1]
@@ -55,7 +55,7 @@ def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
 
 def momentum_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
     """A failure where the forces between grains do not add up to nothing."""
-    astray = momentum_astray(sim, replica)
+    astray = force_imbalance(sim, replica)
     if astray <= MOMENTUM_ERROR:
         return None
     return Failure(Status.MOMENTUM, time, -1, -1, astray)

@@ -51,7 +51,6 @@ from taichi_erosion.simulation import (
     Simulation,
     advance,
     assemble,
-    develop_wind,
     device_effects,
     effective_scene,
     energies,
@@ -68,6 +67,7 @@ from taichi_erosion.simulation import (
     set_through_flow,
     share_touching,
     snapshot,
+    spin_up_wind,
 )
 
 WITHOUT_EFFECT = ("measured", "record", "measure")  # sections that the running grains do not feel
@@ -122,7 +122,7 @@ def begin(session: Session, stage: Stage) -> None:
     for name, order in stage.move.items():
         move_surface(session.sim, 0, name, Motion(order.velocity, order.spin, order.centre))
     if stage.friction_velocity is not None:
-        develop_wind(session.sim, 0, stage.friction_velocity)
+        spin_up_wind(session.sim, 0, stage.friction_velocity)
     if stage.through_flow is not None:
         set_through_flow(session.sim, 0, stage.through_flow)
 
@@ -218,7 +218,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     g = built.gravity.magnitude
     set_gravity(sim, 0, (g * x, g * y, g * z))
     if "wind" in changed and scene.wind is not None:
-        develop_wind(sim, 0, scene.wind.friction_velocity)
+        spin_up_wind(sim, 0, scene.wind.friction_velocity)
         set_through_flow(sim, 0, scene.wind.through_flow)
     if not changed & {"effects", "conditions"}:
         return "at once"

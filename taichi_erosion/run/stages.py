@@ -16,13 +16,13 @@ from taichi_erosion.scene.schema.scene import Stage
 from taichi_erosion.simulation import (
     Simulation,
     air_profile,
-    develop_wind,
     move_surface,
     remove_surface,
     set_gravity,
     set_through_flow,
     share_touching,
     snapshot,
+    spin_up_wind,
 )
 
 GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # what a stage waits for
@@ -68,7 +68,7 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor, time:
     for name, order in stage.move.items():
         move_surface(sim, replica, name, Motion(order.velocity, order.spin, order.centre))
     if stage.friction_velocity is not None:
-        develop_wind(sim, replica, stage.friction_velocity)
+        spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
         set_through_flow(sim, replica, stage.through_flow)
     if stage.until == "threshold":

@@ -24,7 +24,7 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.threshold import Bracket, flux_intercept
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.sizes import nominal_diameter
-from taichi_erosion.simulation import Simulation, develop_wind, export_bed, import_bed, snapshot
+from taichi_erosion.simulation import Simulation, export_bed, import_bed, snapshot, spin_up_wind
 
 FIRST = 0.08  # of sqrt((s - 1) g d): below all thresholds of dry grains in air, with drag alone [1]
 LEAST = 0.02  # of the same: a bed that moves even in such a wind was not at rest, and has no threshold [1]
@@ -95,7 +95,7 @@ def begin_hunt(sim: Simulation, scene: Scene, replica: int, time: float) -> Hunt
     first = transport or scene.threshold.first or FIRST * weight_velocity(scene)
     hunt = Hunt(scene, export_bed(sim, replica), new_trial(sim, replica, first, time))
     hunt.phase = "start" if transport else "ramp"
-    develop_wind(sim, replica, first)
+    spin_up_wind(sim, replica, first)
     return hunt
 
 
@@ -127,7 +127,7 @@ def pursue(sim: Simulation, replica: int, hunt: Hunt, time: float) -> bool:
     from_rest = hunt.phase in FROM_REST
     if from_rest:
         import_bed(sim, replica, hunt.bed)
-    develop_wind(sim, replica, order, anew=from_rest)
+    spin_up_wind(sim, replica, order, anew=from_rest)
     hunt.trial = new_trial(sim, replica, order, time)
     if hunt.phase == "ramp":
         hunt.trial.place, hunt.trial.rolled, hunt.trial.risen = old.place, old.rolled, old.risen
@@ -136,7 +136,7 @@ def pursue(sim: Simulation, replica: int, hunt: Hunt, time: float) -> bool:
 
 def is_steady(sim: Simulation) -> bool:
     """Whether the wind over grains at rest stays as it is: no effect and no eddy changes it."""
-    return not sim.world.grain_effects.any and (sim.around.air is None or sim.around.air.is_column)
+    return not sim.world.grain_effects.any and (sim.coupling.air is None or sim.coupling.air.is_column)
 
 
 def watch(hunt: Hunt, state: Snapshot) -> None:

@@ -2,7 +2,7 @@
 
 from taichi_erosion.simulation.advance import advance, failure, statuses
 from taichi_erosion.simulation.assemble import Simulation, assemble
-from taichi_erosion.simulation.buffer_reuse import succeed
+from taichi_erosion.simulation.buffer_reuse import reuse_or_assemble
 from taichi_erosion.simulation.control import (
     move_surface,
     remove_surface,
@@ -20,13 +20,13 @@ from taichi_erosion.simulation.readback import (
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
 from taichi_erosion.simulation.scene_setup import conditions_of, device_effects, effective_scene, prepare
-from taichi_erosion.simulation.self_checks import momentum_astray
+from taichi_erosion.simulation.self_checks import force_imbalance
 from taichi_erosion.simulation.wind_driver import (
     air_profile,
-    develop_wind,
     friction_velocity,
     set_friction_velocity,
     set_through_flow,
+    spin_up_wind,
 )
 
 __all__ = [
@@ -36,21 +36,21 @@ __all__ = [
     "air_profile",
     "assemble",
     "conditions_of",
-    "develop_wind",
     "device_effects",
     "effective_scene",
     "energies",
     "export_bed",
     "export_state",
     "failure",
+    "force_imbalance",
     "friction_velocity",
     "import_bed",
     "import_state",
     "ledger",
-    "momentum_astray",
     "move_surface",
     "prepare",
     "remove_surface",
+    "reuse_or_assemble",
     "set_contacts",
     "set_effects",
     "set_friction_velocity",
@@ -58,7 +58,7 @@ __all__ = [
     "set_through_flow",
     "share_touching",
     "snapshot",
+    "spin_up_wind",
     "statuses",
-    "succeed",
     "wall_poses",
 ]

@@ -11,9 +11,9 @@ from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.capacities import grown
 from taichi_erosion.simulation.saved_state import export_state, import_state
-from taichi_erosion.simulation.schedule import deal_turns, write_turns
-from taichi_erosion.simulation.step import run_alone, run_together
-from taichi_erosion.simulation.wind_driver import look_now
+from taichi_erosion.simulation.schedule import assign_steps, upload_schedule
+from taichi_erosion.simulation.step import run_replicas, run_teams
+from taichi_erosion.simulation.wind_driver import exchange_when_due
 
 LAUNCH_SECONDS = 0.4  # Ctrl-C is heard between launches
 FIRST_LAUNCH = 500  # steps before the pace is known
@@ -41,8 +41,8 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
         if not remaining.any():
             return
         portion = np.minimum(remaining, launch_steps(sim))
-        if sim.around.apart:
-            portion = np.minimum(portion, look_now(sim, remaining > 0))
+        if sim.coupling.host_driven:
+            portion = np.minimum(portion, exchange_when_due(sim, remaining > 0))
         left = launch(sim, portion)
         remaining = remaining - (portion - left)
         if (statuses(sim) == Status.OVERFLOW).any():
@@ -60,13 +60,13 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
     upload([(replicas.steps_left, steps)])
     write(replicas.arrivals, 0)
     start = time.perf_counter()
-    size = min(sim.workers // count, sim.sizes.partitions)
+    size = min(sim.workers // count, sim.capacities.partitions)
     if size > 1:
-        run_together(count, size, sim.chunk, sim.world, sim.around)
+        run_teams(count, size, sim.chunk, sim.world, sim.coupling)
     else:
         workers = min(sim.workers, count)
-        write_turns(sim.turns, deal_turns(steps, workers))
-        run_alone(workers, sim.chunk, sim.turns, sim.world, sim.around)
+        upload_schedule(sim.schedule, assign_steps(steps, workers))
+        run_replicas(workers, sim.chunk, sim.schedule, sim.world, sim.coupling)
     left = download([replicas.steps_left], 0, count)[0].astype(np.int32)
     elapsed = time.perf_counter() - start
     if sim.launched:
@@ -84,7 +84,7 @@ def grow(sim: Simulation) -> None:
     """Double the room of the lists and carry everything over."""
     state = export_state(sim)
     state["status"] = np.where(state["status"] == Status.OVERFLOW, Status.RUNNING, state["status"])
-    reallocate(sim, grown(sim.sizes))
+    reallocate(sim, grown(sim.capacities))
     import_state(sim, state)
 
 
@@ -99,7 +99,7 @@ def failure(sim: Simulation, replica: int) -> Failure | None:
     grain = int(read(replicas.fault_grain)[replica, p])
     partner = int(read(replicas.fault_partner)[replica, p])
     ident = identities(sim, replica)
-    partner = int(ident[partner]) if partner >= 0 else -1 - (-1 - partner) % max(sim.sizes.primitives, 1)
+    partner = int(ident[partner]) if partner >= 0 else -1 - (-1 - partner) % max(sim.capacities.primitives, 1)
     alone = status != Status.OVERLAP
     step = int(download([replicas.step], replica, 1)[0][0])
     time_step = sim.setups[replica].time_step
@@ -109,5 +109,5 @@ def failure(sim: Simulation, replica: int) -> Failure | None:
 def identities(sim: Simulation, replica: int) -> Integers:
     """Rows of the GrainTable, by rank."""
     side = int(download([sim.world.replicas.side], replica, 1)[0][0])
-    first = (2 * replica + side) * sim.sizes.grains
-    return download([sim.world.grains.ident], first, sim.sizes.grains)[0].astype(np.int32)
+    first = (2 * replica + side) * sim.capacities.grains
+    return download([sim.world.grains.ident], first, sim.capacities.grains)[0].astype(np.int32)

@@ -11,22 +11,27 @@ from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import read
-from taichi_erosion.coupling.coupling_state import Surroundings, surround
+from taichi_erosion.coupling.coupling_state import CouplingState, allocate_coupling
 from taichi_erosion.grains.cells import PERIOD_CELLS_LEAST, allocate_cells
 from taichi_erosion.grains.clumps import allocate_clumps
 from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
-from taichi_erosion.grains.frozen_drag import allocate_held
+from taichi_erosion.grains.frozen_drag import allocate_frozen_drag
 from taichi_erosion.grains.materials import allocate_materials
-from taichi_erosion.grains.neighbour_list import allocate_pairs
+from taichi_erosion.grains.neighbour_list import allocate_neighbour_list
 from taichi_erosion.grains.partition import CPU_CHUNK
 from taichi_erosion.grains.simd_batch import batch_type
 from taichi_erosion.grains.sleep import allocate_sleep
 from taichi_erosion.grains.state import allocate_grains, allocate_replicas, allocate_source
-from taichi_erosion.grains.wall_contacts import allocate_wall_pairs
+from taichi_erosion.grains.wall_contacts import allocate_wall_list
 from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.grains.world import World
-from taichi_erosion.simulation.capacities import Sizes, filled_up, first_sizes, partition_count
-from taichi_erosion.simulation.schedule import Turns, allocate_turns
+from taichi_erosion.simulation.capacities import (
+    Capacities,
+    initial_capacities,
+    padded_with_copies,
+    partition_count,
+)
+from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
 from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.upload import fill_world
 
@@ -42,33 +47,33 @@ class Simulation:
     numerics: Numerics
     workers: int
     chunk: int
-    sizes: Sizes
+    capacities: Capacities
     world: World
-    around: Surroundings
-    turns: Turns
+    coupling: CouplingState
+    schedule: Schedule
     pace: float = 0.0  # steps a second and replica seen so far
     launched: bool = False  # the first launch compiles and says nothing about the pace
 
 
-def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
+def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> World:
     """Allocate all fields and write the Setups to them, one a replica; the device must have been started."""
     compiled = compile_contact_laws(laws)
     driven, sleeps = is_driven(setups), any(s.coupling.sleep_looks > 0 for s in setups)
-    effects, places = [s.effects for s in setups], 2 * sizes.replicas * sizes.grains
+    effects, places = [s.effects for s in setups], 2 * capacities.replicas * capacities.grains
     pair_effects, grain_effects = (bind(place, effects, places) for place in ("pair", "grain"))
     world = World(
-        grains=allocate_grains(sizes.replicas, sizes.partitions, sizes.grains),
-        source=allocate_source(sizes.replicas, sizes.grains),
-        replicas=allocate_replicas(sizes.replicas, sizes.partitions),
-        cells=allocate_cells(sizes.replicas, sizes.grains, sizes.cells),
-        pairs=allocate_pairs(sizes.replicas, sizes.grains, sizes.pairs),
-        walls=allocate_walls(sizes.replicas, sizes.primitives, sizes.surfaces),
-        wall_pairs=allocate_wall_pairs(sizes.replicas, sizes.grains, sizes.wall_pairs),
-        materials=allocate_materials(sizes.replicas, sizes.materials),
+        grains=allocate_grains(capacities.replicas, capacities.partitions, capacities.grains),
+        source=allocate_source(capacities.replicas, capacities.grains),
+        replicas=allocate_replicas(capacities.replicas, capacities.partitions),
+        cells=allocate_cells(capacities.replicas, capacities.grains, capacities.cells),
+        pairs=allocate_neighbour_list(capacities.replicas, capacities.grains, capacities.pairs),
+        walls=allocate_walls(capacities.replicas, capacities.primitives, capacities.surfaces),
+        wall_pairs=allocate_wall_list(capacities.replicas, capacities.grains, capacities.wall_pairs),
+        materials=allocate_materials(capacities.replicas, capacities.materials),
         laws=compiled,
         batch_type=batch_type(),
         clumped=setups[0].clumps is not None,
-        clumps=allocate_clumps(sizes.replicas, sizes.bodies, sizes.grains),
+        clumps=allocate_clumps(capacities.replicas, capacities.bodies, capacities.grains),
         pair_effects=pair_effects,
         pair_type=pair_type(),
         meeting_effects=bind("meeting", effects),
@@ -76,9 +81,11 @@ def build_world(setups: list[Setup], laws: Laws, sizes: Sizes) -> World:
         grain_effects=grain_effects,
         remembers=pair_effects.remembers or grain_effects.remembers,
         driven=driven,
-        held=allocate_held(sizes.replicas if driven else 1, sizes.grains if driven else 1),
+        frozen_drag=allocate_frozen_drag(
+            capacities.replicas if driven else 1, capacities.grains if driven else 1
+        ),
         sleeps=sleeps,
-        sleep=allocate_sleep(sizes.replicas if sleeps else 1, sizes.grains if sleeps else 1),
+        sleep=allocate_sleep(capacities.replicas if sleeps else 1, capacities.grains if sleeps else 1),
     )
     fill(world, setups)
     return world
@@ -117,14 +124,14 @@ def check_periods(world: World, setups: list[Setup]) -> None:
                 )
 
 
-def refuse_nonsense(setup: Setup) -> None:
+def check_contacts(setup: Setup) -> None:
     """Raise BadInput where a contact parameter is not finite: a comparison with NaN would hide it."""
     for column in fields(setup.contacts):
         if not np.isfinite(getattr(setup.contacts, column.name)).all():
             raise BadInput(f"{column.name} holds a value that is not a finite number")
 
 
-def refuse_mixture(setups: list[Setup]) -> None:
+def check_mixture(setups: list[Setup]) -> None:
     """Raise BadInput where replicas differ in what is compiled in, or join what does not go together."""
     if len({s.clumps is None for s in setups}) > 1:
         raise BadInput("an ensemble mixes clumps and single spheres; run them apart")
@@ -137,9 +144,9 @@ def refuse_mixture(setups: list[Setup]) -> None:
 def checked(setups: Sequence[Setup]) -> list[Setup]:
     """The setups of an ensemble. Raises BadInput for what cannot run."""
     listed = list(setups)
-    refuse_mixture(listed)
+    check_mixture(listed)
     for setup in listed:
-        refuse_nonsense(setup)
+        check_contacts(setup)
     return listed
 
 
@@ -151,26 +158,26 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     listed = checked(setups)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"
-    sizes = first_sizes(listed)
+    capacities = initial_capacities(listed)
     workers = threads if on_cpu else len(listed)
-    everyone = filled_up(listed, sizes)
-    turns = allocate_turns(max(workers, POOL_LEAST), sizes.replicas)
-    world = build_world(everyone, laws, sizes)
-    around = surround(everyone, laws, sizes.partitions)
+    everyone = padded_with_copies(listed, capacities)
+    schedule = allocate_schedule(max(workers, POOL_LEAST), capacities.replicas)
+    world = build_world(everyone, laws, capacities)
+    coupling = allocate_coupling(everyone, laws, capacities.partitions)
     release_first(world)
     return Simulation(
-        listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, sizes, world, around, turns
+        listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, capacities, world, coupling, schedule
     )
 
 
-def reallocate(sim: Simulation, sizes: Sizes) -> None:
+def reallocate(sim: Simulation, capacities: Capacities) -> None:
     """Give the run other capacities; the caller carries its state over.
 
     The device is started anew: the old fields are gone, and the kernels are those of a run that begins so.
     """
     start_device(sim.numerics, POOL_LEAST)
-    sim.sizes = replace(sizes)
-    everyone = filled_up(sim.setups, sizes)
-    sim.turns = allocate_turns(max(sim.workers, POOL_LEAST), sizes.replicas)
-    sim.world = build_world(everyone, sim.laws, sim.sizes)
-    sim.around = surround(everyone, sim.laws, sim.sizes.partitions)
+    sim.capacities = replace(capacities)
+    everyone = padded_with_copies(sim.setups, capacities)
+    sim.schedule = allocate_schedule(max(sim.workers, POOL_LEAST), capacities.replicas)
+    sim.world = build_world(everyone, sim.laws, sim.capacities)
+    sim.coupling = allocate_coupling(everyone, sim.laws, sim.capacities.partitions)

@@ -11,56 +11,58 @@ from dataclasses import fields
 from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import device_fields, write
-from taichi_erosion.coupling.coupling_state import write_looks
+from taichi_erosion.coupling.coupling_state import upload_exchange_settings
 from taichi_erosion.simulation.assemble import Simulation, assemble, checked, fill
-from taichi_erosion.simulation.capacities import Sizes, filled_up, first_sizes
+from taichi_erosion.simulation.capacities import Capacities, initial_capacities, padded_with_copies
 from taichi_erosion.simulation.step import release_first
 
 APART = ("meeting", "grain")  # places of effects beside which replicas without them cannot run
 
 
-def succeed(before: Simulation | None, setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulation:
+def reuse_or_assemble(
+    before: Simulation | None, setups: Sequence[Setup], laws: Laws, numerics: Numerics
+) -> Simulation:
     """An ensemble that is ready to run, in the fields of the one before where they serve it.
 
     `before` must not be used any more. Raises BadInput for what cannot run.
     """
     listed = checked(setups)
-    if before is None or not serves(before, listed, laws, numerics):
+    if before is None or not is_reusable(before, listed, laws, numerics):
         return assemble(listed, laws, numerics)
-    for record in (before.world, before.around):
+    for record in (before.world, before.coupling):
         for field in device_fields(record):
             write(field, 0)
     before.setups = listed
-    everyone = filled_up(listed, before.sizes)
+    everyone = padded_with_copies(listed, before.capacities)
     for bound in (before.world.pair_effects, before.world.meeting_effects, before.world.grain_effects):
         write_constants(bound, [setup.effects for setup in everyone])
     fill(before.world, everyone)
-    write_looks(before.around.exchange, everyone)
+    upload_exchange_settings(before.coupling.exchange, everyone)
     release_first(before.world)
     return before
 
 
-def serves(before: Simulation, setups: list[Setup], laws: Laws, numerics: Numerics) -> bool:
+def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: Numerics) -> bool:
     """Whether an ensemble would compile what the one before has compiled, and has room in its fields."""
     same_laws = (before.laws, before.numerics) == (laws, numerics)
     alike = (before.setups[0].clumps is None) == (setups[0].clumps is None)
-    without_air = not before.around.windy and all(setup.air is None for setup in setups)
+    without_air = not before.coupling.has_air and all(setup.air is None for setup in setups)
     return (
         same_laws
         and alike
         and without_air
-        and has_room(before.sizes, first_sizes(setups))
-        and holds_effects(before, setups)
+        and has_capacity(before.capacities, initial_capacities(setups))
+        and has_same_effects(before, setups)
     )
 
 
-def has_room(sizes: Sizes, wanted: Sizes) -> bool:
+def has_capacity(capacities: Capacities, wanted: Capacities) -> bool:
     """Whether capacities suffice; tables of contacts are as long as the materials make them."""
-    enough = all(getattr(sizes, f.name) >= getattr(wanted, f.name) for f in fields(Sizes))
-    return enough and sizes.materials == wanted.materials
+    enough = all(getattr(capacities, f.name) >= getattr(wanted, f.name) for f in fields(Capacities))
+    return enough and capacities.materials == wanted.materials
 
 
-def holds_effects(before: Simulation, setups: list[Setup]) -> bool:
+def has_same_effects(before: Simulation, setups: list[Setup]) -> bool:
     """Whether all effects are compiled in, and none beside which a replica would not come out as alone."""
     acting = {(one.effect.place, one.effect.name): one.effect for s in setups for one in s.effects}
     bounds = {"pair": before.world.pair_effects, "meeting": before.world.meeting_effects}

@@ -24,16 +24,16 @@ SMALL_GRAINS = 128  # replicas of so few grains all get the same room, and so th
 SMALL_REPLICAS = 64
 SMALL_WALLS = 4  # primitives and surfaces
 SMALL_AIR = 2048  # cells of air
-MARGIN_MOST = 0.4  # largest list margin over the largest radius [1]
-MARGIN_STEPS = 60  # time steps that a fast grain should last on one list
-MARGIN_FLIGHT = 10.0  # largest list margin under wind over the median radius [1]
+SKIN_MOST = 0.4  # largest list margin over the largest radius [1]
+SKIN_STEPS = 60  # time steps that a fast grain should last on one list
+SKIN_FLIGHT = 10.0  # largest list margin under wind over the median radius [1]
 FLIGHT_STEPS = 100  # time steps that a fast grain should last on one list under wind
-MARGIN_CELL = 0.3  # list margin over the radius that cells allow for under wind [1]
+SKIN_IN_CELLS = 0.3  # list margin over the radius that cells allow for under wind [1]
 LARGE_MOST = 50  # largest grains that look beyond adjacent cells
 
 
 @dataclass(frozen=True)
-class Sizes:
+class Capacities:
     """Capacities of one run; growing them changes no result."""
 
     replicas: int  # room; some may stay empty
@@ -61,7 +61,7 @@ def round_up(number: int) -> int:
     return power * 3 // 4 if power * 3 // 4 >= number else power
 
 
-def first_sizes(setups: list[Setup]) -> Sizes:
+def initial_capacities(setups: list[Setup]) -> Capacities:
     """Room for a dense start."""
     grains = round_up(max(len(s.grains.radius) for s in setups))
     bodies = max(0 if s.clumps is None else len(s.clumps.mass) for s in setups)
@@ -71,7 +71,7 @@ def first_sizes(setups: list[Setup]) -> Sizes:
     if grains <= SMALL_GRAINS and cells_of_air(setups[0]) <= SMALL_AIR:
         grains, replicas = SMALL_GRAINS, max(round_up(replicas), SMALL_REPLICAS)
         primitives, surfaces = (max(round_up(walls), SMALL_WALLS) for walls in (primitives, surfaces))
-    return Sizes(
+    return Capacities(
         replicas=replicas,
         partitions=max(partition_count(s) for s in setups),
         grains=grains,
@@ -90,18 +90,18 @@ def cells_of_air(setup: Setup) -> int:
     return 0 if setup.air is None else prod(setup.air.cells)
 
 
-def filled_up(setups: list[Setup], sizes: Sizes) -> list[Setup]:
+def padded_with_copies(setups: list[Setup], capacities: Capacities) -> list[Setup]:
     """The Setups and, in room that none of them needs, copies of the first, which never run."""
-    return setups + setups[:1] * (sizes.replicas - len(setups))
+    return setups + setups[:1] * (capacities.replicas - len(setups))
 
 
-def grown(sizes: Sizes) -> Sizes:
+def grown(capacities: Capacities) -> Capacities:
     """Twice the list room."""
-    return replace(sizes, pairs=2 * sizes.pairs, wall_pairs=2 * sizes.wall_pairs)
+    return replace(capacities, pairs=2 * capacities.pairs, wall_pairs=2 * capacities.wall_pairs)
 
 
 @dataclass(frozen=True)
-class Margins:
+class VerletSkin:
     """How far grains may move on one list."""
 
     least: float  # over the radius [1]
@@ -110,7 +110,7 @@ class Margins:
     grasp: float  # m, radius and margin up to which adjacent cells hold all partners
 
 
-def margins(setup: Setup) -> Margins:
+def verlet_skin(setup: Setup) -> VerletSkin:
     """Margins of one replica.
 
     Under wind few grains move, and those far: they get a margin beyond what cells allow and look at all
@@ -118,11 +118,11 @@ def margins(setup: Setup) -> Margins:
     """
     radius = np.sort(setup.grains.radius)
     if setup.air is None:
-        most = MARGIN_MOST * float(radius[-1])
-        return Margins(setup.skin, most, MARGIN_STEPS * setup.time_step, float(radius[-1]) + most)
+        most = SKIN_MOST * float(radius[-1])
+        return VerletSkin(setup.skin, most, SKIN_STEPS * setup.time_step, float(radius[-1]) + most)
     large = float(radius[-1 - min(LARGE_MOST, len(radius) - 1)])
-    most = MARGIN_FLIGHT * float(np.median(radius))
-    return Margins(setup.skin, most, FLIGHT_STEPS * setup.time_step, (1.0 + MARGIN_CELL) * large)
+    most = SKIN_FLIGHT * float(np.median(radius))
+    return VerletSkin(setup.skin, most, FLIGHT_STEPS * setup.time_step, (1.0 + SKIN_IN_CELLS) * large)
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def cell_grid(setup: Setup, reach: float, cells: int) -> Grid:
     Where that makes more than `cells`, they are widened; grains outside the box fall to its border cells.
     """
     low, high = occupied_box(setup)
-    least = 2.0 * margins(setup).grasp + reach
+    least = 2.0 * verlet_skin(setup).grasp + reach
     span = np.maximum(high - low, least)
     most = min(cells, max(CELLS_LEAST, round_up(len(setup.grains.radius) * CELLS_PER_GRAIN)))
     width = least

@@ -20,7 +20,7 @@ def surface_index(sim: Simulation, replica: int, name: str) -> int:
     names = [surface.name for surface in sim.setups[replica].surfaces]
     if name not in names:
         raise KeyError(f"no surface '{name}'; there are {', '.join(names)}")
-    return replica * sim.sizes.surfaces + names.index(name)
+    return replica * sim.capacities.surfaces + names.index(name)
 
 
 def remove_surface(sim: Simulation, replica: int, name: str) -> None:
@@ -35,7 +35,7 @@ def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> No
     place = surface_index(sim, replica, name)
     moves = any((*motion.velocity, *motion.spin))
     moved = moves or download([walls.moved], place, 1)[0][0] > 0.0
-    sweep = shape_speed(sim.setups[replica], place % sim.sizes.surfaces, motion)
+    sweep = shape_speed(sim.setups[replica], place % sim.capacities.surfaces, motion)
     vectors = [(getattr(walls, name), [getattr(motion, name)]) for name in ("velocity", "spin", "centre")]
     words = [(walls.moving, [float(moves)]), (walls.moved, [float(moved)]), (walls.sweep, [sweep])]
     upload([*words, *vectors], place)
@@ -68,7 +68,7 @@ def extent_from_axis(kind: int, row: Floats, motion: Motion) -> float:
 def set_gravity(sim: Simulation, replica: int, gravity: tuple[float, float, float]) -> None:
     """Change the gravity of one replica [m s-2]."""
     upload([(sim.world.replicas.gravity, [gravity])], replica)
-    rouse(sim, replica)
+    wake_all(sim, replica)
 
 
 def set_contacts(sim: Simulation, replica: int, table: ContactTable) -> None:
@@ -105,11 +105,11 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[Acting]) -> boo
 def make_stale(sim: Simulation, replica: int) -> None:
     """Ask for a rebuild before the next step, and wake who sleeps: what held it may have changed."""
     upload([(sim.world.replicas.stale, [1.0])], replica)
-    rouse(sim, replica)
+    wake_all(sim, replica)
 
 
-def rouse(sim: Simulation, replica: int) -> None:
+def wake_all(sim: Simulation, replica: int) -> None:
     """Wake all grains of one replica; they have not been at rest yet."""
     if sim.world.sleeps:
-        sleep, rows = sim.world.sleep, 2 * sim.sizes.grains
+        sleep, rows = sim.world.sleep, 2 * sim.capacities.grains
         upload([(field, np.zeros(rows)) for field in (sleep.state, sleep.calm)], replica * rows)

@@ -14,10 +14,10 @@ from taichi_erosion.core.transfer import download
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.neighbour_list import ENGAGED, ROW_SHIFT
 from taichi_erosion.grains.state import side_block
-from taichi_erosion.grains.wall_contacts import seen_from
+from taichi_erosion.grains.wall_contacts import position_in_wall_frame
 from taichi_erosion.grains.walls import wall_distance, wall_offset
 from taichi_erosion.simulation.assemble import Simulation
-from taichi_erosion.simulation.saved_state import remembered
+from taichi_erosion.simulation.saved_state import effect_memory
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def wall_poses(sim: Simulation, replica: int) -> dict[str, WallPose]:
     """Pose of every wall of one replica, by name."""
     walls, names = sim.world.walls, [surface.name for surface in sim.setups[replica].surfaces]
     fields = [walls.present, walls.turn, walls.shift, walls.centre]
-    present, turn, shift, centre = download(fields, replica * sim.sizes.surfaces, len(names))
+    present, turn, shift, centre = download(fields, replica * sim.capacities.surfaces, len(names))
     return {
         # it turns about its centre
         name: WallPose(bool(present[k]), turn[k], centre[k] + shift[k] - turn[k] @ centre[k])
@@ -45,12 +45,12 @@ SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
 
 
 @ti.func
-def stored_energy(world: ti.template(), row, overlap, root_radius, slip, tilt):
+def stored_energy(world: ti.template(), row, overlap, root_radius, tangential, rolling):
     """Energy in the normal, tangential and rolling springs of one contact [J]."""
     contact_radius = root_radius * ti.sqrt(ti.max(overlap, 0.0))
     energy = world.laws.normal_energy(world.materials, row, overlap, root_radius)
-    energy += 4.0 * world.materials.shear[row] * contact_radius * slip.norm_sqr()
-    return energy + world.laws.rolling_energy(world.materials, row, contact_radius, root_radius, tilt)
+    energy += 4.0 * world.materials.shear[row] * contact_radius * tangential.norm_sqr()
+    return energy + world.laws.rolling_energy(world.materials, row, contact_radius, root_radius, rolling)
 
 
 @ti.func
@@ -65,24 +65,26 @@ def pair_overlap(world: ti.template(), base, i, e):
 def pair_energy(world: ti.template(), e, overlap):
     """Energy stored in the pair of entry e, which overlaps so far [J]."""
     row = world.pairs.label[e] >> ROW_SHIFT
-    slip, tilt = world.pairs.slip[e], world.pairs.tilt[e]
-    return stored_energy(world, row, overlap, world.pairs.root_radius[e], slip, tilt)
+    (entries,) = ti.static((world.pairs,))
+    tangential, rolling = entries.tangential_displacement[e], entries.rolling_displacement[e]
+    return stored_energy(world, row, overlap, entries.root_radius[e], tangential, rolling)
 
 
 @ti.func
 def wall_overlap(world: ti.template(), i, e):
     """Overlap of a grain with the wall of entry e where both are now [m]."""
     w = world.wall_pairs.wall[e]
-    distance = wall_distance(world.walls, w, wall_offset(world.walls, w, seen_from(world, i, e)))
+    distance = wall_distance(world.walls, w, wall_offset(world.walls, w, position_in_wall_frame(world, i, e)))
     return ti.cast(ti.cast(world.grains.radius[i], ti.f64) - distance, float)
 
 
 @ti.func
 def wall_energy(world: ti.template(), i, e, overlap):
     """Energy stored in the wall contact of entry e, which overlaps so far [J]."""
-    slip, tilt = world.wall_pairs.slip[e], world.wall_pairs.tilt[e]
-    row = world.wall_pairs.label[e] >> ROW_SHIFT
-    return stored_energy(world, row, overlap, ti.sqrt(world.grains.radius[i]), slip, tilt)
+    (entries,) = ti.static((world.wall_pairs,))
+    tangential, rolling = entries.tangential_displacement[e], entries.rolling_displacement[e]
+    row = entries.label[e] >> ROW_SHIFT
+    return stored_energy(world, row, overlap, ti.sqrt(world.grains.radius[i]), tangential, rolling)
 
 
 @ti.kernel
@@ -152,12 +154,12 @@ def contact_sums(sim: Simulation, replica: int, released: int) -> tuple[Integers
 def snapshot(sim: Simulation, replica: int) -> Snapshot:
     """Released grains of one replica in the order of its GrainTable, velocities as of the positions' time."""
     side, released, step, _ = replica_row(sim, replica)
-    grains, rows = sim.world.grains, sim.sizes.grains
+    grains, rows = sim.world.grains, sim.capacities.grains
     fields = [grains.velocity, grains.spin, grains.radius, grains.mass_inverse, grains.ident]
     first = (2 * replica + side) * rows
     velocity, spin, radius, inverse, ident = download(fields, first, released)
     rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
-    kept = remembered(sim)
+    kept = effect_memory(sim)
     memory = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
     position = np.zeros((max(released, 1), 3))
     read_positions(replica, sim.world, position)
@@ -236,7 +238,7 @@ def sum_replicas(
 
 def energies(sim: Simulation) -> Floats:
     """Sums of `sum_replicas`, [replicas, 6], in one launch: what guards and rest checks look at."""
-    sums = np.zeros((sim.sizes.replicas, 6))
+    sums = np.zeros((sim.capacities.replicas, 6))
     sum_replicas(sim.world, sums)
     return sums[: len(sim.setups)]
 

@@ -7,71 +7,94 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.effect_device import memory_fields
 from taichi_erosion.core.transfer import download, read, upload, write
-from taichi_erosion.grains.frozen_drag import HELD
-from taichi_erosion.grains.sleep import CARRIED
-from taichi_erosion.grains.state import REACHED
+from taichi_erosion.grains.frozen_drag import FROZEN_FIELDS
+from taichi_erosion.grains.sleep import SAVED_FIELDS
+from taichi_erosion.grains.state import REACH_FIELDS
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.capacities import grown
-from taichi_erosion.simulation.wind_driver import export_surroundings, import_surroundings
 
 Arrays = dict[str, NDArray[Any]]
 
 REPLICA = ("partitions", "released", "step", "rebuilds", "status", "time_step", "gravity", "wall_travel")
 MOTION = ("origin", "shift", "velocity", "spin")
-GRAIN = (*MOTION, "radius", "mass_inverse", "travel_squared", "material", "ident")
+GRAIN = (*MOTION, "radius", "mass_inverse", "skin_squared", "material", "ident")
 FAULT = ("fault_grain", "fault_partner", "fault_value")
 RATE = ("acceleration", "spin_rate")
-PAIR = ("neighbour", "label", "separation", "root_radius", "damping", "rolling_damping", "slip", "tilt")
-WALL_PAIR = ("wall", "label", "root_radius", "damping", "rolling_damping", "slip", "tilt")
+SPRINGS = ("tangential_displacement", "rolling_displacement")
+PAIR = ("neighbour", "label", "separation", "root_radius", "damping", "rolling_damping", *SPRINGS)
+WALL_PAIR = ("wall", "label", "root_radius", "damping", "rolling_damping", *SPRINGS)
 SURFACE = ("present", "moving", "moved", "shift", "turn", "velocity", "spin", "centre", "sweep")
+AIR_CELLS = (
+    *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
+    *("exchange_coefficient", "exchange_force", "eddy_face"),
+)
+AIR_NUMBERS = ("time", "friction_velocity")
+EXCHANGE = ("residual_momentum", "rise", "lift", "through_flow")
+# likewise of a grid of air alone
+GRID_CELLS = ("impulse", "gradient")
+GRID_NUMBERS = ("driving_gradient",)
+GRID_EXCHANGE = ("looked",)
+KEYS = {  # names in a checkpoint, where they are not those of the fields
+    "tangential_displacement": "slip",
+    "rolling_displacement": "tilt",
+    "skin_squared": "travel_squared",
+    "air_velocity": "drift",
+    "drag_rate": "drift_rate",
+    "steady_acceleration": "push",
+    "steady_spin_rate": "twist",
+    "drag_kick": "dragged",
+    "residual_momentum": "owed",
+}
 BODY = ("position", "velocity", "momentum", "orientation")
 
 
-def fields_of(owner: Any, names: tuple[str, ...]) -> list[Any]:
-    """Fields of a record by name."""
-    return [getattr(owner, name) for name in names]
+def saved(prefix: str, owner: Any, names: tuple[str, ...], first: int, count: int) -> Arrays:
+    """Members of a record by their names in a checkpoint: `count` places from `first` on."""
+    arrays = download([getattr(owner, name) for name in names], first, count)
+    return {prefix + KEYS.get(name, name): values for name, values in zip(names, arrays, strict=True)}
+
+
+def columns(prefix: str, owner: Any, names: tuple[str, ...], state: Arrays) -> list[tuple[Any, Any]]:
+    """Fields of a record, each with its values in a checkpoint."""
+    return [(getattr(owner, name), state[prefix + KEYS.get(name, name)]) for name in names]
 
 
 def export_state(sim: Simulation) -> Arrays:
     """Everything that the next step depends on and that a Setup does not state."""
     world, count = sim.world, len(sim.setups)
-    state: Arrays = dict(zip(REPLICA, download(fields_of(world.replicas, REPLICA), 0, count), strict=True))
+    state = saved("", world.replicas, REPLICA, 0, count)
     side, stale = download([world.replicas.side, world.replicas.stale], 0, count)
     state["stale"] = np.maximum(stale, read(world.replicas.need)[:count].max(axis=1) > 0)
     state |= {name: read(getattr(world.replicas, name)) for name in FAULT}
-    surfaces = download(fields_of(world.walls, SURFACE), 0, count * sim.sizes.surfaces)
-    state |= {f"surface_{name}": values for name, values in zip(SURFACE, surfaces, strict=True)}
+    state |= saved("surface_", world.walls, SURFACE, 0, count * sim.capacities.surfaces)
     for r in range(count):
         block = 2 * r + int(side[r])
         part = export_replica(sim, r, block, int(state["released"][r]))
         state |= {f"replica{r}_{name}": values for name, values in part.items()}
-    return state | export_surroundings(sim)
+    return state | {name: read(field) for name, field in air_state(sim).items()}
 
 
 def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     """Released grains, lists and bodies of one replica; `block` counts sides over all replicas."""
-    world, rows = sim.world, sim.sizes.grains
-    out: Arrays = dict(zip(GRAIN, download(fields_of(world.grains, GRAIN), block * rows, count), strict=True))
-    out |= dict(zip(RATE, download(fields_of(world.grains, RATE), r * rows, count), strict=True))
+    world, first, bodies = sim.world, block * sim.capacities.grains, sim.capacities.bodies
+    out = saved("", world.grains, GRAIN, first, count)
+    out |= saved("", world.grains, RATE, r * sim.capacities.grains, count)
     out["bounds"] = read(world.replicas.bounds)[r]
     if world.driven:
-        held = download(fields_of(world.held, HELD), block * rows, count)
-        out |= {f"held_{name}": values for name, values in zip(HELD, held, strict=True)}
+        out |= saved("held_", world.frozen_drag, FROZEN_FIELDS, first, count)
     if world.sleeps:
-        sleep = download(fields_of(world.sleep, CARRIED), block * rows, count)
-        out |= {f"sleep_{name}": values for name, values in zip(CARRIED, sleep, strict=True)}
-    for name, (numbers, _) in remembered(sim).items():
-        out[f"memory_{name}"] = download([numbers], block * rows, count)[0]
-    for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
-        start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], block * rows, count))
-        entries = download(fields_of(table, names), block * table.capacity, table.capacity)
+        out |= saved("sleep_", world.sleep, SAVED_FIELDS, first, count)
+    for name, (numbers, _) in effect_memory(sim).items():
+        out[f"memory_{name}"] = download([numbers], first, count)[0]
+    for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):
+        start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], first, count))
+        entries = saved(prefix, table, names, block * table.capacity, table.capacity)
         kept = entry_places(start, stop) - block * table.capacity
-        out[f"{prefix}_number"] = stop - start
-        out |= {f"{prefix}_{name}": values[kept] for name, values in zip(names, entries, strict=True)}
-    out["wall_wall"] = out["wall_wall"] - r * sim.sizes.primitives
+        out[f"{prefix}number"] = stop - start
+        out |= {name: values[kept] for name, values in entries.items()}
+    out["wall_wall"] = out["wall_wall"] - r * sim.capacities.primitives
     if world.clumped:
-        bodies = download(fields_of(world.clumps, BODY), r * sim.sizes.bodies, sim.sizes.bodies)
-        out |= {f"body_{name}": values for name, values in zip(BODY, bodies, strict=True)}
+        out |= saved("body_", world.clumps, BODY, r * bodies, bodies)
     return out
 
 
@@ -101,31 +124,32 @@ def entry_places(start: NDArray[np.int64], stop: NDArray[np.int64]) -> NDArray[n
 
 def import_state(sim: Simulation, state: Arrays) -> None:
     """Put an exported state on the device; the Setups must be those it was exported with."""
-    make_room(sim, state)
+    ensure_capacity(sim, state)
     world, count = sim.world, len(sim.setups)
     replicas = world.replicas
-    columns = list(zip(fields_of(replicas, REPLICA), (state[name] for name in REPLICA), strict=True))
-    upload([*columns, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
+    clocks = columns("", replicas, REPLICA, state)
+    upload([*clocks, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
     for name in FAULT:
         write(getattr(replicas, name), state[name])
     for gone in (replicas.need, world.grains.force, world.grains.torque):
         write(gone, 0)
-    if sim.sizes.surfaces:
-        upload([(getattr(world.walls, name), state[f"surface_{name}"]) for name in SURFACE])
+    if sim.capacities.surfaces:
+        upload(columns("surface_", world.walls, SURFACE, state))
     for r in range(count):
         prefix = f"replica{r}_"
         import_replica(sim, r, {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
-    import_surroundings(sim, state)
+    for name, field in air_state(sim).items():
+        write(field, state[name])
 
 
-def make_room(sim: Simulation, state: Arrays) -> None:
+def ensure_capacity(sim: Simulation, state: Arrays) -> None:
     """Grow the lists until a state fits whose own lists had been grown."""
     pairs, wall_pairs = (capacity_wanted(state, prefix) for prefix in ("pair", "wall"))
-    sizes = sim.sizes
-    while sizes.pairs < pairs or sizes.wall_pairs < wall_pairs:
-        sizes = grown(sizes)
-    if sizes != sim.sizes:
-        reallocate(sim, sizes)
+    capacities = sim.capacities
+    while capacities.pairs < pairs or capacities.wall_pairs < wall_pairs:
+        capacities = grown(capacities)
+    if capacities != sim.capacities:
+        reallocate(sim, capacities)
 
 
 def capacity_wanted(state: Arrays, prefix: str) -> int:
@@ -140,32 +164,43 @@ def capacity_wanted(state: Arrays, prefix: str) -> int:
 
 def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     """Grains, lists and bodies of one replica, on side 0."""
-    world, rows = sim.world, sim.sizes.grains
-    upload([(getattr(world.grains, name), part[name]) for name in GRAIN], 2 * r * rows)
-    upload([(getattr(world.grains, name), part[name]) for name in RATE], r * rows)
+    world, rows = sim.world, sim.capacities.grains
+    upload(columns("", world.grains, GRAIN, part), 2 * r * rows)
+    upload(columns("", world.grains, RATE, part), r * rows)
     if world.driven:
-        upload([(getattr(world.held, name), part[f"held_{name}"]) for name in HELD], 2 * r * rows)
+        upload(columns("held_", world.frozen_drag, FROZEN_FIELDS, part), 2 * r * rows)
     if world.sleeps:
-        upload([(getattr(world.sleep, name), part[f"sleep_{name}"]) for name in CARRIED], 2 * r * rows)
+        upload(columns("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
     import_memory(sim, r, part)
     bounds = read(world.replicas.bounds)
     bounds[r] = part["bounds"]
     write(world.replicas.bounds, bounds)
-    part = part | {"wall_wall": part["wall_wall"] + r * sim.sizes.primitives}
-    for prefix, table, names in (("pair", world.pairs, PAIR), ("wall", world.wall_pairs, WALL_PAIR)):
-        number = part[f"{prefix}_number"].astype(np.int64)
-        columns = [(getattr(table, name), part[f"{prefix}_{name}"]) for name in names]
-        columns.append((table.owner, np.repeat(np.arange(len(number)), number)))
-        upload_entries(sim, r, table, number, columns)
-    upload([(world.wall_pairs.clear_squared, np.zeros(rows))], 2 * r * rows)
+    part = part | {"wall_wall": part["wall_wall"] + r * sim.capacities.primitives}
+    for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):
+        number = part[f"{prefix}number"].astype(np.int64)
+        entries = columns(prefix, table, names, part)
+        entries.append((table.owner, np.repeat(np.arange(len(number)), number)))
+        upload_entries(sim, r, table, number, entries)
+    upload([(world.wall_pairs.clearance_squared, np.zeros(rows))], 2 * r * rows)
     if world.clumped:
-        upload([(getattr(world.clumps, name), part[f"body_{name}"]) for name in BODY], r * sim.sizes.bodies)
+        upload(columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
         rank = np.zeros(rows)
         rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))
         upload([(world.clumps.rank, rank)], r * rows)
 
 
-def remembered(sim: Simulation) -> dict[str, tuple[Any, Any]]:
+def air_state(sim: Simulation) -> dict[str, Any]:
+    """Fields of air and exchange that the next step depends on, by their names in a checkpoint."""
+    air, exchange, on_grid = sim.coupling.air, sim.coupling.exchange, sim.coupling.host_driven
+    if air is None:
+        return {}
+    found = {f"air_{name}": getattr(air, name) for name in AIR_CELLS + GRID_CELLS * on_grid}
+    found |= {f"air_{name}": getattr(air.numbers, name) for name in AIR_NUMBERS + GRID_NUMBERS * on_grid}
+    names = EXCHANGE + GRID_EXCHANGE * on_grid
+    return found | {f"exchange_{KEYS.get(name, name)}": getattr(exchange, name) for name in names}
+
+
+def effect_memory(sim: Simulation) -> dict[str, tuple[Any, Any]]:
     """What all effects remember, as `memory_fields` of each place."""
     return memory_fields(sim.world.pair_effects) | memory_fields(sim.world.grain_effects)
 
@@ -173,9 +208,9 @@ def remembered(sim: Simulation) -> dict[str, tuple[Any, Any]]:
 def import_memory(sim: Simulation, r: int, part: Arrays) -> None:
     """What effects remember of grains; for one that the state did not know, all of them enter now."""
     count = len(part["ident"])
-    for name, (numbers, start) in remembered(sim).items():
+    for name, (numbers, start) in effect_memory(sim).items():
         begun = np.full(count, download([start], r, 1)[0][0])
-        upload([(numbers, part.get(f"memory_{name}", begun))], 2 * r * sim.sizes.grains)
+        upload([(numbers, part.get(f"memory_{name}", begun))], 2 * r * sim.capacities.grains)
 
 
 def upload_entries(
@@ -197,7 +232,7 @@ def upload_entries(
             entries = slice(int(joined[first]), int(joined[last - 1] + number[last - 1]))
             upload([(field, values[entries]) for field, values in columns], place)
             reach.append((first, last, entries))
-    upload([(table.start, begin), (table.stop, begin + number)], 2 * r * sim.sizes.grains)
+    upload([(table.start, begin), (table.stop, begin + number)], 2 * r * sim.capacities.grains)
     if table is sim.world.pairs:
         upload_touched(sim, r, reach, columns[0][1])
 
@@ -207,7 +242,7 @@ def upload_touched(
 ) -> None:
     """Ranks that the forces of every partition reach, as the list search notes them."""
     replicas = sim.world.replicas
-    table = {name: read(getattr(replicas, name)) for name in REACHED}
+    table = {name: read(getattr(replicas, name)) for name in REACH_FIELDS}
     count = max((last for _, last, _ in reach), default=0)
     for p, (first, last, entries) in enumerate(reach):
         partners = neighbour[entries]

@@ -18,7 +18,7 @@ from taichi_erosion.core.transfer import upload
 
 
 @dataclass(frozen=True, eq=False)
-class Turns:
+class Schedule:
     """Turns of all workers on the device."""
 
     first: Any  # i32 by worker: first turn, and one more bound
@@ -28,7 +28,7 @@ class Turns:
 
 
 @dataclass(frozen=True)
-class Deal:
+class Assignment:
     """Turns as lists, worker by worker."""
 
     first: list[int]
@@ -37,35 +37,41 @@ class Deal:
     order: list[int]
 
 
-def allocate_turns(workers: int, replicas: int) -> Turns:
+def allocate_schedule(workers: int, replicas: int) -> Schedule:
     """Fields for one schedule: every worker can cut one replica more."""
     turns = workers + replicas
-    return Turns(ti.field(ti.i32, workers + 1), *(ti.field(ti.i32, turns) for _ in range(3)))
+    return Schedule(ti.field(ti.i32, workers + 1), *(ti.field(ti.i32, turns) for _ in range(3)))
 
 
-def deal_turns(steps: Integers, workers: int) -> Deal:
+def assign_steps(steps: Integers, workers: int) -> Assignment:
     """Cut the steps of all replicas into equal parts; a part never holds the same replica twice."""
     if workers >= len(steps):
         everyone = list(range(len(steps)))
         first = [min(worker, len(steps)) for worker in range(workers + 1)]
-        return Deal(first, everyone, [int(n) for n in steps], [0] * len(steps))
+        return Assignment(first, everyone, [int(n) for n in steps], [0] * len(steps))
     total = int(steps.sum())
     share = max(-(-total // workers), int(steps.max()), 1)
     bounds = np.concatenate([[0], np.cumsum(steps)])
-    deal = Deal([0], [], [], [])
+    assignment = Assignment([0], [], [], [])
     for worker in range(workers):
         low, high = worker * share, min((worker + 1) * share, total)
         for r in np.flatnonzero((bounds[:-1] < high) & (bounds[1:] > low)):
             begin, end = max(low, int(bounds[r])), min(high, int(bounds[r + 1]))
             # a replica cut by the end of this part is begun by the next worker
-            deal.order.append(1 if bounds[r + 1] > high else 0)
-            deal.replica.append(int(r))
-            deal.steps.append(end - begin)
-        deal.first.append(len(deal.replica))
-    return deal
+            assignment.order.append(1 if bounds[r + 1] > high else 0)
+            assignment.replica.append(int(r))
+            assignment.steps.append(end - begin)
+        assignment.first.append(len(assignment.replica))
+    return assignment
 
 
-def write_turns(turns: Turns, deal: Deal) -> None:
+def upload_schedule(schedule: Schedule, assignment: Assignment) -> None:
     """Put a schedule on the device."""
-    upload([(turns.first, deal.first)])
-    upload([(turns.replica, deal.replica), (turns.steps, deal.steps), (turns.order, deal.order)])
+    upload([(schedule.first, assignment.first)])
+    upload(
+        [
+            (schedule.replica, assignment.replica),
+            (schedule.steps, assignment.steps),
+            (schedule.order, assignment.order),
+        ]
+    )

@@ -36,8 +36,8 @@ def copy_memory(world_out: ti.template(), r, source, target):
         for e in range(pairs_out.start[base + rank], pairs_out.stop[base + rank]):
             f, g = e - valid + source, e - valid + target
             pairs_out.label[g] = pairs_out.label[f]
-            pairs_out.slip[g] = pairs_out.slip[f]
-            pairs_out.tilt[g] = pairs_out.tilt[f]
+            pairs_out.tangential_displacement[g] = pairs_out.tangential_displacement[f]
+            pairs_out.rolling_displacement[g] = pairs_out.rolling_displacement[f]
 
 
 @ti.func
@@ -76,7 +76,7 @@ def sum_pair_forces(
         copy_memory(world_out, r, spare, valid)
 
 
-def momentum_astray(sim: Simulation, replica: int) -> float:
+def force_imbalance(sim: Simulation, replica: int) -> float:
     """Size of the sum of all forces between grains over the sum of their sizes [1]."""
     sums = np.zeros(4)
     sum_pair_forces(replica, sim.world, sums)
@@ -99,7 +99,7 @@ class Impact:
 
 
 @dataclass(frozen=True)
-class Blow:
+class ImpactCase:
     """What the device needs to know of one impact."""
 
     row: int  # of Materials
@@ -109,7 +109,7 @@ class Blow:
 
 
 @ti.kernel
-def strike_pairs(
+def simulate_impacts(
     # in
     world: ti.template(),
     row: ti.types.ndarray(dtype=ti.i32, ndim=1),
@@ -136,7 +136,7 @@ def strike_pairs(
         speed_out[k] = ti.select(step > STEPS_MOST, -ti.cast(closing, ti.f64), 0.0)
 
 
-def blows(setup: Setup) -> Iterator[tuple[str, Blow, float, float]]:
+def impact_cases(setup: Setup) -> Iterator[tuple[str, ImpactCase, float, float]]:
     """Name, numbers, stated restitution and surface energy of every pair that can meet.
 
     The smallest grain strikes: its contacts are the shortest and the hardest to follow.
@@ -147,7 +147,7 @@ def blows(setup: Setup) -> Iterator[tuple[str, Blow, float, float]]:
     walls = sorted({surface.material for surface in setup.surfaces})
     for other, share in [(grain, 0.5), *((wall, 1.0) for wall in walls)]:
         row = pair_row(grain, other, len(setup.materials))
-        blow = Blow(row, float(np.sqrt(share * radius)), share * mass, setup.time_step)
+        blow = ImpactCase(row, float(np.sqrt(share * radius)), share * mass, setup.time_step)
         pair = f"{setup.materials[grain]}-{setup.materials[other]}"
         table = setup.contacts
         yield pair, blow, float(table.restitution[row]), float(table.surface_energy[row])
@@ -155,11 +155,11 @@ def blows(setup: Setup) -> Iterator[tuple[str, Blow, float, float]]:
 
 def first_impacts(sim: Simulation, speeds: Sequence[float]) -> list[Impact]:
     """Impacts of all pairs of all replicas, at one speed a replica [m s-1]."""
-    known = [(r, *blow) for r, setup in enumerate(sim.setups) for blow in blows(setup)]
+    known = [(r, *blow) for r, setup in enumerate(sim.setups) for blow in impact_cases(setup)]
     rows = [r * sim.world.materials.rows + blow.row for r, _, blow, _, _ in known]
     numbers = [(blow.root_radius, blow.mass, blow.time_step) for _, _, blow, _, _ in known]
     after = np.array([speeds[r] for r, *_ in known], np.float64)
-    strike_pairs(sim.world, np.array(rows, np.int32), np.array(numbers, np.float64), after)
+    simulate_impacts(sim.world, np.array(rows, np.int32), np.array(numbers, np.float64), after)
     return [
         Impact(r, pair, speeds[r], stated, float(speed) / speeds[r], energy > 0.0)
         for (r, pair, _, stated, energy), speed in zip(known, after, strict=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import read
-from taichi_erosion.coupling.exchange import look
+from taichi_erosion.coupling.exchange import exchange_momentum
 from taichi_erosion.grains.integrate import advance_grains, gather_forces
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.wall_contacts import add_wall_forces
@@ -77,11 +77,11 @@ def repeat_looks(
     repeats: ti.i32,
     # out
     world_out: ti.template(),
-    around_out: ti.template(),
+    coupling_out: ti.template(),
 ):
     ti.loop_config(serialize=True)
     for _ in range(repeats):
-        look(world_out, around_out, 0, 0, 1, 1)
+        exchange_momentum(world_out, coupling_out, 0, 0, 1, 1)
 
 
 STAGES: dict[str, Any] = {
@@ -101,8 +101,8 @@ def stage_times(sim: Simulation) -> dict[str, float]:
     _, released, _, _ = replica_row(sim, 0)
     times = {}
     # looks at a grid of air are the host's
-    inside = (sim.world.driven or sim.world.remembers) and not sim.around.apart
-    looks = {"looks": partial(repeat_looks, around_out=sim.around)} if inside else {}
+    inside = (sim.world.driven or sim.world.remembers) and not sim.coupling.host_driven
+    looks = {"looks": partial(repeat_looks, coupling_out=sim.coupling)} if inside else {}
     for name, kernel in (looks | STAGES).items():
         run: Callable[[], None] = partial(kernel, REPEATS, sim.world)
         kernel(1, sim.world)
@@ -110,6 +110,6 @@ def stage_times(sim: Simulation) -> dict[str, float]:
         run()
         times[name] = 1e9 * (time.perf_counter() - start) / (REPEATS * max(released, 1))
     if looks:
-        times["looks"] /= float(read(sim.around.exchange.look_steps)[0])
+        times["looks"] /= float(read(sim.coupling.exchange.look_steps)[0])
     make_stale(sim, 0)
     return times

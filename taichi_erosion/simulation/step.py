@@ -2,15 +2,15 @@
 
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.exchange import look
+from taichi_erosion.coupling.exchange import exchange_momentum
 from taichi_erosion.grains.cells import fit_cells, position_of, sort_grains
 from taichi_erosion.grains.clumps import advance_clumps, locate_spheres
 from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
-from taichi_erosion.grains.neighbour_list import count_wide
+from taichi_erosion.grains.neighbour_list import count_wide_grains
 from taichi_erosion.grains.neighbour_search import list_partition, move_grains, release_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
-from taichi_erosion.grains.partition import is_mine, share_grains, wait_for_team
-from taichi_erosion.grains.state import MEETING, REBUILD, STOP, side_block
+from taichi_erosion.grains.partition import balance_partitions, barrier, owns_partition
+from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP, side_block
 from taichi_erosion.grains.wall_contacts import add_wall_forces, list_walls
 from taichi_erosion.grains.walls import move_walls
 
@@ -41,11 +41,11 @@ def prepare_rebuild(world_out: ti.template(), r):
     release_grains(world_out, r)
     check_positions(world_out, r)
     if world_out.replicas.status[r] == 0:
-        count_wide(world_out, r)
+        count_wide_grains(world_out, r)
         if ti.static(not world_out.driven):
             fit_cells(world_out.cells, world_out.grains, world_out.replicas, r)
         sort_grains(world_out.cells, world_out.grains, world_out.replicas, r)
-        share_grains(world_out, r)
+        balance_partitions(world_out, r)
 
 
 @ti.func
@@ -70,23 +70,23 @@ def finish_rebuild(world_out: ti.template(), r):
 def rebuild(world_out: ti.template(), r, member, size, turn):
     """Sort the grains and renew all lists; returns the next meeting of the team."""
     # nobody may change what another still reads to decide on this rebuild
-    turn = wait_for_team(world_out.replicas, r, size, turn)
+    turn = barrier(world_out.replicas, r, size, turn)
     if member == 0:
         prepare_rebuild(world_out, r)
-    turn = wait_for_team(world_out.replicas, r, size, turn)
+    turn = barrier(world_out.replicas, r, size, turn)
     if world_out.replicas.status[r] == 0:
         for p in range(world_out.replicas.partitions[r]):
-            if is_mine(world_out.replicas, r, p, member, size):
+            if owns_partition(world_out.replicas, r, p, member, size):
                 move_grains(world_out, r, p)
-        turn = wait_for_team(world_out.replicas, r, size, turn)
+        turn = barrier(world_out.replicas, r, size, turn)
         for p in range(world_out.replicas.partitions[r]):
-            if is_mine(world_out.replicas, r, p, member, size):
+            if owns_partition(world_out.replicas, r, p, member, size):
                 list_partition(world_out, r, p)
                 list_walls(world_out, r, p)
-        turn = wait_for_team(world_out.replicas, r, size, turn)
+        turn = barrier(world_out.replicas, r, size, turn)
         if member == 0:
             finish_rebuild(world_out, r)
-        turn = wait_for_team(world_out.replicas, r, size, turn)
+        turn = barrier(world_out.replicas, r, size, turn)
     return turn
 
 
@@ -101,7 +101,7 @@ def demand(world: ti.template(), r):
     if released < replicas.total[r]:
         if source.release_step[r * world.grains.capacity + released] <= replicas.step[r]:
             wanted = ti.max(wanted, REBUILD)
-    if replicas.wall_travel[r] > replicas.margin_most[r]:
+    if replicas.wall_travel[r] > replicas.skin_most[r]:
         wanted = ti.max(wanted, REBUILD)
     return wanted
 
@@ -110,7 +110,7 @@ def demand(world: ti.template(), r):
 def add_forces(world_out: ti.template(), r, member, size):
     """Forces of this member's partitions."""
     for p in range(world_out.replicas.partitions[r]):
-        if is_mine(world_out.replicas, r, p, member, size):
+        if owns_partition(world_out.replicas, r, p, member, size):
             add_pair_forces(world_out, r, p)
             add_wall_forces(world_out, r, p)
 
@@ -119,7 +119,7 @@ def add_forces(world_out: ti.template(), r, member, size):
 def integrate(world_out: ti.template(), r, member, size, step, is_last):
     """Motion of this member's partitions."""
     for p in range(world_out.replicas.partitions[r]):
-        if is_mine(world_out.replicas, r, p, member, size):
+        if owns_partition(world_out.replicas, r, p, member, size):
             need = 0
             if ti.static(world_out.clumped):
                 need = advance_clumps(world_out, r, p, step)
@@ -137,7 +137,7 @@ def tick(world_out: ti.template(), r):
 
 
 @ti.func
-def run_replica(world_out: ti.template(), around_out: ti.template(), r, member, size, steps):
+def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, member, size, steps):
     """Time loop of one replica until its steps are done, it needs the host, or it fails."""
     (replicas_out,) = ti.static((world_out.replicas,))
     turn = 1
@@ -150,22 +150,22 @@ def run_replica(world_out: ti.template(), around_out: ti.template(), r, member, 
             turn = rebuild(world_out, r, member, size, turn)
         going = wanted != STOP and replicas_out.status[r] == 0
         if going:
-            if ti.static((world_out.driven or world_out.remembers) and not around_out.apart):
-                if step % around_out.exchange.look_steps[r] == 0:
-                    turn = look(world_out, around_out, r, member, size, turn)
+            if ti.static((world_out.driven or world_out.remembers) and not coupling_out.host_driven):
+                if step % coupling_out.exchange.look_steps[r] == 0:
+                    turn = exchange_momentum(world_out, coupling_out, r, member, size, turn)
             add_forces(world_out, r, member, size)
-            turn = wait_for_team(replicas_out, r, size, turn)
+            turn = barrier(replicas_out, r, size, turn)
             integrate(world_out, r, member, size, step, done == steps - 1)
             if member == 0:
                 tick(world_out, r)
-            turn = wait_for_team(replicas_out, r, size, turn)
+            turn = barrier(replicas_out, r, size, turn)
             done += 1
     if member == 0:
-        close_launch(replicas_out, r, done)
+        finish_launch(replicas_out, r, done)
 
 
 @ti.func
-def close_launch(replicas_out: ti.template(), r, done):
+def finish_launch(replicas_out: ti.template(), r, done):
     """Book the steps done; turn an overlap seen by any partition into the status of the replica."""
     replicas_out.steps_left[r] = replicas_out.steps_left[r] - done
     for p in range(replicas_out.partitions[r]):
@@ -174,14 +174,14 @@ def close_launch(replicas_out: ti.template(), r, done):
 
 
 @ti.func
-def run_turns(world_out: ti.template(), around_out: ti.template(), turns: ti.template(), worker):
+def run_assigned(world_out: ti.template(), coupling_out: ti.template(), schedule: ti.template(), worker):
     """Run the turns of one worker in order; a replica that another worker began is waited for."""
-    for turn in range(turns.first[worker], turns.first[worker + 1]):
-        r = turns.replica[turn]
-        while ti.atomic_add(world_out.replicas.arrivals[r, MEETING], 0) < turns.order[turn]:
+    for turn in range(schedule.first[worker], schedule.first[worker + 1]):
+        r = schedule.replica[turn]
+        while ti.atomic_add(world_out.replicas.arrivals[r, ARRIVAL_SLOT], 0) < schedule.order[turn]:
             pass
-        run_replica(world_out, around_out, r, 0, 1, turns.steps[turn])
-        ti.atomic_add(world_out.replicas.arrivals[r, MEETING], 1)
+        advance_replica(world_out, coupling_out, r, 0, 1, schedule.steps[turn])
+        ti.atomic_add(world_out.replicas.arrivals[r, ARRIVAL_SLOT], 1)
 
 
 @ti.kernel
@@ -195,31 +195,31 @@ def release_first(
 
 
 @ti.kernel
-def run_alone(
+def run_replicas(
     # parameters
     workers: ti.i32,
     chunk: ti.i32,
     # in
-    turns: ti.template(),
+    schedule: ti.template(),
     # out
     world_out: ti.template(),
-    around_out: ti.template(),
+    coupling_out: ti.template(),
 ):
     """Every worker runs whole replicas by itself, in the turns that the host has dealt out."""
     for lane in range(workers * chunk):
         if lane % chunk == 0:
-            run_turns(world_out, around_out, turns, lane // chunk)
+            run_assigned(world_out, coupling_out, schedule, lane // chunk)
 
 
 @ti.kernel
-def run_together(
+def run_teams(
     # parameters
     teams: ti.i32,
     size: ti.i32,
     chunk: ti.i32,
     # out
     world_out: ti.template(),
-    around_out: ti.template(),
+    coupling_out: ti.template(),
 ):
     """Teams of `size` workers share the partitions of one replica each."""
     for lane in range(teams * size * chunk):
@@ -227,4 +227,4 @@ def run_together(
             worker = lane // chunk
             r = worker // size
             steps = world_out.replicas.steps_left[r]
-            run_replica(world_out, around_out, r, worker % size, size, steps)
+            advance_replica(world_out, coupling_out, r, worker % size, size, steps)

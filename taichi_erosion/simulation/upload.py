@@ -11,7 +11,7 @@ from taichi_erosion.grains.materials import fill_materials
 from taichi_erosion.grains.state import Replicas
 from taichi_erosion.grains.walls import Walls
 from taichi_erosion.grains.world import World
-from taichi_erosion.simulation.capacities import cell_grid, margins
+from taichi_erosion.simulation.capacities import cell_grid, verlet_skin
 
 NOWHERE = np.inf  # m, where the primitives lie that a replica with fewer walls than another has too many
 
@@ -63,7 +63,7 @@ def fill_replicas(
     replicas: Replicas, setups: list[Setup], reaches: list[float], partitions: list[int]
 ) -> None:
     """Clocks, boxes and list margins; nothing is released yet, the first step rebuilds."""
-    allowed = [margins(s) for s in setups]
+    allowed = [verlet_skin(s) for s in setups]
     # where cells allow for the widest grain, none is wide, whatever rounding says
     grasp = [np.inf if s.air is None else m.grasp for s, m in zip(setups, allowed, strict=True)]
     upload(
@@ -78,10 +78,10 @@ def fill_replicas(
             (replicas.period, [s.period for s in setups]),
             (replicas.reach, reaches),
             (replicas.overlap_limit, [s.overlap_limit for s in setups]),
-            (replicas.margin_least, [m.least for m in allowed]),
-            (replicas.margin_most, [m.most for m in allowed]),
-            (replicas.margin_time, [m.time for m in allowed]),
-            (replicas.grasp_most, grasp),
+            (replicas.skin_least, [m.least for m in allowed]),
+            (replicas.skin_most, [m.most for m in allowed]),
+            (replicas.skin_time, [m.time for m in allowed]),
+            (replicas.cell_reach, grasp),
         ]
     )
 

@@ -7,7 +7,6 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_erosion.air.readback import set_velocities
 from taichi_erosion.air.replica_step import advance_moving
@@ -16,42 +15,42 @@ from taichi_erosion.core.initial_turbulence import stirred_wind
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.core.transfer import download, read, upload, write
-from taichi_erosion.coupling.grid_exchange import forget_debts, look_at_grids, meet_air
-from taichi_erosion.coupling.spin_up import develop_air
+from taichi_erosion.coupling.grid_exchange import clear_residuals, exchange_with_grids, match_air_to_grains
+from taichi_erosion.coupling.spin_up import spin_up_column
 from taichi_erosion.simulation.assemble import Simulation
 
 
-def look_now(sim: Simulation, going: Any) -> Integers:
+def exchange_when_due(sim: Simulation, going: Any) -> Integers:
     """Let those of the `going` replicas look whose time it is; returns the steps to the next look of each.
 
     The first of all looks is taken twice, at first without the air: it must know the grains before.
     """
-    replicas, exchange, count = sim.world.replicas, sim.around.exchange, len(sim.setups)
+    replicas, exchange, count = sim.world.replicas, sim.coupling.exchange, len(sim.setups)
     columns = [replicas.step, exchange.look_steps, exchange.looked]
     step, every, looked = (column.astype(np.int64) for column in download(columns, 0, count))
     due = going & (step % every == 0) & (looked != step)
     if (due & (looked < 0)).any():
-        choose_moving(sim, due & (looked < 0))
-        meet_air(sim.world, sim.around, count, sim.chunk)
+        select_replicas(sim, due & (looked < 0))
+        match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
     if due.any():
-        choose_moving(sim, due)
-        look_at_grids(sim.world, sim.around, count, sim.chunk)
+        select_replicas(sim, due)
+        exchange_with_grids(sim.world, sim.coupling, count, sim.chunk)
     return (every - step % every).astype(np.int32)
 
 
-def choose_moving(sim: Simulation, moving: Any) -> None:
+def select_replicas(sim: Simulation, moving: Any) -> None:
     """Say which replicas take part."""
-    assert sim.around.air is not None
-    upload([(sim.around.air.moving, moving)])
+    assert sim.coupling.air is not None
+    upload([(sim.coupling.air.moving, moving)])
 
 
-def develop_eddies(sim: Simulation, replica: int, before: float, after: float, anew: bool) -> None:
+def change_grid_wind(sim: Simulation, replica: int, before: float, after: float, anew: bool) -> None:
     """Change the flow of a grid from one friction velocity [m s-1] at the bed to another.
 
     Wind that sets in is stirred and grows its eddies over grains that keep their places. A wind that changes
     keeps its eddies: all velocities grow with u*, all pressures with its square.
     """
-    air, setup = sim.around.air, sim.setups[replica].air
+    air, setup = sim.coupling.air, sim.setups[replica].air
     assert air is not None
     assert setup is not None
     if before > 0.0 or after == 0.0:
@@ -63,45 +62,30 @@ def develop_eddies(sim: Simulation, replica: int, before: float, after: float, a
     else:
         u, v, w = stirred_wind(setup, after)
         set_velocities(air, replica, (u, v, w))
-    choose_moving(sim, np.arange(len(sim.setups)) == replica)
-    meet_air(sim.world, sim.around, len(sim.setups), sim.chunk)
+    select_replicas(sim, np.arange(len(sim.setups)) == replica)
+    match_air_to_grains(sim.world, sim.coupling, len(sim.setups), sim.chunk)
     if anew:
-        forget_debts(sim.world, sim.around, len(sim.setups), sim.chunk)
+        clear_residuals(sim.world, sim.coupling, len(sim.setups), sim.chunk)
     if before == 0.0 and after > 0.0:
-        grow_eddies(sim, replica, after)
+        grow_turbulence(sim, replica, after)
 
 
-def grow_eddies(sim: Simulation, replica: int, friction_velocity: float) -> None:
+def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> None:
     """Let the air flow over resting grains for the stated number of turnovers."""
     setup = sim.setups[replica].air
     assert setup is not None
     assert setup.stir is not None
-    assert sim.around.air is not None
+    assert sim.coupling.air is not None
     time = setup.stir.turnovers * (setup.high[2] - setup.ground) / friction_velocity
     count = len(sim.setups)
     for _ in range(ceil(time / setup.time_step)):
-        advance_moving(sim.around.air, count, sim.chunk)
-        meet_air(sim.world, sim.around, count, sim.chunk)
-
-
-Arrays = dict[str, NDArray[Any]]
-
-# what the next step of the air depends on and a Setup does not state
-AIR_GRIDS = (
-    *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
-    *("exchange_coefficient", "exchange_force", "eddy_face"),
-)
-EXCHANGE = ("owed", "rise", "lift", "through_flow")
-AIR_NUMBERS = ("time", "friction_velocity")
-# likewise of a grid of air alone
-GRID_GRIDS = ("impulse", "gradient")
-GRID_NUMBERS = ("driving_gradient",)
-GRID_EXCHANGE = ("looked",)
+        advance_moving(sim.coupling.air, count, sim.chunk)
+        match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
 
 
 def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
     """Change the stress on the bed of one replica to rho u*^2; `value` is u* [m s-1] before its partition."""
-    air, setup = sim.around.air, sim.setups[replica].air
+    air, setup = sim.coupling.air, sim.setups[replica].air
     assert air is not None
     assert setup is not None
     reaching = value * sim.setups[replica].coupling.partition
@@ -112,35 +96,35 @@ def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
 
 def friction_velocity(sim: Simulation, replica: int) -> float:
     """u* [m s-1] before its partition, as `set_friction_velocity` was last told."""
-    assert sim.around.air is not None
-    reaching = download([sim.around.air.numbers.friction_velocity], replica, 1)[0][0]
+    assert sim.coupling.air is not None
+    reaching = download([sim.coupling.air.numbers.friction_velocity], replica, 1)[0][0]
     return float(reaching) / sim.setups[replica].coupling.partition
 
 
-def develop_wind(sim: Simulation, replica: int, value: float, anew: bool = False) -> None:
+def spin_up_wind(sim: Simulation, replica: int, value: float, anew: bool = False) -> None:
     """Change u* [m s-1] and let the air of one replica find its steady profile before the grains move on.
 
     `anew` says that the grains have just been put back, and air and grains owe each other nothing. A grid
     has no steady profile: there `develop_eddies` says what happens.
     """
-    assert sim.around.air is not None
+    assert sim.coupling.air is not None
     before = friction_velocity(sim, replica)
     set_friction_velocity(sim, replica, value)
-    if sim.around.air.is_column:
-        develop_air(replica, int(anew), sim.world, sim.around)
+    if sim.coupling.air.is_column:
+        spin_up_column(replica, int(anew), sim.world, sim.coupling)
     else:
         part = sim.setups[replica].coupling.partition
-        develop_eddies(sim, replica, part * before, part * value, anew)
+        change_grid_wind(sim, replica, part * before, part * value, anew)
 
 
 def set_through_flow(sim: Simulation, replica: int, value: float) -> None:
     """Change the superficial velocity of the air that rises through a bed [m s-1]."""
-    upload([(sim.around.exchange.through_flow, [value])], replica)
+    upload([(sim.coupling.exchange.through_flow, [value])], replica)
 
 
 def air_profile(sim: Simulation, replica: int) -> AirProfile:
     """The air of one replica, layer by layer; of a grid the means over its columns."""
-    air = sim.around.air
+    air = sim.coupling.air
     assert air is not None
     setup = sim.setups[replica].air
     assert setup is not None
@@ -159,26 +143,5 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
         void_fraction=inner(air.void_fraction),
         eddy_viscosity=inner(air.eddy_face),
         drag=drag,
-        lift=read(sim.around.exchange.lift)[replica],
+        lift=read(sim.coupling.exchange.lift)[replica],
     )
-
-
-def fields_carried(sim: Simulation) -> dict[str, Any]:
-    """Fields of air and exchange that the next step depends on, by their names in a checkpoint."""
-    air, exchange, apart = sim.around.air, sim.around.exchange, sim.around.apart
-    if air is None:
-        return {}
-    found = {f"air_{name}": getattr(air, name) for name in AIR_GRIDS + GRID_GRIDS * apart}
-    found |= {f"air_{name}": getattr(air.numbers, name) for name in AIR_NUMBERS + GRID_NUMBERS * apart}
-    return found | {f"exchange_{name}": getattr(exchange, name) for name in EXCHANGE + GRID_EXCHANGE * apart}
-
-
-def export_surroundings(sim: Simulation) -> Arrays:
-    """State of air and exchange of all replicas; empty where there is no air."""
-    return {name: read(field) for name, field in fields_carried(sim).items()}
-
-
-def import_surroundings(sim: Simulation, state: Arrays) -> None:
-    """Put an exported state of air and exchange back."""
-    for name, field in fields_carried(sim).items():
-        write(field, state[name])

@@ -15,10 +15,10 @@ from taichi_erosion.simulation import (
     advance,
     air_profile,
     assemble,
-    develop_wind,
     export_state,
     import_state,
     snapshot,
+    spin_up_wind,
 )
 
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
@@ -44,7 +44,7 @@ def gridded(seed: int, **words):
 
 
 def bits(sim, replica: int) -> str:
-    wind = b"".join(part.tobytes() for part in face_velocities(sim.around.air, replica))
+    wind = b"".join(part.tobytes() for part in face_velocities(sim.coupling.air, replica))
     return fingerprint(snapshot(sim, replica)) + wind.hex()
 
 
@@ -60,8 +60,8 @@ def alone():
     sim = assemble([gridded(1)], LAWS, Numerics("cpu", 1))
     advance(sim, [HALF])
     still = air_profile(sim, 0)
-    develop_wind(sim, 0, WIND)
-    developed, flow = air_profile(sim, 0), face_velocities(sim.around.air, 0)
+    spin_up_wind(sim, 0, WIND)
+    developed, flow = air_profile(sim, 0), face_velocities(sim.coupling.air, 0)
     between = HALF + 3.0 * sim.setups[0].time_step  # not at a look
     advance(sim, [between])
     state = export_state(sim)
@@ -70,9 +70,9 @@ def alone():
     import_state(sim, state)
     advance(sim, [WHOLE])
     again = bits(sim, 0)
-    before = face_velocities(sim.around.air, 0)
-    develop_wind(sim, 0, 0.5 * WIND)
-    slower = face_velocities(sim.around.air, 0)
+    before = face_velocities(sim.coupling.air, 0)
+    spin_up_wind(sim, 0, 0.5 * WIND)
+    slower = face_velocities(sim.coupling.air, 0)
     stop_device()
     return locals()
 

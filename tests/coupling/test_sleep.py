@@ -17,11 +17,11 @@ from taichi_erosion.simulation import (
     air_profile,
     assemble,
     capacities,
-    develop_wind,
     export_state,
     import_state,
     set_gravity,
     snapshot,
+    spin_up_wind,
 )
 
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
@@ -72,9 +72,13 @@ def nights() -> dict[str, Any]:
     import_state(sim, state)
     advance(sim, [SETTLED + WATCHED])
     again = fingerprint(snapshot(sim, 0))
-    develop_wind(sim, 0, BREEZE)
+    spin_up_wind(sim, 0, BREEZE)
     advance(sim, [SETTLED + 2.0 * WATCHED])
-    owed, breeze, blown = sim.around.exchange.owed.to_numpy()[0, :, 0].sum(), air_profile(sim, 0), asleep(sim)
+    residual_momentum, breeze, blown = (
+        sim.coupling.exchange.residual_momentum.to_numpy()[0, :, 0].sum(),
+        air_profile(sim, 0),
+        asleep(sim),
+    )
     import_state(sim, lifted(state))
     hit = []
     for time in SETTLED + FALL + np.linspace(-1e-3, 4e-3, 11):
@@ -118,7 +122,7 @@ def test_the_air_loses_what_sleepers_take_from_it(nights):
     # the stress at the lid goes to grains and, under three layers of them, hardly to the floor
     assert taken == pytest.approx(DENSITY * BREEZE**2, rel=0.02)
     # what is owed is the drag of one look, which the grains get until the next: nothing has piled up
-    assert nights["owed"] == pytest.approx(taken * SIDE**2 * interval, rel=0.02)
+    assert nights["residual_momentum"] == pytest.approx(taken * SIDE**2 * interval, rel=0.02)
 
 
 def test_a_grain_that_falls_on_sleepers_wakes_those_it_hits_and_all_sleep_again(nights):

@@ -13,12 +13,12 @@ from taichi_erosion.simulation import (
     advance,
     air_profile,
     assemble,
-    develop_wind,
     export_bed,
     export_state,
     import_bed,
     import_state,
     snapshot,
+    spin_up_wind,
 )
 
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
@@ -42,7 +42,7 @@ def alone():
     """One bed on one worker, with its state at half time, and what follows from that state again."""
     sim = assemble([bed(1)], LAWS, Numerics("cpu", 1))
     advance(sim, [HALF])
-    develop_wind(sim, 0, WIND)
+    spin_up_wind(sim, 0, WIND)
     rest, resting, developed = export_bed(sim, 0), snapshot(sim, 0), air_profile(sim, 0)
     state = export_state(sim)
     advance(sim, [WHOLE])
@@ -52,8 +52,8 @@ def alone():
     again = bits(sim, 0)
     import_bed(sim, 0, rest)
     put_back = snapshot(sim, 0)
-    develop_wind(sim, 0, WIND, anew=True)
-    owed = sim.around.exchange.owed.to_numpy()
+    spin_up_wind(sim, 0, WIND, anew=True)
+    residual_momentum = sim.coupling.exchange.residual_momentum.to_numpy()
     stop_device()
     return locals()
 
@@ -62,7 +62,7 @@ def alone():
 def company():
     """The same bed between two others, on two workers; one of them does not move when its wind develops."""
     sim = assemble([bed(2), bed(1), bed(3, layers=2, speed=0.0)], LAWS, Numerics("cpu", 2))
-    develop_wind(sim, 2, WIND)
+    spin_up_wind(sim, 2, WIND)
     over_rest = air_profile(sim, 2)
     end = blow(sim, 1)
     stop_device()
@@ -81,7 +81,7 @@ def test_a_bed_put_back_lies_where_it_lay_and_owes_nothing(alone):
     assert np.array_equal(alone["put_back"].position, alone["resting"].position)
     assert np.array_equal(alone["put_back"].velocity[:, 2], alone["resting"].velocity[:, 2])
     assert not np.array_equal(alone["put_back"].position, alone["moved"].position)
-    assert not alone["owed"].any()
+    assert not alone["residual_momentum"].any()
 
 
 def test_developed_air_hands_all_of_its_stress_to_grains_and_floor(alone):

@@ -8,7 +8,7 @@ from grain_worlds import GRAVITY, MASS, NONE, PLATE, RADIUS, grains, setup
 
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Setup
-from taichi_erosion.simulation import Simulation, advance, develop_wind
+from taichi_erosion.simulation import Simulation, advance, spin_up_wind
 
 SIDE = 7e-3  # m, period of the patch
 ACROSS = 6  # grains along a period
@@ -67,5 +67,5 @@ def set_in(sim: Simulation, wind: float, begins: float, ends: float) -> None:
     count = len(sim.setups)
     advance(sim, [begins] * count)
     for r in range(count):
-        develop_wind(sim, r, wind)
+        spin_up_wind(sim, r, wind)
     advance(sim, [ends] * count)

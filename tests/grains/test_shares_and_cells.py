@@ -9,7 +9,7 @@ from taichi_erosion.core.setup import Floats, Laws, Numerics
 from taichi_erosion.core.transfer import read
 from taichi_erosion.grains import partition
 from taichi_erosion.grains.neighbour_list import ENGAGED
-from taichi_erosion.simulation import advance, assemble, capacities, export_state, momentum_astray
+from taichi_erosion.simulation import advance, assemble, capacities, export_state, force_imbalance
 from taichi_erosion.simulation.control import make_stale
 
 LAWS = Laws(rolling="elastic_plastic")
@@ -81,7 +81,7 @@ def test_grains_are_sorted_along_the_longest_side_and_forces_cancel_across_its_p
     advance(sim, [scene.time_step])
     where = export_state(sim)["replica0_origin"][:, axis]
     width = 1.0 / read(sim.world.cells.inverse_width)[0][axis]
-    astray = momentum_astray(sim, 0)
+    astray = force_imbalance(sim, 0)
     stop_device()
     assert np.all(np.diff(where) > -width)
     # the first and the last of four parts touch across the period

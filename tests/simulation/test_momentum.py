@@ -7,7 +7,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.run.sanity_checks import MOMENTUM_ERROR, momentum_failure
-from taichi_erosion.simulation import Simulation, advance, assemble, capacities, momentum_astray, snapshot
+from taichi_erosion.simulation import Simulation, advance, assemble, capacities, force_imbalance, snapshot
 
 GRAINS, PARTITION = 200, 50
 HALF, WHOLE = 0.005, 0.01  # s
@@ -28,7 +28,7 @@ def test_forces_between_grains_cancel_to_rounding_and_looking_changes_no_bit(mon
     for looks in (0, 2):
         sim = collapsing(monkeypatch, precision)
         # every contact is rounded a few times; the sum of all errors is below that of their sizes
-        assert all(momentum_astray(sim, 0) < 10.0 * ROUNDING[precision] for _ in range(looks))
+        assert all(force_imbalance(sim, 0) < 10.0 * ROUNDING[precision] for _ in range(looks))
         advance(sim, [WHOLE])
         ends.append(fingerprint(snapshot(sim, 0)))
         stop_device()
@@ -52,5 +52,5 @@ def test_reactions_that_are_lost_between_workers_stop_the_replica(monkeypatch):
 def test_grains_that_do_not_touch_exchange_nothing():
     sim = assemble([heap(GRAINS, 1)], Laws(rolling="elastic_plastic"), Numerics("cpu", 1))
     advance(sim, [TIME_STEP])
-    assert momentum_astray(sim, 0) == 0.0
+    assert force_imbalance(sim, 0) == 0.0
     stop_device()

@@ -10,7 +10,7 @@ from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import impl
 from taichi_erosion.simulation import advance, assemble, energies, export_state, snapshot
 from taichi_erosion.simulation.assemble import reallocate
-from taichi_erosion.simulation.capacities import first_sizes
+from taichi_erosion.simulation.capacities import initial_capacities
 from taichi_erosion.simulation.step import release_first
 
 UNTIL = 2e-3  # s, in which a grain that starts a radius above the plate has hit it
@@ -26,11 +26,11 @@ def row(count: int, walls: Walls = PLATE) -> Setup:
 @pytest.mark.parametrize("walls", [NONE, PLATE])
 @pytest.mark.parametrize(("count", "replicas"), [(1, 1), (2, 40), (33, 7), (128, 64)])
 def test_small_scenes_of_any_kind_get_the_same_room(count, replicas, walls):
-    assert first_sizes([row(count, walls)] * replicas) == first_sizes([row(5)])
+    assert initial_capacities([row(count, walls)] * replicas) == initial_capacities([row(5)])
 
 
 def test_a_scene_of_many_grains_gets_room_for_its_own_replicas_only():
-    sizes = first_sizes([row(200)] * 3)
+    sizes = initial_capacities([row(200)] * 3)
     assert (sizes.replicas, sizes.primitives, sizes.surfaces) == (3, 1, 1)
 
 
@@ -40,7 +40,7 @@ def test_room_that_stays_empty_changes_no_bit_of_a_result():
     start = export_state(sim)
     advance(sim, [UNTIL, UNTIL])
     roomy = [fingerprint(snapshot(sim, r)) for r in range(2)]
-    reallocate(sim, replace(sim.sizes, replicas=2, grains=3, primitives=1, surfaces=1))
+    reallocate(sim, replace(sim.capacities, replicas=2, grains=3, primitives=1, surfaces=1))
     release_first(sim.world)
     assert export_state(sim)["released"].tolist() == start["released"].tolist()
     advance(sim, [UNTIL, UNTIL])
@@ -53,5 +53,7 @@ def test_one_worker_and_two_are_given_the_same_kernels():
     for threads in (1, 2):
         sim = assemble([row(2)], Laws(), Numerics("cpu", threads))
         assert sim.workers == threads
-        kinds.append((impl.current_cfg().cpu_max_num_threads, sim.turns.first.shape, sim.turns.steps.shape))
+        kinds.append(
+            (impl.current_cfg().cpu_max_num_threads, sim.schedule.first.shape, sim.schedule.steps.shape)
+        )
     assert kinds[0] == kinds[1]

@@ -74,10 +74,10 @@ def test_neighbours_in_an_ensemble_and_a_second_worker_change_no_bit(alone):
 
 def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
-    tiny = replace(sim.sizes, pairs=PAIRS_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW)
+    tiny = replace(sim.capacities, pairs=PAIRS_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW)
     reallocate(sim, tiny)
     advance(sim, [HALF])
-    grown, half = sim.sizes, fingerprint(snapshot(sim, 0))
+    grown, half = sim.capacities, fingerprint(snapshot(sim, 0))
     # a checkpoint of grown lists meets a fresh run; both lists halved grow to what has been compiled above
     reallocate(sim, replace(tiny, pairs=PAIRS_FAR_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW // 2))
     import_state(sim, alone["state"])
@@ -85,7 +85,7 @@ def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     end = fingerprint(snapshot(sim, 0))
     stop_device()
     assert grown.pairs > tiny.pairs
-    assert sim.sizes.pairs > PAIRS_FAR_TOO_FEW
+    assert sim.capacities.pairs > PAIRS_FAR_TOO_FEW
     assert half == alone["half"]
     assert end == alone["end"]
 

@@ -9,7 +9,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import acting
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.effects import load_library
-from taichi_erosion.simulation import Simulation, advance, assemble, snapshot, succeed
+from taichi_erosion.simulation import Simulation, advance, assemble, reuse_or_assemble, snapshot
 
 LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
@@ -42,10 +42,10 @@ def test_what_runs_after_another_ensemble_comes_out_as_if_it_had_been_alone():
         stop_device()
     before = assemble([PLAIN, STICKY, PLAIN, STICKY], LAWS, NUMERICS)
     ends(before)
-    after = succeed(before, OTHERS, LAWS, NUMERICS)
+    after = reuse_or_assemble(before, OTHERS, LAWS, NUMERICS)
     assert after is before
     assert ends(after) == alone
-    again = succeed(after, OTHERS, LAWS, NUMERICS)
+    again = reuse_or_assemble(after, OTHERS, LAWS, NUMERICS)
     assert ends(again) == alone
     stop_device()
 
@@ -61,12 +61,12 @@ def test_what_runs_after_another_ensemble_comes_out_as_if_it_had_been_alone():
 )
 def test_other_laws_other_effects_and_more_grains_get_fields_of_their_own(setups, laws):
     before = assemble([PLAIN, STICKY], LAWS, NUMERICS)
-    after = succeed(before, setups, laws, NUMERICS)
+    after = reuse_or_assemble(before, setups, laws, NUMERICS)
     assert after is not before
     stop_device()
 
 
 def test_an_effect_on_single_grains_stays_with_ensembles_that_have_it():
     before = assemble([with_effect(PLAIN, "electric_field")], LAWS, NUMERICS)
-    assert succeed(before, [PLAIN], LAWS, NUMERICS) is not before
+    assert reuse_or_assemble(before, [PLAIN], LAWS, NUMERICS) is not before
     stop_device()

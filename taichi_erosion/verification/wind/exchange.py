@@ -135,12 +135,12 @@ class Momenta:
 
     air: Floats
     grains: Floats
-    owed: Floats
+    residual_momentum: Floats
 
     @property
     def total(self) -> Floats:
         """What nothing can change."""
-        return self.air + self.grains + self.owed
+        return self.air + self.grains + self.residual_momentum
 
 
 def crossing_grains() -> Setup:
@@ -168,15 +168,15 @@ def momenta(sim: Simulation) -> Momenta:
     volume = profile.void_fraction * np.diff(profile.face) * SIDE * SIDE
     # what drag has given since the last look is not yet off the books
     side = int(sim.world.replicas.side[0])
-    rows = slice(side * sim.sizes.grains, side * sim.sizes.grains + len(state.mass))
+    rows = slice(side * sim.capacities.grains, side * sim.capacities.grains + len(state.mass))
     mass = 1.0 / sim.world.grains.mass_inverse.to_numpy()[rows].astype(np.float64)
-    pending = (mass[:, None] * sim.world.held.dragged.to_numpy()[rows]).sum(axis=0)
-    owed = sim.around.exchange.owed.to_numpy()[0].sum(axis=0) - pending
+    pending = (mass[:, None] * sim.world.frozen_drag.drag_kick.to_numpy()[rows]).sum(axis=0)
+    residual_momentum = sim.coupling.exchange.residual_momentum.to_numpy()[0].sum(axis=0) - pending
     velocity = sim.world.grains.velocity.to_numpy()[rows].astype(np.float64)
     return Momenta(
         DENSITY * (volume[:, None] * profile.velocity).sum(axis=0),
         (mass[:, None] * velocity).sum(axis=0)[:2],
-        owed[:2],
+        residual_momentum[:2],
     )
 
 

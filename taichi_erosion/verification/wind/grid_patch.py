@@ -21,7 +21,7 @@ from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, Stir, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Laws, Setup
 from taichi_erosion.core.transfer import read
-from taichi_erosion.simulation import Simulation, advance, air_profile, develop_wind
+from taichi_erosion.simulation import Simulation, advance, air_profile, spin_up_wind
 from taichi_erosion.verification.claim import Outcome, Precision, below
 from taichi_erosion.verification.small_scenes import Touch, bench, contact_table, sphere_setup, spheres
 from taichi_erosion.verification.wind.exchange import in_air, lattice_edge, regular_bed, still_air
@@ -74,28 +74,34 @@ def stirred_setup() -> Setup:
 def books(sim: Simulation) -> Books:
     """What the momenta are one step of the grains after a look."""
     side, count = int(sim.world.replicas.side[0]), len(sim.setups[0].grains.mass)
-    rows = slice(side * sim.sizes.grains, side * sim.sizes.grains + count)
+    rows = slice(side * sim.capacities.grains, side * sim.capacities.grains + count)
     mass = 1.0 / read(sim.world.grains.mass_inverse)[rows].astype(np.float64)[:, None]
 
     def held(name: str) -> Floats:
-        return (mass * read(getattr(sim.world.held, name))[rows]).sum(axis=0)
+        return (mass * read(getattr(sim.world.frozen_drag, name))[rows]).sum(axis=0)
 
     moving = (mass * read(sim.world.grains.velocity)[rows]).sum(axis=0)
-    owed = read(sim.around.exchange.owed)[0].sum(axis=0) - held("dragged")
-    air = sim.around.air
+    residual_momentum = read(sim.coupling.exchange.residual_momentum)[0].sum(axis=0) - held("drag_kick")
+    air = sim.coupling.air
     assert air is not None
     width = (SIDE / COLUMNS[0]) * (SIDE / COLUMNS[1]) * HEIGHT / LAYERS
     felt = width * read(air.impulse)[0, 1:-1, 1:-1, 1:-1].sum(axis=(0, 1, 2))
     u, v, w = face_velocities(air, 0)
     wind = np.stack([u[:-1], v[:, :-1], w[:, :, :-1]])
     size = float(np.linalg.norm(mass * read(sim.world.grains.velocity)[rows], axis=1).sum())
-    return Books(moving + owed + (LOOK - 1) * STEP * held("push"), moving + owed, wind, felt, size)
+    return Books(
+        moving + residual_momentum + (LOOK - 1) * STEP * held("steady_acceleration"),
+        moving + residual_momentum,
+        wind,
+        felt,
+        size,
+    )
 
 
 def face_shares(sim: Simulation) -> Floats:
     """Void fraction on the faces that velocities along x and y live on [2, nx, ny, nz]."""
-    assert sim.around.air is not None
-    void = read(sim.around.air.void_fraction)[0, 1:-1, 1:-1, 1:-1]
+    assert sim.coupling.air is not None
+    void = read(sim.coupling.air.void_fraction)[0, 1:-1, 1:-1, 1:-1]
     return np.stack([0.5 * (void + np.roll(void, 1, axis)) for axis in range(2)])
 
 
@@ -159,7 +165,7 @@ def same_wind() -> Iterator[Outcome]:
     winds = []
     for columns in ((1, 1), BED_COLUMNS):
         sim = bench([bed_setup(columns)], "f64", Laws(drag="two_limits"))
-        develop_wind(sim, 0, FRICTION)
+        spin_up_wind(sim, 0, FRICTION)
         winds.append(air_profile(sim, 0).velocity[:, 0])
     off = (winds[1] - winds[0]) / winds[0].max()
     yield below("grid over a regular bed: wind off that of one column, over the fastest", off, 1e-4, "f64")

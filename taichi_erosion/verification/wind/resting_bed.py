@@ -14,7 +14,7 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation, snapshot
-from taichi_erosion.simulation.wind_driver import air_profile, develop_wind
+from taichi_erosion.simulation.wind_driver import air_profile, spin_up_wind
 from taichi_erosion.verification.reference.hopping import CENTRE, KARMAN, Blow, Sand
 from taichi_erosion.verification.small_scenes import played_out
 
@@ -56,7 +56,7 @@ def bed_wind(sim: Simulation, replica: int, diameter: float) -> Callable[[float]
     landing = float(landing_heights(snapshot(sim, replica), extent, diameter).mean())
 
     def over(friction: float) -> Blow:
-        develop_wind(sim, replica, friction)
+        spin_up_wind(sim, replica, friction)
         profile = air_profile(sim, replica)
         height = 0.5 * (profile.face[1:] + profile.face[:-1]) - landing + CENTRE * diameter
         speed = profile.velocity[:, 0]
