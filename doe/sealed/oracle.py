@@ -15,7 +15,7 @@ from doe.sealed.laboratory import CaseModel
 from taichi_erosion.evidence.data.problem import Candidate, Floats
 from taichi_erosion.evidence.data.transforms import position_of
 from taichi_erosion.evidence.inference.map_fit import STEPS, fit
-from taichi_erosion.evidence.inference.prepared_problem import Examination, examine
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.models.reduced import EFFECTS
 
 START = 1.0  # strength from which a rival is fitted
@@ -33,16 +33,16 @@ def difficulty(case: Case) -> Difficulty:
     """Least ratio and separation over the effects that act."""
     if not case.truth.effects:
         return Difficulty(0.0, np.inf)
-    exam, x = noise_free(case)
+    prepared, x = noise_free(case)
     listed = [candidate.name for candidate in case.problem.candidates]
     truth = case.truth.effects
-    floor = least_misfit(exam, x, dict(truth))
+    floor = least_misfit(prepared, x, dict(truth))
     ratios, separations = [], []
     for name in truth:
         others = {key: value for key, value in truth.items() if key != name}
-        ratio = root(least_misfit(exam, x, others) - floor)
+        ratio = root(least_misfit(prepared, x, others) - floor)
         rivals = [
-            root(least_misfit(exam, x, {**others, rival: START}) - floor)
+            root(least_misfit(prepared, x, {**others, rival: START}) - floor)
             for rival in listed
             if rival not in truth
         ]
@@ -52,7 +52,7 @@ def difficulty(case: Case) -> Difficulty:
     return Difficulty(min(ratios) / wrong, min(separations) / wrong)
 
 
-def noise_free(case: Case) -> tuple[Examination, Floats]:
+def noise_free(case: Case) -> tuple[PreparedProblem, Floats]:
     """The case as it would be measured without noise, by a model without scatter; and the true numbers."""
     listed = [candidate.name for candidate in case.problem.candidates]
     names = list(dict.fromkeys([*listed, *case.truth.effects]))
@@ -63,17 +63,17 @@ def noise_free(case: Case) -> tuple[Examination, Floats]:
         model=CaseModel(0.0, 0.0, {**model.aliases, **{name: name for name in EFFECTS}}),
         candidates=tuple(Candidate(name) for name in names),
     )
-    exam = examine(problem, problem.visible(), 0)
-    x = position_of(exam.axes, case.truth.parameters, {})
-    exact = exam.predictor.mean(x, case.truth.effects, exam.seeds.fitting)
-    return replace(exam, rows=replace(exam.rows, z=exact)), x
+    prepared = prepare(problem, problem.visible(), 0)
+    x = position_of(prepared.axes, case.truth.parameters, {})
+    exact = prepared.predictor.mean(x, case.truth.effects, prepared.seeds.fitting)
+    return replace(prepared, rows=replace(prepared.rows, z=exact)), x
 
 
-def least_misfit(exam: Examination, x: Floats, acting: dict[str, float]) -> float:
+def least_misfit(prepared: PreparedProblem, x: Floats, acting: dict[str, float]) -> float:
     """Misfit + prior of a hypothesis after recalibration, from the true numbers."""
     names = tuple(acting)
     psi = np.array([acting[name] for name in names])
-    return fit(exam, names, [np.concatenate([x, psi])], STEPS).misfit
+    return fit(prepared, names, [np.concatenate([x, psi])], STEPS).misfit
 
 
 def root(misfit: float) -> float:

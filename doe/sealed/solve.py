@@ -12,7 +12,7 @@ from typing import Any
 
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.evidence.answers.adopt import adopt
-from taichi_erosion.evidence.answers.compare import silent
+from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.findings import Discovery
 from taichi_erosion.evidence.data.problem import Problem
@@ -56,7 +56,7 @@ def outcome_of(found: dict[str, Any]) -> Outcome:
 def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
     """Discover, and adopt what was named alone."""
     start = process_time()
-    found = discover(problem, number, problem.budget, silent)
+    found = discover(problem, number, problem.budget, no_progress)
     spent = process_time() - start
     vault: tuple[float, ...] = (float("nan"),) * 3
     if with_vault and found.verdict == "present" and len(found.named) == 1 and problem.vault.rows.size:
@@ -82,6 +82,6 @@ def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
 
 def vault_errors(number: int, problem: Problem, found: Discovery) -> tuple[float, float, float]:
     """Held-out misfit of the bare model, of the adopted effect, of a random wrong one."""
-    proof = adopt(problem, found.named[0], number, silent)
+    proof = adopt(problem, found.named[0], number, no_progress)
     wrong = proof.random_wrong.vault_chi2 if proof.random_wrong is not None else float("nan")
     return proof.base.vault_chi2, proof.added.vault_chi2, wrong

@@ -68,8 +68,8 @@ def of_kind(cases: list[Marked], kind: str) -> list[Marked]:
 
 def test_nothing_is_named_where_nothing_is_missing(cases):
     nulls = of_kind(cases, "null")
-    silent = sum(not case.told for case in nulls)
-    assert silent >= below(0.95, len(nulls))
+    no_progress = sum(not case.told for case in nulls)
+    assert no_progress >= below(0.95, len(nulls))
 
 
 def test_a_strong_distinct_effect_ranks_first(cases):

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.answers.adopt import compared, proof_words
+from taichi_erosion.evidence.answers.adopt import adoption_sentence, on_common_rows
 from taichi_erosion.evidence.answers.commands import opened
-from taichi_erosion.evidence.answers.discover import worded
+from taichi_erosion.evidence.answers.discover import discovery_of
 from taichi_erosion.evidence.data.findings import HypothesisFit, Rows
 from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference.goodness_of_fit import axis_words
 from taichi_erosion.evidence.inference.levels import REJECTION_LEVEL
-from taichi_erosion.evidence.inference.pipeline import Autopsy, autopsy, concluded, decided
+from taichi_erosion.evidence.inference.pipeline import Analysis, analyse, final_decision, initial_decision
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, posterior
-from taichi_erosion.evidence.inference.prepared_problem import examine
-from taichi_erosion.evidence.inference.refit import doubted_p, hypotheses
-from taichi_erosion.evidence.inference.verdict import borne_out
+from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.inference.refit import hypotheses, mean_misfit_p
+from taichi_erosion.evidence.inference.verdict import adequate_decision
 from tests.evidence.small_study import write_study
 
 FAILS = "Even with liquid_bridge the model fails"
@@ -26,26 +26,26 @@ SEED = 1
 
 
 @pytest.fixture(scope="module")
-def wet(tmp_path_factory) -> Autopsy:
+def wet(tmp_path_factory) -> Analysis:
     """A study in whose world liquid bridges act."""
     with opened(write_study(tmp_path_factory.mktemp("wet"), {"liquid_bridge": 1.0})) as study:
-        return autopsy(examine(study.problem, study.problem.visible(), SEED), SEED, lambda stage, share: None)
+        return analyse(prepare(study.problem, study.problem.visible(), SEED), SEED, lambda stage, share: None)
 
 
 def test_a_name_that_describes_the_measurements_stands_without_a_warning(wet):
     assert wet.decision.named == ("liquid_bridge",)
     assert wet.p_misfit < 1e-6 < 0.01 < wet.p_misfit_after
-    assert not any(FAILS in sentence for sentence in worded(wet, SEED, 0.0).sentences)
+    assert not any(FAILS in sentence for sentence in discovery_of(wet, SEED, 0.0).sentences)
 
 
 def test_a_name_that_leaves_a_misfit_is_told_with_it(wet):
-    left = worded(replace(wet, p_misfit_after=1e-4), SEED, 0.0)
+    left = discovery_of(replace(wet, p_misfit_after=1e-4), SEED, 0.0)
     assert left.p_misfit_after == 1e-4
     assert left.sentences[1].startswith(f"{FAILS} (p = 0.0001)")
 
 
 def test_without_a_name_there_is_nothing_that_could_fail(wet):
-    bare = worded(replace(wet, final=wet.base, p_misfit_after=1e-4), SEED, 0.0)
+    bare = discovery_of(replace(wet, final=wet.base, p_misfit_after=1e-4), SEED, 0.0)
     assert not any("Even with" in sentence for sentence in bare.sentences)
 
 
@@ -67,7 +67,7 @@ def test_a_flux_of_which_only_rounding_is_left_is_none():
 def test_adopting_says_where_the_held_out_rows_contradict_the_name(before, after, told):
     bare = HypothesisFit((), {}, {}, 40.0, before, {}, NO_ROWS, None)
     added = replace(bare, effects=("liquid_bridge",), vault_chi2=after)
-    words = proof_words("liquid_bridge", bare, added, None, None)
+    words = adoption_sentence("liquid_bridge", bare, added, None, None)
     assert words.endswith("What was held out does not bear liquid_bridge out.") == told
 
 
@@ -79,7 +79,7 @@ def test_all_hypotheses_are_held_against_the_rows_that_each_has_a_value_for():
         )
         return HypothesisFit((), {}, {}, 1.0, np.nan, {}, NO_ROWS, rows)
 
-    told = compared([fit(1.0, np.nan, 3.0), fit(2.0, 9.0, 2.0), None])
+    told = on_common_rows([fit(1.0, np.nan, 3.0), fit(2.0, 9.0, 2.0), None])
     assert told[2] is None
     assert [one.vault_chi2 for one in told if one is not None] == [5.0, 4.0]
     assert all(list(one.vault_rows.conditions["x"]) == [0.0, 2.0] for one in told[:2])
@@ -87,15 +87,15 @@ def test_all_hypotheses_are_held_against_the_rows_that_each_has_a_value_for():
 
 def test_what_the_measurements_reject_counts_as_something_not_in_the_list(wet):
     (right,) = [item for item in wet.judged if item.names == wet.decision.named]
-    assert doubted_p(wet.exam, right) > REJECTION_LEVEL
-    jagged = 40.0 * wet.exam.sd * np.where(np.arange(wet.exam.sd.size) % 2, 1.0, -1.0)
+    assert mean_misfit_p(wet.prepared, right) > REJECTION_LEVEL
+    jagged = 40.0 * wet.prepared.sd * np.where(np.arange(wet.prepared.sd.size) % 2, 1.0, -1.0)
     moved = replace(right.scored.expansion, mean=right.scored.expansion.mean + jagged)
     wrong = replace(right, scored=replace(right.scored, expansion=moved))
-    assert doubted_p(wet.exam, wrong) < REJECTION_LEVEL
+    assert mean_misfit_p(wet.prepared, wrong) < REJECTION_LEVEL
     others = [item for item in wet.judged if item is not right]
-    told = hypotheses(wet.exam, wet.base, wet.found, wet.seen, [*others, wrong])
+    told = hypotheses(wet.prepared, wet.base, wet.found, wet.seen, [*others, wrong])
     assert [h.told for h in told if h.names == right.names] == [False, False]
-    believed = posterior(wet.exam, told)
+    believed = posterior(wet.prepared, told)
     assert believed.inclusion["liquid_bridge"] < 0.01 < 0.5 < believed.probability[OUTSIDE]
 
 
@@ -109,19 +109,19 @@ def test_what_the_measurements_reject_counts_as_something_not_in_the_list(wet):
 )
 def test_a_name_that_leaves_a_misfit_must_be_likelier_than_something_unlisted(wet, outside, left, verdict):
     probability = {NONE: 0.0, OUTSIDE: outside, "liquid_bridge": 1.0 - outside}
-    decided = borne_out(wet.decision, replace(wet.believed, probability=probability), left)
-    assert decided.verdict == verdict
-    assert decided.named == (() if verdict == "outside_library" else ("liquid_bridge",))
+    initial_decision = adequate_decision(wet.decision, replace(wet.believed, probability=probability), left)
+    assert initial_decision.verdict == verdict
+    assert initial_decision.named == (() if verdict == "outside_library" else ("liquid_bridge",))
 
 
 def test_what_is_not_borne_out_is_not_reported_as_an_explanation(wet):
     believed = replace(wet.believed, probability={NONE: 0.0, OUTSIDE: 0.4, "liquid_bridge": 0.6})
     (right,) = [item for item in wet.judged if item.names == wet.decision.named]
-    jagged = 2.0 * wet.exam.sd * np.where(np.arange(wet.exam.sd.size) % 2, 1.0, -1.0)
+    jagged = 2.0 * wet.prepared.sd * np.where(np.arange(wet.prepared.sd.size) % 2, 1.0, -1.0)
     moved = replace(right.scored.expansion, mean=right.scored.expansion.mean + jagged)
     wrong = replace(right, scored=replace(right.scored, expansion=moved))
-    decided, final, left = concluded(wet.exam, wet.base, [wrong], believed, wet.decision)
-    assert decided.verdict == "outside_library"
+    initial_decision, final, left = final_decision(wet.prepared, wet.base, [wrong], believed, wet.decision)
+    assert initial_decision.verdict == "outside_library"
     assert final is wet.base
     assert left == wet.p_misfit
 
@@ -130,7 +130,7 @@ def test_a_misfit_in_one_place_is_seen_where_the_whole_hides_it(wet):
     probability = {NONE: 0.01, OUTSIDE: 0.97, "liquid_bridge": 0.02}
     believed = replace(wet.believed, probability=probability)
     seen = replace(wet.seen, p=0.5)
-    asked = (wet.exam, wet.found, wet.judged, believed, seen)
-    assert decided(*asked, p_misfit=0.02).verdict in ("none_detected", "not_testable")
-    assert decided(*asked, p_misfit=0.005).verdict == "outside_library"
+    asked = (wet.prepared, wet.found, wet.judged, believed, seen)
+    assert initial_decision(*asked, p_misfit=0.02).verdict in ("none_detected", "not_testable")
+    assert initial_decision(*asked, p_misfit=0.005).verdict == "outside_library"
     assert min(place.p for place in wet.where) < 0.01

@@ -11,53 +11,53 @@ from time import perf_counter
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.compare import silent
+from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit, Rows
 from taichi_erosion.evidence.data.linear_algebra import projection, working
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress
-from taichi_erosion.evidence.inference.familywise_test import significance
+from taichi_erosion.evidence.inference.familywise_test import familywise_test
 from taichi_erosion.evidence.inference.goodness_of_fit import chi_square, rows_table
 from taichi_erosion.evidence.inference.intervals import parameter_fits, strength_fits
 from taichi_erosion.evidence.inference.levels import HELD_OUT_MISFIT, HELD_OUT_SHARE
 from taichi_erosion.evidence.inference.map_fit import Fit, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
-from taichi_erosion.evidence.inference.prepared_problem import Examination, bound_predictor, examine
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor, prepare
 from taichi_erosion.evidence.inference.refit import likely_strength, refit
 from taichi_erosion.evidence.inference.screen import Screen, screen
 
 
 @dataclass(frozen=True)
-class VaultSide:
+class HeldOutProblem:
     """Held-out rows with the model bound to them; None where the vault is empty."""
 
     rows: ComparisonRows
-    exam: Examination
+    prepared: PreparedProblem
 
 
-def adopt(problem: Problem, effect: str, seed: int, progress: Progress = silent) -> Adoption:
+def adopt(problem: Problem, effect: str, seed: int, progress: Progress = no_progress) -> Adoption:
     """Errors before and after one effect is added, on fitted and on held-out rows, with both controls."""
     start = perf_counter()
     if effect not in [candidate.name for candidate in problem.candidates]:
         raise BadInput(f"adopt: {effect} is not among the candidates")
-    exam = examine(problem, problem.visible(), seed)
-    if exam.rows.size == 0:
+    prepared = prepare(problem, problem.visible(), seed)
+    if prepared.rows.size == 0:
         raise BadInput("adopt: no row has a known scatter; give sd or repeats")
     progress("calibrating the bare model", 0.1)
-    exam, base_fit, _ = fit_base(exam)
-    base = expand(exam, base_fit)
-    found = screen(exam, base)
-    best_wrong, random_wrong = controls(exam, found, effect, seed)
-    vault = vault_side(exam, base_fit)
-    fits: list[HypothesisFit | None] = [tested(exam, base_fit, vault)]
+    prepared, base_fit, _ = fit_base(prepared)
+    base = expand(prepared, base_fit)
+    found = screen(prepared, base)
+    best_wrong, random_wrong = controls(prepared, found, effect, seed)
+    vault = held_out_problem(prepared, base_fit)
+    fits: list[HypothesisFit | None] = [tested(prepared, base_fit, vault)]
     for index, name in enumerate((effect, best_wrong, random_wrong)):
         progress(f"recalibrating with {name}", 0.25 * (index + 1))
-        fits.append(None if name is None else tested(exam, added_fit(exam, found, name), vault))
-    fits = compared(fits)
+        fits.append(None if name is None else tested(prepared, added_fit(prepared, found, name), vault))
+    fits = on_common_rows(fits)
     added = fits[1]
     assert added is not None
     assert fits[0] is not None
-    runs = exam.predictor.cost.runs + (vault.exam.predictor.cost.runs if vault else 0)
+    runs = prepared.predictor.cost.runs + (vault.prepared.predictor.cost.runs if vault else 0)
     return Adoption(
         effect=effect,
         base=fits[0],
@@ -65,15 +65,18 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = silent)
         best_wrong=fits[2],
         random_wrong=fits[3],
         vault_opened=problem.vault.opened + (1 if vault else 0),
-        sentence=proof_words(effect, fits[0], added, fits[2], fits[3]) + unanswered_words(vault, fits[0]),
+        sentence=adoption_sentence(effect, fits[0], added, fits[2], fits[3])
+        + missing_rows_sentence(vault, fits[0]),
         runs=runs,
         wall_s=perf_counter() - start,
     )
 
 
-def controls(exam: Examination, found: Screen, effect: str, seed: int) -> tuple[str | None, str | None]:
+def controls(
+    prepared: PreparedProblem, found: Screen, effect: str, seed: int
+) -> tuple[str | None, str | None]:
     """Names of the best other candidate in the screen and of one more, drawn by the seed."""
-    seen = significance(exam, found, np.ones(1), seed)
+    seen = familywise_test(prepared, found, np.ones(1), seed)
     order = [found.signatures[int(i)].name for i in np.argsort(-seen.observed)]
     acting = [name for name in order if name != effect and found.signature(name).resolved]
     if not acting:
@@ -82,26 +85,28 @@ def controls(exam: Examination, found: Screen, effect: str, seed: int) -> tuple[
     return acting[0], str(np.random.default_rng(seed).choice(rest)) if rest else None
 
 
-def added_fit(exam: Examination, found: Screen, name: str) -> Fit:
+def added_fit(prepared: PreparedProblem, found: Screen, name: str) -> Fit:
     """Best calibration with one more effect, from the bare model's best and from the prior's middle."""
     strength = likely_strength(found.signature(name), found.residual)
-    middle = np.clip(np.zeros(len(exam.axes)), exam.low, exam.high)
-    unit = min(exam.candidate(name).prior_scale, exam.candidate(name).maximum)
-    return refit(exam, (name,), [np.append(found.base.fit.x, strength), np.append(middle, unit)])
+    middle = np.clip(np.zeros(len(prepared.axes)), prepared.low, prepared.high)
+    unit = min(prepared.candidate(name).prior_scale, prepared.candidate(name).maximum)
+    return refit(prepared, (name,), [np.append(found.base.fit.x, strength), np.append(middle, unit)])
 
 
-def vault_side(exam: Examination, base: Fit) -> VaultSide | None:
+def held_out_problem(prepared: PreparedProblem, base: Fit) -> HeldOutProblem | None:
     """The held-out rows; a missing variance is that of the visible rows of the same observable.
 
     All hypotheses are held against the same variance, the bare model's own errors in it.
     """
-    problem = exam.problem
+    problem = prepared.problem
     if problem.vault.rows.size == 0:
         return None
     rows = comparison_rows(problem, problem.hidden())
     typical = {
-        exam.rows.observables[index].name: float(np.median(exam.rows.variance[exam.rows.which == index]))
-        for index in np.unique(exam.rows.which)
+        prepared.rows.observables[index].name: float(
+            np.median(prepared.rows.variance[prepared.rows.which == index])
+        )
+        for index in np.unique(prepared.rows.which)
     }
     names = [rows.observables[index].name for index in rows.which]
     fallback = np.array([typical.get(name, nan) for name in names])
@@ -111,41 +116,41 @@ def vault_side(exam: Examination, base: Fit) -> VaultSide | None:
         return None
     predictor = bound_predictor(problem, rows)
     own = predictor.model_errors(base.x, base.acting())
-    variance = rows.variance + simulated_variance(exam, rows) + np.sum(own**2, axis=1)
-    return VaultSide(rows, replace(exam, rows=rows, predictor=predictor, variance=variance))
+    variance = rows.variance + simulated_variance(prepared, rows) + np.sum(own**2, axis=1)
+    return HeldOutProblem(rows, replace(prepared, rows=rows, predictor=predictor, variance=variance))
 
 
-def simulated_variance(exam: Examination, rows: ComparisonRows) -> Floats:
+def simulated_variance(prepared: PreparedProblem, rows: ComparisonRows) -> Floats:
     """Variance of the judged mean at held-out rows: that of the visible rows of the same observable."""
-    names = [observable.name for observable in exam.rows.observables]
+    names = [observable.name for observable in prepared.rows.observables]
     variance = np.zeros(rows.size)
     for row, index in enumerate(rows.which):
         name = rows.observables[index].name
         if name in names:
-            own = exam.rows.which == names.index(name)
+            own = prepared.rows.which == names.index(name)
             if own.any():
-                variance[row] = float(np.median(exam.seed_variance[own])) / exam.seeds.judging.size
+                variance[row] = float(np.median(prepared.seed_variance[own])) / prepared.seeds.scoring.size
     return variance
 
 
-def tested(exam: Examination, fitted: Fit, vault: VaultSide | None) -> HypothesisFit:
+def tested(prepared: PreparedProblem, fitted: Fit, vault: HeldOutProblem | None) -> HypothesisFit:
     """One hypothesis on both sides; the residual of a held-out row without a value is NaN."""
-    expansion = expand(exam, fitted)
-    scored = score(exam, expansion)
-    visible = rows_table(exam, expansion)
+    expansion = expand(prepared, fitted)
+    scored = score(prepared, expansion)
+    visible = rows_table(prepared, expansion)
     hidden = None
     if vault is not None:
-        mean = vault.exam.predictor.mean(fitted.x, fitted.acting(), exam.seeds.judging)
-        mean = mean + shared_shift(exam, expansion.mean, vault)
+        mean = vault.prepared.predictor.mean(fitted.x, fitted.acting(), prepared.seeds.scoring)
+        mean = mean + shared_shift(prepared, expansion.mean, vault)
         good = np.isfinite(mean)
         part = replace(expansion, mean=np.where(good, mean, vault.rows.z), shared=vault.rows.shared)
-        table = rows_table(vault.exam, part)
+        table = rows_table(vault.prepared, part)
         hidden = replace(table, residual=np.where(good, table.residual, nan))
     return HypothesisFit(
         effects=fitted.names,
-        strengths=strength_fits(exam, scored),
-        parameters=parameter_fits(exam, scored),
-        chi2=chi_square(exam, expansion) / exam.rows.size,
+        strengths=strength_fits(prepared, scored),
+        parameters=parameter_fits(prepared, scored),
+        chi2=chi_square(prepared, expansion) / prepared.rows.size,
         vault_chi2=nan,
         vault_rmse={},
         rows=visible,
@@ -153,17 +158,17 @@ def tested(exam: Examination, fitted: Fit, vault: VaultSide | None) -> Hypothesi
     )
 
 
-def shared_shift(exam: Examination, mean: Floats, vault: VaultSide) -> Floats:
+def shared_shift(prepared: PreparedProblem, mean: Floats, vault: HeldOutProblem) -> Floats:
     """Systematic error of each instrument as the visible rows show it, carried to the held-out rows."""
     shift = np.zeros(vault.rows.size)
-    work = working((exam.rows.z - mean) / exam.sd, exam.rows.censored)
+    work = working((prepared.rows.z - mean) / prepared.sd, prepared.rows.censored)
     names = [observable.name for observable in vault.rows.observables]
-    for index, observable in enumerate(exam.rows.observables):
-        own = exam.rows.which == index
-        column = np.sum(np.abs(exam.rows.shared[own]), axis=1)
+    for index, observable in enumerate(prepared.rows.observables):
+        own = prepared.rows.which == index
+        column = np.sum(np.abs(prepared.rows.shared[own]), axis=1)
         if not np.any(column) or observable.name not in names:
             continue
-        scale = (work.weight[own] / exam.sd[own]) * column
+        scale = (work.weight[own] / prepared.sd[own]) * column
         size = float(
             projection(np.zeros((scale.size, 0)), scale[:, np.newaxis]).solve(
                 np.append(work.residual[own], 0.0)
@@ -181,7 +186,7 @@ def errors_by_observable(rows: Rows) -> dict[str, float]:
     return {str(name): float(np.sqrt(np.mean(gap[names == name] ** 2))) for name in np.unique(names)}
 
 
-def compared(fits: list[HypothesisFit | None]) -> list[HypothesisFit | None]:
+def on_common_rows(fits: list[HypothesisFit | None]) -> list[HypothesisFit | None]:
     """All hypotheses on the held-out rows for which each of them has a value."""
     tables = [fit.vault_rows.residual for fit in fits if fit is not None and fit.vault_rows is not None]
     if not tables:
@@ -210,7 +215,7 @@ def rows_of(rows: Rows, chosen: Bools) -> Rows:
     )
 
 
-def unanswered_words(vault: VaultSide | None, base: HypothesisFit) -> str:
+def missing_rows_sentence(vault: HeldOutProblem | None, base: HypothesisFit) -> str:
     """How many held-out rows do not count for want of a value; nothing where all do."""
     if vault is None or base.vault_rows is None:
         return ""
@@ -218,7 +223,7 @@ def unanswered_words(vault: VaultSide | None, base: HypothesisFit) -> str:
     return f" For {missing} of {vault.rows.size} held-out rows there is no value." if missing else ""
 
 
-def proof_words(
+def adoption_sentence(
     effect: str,
     base: HypothesisFit,
     added: HypothesisFit,

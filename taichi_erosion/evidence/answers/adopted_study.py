@@ -13,7 +13,7 @@ MARK = "# Written by `adopt`"  # first words of a file that may be written again
 DIGITS = 6  # of a calibrated number
 
 
-def write_successor(study: Study, found: Adoption) -> Path:
+def write_adopted_study(study: Study, found: Adoption) -> Path:
     """Write the study in which an effect is adopted; raises BadInput rather than overwrite a user's file."""
     strength = found.added.strengths[found.effect].value
     path = study.path.with_name(f"{study.path.stem}_with_{found.effect}.toml")

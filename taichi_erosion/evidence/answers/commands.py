@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import documents as results
 from taichi_erosion.evidence.answers.adopt import adopt
-from taichi_erosion.evidence.answers.adopted_study import write_successor
+from taichi_erosion.evidence.answers.adopted_study import write_adopted_study
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.answers.documents import (
@@ -104,9 +104,9 @@ def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, effect)
-        successor = write_successor(study, found)
+        successor = write_adopted_study(study, found)
         document = adopt_document(ready, found, count, str(successor))
-        climb(study, found)
+        extend_ladder(study, found)
         return kept(ready, "adopt", document, start)
 
 
@@ -146,12 +146,12 @@ def laboratory_of(study: Study) -> Laboratory:
     return Laboratory(ranges=dict(said.ranges), costs=dict(said.costs), repeats=said.repeats)
 
 
-def climb(study: Study, found: Adoption) -> None:
+def extend_ladder(study: Study, found: Adoption) -> None:
     """Put the adoption on the error ladder, above the model that it started from."""
     before = list(study.file.adopted)
     if not results.ladder(study.results):
-        results.climb(study.results, rung(before, found.base))
-    results.climb(study.results, rung([*before, found.effect], found.added))
+        results.extend_ladder(study.results, rung(before, found.base))
+    results.extend_ladder(study.results, rung([*before, found.effect], found.added))
 
 
 def rung(effects: list[str], fit: HypothesisFit) -> Document:

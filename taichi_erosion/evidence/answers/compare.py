@@ -14,89 +14,97 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     chi_square,
     freedom,
     misfit_p,
+    misfit_places,
     noise_table,
     observable_misfits,
     residuals_of,
     rows_table,
-    where_it_fails,
 )
 from taichi_erosion.evidence.inference.intervals import parameter_fits
 from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import Scored, expand, score
-from taichi_erosion.evidence.inference.prepared_problem import Examination, examine
+from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, expand, score
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
 SEED = 1  # of the runs where a study does not say; any other would do
 GUESS_ROUNDS = 2  # calibrations from which a missing sd is guessed
 
 
-def silent(_: str, __: float) -> None:
+def no_progress(_: str, __: float) -> None:
     """No progress is shown."""
 
 
-def compare(problem: Problem, progress: Progress = silent, seed: int = SEED) -> Comparison:
+def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED) -> Comparison:
     """Misfit per observable and along every condition; with unknown noise only its shape, not its size."""
     start = perf_counter()
-    exam, base, known = known_or_guessed(problem, seed, progress)
-    table = rows_table(exam, base.expansion)
-    misfits = observable_misfits(exam, base.expansion, table)
+    prepared, base, known = calibrated_base(problem, seed, progress)
+    table = rows_table(prepared, base.expansion)
+    misfits = observable_misfits(prepared, base.expansion, table)
     if not known:
         misfits = {name: replace(misfit, chi2=nan, p=nan) for name, misfit in misfits.items()}
-    noise = noise_table(exam, None, known)
+    noise = noise_table(prepared, None, known)
     return Comparison(
         observables=misfits,
-        where=where_it_fails(exam, base.expansion),
-        chi2=chi_square(exam, base.expansion) if known else nan,
-        dof=freedom(exam, base.expansion),
-        p=misfit_p(residuals_of(exam, base.expansion)) if known else nan,
+        where=misfit_places(prepared, base.expansion),
+        chi2=chi_square(prepared, base.expansion) if known else nan,
+        dof=freedom(prepared, base.expansion),
+        p=misfit_p(residuals_of(prepared, base.expansion)) if known else nan,
         noise=noise,
-        parameters=parameter_fits(exam, base),
+        parameters=parameter_fits(prepared, base),
         rows=table,
-        failures=exam.predictor.cost.failures,
-        warnings=exam.warnings,
-        runs=exam.predictor.cost.runs,
+        failures=prepared.predictor.cost.failures,
+        warnings=prepared.warnings,
+        runs=prepared.predictor.cost.runs,
         wall_s=perf_counter() - start,
     )
 
 
-def known_or_guessed(problem: Problem, seed: int, progress: Progress) -> tuple[Examination, Scored, bool]:
+def calibrated_base(
+    problem: Problem, seed: int, progress: Progress
+) -> tuple[PreparedProblem, ScoredHypothesis, bool]:
     """The calibrated bare model, and whether the noise is known.
 
     Where neither sd nor repeats are given the sd is guessed from the residuals of the calibrated model
     itself: then only the shape of a misfit can be tested, never its size.
     """
     progress("calibrating the model", 0.1)
-    exam = examine(problem, problem.visible(), seed)
-    if exam.rows.size > 0:
-        return *calibrated(exam), True
+    prepared = prepare(problem, problem.visible(), seed)
+    if prepared.rows.size > 0:
+        return *calibrated(prepared), True
     scatter = {name: first_guess(problem, name) for name in set(problem.visible().observable)}
     for _ in range(GUESS_ROUNDS - 1):
         scatter |= residual_scatter(*guessed(problem, scatter, seed), scatter)
     return *guessed(problem, scatter, seed), False
 
 
-def guessed(problem: Problem, scatter: dict[str, float], seed: int) -> tuple[Examination, Scored]:
+def guessed(
+    problem: Problem, scatter: dict[str, float], seed: int
+) -> tuple[PreparedProblem, ScoredHypothesis]:
     """The bare model calibrated as if the scatter were known."""
     supposed = replace(problem, measurements=with_scatter(problem, scatter))
-    exam = examine(supposed, supposed.visible(), seed)
-    told = tuple(words for words in exam.warnings if words != unchecked_noise_sentence(exam.rows.freedom))
-    return calibrated(replace(exam, warnings=told))
+    prepared = prepare(supposed, supposed.visible(), seed)
+    told = tuple(
+        words for words in prepared.warnings if words != unchecked_noise_sentence(prepared.rows.freedom)
+    )
+    return calibrated(replace(prepared, warnings=told))
 
 
-def residual_scatter(exam: Examination, base: Scored, scatter: dict[str, float]) -> dict[str, float]:
+def residual_scatter(
+    prepared: PreparedProblem, base: ScoredHypothesis, scatter: dict[str, float]
+) -> dict[str, float]:
     """Scatter of the residuals of every observable with more than one row; never quite zero."""
-    residual, found = exam.rows.z - base.expansion.mean, {}
-    for index, observable in enumerate(exam.rows.observables):
-        own = residual[exam.rows.which == index]
+    residual, found = prepared.rows.z - base.expansion.mean, {}
+    for index, observable in enumerate(prepared.rows.observables):
+        own = residual[prepared.rows.which == index]
         if own.size > 1:
             found[observable.name] = max(float(np.std(own)), 1e-9 * scatter[observable.name])
     return found
 
 
-def calibrated(exam: Examination) -> tuple[Examination, Scored]:
+def calibrated(prepared: PreparedProblem) -> tuple[PreparedProblem, ScoredHypothesis]:
     """Bare model at its best, with whatever the calibration has to say among the warnings."""
-    exam, fitted, notes = fit_base(exam)
-    exam = replace(exam, warnings=(*exam.warnings, *notes))
-    return exam, score(exam, expand(exam, fitted))
+    prepared, fitted, notes = fit_base(prepared)
+    prepared = replace(prepared, warnings=(*prepared.warnings, *notes))
+    return prepared, score(prepared, expand(prepared, fitted))
 
 
 def first_guess(problem: Problem, name: str) -> float:

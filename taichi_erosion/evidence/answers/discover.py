@@ -9,37 +9,37 @@ from time import perf_counter
 
 import numpy as np
 
-from taichi_erosion.evidence.answers.compare import known_or_guessed
+from taichi_erosion.evidence.answers.compare import calibrated_base
 from taichi_erosion.evidence.answers.sentences import summary
 from taichi_erosion.evidence.data.findings import (
     Discovery,
     EffectFinding,
-    Fitted,
+    Estimate,
+    PlausibleHypothesis,
     Status,
-    Survivor,
     VaultErrors,
 )
 from taichi_erosion.evidence.data.linear_algebra import stack_signature
 from taichi_erosion.evidence.data.problem import Budget, Problem, Progress, expected_strength
 from taichi_erosion.evidence.data.transforms import split_setting
 from taichi_erosion.evidence.inference.confounding import absorbed_by, ambiguity
-from taichi_erosion.evidence.inference.cross_validation import HeldOut
-from taichi_erosion.evidence.inference.familywise_test import Significance, power
+from taichi_erosion.evidence.inference.cross_validation import ScoreGain
+from taichi_erosion.evidence.inference.familywise_test import FamilywiseTest, power
 from taichi_erosion.evidence.inference.goodness_of_fit import (
     chi_square,
+    misfit_places,
     noise_table,
     rows_table,
-    where_it_fails,
 )
 from taichi_erosion.evidence.inference.intervals import parameter_fits, strength_fits, upper_strength
 from taichi_erosion.evidence.inference.levels import ABSORBED, NOISE_LIMIT, PLAUSIBLE, TESTABLE_POWER
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.model_discrepancy import free_residual
-from taichi_erosion.evidence.inference.pipeline import Autopsy, autopsy
+from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, Posterior, label
-from taichi_erosion.evidence.inference.prepared_problem import Examination, examine
-from taichi_erosion.evidence.inference.refit import Judged
-from taichi_erosion.evidence.inference.residual_structure import clues_of
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
+from taichi_erosion.evidence.inference.refit import FittedHypothesis
+from taichi_erosion.evidence.inference.residual_structure import residual_trends
 from taichi_erosion.evidence.inference.screen import Signature
 from taichi_erosion.evidence.inference.verdict import Decision
 
@@ -54,21 +54,21 @@ class Remaining:
     upper: float  # strength excluded with 95 %
 
 
-def remaining(exam: Examination, final: Expansion, signature: Signature) -> Remaining:
+def remaining(prepared: PreparedProblem, final: Expansion, signature: Signature) -> Remaining:
     """Signature projected on what neither calibration nor the named effects can imitate.
 
     What the model leaves unexplained beyond noise could hide an effect too: the noise is taken to be as large
     as the misfit per degree of freedom.
     """
-    residual, basis = free_residual(exam, final)
-    freedom = exam.rows.size - float(np.sum(basis[: exam.rows.size] ** 2))
+    residual, basis = free_residual(prepared, final)
+    freedom = prepared.rows.size - float(np.sum(basis[: prepared.rows.size] ** 2))
     excess = max(1.0, float(residual @ residual) / max(freedom, 1.0))
-    whole = stack_signature(signature.raw.T, basis.shape[0] - exam.rows.size, 0)
+    whole = stack_signature(signature.raw.T, basis.shape[0] - prepared.rows.size, 0)
     free = (whole - basis @ (basis.T @ whole)).T
-    at = int(np.argmin(np.abs(signature.grid - expected_strength(exam.candidate(signature.name)))))
+    at = int(np.argmin(np.abs(signature.grid - expected_strength(prepared.candidate(signature.name)))))
     kept = max(1.0 - signature.noise, 0.0) ** 0.5
     norm, size = float(np.linalg.norm(free[at])), float(np.linalg.norm(whole[:, at]))
-    fall = 2.0 * free[:, : exam.rows.size] @ residual - np.einsum("ij,ij->i", free, free)
+    fall = 2.0 * free[:, : prepared.rows.size] @ residual - np.einsum("ij,ij->i", free, free)
     return Remaining(
         norm * kept / excess**0.5,
         1.0 - norm / size if size > 0.0 else 0.0,
@@ -83,27 +83,29 @@ class Verdicts:
 
     decision: Decision
     believed: Posterior
-    seen: Significance
+    seen: FamilywiseTest
     final: Expansion
-    fitted: dict[str, Fitted]  # strengths of the final hypothesis and of the shortlist
-    held_out: dict[str, HeldOut]
+    fitted: dict[str, Estimate]  # strengths of the final hypothesis and of the shortlist
+    held_out: dict[str, ScoreGain]
 
 
 def effect_table(
-    exam: Examination, signatures: tuple[Signature, ...], known: Verdicts
+    prepared: PreparedProblem, signatures: tuple[Signature, ...], known: Verdicts
 ) -> dict[str, EffectFinding]:
     """One finding per candidate, in the study's order."""
     return {
-        signature.name: effect_finding(exam, signature, index, known)
+        signature.name: effect_finding(prepared, signature, index, known)
         for index, signature in enumerate(signatures)
     }
 
 
-def effect_finding(exam: Examination, signature: Signature, index: int, known: Verdicts) -> EffectFinding:
+def effect_finding(
+    prepared: PreparedProblem, signature: Signature, index: int, known: Verdicts
+) -> EffectFinding:
     """What is known about one candidate."""
     name, decision = signature.name, known.decision
     acts = name in known.final.fit.names
-    rest = remaining(exam, known.final, signature) if not acts else None
+    rest = remaining(prepared, known.final, signature) if not acts else None
     norm = signature.norm if rest is None else rest.norm
     absorption = signature.absorption if rest is None else rest.absorption
     strong = power(norm, known.seen.threshold) if norm > 0.0 else 0.0
@@ -111,8 +113,8 @@ def effect_finding(exam: Examination, signature: Signature, index: int, known: V
     strength = known.fitted.get(name) if status == "present" or name in decision.group or acts else None
     if strength is None:
         upper = rest.upper if rest is not None else nan
-        strength = Fitted(rest.best if rest is not None else 0.0, 0.0, upper, False)
-    held = known.held_out.get(name, HeldOut(nan, nan))
+        strength = Estimate(rest.best if rest is not None else 0.0, 0.0, upper, False)
+    held = known.held_out.get(name, ScoreGain(nan, nan))
     return EffectFinding(
         status=status,
         strength=strength.value,
@@ -140,7 +142,7 @@ def status_of(name: str, decision: Decision, strong: float) -> Status:
 
 
 def effect_words(
-    signature: Signature, status: Status, strength: Fitted, decision: Decision, absorption: float
+    signature: Signature, status: Status, strength: Estimate, decision: Decision, absorption: float
 ) -> str:
     """One sentence about one candidate."""
     name = signature.name
@@ -170,20 +172,20 @@ def discover(problem: Problem, seed: int, budget: Budget, progress: Progress) ->
     """The whole autopsy; refuses to name anything when the noise is unknown."""
     start = perf_counter()
     problem = replace(problem, budget=budget)
-    exam = examine(problem, problem.visible(), seed)
-    if exam.rows.size == 0 or not problem.candidates:
+    prepared = prepare(problem, problem.visible(), seed)
+    if prepared.rows.size == 0 or not problem.candidates:
         return refused(problem, seed, progress, start)
-    return worded(autopsy(exam, seed, progress), seed, start)
+    return discovery_of(analyse(prepared, seed, progress), seed, start)
 
 
-def worded(found: Autopsy, seed: int, start: float) -> Discovery:
+def discovery_of(found: Analysis, seed: int, start: float) -> Discovery:
     """Every field of the discovery out of the autopsy."""
-    exam, base, final = found.exam, found.base.scored.expansion, found.final.scored.expansion
+    prepared, base, final = found.prepared, found.base.scored.expansion, found.final.scored.expansion
     strengths = fitted_strengths(found)
     told = Verdicts(found.decision, found.believed, found.seen, final, strengths, found.held_out)
-    effects = effect_table(exam, found.found.signatures, told)
+    effects = effect_table(prepared, found.found.signatures, told)
     where = found.where
-    clues = clues_of(exam, base, where) if found.decision.verdict == "outside_library" else ()
+    clues = residual_trends(prepared, base, where) if found.decision.verdict == "outside_library" else ()
     expected = {name: fitted.value for name, fitted in strengths.items()}
     return Discovery(
         verdict=found.decision.verdict,
@@ -191,12 +193,12 @@ def worded(found: Autopsy, seed: int, start: float) -> Discovery:
         group=found.decision.group,
         probabilities=found.believed.probability,
         effects=effects,
-        parameters=parameter_fits(exam, found.final.scored),
+        parameters=parameter_fits(prepared, found.final.scored),
         where=where,
-        chi2_before=chi_square(exam, base),
-        chi2_after=chi_square(exam, final),
-        n=exam.rows.size,
-        vault=VaultErrors(exam.problem.vault.opened, nan, nan, nan),
+        chi2_before=chi_square(prepared, base),
+        chi2_after=chi_square(prepared, final),
+        n=prepared.rows.size,
+        vault=VaultErrors(prepared.problem.vault.opened, nan, nan, nan),
         next_experiments=(),
         clues=clues,
         p=found.seen.p,
@@ -205,59 +207,59 @@ def worded(found: Autopsy, seed: int, start: float) -> Discovery:
         decoy_rank=found.seen.decoy_rank,
         stability=found.stability,
         sentences=summary(found, effects, where, clues),
-        warnings=(*exam.warnings, *found.warnings, *bound_warnings(found)),
-        noise=noise_table(exam, found.found.seed_correlation),
-        ambiguity=ambiguity(exam, found.found, expected),
-        absorbed_by=absorbed_by(exam, found.found),
-        survivors=survivors_of(found),
-        closest=closest_of(found),
-        rows_before=rows_table(exam, base),
-        rows_after=rows_table(exam, final),
-        failures=exam.predictor.cost.failures,
-        runs=exam.predictor.cost.runs,
+        warnings=(*prepared.warnings, *found.warnings, *bound_warnings(found)),
+        noise=noise_table(prepared, found.found.seed_correlation),
+        ambiguity=ambiguity(prepared, found.found, expected),
+        absorbed_by=absorbed_by(prepared, found.found),
+        survivors=plausible_hypotheses(found),
+        closest=closest_hypotheses(found),
+        rows_before=rows_table(prepared, base),
+        rows_after=rows_table(prepared, final),
+        failures=prepared.predictor.cost.failures,
+        runs=prepared.predictor.cost.runs,
         wall_s=perf_counter() - start,
         seed=seed,
     )
 
 
-def fitted_strengths(found: Autopsy) -> dict[str, Fitted]:
+def fitted_strengths(found: Analysis) -> dict[str, Estimate]:
     """Strengths of every refitted single, and of the final hypothesis where it has more than one effect."""
-    strengths: dict[str, Fitted] = {}
+    strengths: dict[str, Estimate] = {}
     for item in found.judged:
         if len(item.names) == 1:
-            strengths |= strength_fits(found.exam, item.scored)
-    return strengths | strength_fits(found.exam, found.final.scored)
+            strengths |= strength_fits(found.prepared, item.scored)
+    return strengths | strength_fits(found.prepared, found.final.scored)
 
 
-def survivor_of(found: Autopsy, item: Judged) -> Survivor:
+def plausible_hypothesis(found: Analysis, item: FittedHypothesis) -> PlausibleHypothesis:
     """One judged hypothesis as something that an experiment or a simulation can be about."""
     probability = found.believed.probability.get(label(item.names), 0.0)
-    parameters, adopted = split_setting(found.exam.axes, item.scored.expansion.fit.x)
+    parameters, adopted = split_setting(found.prepared.axes, item.scored.expansion.fit.x)
     strengths = {**adopted, **item.scored.expansion.fit.acting()}
-    return Survivor(item.names, probability, parameters, strengths)
+    return PlausibleHypothesis(item.names, probability, parameters, strengths)
 
 
-def survivors_of(found: Autopsy) -> tuple[Survivor, ...]:
+def plausible_hypotheses(found: Analysis) -> tuple[PlausibleHypothesis, ...]:
     """Explanations that the next experiment has to tell apart."""
-    survivors = [survivor_of(found, item) for item in [found.base, *found.judged]]
+    survivors = [plausible_hypothesis(found, item) for item in [found.base, *found.judged]]
     survivors.sort(key=lambda survivor: -survivor.probability)
     kept = [s for k, s in enumerate(survivors) if k < 2 or s.probability > PLAUSIBLE]
     return tuple(kept[:MOST_SURVIVORS])
 
 
-def closest_of(found: Autopsy) -> tuple[Survivor, ...]:
+def closest_hypotheses(found: Analysis) -> tuple[PlausibleHypothesis, ...]:
     """The single effect and the pair that leave the least misfit, however unlikely."""
     sizes = [[item for item in found.judged if len(item.names) == count] for count in (1, 2)]
     return tuple(
-        survivor_of(found, min(items, key=lambda item: item.scored.expansion.fit.misfit))
+        plausible_hypothesis(found, min(items, key=lambda item: item.scored.expansion.fit.misfit))
         for items in sizes
         if items
     )
 
 
-def bound_warnings(found: Autopsy) -> list[str]:
+def bound_warnings(found: Analysis) -> list[str]:
     """Calibrated numbers of the bare model that want to leave their range."""
-    fits = parameter_fits(found.exam, found.base.scored)
+    fits = parameter_fits(found.prepared, found.base.scored)
     return [
         f"{path}: the calibration of the bare model ends at the bound of its range ({fit.value:.3g})"
         for path, fit in fits.items()
@@ -273,23 +275,23 @@ def untested(name: str) -> EffectFinding:
 
 def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Discovery:
     """Nothing is named where the noise is unknown or no candidate is listed; only where the model fails."""
-    exam, base, known = known_or_guessed(problem, seed, progress)
+    prepared, base, known = calibrated_base(problem, seed, progress)
     nothing = {candidate.name: untested(candidate.name) for candidate in problem.candidates}
     share = 1.0 / (len(nothing) + 2)
-    noise = noise_table(exam, None, known)
-    rows = rows_table(exam, base.expansion)
-    chi2 = chi_square(exam, base.expansion) if known else nan
+    noise = noise_table(prepared, None, known)
+    rows = rows_table(prepared, base.expansion)
+    chi2 = chi_square(prepared, base.expansion) if known else nan
     return Discovery(
         verdict="not_testable",
         named=(),
         group=(),
         probabilities={NONE: share, OUTSIDE: share} | dict.fromkeys(nothing, share),
         effects=nothing,
-        parameters=parameter_fits(exam, base),
-        where=where_it_fails(exam, base.expansion),
+        parameters=parameter_fits(prepared, base),
+        where=misfit_places(prepared, base.expansion),
         chi2_before=chi2,
         chi2_after=chi2,
-        n=exam.rows.size,
+        n=prepared.rows.size,
         vault=VaultErrors(problem.vault.opened, nan, nan, nan),
         next_experiments=(),
         clues=(),
@@ -299,7 +301,7 @@ def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Di
         decoy_rank=len(nothing) + 1,
         stability=1.0,
         sentences=noise.sentences if problem.candidates else (NO_CANDIDATE, *noise.sentences),
-        warnings=exam.warnings,
+        warnings=prepared.warnings,
         noise=noise,
         ambiguity={},
         absorbed_by={},
@@ -307,8 +309,8 @@ def refused(problem: Problem, seed: int, progress: Progress, start: float) -> Di
         closest=(),
         rows_before=rows,
         rows_after=rows,
-        failures=exam.predictor.cost.failures,
-        runs=exam.predictor.cost.runs,
+        failures=prepared.predictor.cost.failures,
+        runs=prepared.predictor.cost.runs,
         wall_s=perf_counter() - start,
         seed=seed,
     )

@@ -55,7 +55,7 @@ def read_document(file: Path) -> dict[str, Any] | None:
     return document
 
 
-def climb(folder: Path, rung: dict[str, Any]) -> None:
+def extend_ladder(folder: Path, rung: dict[str, Any]) -> None:
     """Add a rung to the error ladder; adopting the same effects again replaces it and all above it."""
     kept = [r for r in ladder(folder) if len(r["effects"]) < len(rung["effects"])]
     text = json.dumps({"rungs": [*kept, rung]}, indent=1, allow_nan=False)

@@ -18,17 +18,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import qmc
 
-from taichi_erosion.evidence.answers.compare import silent
+from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
-from taichi_erosion.evidence.data.findings import Discovery, Experiment, Survivor
+from taichi_erosion.evidence.data.findings import Discovery, Experiment, PlausibleHypothesis
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Laboratory, Problem, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, position_of, slope
 from taichi_erosion.evidence.inference.levels import DECIDED
 from taichi_erosion.evidence.inference.map_fit import Objective
 from taichi_erosion.evidence.inference.posterior import label
-from taichi_erosion.evidence.inference.prepared_problem import Examination, examine
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.models.predictor import Predictor
 
 EXPERIMENTS = 6
@@ -39,7 +39,7 @@ OUTCOMES = 400  # simulated per explanation
 
 
 @dataclass(frozen=True)
-class Pool:
+class DesignPool:
     """Measurements that could be made."""
 
     predictor: Predictor
@@ -50,7 +50,7 @@ class Pool:
 
 
 @dataclass(frozen=True)
-class Rival:
+class RivalPrediction:
     """One explanation on the pool: mean and what remains uncertain after the present data."""
 
     name: str
@@ -60,7 +60,7 @@ class Rival:
 
 
 def propose(
-    problem: Problem, laboratory: Laboratory, seed: int, progress: Progress = silent
+    problem: Problem, laboratory: Laboratory, seed: int, progress: Progress = no_progress
 ) -> tuple[Discovery, list[Experiment]]:
     """The autopsy, and the experiments that would decide what it left open."""
     found = discover(problem, seed, problem.budget, progress)
@@ -70,22 +70,22 @@ def propose(
 
 def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory) -> list[Experiment]:
     """Greedy choice of experiments, best first; empty where no rival is left to tell apart."""
-    exam = examine(problem, problem.visible(), found.seed)
-    if exam.rows.size == 0 or not exam.rows.conditions:
+    prepared = prepare(problem, problem.visible(), found.seed)
+    if prepared.rows.size == 0 or not prepared.rows.conditions:
         return []
-    pool = pool_of(exam, laboratory)
-    rivals = [rival_of(exam, pool, survivor) for survivor in standing(exam, found)]
+    pool = design_pool(prepared, laboratory)
+    rivals = [rival_prediction(prepared, pool, survivor) for survivor in rival_hypotheses(prepared, found)]
     rivals = [rival for rival in rivals if np.all(np.isfinite(rival.mean))]
     if len(rivals) < 2:
         return []
     total = sum(max(rival.weight, LEAST_WEIGHT) for rival in rivals)
     rivals = [replace(rival, weight=max(rival.weight, LEAST_WEIGHT) / total) for rival in rivals]
-    chosen = greedy(pool, rivals)
-    chances = [chance(pool, rivals, chosen[: k + 1], found.seed) for k in range(len(chosen))]
-    return [experiment(exam, pool, rivals, at, odds) for at, odds in zip(chosen, chances, strict=True)]
+    chosen = greedy_design(pool, rivals)
+    chances = [decision_chance(pool, rivals, chosen[: k + 1], found.seed) for k in range(len(chosen))]
+    return [experiment(prepared, pool, rivals, at, odds) for at, odds in zip(chosen, chances, strict=True)]
 
 
-def standing(exam: Examination, found: Discovery) -> list[Survivor]:
+def rival_hypotheses(prepared: PreparedProblem, found: Discovery) -> list[PlausibleHypothesis]:
     """Surviving explanations; effects that could be hiding stand at their expected strength.
 
     A fit that found nothing leaves a hidden effect at strength near zero, where it differs from nothing.
@@ -98,18 +98,18 @@ def standing(exam: Examination, found: Discovery) -> list[Survivor]:
     have = {name for survivor in kept for name in survivor.names}
     for name, effect in found.effects.items():
         if bare is not None and effect.status == "not_testable" and name not in have:
-            candidate = exam.candidate(name)
+            candidate = prepared.candidate(name)
             strength = min(candidate.prior_scale, candidate.maximum)
             hidden = {**bare.strengths, name: strength}
-            kept.append(Survivor((name,), LEAST_WEIGHT, bare.parameters, hidden))
+            kept.append(PlausibleHypothesis((name,), LEAST_WEIGHT, bare.parameters, hidden))
     return kept[:MOST_RIVALS]
 
 
-def pool_of(exam: Examination, laboratory: Laboratory) -> Pool:
+def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool:
     """Settings within the laboratory's ranges, for every observable that was measured before."""
     ranges = {
         name: laboratory.ranges.get(name, (float(np.nanmin(column)), float(np.nanmax(column))))
-        for name, column in exam.rows.conditions.items()
+        for name, column in prepared.rows.conditions.items()
         if np.any(np.isfinite(column))
     }
     open_names = [name for name, (low, high) in ranges.items() if high > low]
@@ -125,57 +125,59 @@ def pool_of(exam: Examination, laboratory: Laboratory) -> Pool:
     for name, (low, high) in ranges.items():
         part = share[:, open_names.index(name)] if name in open_names else np.zeros(share.shape[0])
         settings[name] = low * (high / low) ** part if low > 0.0 else low + part * (high - low)
-    present = [int(index) for index in np.unique(exam.rows.which)]
+    present = [int(index) for index in np.unique(prepared.rows.which)]
     which = np.repeat(present, share.shape[0]).astype(np.int64)
     conditions = {name: np.tile(column, len(present)) for name, column in settings.items()}
-    noise = np.full(len(exam.rows.observables), np.nan)
+    noise = np.full(len(prepared.rows.observables), np.nan)
     for index in present:
-        own = exam.rows.which == index
-        single, simulated = np.median(exam.rows.variance[own]), np.median(exam.seed_variance[own])
-        noise[index] = single / laboratory.repeats + simulated / exam.seeds.fitting.size
-    predictor = exam.predictor.over(exam.predictor.observables, which, conditions)
-    return Pool(
+        own = prepared.rows.which == index
+        single, simulated = np.median(prepared.rows.variance[own]), np.median(prepared.seed_variance[own])
+        noise[index] = single / laboratory.repeats + simulated / prepared.seeds.fitting.size
+    predictor = prepared.predictor.over(prepared.predictor.observables, which, conditions)
+    return DesignPool(
         predictor,
         which,
         conditions,
         noise[which],
-        np.array([laboratory.costs.get(exam.rows.observables[i].name, 1.0) for i in which]),
+        np.array([laboratory.costs.get(prepared.rows.observables[i].name, 1.0) for i in which]),
     )
 
 
-def rival_of(exam: Examination, pool: Pool, survivor: Survivor) -> Rival:
+def rival_prediction(
+    prepared: PreparedProblem, pool: DesignPool, survivor: PlausibleHypothesis
+) -> RivalPrediction:
     """Predictions of one explanation, with the uncertainty that the present data leave it."""
-    adopted = {candidate.name for candidate in exam.problem.adopted}
+    adopted = {candidate.name for candidate in prepared.problem.adopted}
     x = position_of(
-        exam.axes, survivor.parameters, {k: v for k, v in survivor.strengths.items() if k in adopted}
+        prepared.axes, survivor.parameters, {k: v for k, v in survivor.strengths.items() if k in adopted}
     )
     psi = np.array([survivor.strengths[name] for name in survivor.names])
     position = np.concatenate([x, psi])
     acting = dict(zip(survivor.names, map(float, psi), strict=True))
-    objective = Objective(exam, survivor.names, exam.seeds.fitting)
+    objective = Objective(prepared, survivor.names, prepared.seeds.fitting)
     white = objective.jacobian(position, central=False)
-    shared = exam.about(x, acting).rows.shared / exam.sd[:, np.newaxis]
+    shared = prepared.about(x, acting).rows.shared / prepared.sd[:, np.newaxis]
     design = np.hstack([white, shared])
     covariance = np.linalg.inv(design.T @ design + np.eye(design.shape[1]))[: position.size, : position.size]
     there = replace(
-        exam, rows=pool_rows(exam, pool), predictor=pool.predictor, variance=np.ones(pool.which.size)
+        prepared, rows=pool_rows(prepared, pool), predictor=pool.predictor, variance=np.ones(pool.which.size)
     )
-    ahead = Objective(there, survivor.names, exam.seeds.fitting)
+    ahead = Objective(there, survivor.names, prepared.seeds.fitting)
     mean = ahead.mean(position)
     slopes = ahead.jacobian(position, central=False)
     root = (
         slopes @ np.linalg.cholesky(covariance + 1e-12 * np.eye(position.size)) if position.size else slopes
     )
     own = pool.predictor.model_errors(x, acting)
-    return Rival(label(survivor.names), survivor.probability, mean, np.hstack([root, own]))
+    return RivalPrediction(label(survivor.names), survivor.probability, mean, np.hstack([root, own]))
 
 
-def pool_rows(exam: Examination, pool: Pool) -> ComparisonRows:
+def pool_rows(prepared: PreparedProblem, pool: DesignPool) -> ComparisonRows:
     """Rows that stand for the pool where only their number and conditions matter."""
     size = pool.which.size
     nothing = np.zeros(size)
     return replace(
-        exam.rows,
+        prepared.rows,
         which=pool.which,
         z=nothing,
         variance=nothing + 1.0,
@@ -187,7 +189,7 @@ def pool_rows(exam: Examination, pool: Pool) -> ComparisonRows:
     )
 
 
-def greedy(pool: Pool, rivals: list[Rival]) -> list[int]:
+def greedy_design(pool: DesignPool, rivals: list[RivalPrediction]) -> list[int]:
     """Indices of the chosen measurements in order; what each teaches every rival is taken into account."""
     roots = [rival.root for rival in rivals]
     chosen: list[int] = []
@@ -204,11 +206,11 @@ def greedy(pool: Pool, rivals: list[Rival]) -> list[int]:
         if gain[best] <= 0.0:
             break
         chosen.append(best)
-        roots = [learnt(root, best, float(pool.variance[best])) for root in roots]
+        roots = [rank_one_update(root, best, float(pool.variance[best])) for root in roots]
     return chosen
 
 
-def learnt(root: Floats, at: int, variance: Floats | float) -> Floats:
+def rank_one_update(root: Floats, at: int, variance: Floats | float) -> Floats:
     """Remaining uncertainty after one more measurement (rank-one update of the covariance's root)."""
     row = root[at]
     size = float(row @ row)
@@ -218,7 +220,7 @@ def learnt(root: Floats, at: int, variance: Floats | float) -> Floats:
     return root - np.outer(root @ row, row) * shrink / size
 
 
-def chance(pool: Pool, rivals: list[Rival], chosen: list[int], seed: int) -> float:
+def decision_chance(pool: DesignPool, rivals: list[RivalPrediction], chosen: list[int], seed: int) -> float:
     """Probability that the chosen measurements leave the true explanation with DECIDED or more."""
     generator = np.random.default_rng(seed)
     factors, means = [], []
@@ -241,9 +243,11 @@ def chance(pool: Pool, rivals: list[Rival], chosen: list[int], seed: int) -> flo
     return won
 
 
-def experiment(exam: Examination, pool: Pool, rivals: list[Rival], at: int, odds: float) -> Experiment:
+def experiment(
+    prepared: PreparedProblem, pool: DesignPool, rivals: list[RivalPrediction], at: int, odds: float
+) -> Experiment:
     """One proposal in the laboratory's words."""
-    observable = exam.rows.observables[int(pool.which[at])]
+    observable = prepared.rows.observables[int(pool.which[at])]
     predictions = {}
     for rival in sorted(rivals, key=lambda item: -item.weight):
         middle = float(from_scale(observable, rival.mean[[at]])[0])

@@ -2,21 +2,24 @@
 
 from collections.abc import Mapping
 
-from taichi_erosion.evidence.data.findings import Clue, EffectFinding, Where
+from taichi_erosion.evidence.data.findings import EffectFinding, MisfitPlace, ResidualTrend
 from taichi_erosion.evidence.inference.goodness_of_fit import (
-    chance_words,
     misfit_p,
     noise_table,
+    probability_text,
     residuals_of,
 )
 from taichi_erosion.evidence.inference.levels import TOLD_CLOSEST, TOLD_RIVAL, fails
-from taichi_erosion.evidence.inference.pipeline import Autopsy, too_few_rows
+from taichi_erosion.evidence.inference.pipeline import Analysis, too_few_rows
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE
 from taichi_erosion.evidence.inference.refit import explained_share
 
 
 def summary(
-    found: Autopsy, effects: Mapping[str, EffectFinding], where: tuple[Where, ...], clues: tuple[Clue, ...]
+    found: Analysis,
+    effects: Mapping[str, EffectFinding],
+    where: tuple[MisfitPlace, ...],
+    clues: tuple[ResidualTrend, ...],
 ) -> tuple[str, ...]:
     """Verdict first, then where the model fails, then what would change the conclusion."""
     sentences = [verdict_words(found, effects)]
@@ -26,7 +29,7 @@ def summary(
         sentences += closest_words(found)
     sentences += [place.sentence for place in where if fails(place.p)]
     sentences += [clue.sentence for clue in clues]
-    sentences += noise_table(found.exam, None).sentences
+    sentences += noise_table(found.prepared, None).sentences
     if found.seen.decoy_rank == 1 and found.decision.named:
         sentences.append(
             "Red flag: a made-up effect explains the misfit better than any named one in the screen."
@@ -35,34 +38,34 @@ def summary(
     return tuple(sentences)
 
 
-def left_words(found: Autopsy) -> str:
+def left_words(found: Analysis) -> str:
     """What is named does not describe the measurements yet."""
-    names, chance = " and ".join(found.final.names), chance_words(found.p_misfit_after)
+    names, chance = " and ".join(found.final.names), probability_text(found.p_misfit_after)
     return (
         f"Even with {names} the model fails ({chance}): its law may be another than ours, or something else "
         "acts too that these candidates do not describe."
     )
 
 
-def closest_words(found: Autopsy) -> list[str]:
+def closest_words(found: Analysis) -> list[str]:
     """The explanation of the list that comes closest to what is not in it, where it comes close."""
-    tried = [item for item in found.judged if item.scored.surfaces]
-    shares = [explained_share(found.exam, found.base, item) for item in tried]
+    tried = [item for item in found.judged if item.scored.likelihoods]
+    shares = [explained_share(found.prepared, found.base, item) for item in tried]
     if not shares or max(shares) < TOLD_CLOSEST:
         return []
     closest = tried[shares.index(max(shares))]
-    chance = chance_words(misfit_p(residuals_of(found.exam, closest.scored.expansion)))
+    chance = probability_text(misfit_p(residuals_of(found.prepared, closest.scored.expansion)))
     return [
         f"Of the list, {' and '.join(closest.names)} comes closest: it takes away {max(shares):.0%} of the "
         f"misfit beyond chance ({chance} of what it leaves)."
     ]
 
 
-def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
+def verdict_words(found: Analysis, effects: Mapping[str, EffectFinding]) -> str:
     """One sentence for the verdict."""
     decision, probability = found.decision, found.believed.probability
-    if too_few_rows(found.exam):
-        rows, numbers = found.exam.rows.size, len(found.exam.axes)
+    if too_few_rows(found.prepared):
+        rows, numbers = found.prepared.rows.size, len(found.prepared.axes)
         return (
             f"{rows} rows of known scatter cannot decide where {numbers} numbers are calibrated; nothing is "
             f"named. Could be hiding: {', '.join(effects)}."
@@ -71,7 +74,7 @@ def verdict_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
         return silence_words(effects)
     if decision.verdict == "outside_library":
         sure = f"probability {probability[OUTSIDE]:.2g}"
-        chance = f"{chance_words(found.p_misfit)} of the misfit, {found.seen.p:.2g} of the best candidate"
+        chance = f"{probability_text(found.p_misfit)} of the misfit, {found.seen.p:.2g} of the best candidate"
         return f"Something is missing and it is not in the list ({sure}; {chance})."
     if decision.verdict == "unstable":
         return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
@@ -95,7 +98,7 @@ def silence_words(effects: Mapping[str, EffectFinding]) -> str:
     return words
 
 
-def change_words(found: Autopsy, effects: Mapping[str, EffectFinding]) -> str:
+def change_words(found: Analysis, effects: Mapping[str, EffectFinding]) -> str:
     """What would change the conclusion."""
     ranked = sorted(found.believed.probability.items(), key=lambda item: -item[1])
     accepted = {*found.decision.named, *found.decision.group}

@@ -22,7 +22,7 @@ class ObservableMisfit:
 
 
 @dataclass(frozen=True)
-class Where:
+class MisfitPlace:
     """A place where the model fails."""
 
     observable: str
@@ -69,7 +69,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class Estimate:
     """A calibrated number with its 90 % interval."""
 
     value: float
@@ -83,12 +83,12 @@ class Comparison:
     """Does the model, calibrated as well as it can be, agree with the measurements?"""
 
     observables: Mapping[str, ObservableMisfit]
-    where: tuple[Where, ...]
+    where: tuple[MisfitPlace, ...]
     chi2: float
     dof: float
     p: float
     noise: Noise
-    parameters: Mapping[str, Fitted]
+    parameters: Mapping[str, Estimate]
     rows: Rows
     failures: int  # model values that could not be computed
     warnings: tuple[str, ...]
@@ -127,7 +127,7 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Clue:
+class ResidualTrend:
     """What can be learnt when the missing effect is not in the library."""
 
     observable: str
@@ -163,7 +163,7 @@ class VaultErrors:
 
 
 @dataclass(frozen=True)
-class Survivor:
+class PlausibleHypothesis:
     """An explanation that is still standing: what the next experiment has to tell from the others."""
 
     names: tuple[str, ...]
@@ -181,14 +181,14 @@ class Discovery:
     group: tuple[str, ...]  # effects that these measurements do not tell apart
     probabilities: Mapping[str, float]  # "none", "outside_library", every effect, "a+b" for pairs; sums to 1
     effects: Mapping[str, EffectFinding]
-    parameters: Mapping[str, Fitted]  # calibrated with what was named
-    where: tuple[Where, ...]
+    parameters: Mapping[str, Estimate]  # calibrated with what was named
+    where: tuple[MisfitPlace, ...]
     chi2_before: float
     chi2_after: float
     n: int
     vault: VaultErrors
     next_experiments: tuple[Experiment, ...]
-    clues: tuple[Clue, ...]
+    clues: tuple[ResidualTrend, ...]
     p: float  # family-wise, of the strongest candidate by chance
     p_misfit: float  # of the calibrated base model
     p_misfit_after: float  # of the recalibrated model with what is named; without a name, as before
@@ -199,8 +199,10 @@ class Discovery:
     noise: Noise
     ambiguity: Mapping[str, tuple[str, ...]]  # effect -> effects with which it forms a group
     absorbed_by: Mapping[str, str]  # effect -> parameter that imitates it best
-    survivors: tuple[Survivor, ...]
-    closest: tuple[Survivor, ...]  # the single effect and the pair that leave least, however unlikely
+    survivors: tuple[PlausibleHypothesis, ...]
+    closest: tuple[
+        PlausibleHypothesis, ...
+    ]  # the single effect and the pair that leave least, however unlikely
     rows_before: Rows
     rows_after: Rows
     failures: int
@@ -214,8 +216,8 @@ class HypothesisFit:
     """One hypothesis, recalibrated on the visible rows and scored on the vault."""
 
     effects: tuple[str, ...]
-    strengths: Mapping[str, Fitted]
-    parameters: Mapping[str, Fitted]
+    strengths: Mapping[str, Estimate]
+    parameters: Mapping[str, Estimate]
     chi2: float  # per visible row
     vault_chi2: float  # per held-out row; NaN with an empty vault
     vault_rmse: Mapping[str, float]  # by observable, in its unit

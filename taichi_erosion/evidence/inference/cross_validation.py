@@ -13,37 +13,37 @@ import numpy as np
 from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 LEAST_GROUPS = 4  # fewer set-ups say nothing about prediction; sets of equal conditions take their place
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class ScoreGain:
     """Gain of the log score over the bare model, summed over groups, and its standard error."""
 
     gain: float
     error: float
 
 
-def fold_numbers(exam: Examination) -> Integers:
+def fold_numbers(prepared: PreparedProblem) -> Integers:
     """Number of each row's fold: its group, or its set of conditions where there are few groups."""
-    labels = list(exam.rows.group)
+    labels = list(prepared.rows.group)
     if len(set(labels)) < LEAST_GROUPS:
-        columns = list(exam.rows.conditions.values())
-        labels = [repr(tuple(float(column[i]) for column in columns)) for i in range(exam.rows.size)]
+        columns = list(prepared.rows.conditions.values())
+        labels = [repr(tuple(float(column[i]) for column in columns)) for i in range(prepared.rows.size)]
     order = {label: number for number, label in enumerate(sorted(set(labels)))}
     return np.array([order[label] for label in labels], dtype=np.int64)
 
 
-def fold_scores(exam: Examination, expansion: Expansion, folds: Integers) -> Floats:
+def fold_scores(prepared: PreparedProblem, expansion: Expansion, folds: Integers) -> Floats:
     """Log score of every fold, predicted from the others."""
-    work = working((exam.rows.z - expansion.mean) / exam.sd, exam.rows.censored)
-    scale = (work.weight / exam.sd)[:, np.newaxis]
+    work = working((prepared.rows.z - expansion.mean) / prepared.sd, prepared.rows.censored)
+    scale = (work.weight / prepared.sd)[:, np.newaxis]
     design = np.hstack([expansion.local, expansion.jacobian, expansion.shared]) * scale
-    loose, count = expansion.local.shape[1], len(exam.axes)
+    loose, count = expansion.local.shape[1], len(prepared.axes)
     prior = np.ones(design.shape[1])
-    prior[:loose] = [exam.candidate(name).prior_scale ** -2.0 for name in expansion.fit.names]
+    prior[:loose] = [prepared.candidate(name).prior_scale ** -2.0 for name in expansion.fit.names]
     origin = np.zeros(design.shape[1])
     origin[:loose] = expansion.fit.psi
     origin[loose : loose + count] = expansion.fit.x
@@ -63,11 +63,11 @@ def fold_scores(exam: Examination, expansion: Expansion, folds: Integers) -> Flo
     return np.array(scores)
 
 
-def held_out(exam: Examination, base: Expansion, expansion: Expansion) -> HeldOut:
+def held_out(prepared: PreparedProblem, base: Expansion, expansion: Expansion) -> ScoreGain:
     """Paired comparison with the bare model."""
-    folds = fold_numbers(exam)
+    folds = fold_numbers(prepared)
     if folds.size == 0 or folds.max() == 0:
-        return HeldOut(float("nan"), float("nan"))
-    difference = fold_scores(exam, expansion, folds) - fold_scores(exam, base, folds)
+        return ScoreGain(float("nan"), float("nan"))
+    difference = fold_scores(prepared, expansion, folds) - fold_scores(prepared, base, folds)
     error = float(np.sqrt(difference.size * np.var(difference, ddof=1)))
-    return HeldOut(float(difference.sum()), error)
+    return ScoreGain(float(difference.sum()), error)

@@ -16,7 +16,7 @@ from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.inference.levels import FAMILYWISE_LEVEL
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.screen import Screen, log_bayes
 
 DRAWS = 2000  # of the null: a p of 0.05 is known to 0.005
@@ -25,7 +25,7 @@ DECOY_LENGTH = 1.0  # of a made-up effect, in sd of the conditions
 
 
 @dataclass(frozen=True)
-class Significance:
+class FamilywiseTest:
     """Family-wise verdict of the screen."""
 
     observed: Floats  # (candidates,), ln Bayes factors; 0 where the signature is not resolved
@@ -35,35 +35,35 @@ class Significance:
     decoy_rank: int
 
 
-def significance(exam: Examination, found: Screen, factors: Floats, seed: int) -> Significance:
+def familywise_test(prepared: PreparedProblem, found: Screen, factors: Floats, seed: int) -> FamilywiseTest:
     """Observed ln Bayes factors against their simulated maximum; `factors` are draws of the noise factor."""
     generator = np.random.default_rng(seed)
-    noise = null_residuals(exam, found, factors, generator)
+    noise = null_residuals(prepared, found, factors, generator)
     signatures = found.signatures
     if not signatures:
-        return Significance(np.zeros(0), 1.0, np.zeros(0), 0.0, 1)
+        return FamilywiseTest(np.zeros(0), 1.0, np.zeros(0), 0.0, 1)
     observed = np.array([log_bayes(s, found.residual[:, np.newaxis])[0] for s in signatures])
     drawn = np.array([log_bayes(s, noise) for s in signatures])
     heard = np.array([s.resolved for s in signatures])
     observed[~heard], adjusted = 0.0, np.ones(observed.size)
     if not heard.any():
-        return Significance(observed, 1.0, adjusted, 0.0, observed.size + 1)
+        return FamilywiseTest(observed, 1.0, adjusted, 0.0, observed.size + 1)
     adjusted[heard] = step_down(observed[heard], drawn[heard])
-    return Significance(
+    return FamilywiseTest(
         observed,
         float(adjusted.min()),
         adjusted,
         max_threshold(found, noise),
-        decoy_rank(exam, found, observed, generator),
+        decoy_rank(prepared, found, observed, generator),
     )
 
 
 def null_residuals(
-    exam: Examination, found: Screen, factors: Floats, generator: np.random.Generator
+    prepared: PreparedProblem, found: Screen, factors: Floats, generator: np.random.Generator
 ) -> Floats:
     """Free residuals of a model that lacks nothing, columns of (n + p + q)."""
     noise = generator.standard_normal((found.residual.size, factors.size))
-    noise[: exam.rows.size] *= factors
+    noise[: prepared.rows.size] *= factors
     return noise - found.basis @ (found.basis.T @ noise)
 
 
@@ -96,23 +96,27 @@ def power(norm: float, threshold: float) -> float:
     return float(special.ndtr(norm - threshold))
 
 
-def decoy_rank(exam: Examination, found: Screen, observed: Floats, generator: np.random.Generator) -> int:
+def decoy_rank(
+    prepared: PreparedProblem, found: Screen, observed: Floats, generator: np.random.Generator
+) -> int:
     """Rank of the best made-up effect among the candidates, 1 being the strongest of all.
 
     A decoy has a smooth random signature with the typical norm of the candidates; one that ranks high says
     that names are being given to noise, or to something that no candidate describes.
     """
-    axes = condition_axes(exam)
+    axes = condition_axes(prepared)
     norms = [s.norm for s in found.signatures if s.resolved]
     if not axes or not norms:
         return observed.size + 1
     position = np.column_stack(list(axes.values()))
     best = -np.inf
     for _ in range(DECOYS):
-        wave = generator.standard_normal((position.shape[1], len(exam.rows.observables))) / DECOY_LENGTH
-        phase = generator.uniform(0.0, 2.0 * np.pi, len(exam.rows.observables))
-        shape = np.sin(np.einsum("ij,ji->i", position, wave[:, exam.rows.which]) + phase[exam.rows.which])
-        below = np.concatenate([shape / exam.sd, np.zeros(found.residual.size - exam.rows.size)])
+        wave = generator.standard_normal((position.shape[1], len(prepared.rows.observables))) / DECOY_LENGTH
+        phase = generator.uniform(0.0, 2.0 * np.pi, len(prepared.rows.observables))
+        shape = np.sin(
+            np.einsum("ij,ji->i", position, wave[:, prepared.rows.which]) + phase[prepared.rows.which]
+        )
+        below = np.concatenate([shape / prepared.sd, np.zeros(found.residual.size - prepared.rows.size)])
         free = below - found.basis @ (found.basis.T @ below)
         free *= np.median(norms) / max(float(np.linalg.norm(free)), 1e-300)
         strength = np.linspace(0.0, 2.0, 13)

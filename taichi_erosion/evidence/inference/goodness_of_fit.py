@@ -17,14 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.data.findings import Noise, ObservableMisfit, ObservableNoise, Rows, Where
+from taichi_erosion.evidence.data.findings import MisfitPlace, Noise, ObservableMisfit, ObservableNoise, Rows
 from taichi_erosion.evidence.data.linear_algebra import projection, working
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.inference.levels import LEAST_P, NOISE_LEVEL, fails
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.model_discrepancy import free_residual
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import standard_axis
 
 LENGTH = 0.7  # of the kernel, in sd of a condition
@@ -41,11 +41,11 @@ class Residuals:
     basis: Floats
 
 
-def residuals_of(exam: Examination, expansion: Expansion) -> Residuals:
+def residuals_of(prepared: PreparedProblem, expansion: Expansion) -> Residuals:
     """Residuals of one hypothesis."""
-    work = working((exam.rows.z - expansion.mean) / exam.sd, exam.rows.censored)
-    free, basis = free_residual(exam, expansion)
-    return Residuals(work.residual, free, basis[: exam.rows.size])
+    work = working((prepared.rows.z - expansion.mean) / prepared.sd, prepared.rows.censored)
+    free, basis = free_residual(prepared, expansion)
+    return Residuals(work.residual, free, basis[: prepared.rows.size])
 
 
 def chance_of_quadratic(value: float, eigenvalues: Floats) -> float:
@@ -83,30 +83,30 @@ def structure_p(left: Residuals, factor: Floats) -> tuple[float, float]:
     return value, chance_of_quadratic(value, np.maximum(eigenvalues, 0.0))
 
 
-def where_it_fails(exam: Examination, expansion: Expansion) -> tuple[Where, ...]:
+def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[MisfitPlace, ...]:
     """Every place looked at, worst first, with its Holm-adjusted probability and a sentence."""
-    left = residuals_of(exam, expansion)
+    left = residuals_of(prepared, expansion)
     found: list[tuple[str, str, float, str]] = []
-    for index, observable in enumerate(exam.rows.observables):
-        rows = exam.rows.which == index
+    for index, observable in enumerate(prepared.rows.observables):
+        rows = prepared.rows.which == index
         if not rows.any():
             continue
-        level = rows.astype(float)[:, np.newaxis] / exam.sd[:, np.newaxis]
+        level = rows.astype(float)[:, np.newaxis] / prepared.sd[:, np.newaxis]
         _, p = structure_p(left, level / np.linalg.norm(level))
-        found.append((observable.name, LEVEL_AXIS, p, level_words(exam, left, rows)))
-        for name, column in exam.rows.conditions.items():
+        found.append((observable.name, LEVEL_AXIS, p, level_words(prepared, left, rows)))
+        for name, column in prepared.rows.conditions.items():
             axis = standard_axis(column[rows])
             if axis is None or np.unique(axis).size < 3:
                 continue
             square = ((axis[:, np.newaxis] - axis[np.newaxis, :]) / LENGTH) ** 2
             values, vectors = np.linalg.eigh(np.exp(-0.5 * square))
-            factor = np.zeros((exam.rows.size, axis.size))
+            factor = np.zeros((prepared.rows.size, axis.size))
             factor[rows] = vectors * np.sqrt(np.maximum(values, 0.0))
             _, p = structure_p(left, factor)
             found.append((observable.name, name, p, axis_words(column[rows], left.free[rows])))
     adjusted = holm([item[2] for item in found])
     places = [
-        Where(name, axis, p, sentence(name, axis, words, p))
+        MisfitPlace(name, axis, p, sentence(name, axis, words, p))
         for (name, axis, _, words), p in zip(found, adjusted, strict=True)
     ]
     return tuple(sorted(places, key=lambda place: place.p))
@@ -122,9 +122,9 @@ def holm(p: list[float]) -> list[float]:
     return adjusted
 
 
-def level_words(exam: Examination, left: Residuals, rows: Bools) -> str:
+def level_words(prepared: PreparedProblem, left: Residuals, rows: Bools) -> str:
     """Direction in which a whole observable is off."""
-    return "too low" if float(np.sum(left.free[rows] / exam.sd[rows])) > 0.0 else "too high"
+    return "too low" if float(np.sum(left.free[rows] / prepared.sd[rows])) > 0.0 else "too high"
 
 
 def axis_words(column: Floats, free: Floats) -> str:
@@ -148,12 +148,12 @@ def sentence(observable: str, axis: str, words: str, p: float) -> str:
     """Plain words about one place."""
     if not fails(p):
         place = "as a whole" if axis == LEVEL_AXIS else f"along {axis}"
-        return f"{observable}: no misfit seen {place} ({chance_words(p)})"
+        return f"{observable}: no misfit seen {place} ({probability_text(p)})"
     what = words.format(axis=axis) if axis != LEVEL_AXIS else f"{words} as a whole"
-    return f"{observable}: the model is {what} ({chance_words(p)})"
+    return f"{observable}: the model is {what} ({probability_text(p)})"
 
 
-def chance_words(p: float) -> str:
+def probability_text(p: float) -> str:
     """A probability in words; one too small to be computed is not called zero."""
     return f"p = {p:.2g}" if p >= LEAST_P else f"p < {LEAST_P:g}"
 
@@ -164,9 +164,9 @@ ASK_REPEATS = (
 )
 
 
-def rows_table(exam: Examination, expansion: Expansion) -> Rows:
+def rows_table(prepared: PreparedProblem, expansion: Expansion) -> Rows:
     """Measured beside predicted."""
-    rows = exam.rows
+    rows = prepared.rows
     measured, predicted = np.empty(rows.size), np.empty(rows.size)
     for index, observable in enumerate(rows.observables):
         chosen = rows.which == index
@@ -182,32 +182,34 @@ def rows_table(exam: Examination, expansion: Expansion) -> Rows:
         measured=measured,
         measured_sd=np.sqrt(rows.variance + shared) / steep,
         predicted=predicted,
-        predicted_sd=np.sqrt(np.maximum(exam.variance - rows.variance + own, 0.0)) / steep,
-        residual=working((rows.z - expansion.mean) / exam.sd, rows.censored).residual,
+        predicted_sd=np.sqrt(np.maximum(prepared.variance - rows.variance + own, 0.0)) / steep,
+        residual=working((rows.z - expansion.mean) / prepared.sd, rows.censored).residual,
     )
 
 
-def chi_square(exam: Examination, expansion: Expansion) -> float:
+def chi_square(prepared: PreparedProblem, expansion: Expansion) -> float:
     """Misfit of the measurements alone, shared errors at their best: r^T V^-1 r."""
-    work = working((exam.rows.z - expansion.mean) / exam.sd, exam.rows.censored)
-    shared = expansion.shared / exam.sd[:, np.newaxis] * work.weight[:, np.newaxis]
+    work = working((prepared.rows.z - expansion.mean) / prepared.sd, prepared.rows.censored)
+    shared = expansion.shared / prepared.sd[:, np.newaxis] * work.weight[:, np.newaxis]
     part = projection(np.zeros((work.residual.size, 0)), shared)
     stacked = np.concatenate([work.residual, np.zeros(shared.shape[1])])
     free = part.free(stacked)
     return float(free @ free)
 
 
-def freedom(exam: Examination, expansion: Expansion) -> float:
+def freedom(prepared: PreparedProblem, expansion: Expansion) -> float:
     """Degrees of freedom that calibration leaves: n minus the leverage of what it removes."""
-    left = residuals_of(exam, expansion)
-    return float(exam.rows.size - np.sum(left.basis**2))
+    left = residuals_of(prepared, expansion)
+    return float(prepared.rows.size - np.sum(left.basis**2))
 
 
-def observable_misfits(exam: Examination, expansion: Expansion, table: Rows) -> dict[str, ObservableMisfit]:
+def observable_misfits(
+    prepared: PreparedProblem, expansion: Expansion, table: Rows
+) -> dict[str, ObservableMisfit]:
     """Agreement observable by observable; p tests its own rows with calibration accounted for."""
-    left, found = residuals_of(exam, expansion), {}
-    for index, observable in enumerate(exam.rows.observables):
-        chosen = exam.rows.which == index
+    left, found = residuals_of(prepared, expansion), {}
+    for index, observable in enumerate(prepared.rows.observables):
+        chosen = prepared.rows.which == index
         if not chosen.any():
             continue
         gap = (table.measured - table.predicted)[chosen]
@@ -222,13 +224,13 @@ def observable_misfits(exam: Examination, expansion: Expansion, table: Rows) -> 
     return found
 
 
-def noise_table(exam: Examination, correlation: Floats | None, known: bool = True) -> Noise:
+def noise_table(prepared: PreparedProblem, correlation: Floats | None, known: bool = True) -> Noise:
     """Noise budget with the simulator's share, and what must be said about it; `known` unless guessed."""
     budgets, sentences = {}, []
-    simulated = np.sqrt(np.maximum(exam.variance - exam.rows.variance, 0.0))
-    for index, observable in enumerate(exam.rows.observables):
-        given = exam.rows.noise[observable.name]
-        chosen = exam.rows.which == index
+    simulated = np.sqrt(np.maximum(prepared.variance - prepared.rows.variance, 0.0))
+    for index, observable in enumerate(prepared.rows.observables):
+        given = prepared.rows.noise[observable.name]
+        chosen = prepared.rows.which == index
         paired = correlation[chosen] if correlation is not None else np.full(int(chosen.sum()), np.nan)
         seeds = float(np.nanmedian(paired)) if np.any(np.isfinite(paired)) else float("nan")
         own = float(np.median(simulated[chosen])) if chosen.any() else float("nan")

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Floats, Integers
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
 
 STEP = 0.1  # finite difference in prior sd
@@ -51,40 +51,42 @@ def posed(names: tuple[str, ...], position: Floats, calibrated: int) -> tuple[Fl
 class Objective:
     """Misfit of one hypothesis as a function of the joint vector (x, psi)."""
 
-    exam: Examination
+    prepared: PreparedProblem
     names: tuple[str, ...]
     seeds: Integers
 
     @cached_property
     def low(self) -> Floats:
-        return np.concatenate([self.exam.low, np.zeros(len(self.names))])
+        return np.concatenate([self.prepared.low, np.zeros(len(self.names))])
 
     @cached_property
     def high(self) -> Floats:
-        return np.concatenate([self.exam.high, [self.exam.candidate(name).maximum for name in self.names]])
+        return np.concatenate(
+            [self.prepared.high, [self.prepared.candidate(name).maximum for name in self.names]]
+        )
 
     @cached_property
     def scale(self) -> Floats:
         """Prior sd of every entry."""
-        widths = [max(self.exam.candidate(name).prior_scale, 1e-9) for name in self.names]
-        return np.concatenate([np.ones(len(self.exam.axes)), widths])
+        widths = [max(self.prepared.candidate(name).prior_scale, 1e-9) for name in self.names]
+        return np.concatenate([np.ones(len(self.prepared.axes)), widths])
 
     def mean(self, position: Floats) -> Floats:
-        x, acting = posed(self.names, position, len(self.exam.axes))
-        return self.exam.predictor.mean(x, acting, self.seeds)
+        x, acting = posed(self.names, position, len(self.prepared.axes))
+        return self.prepared.predictor.mean(x, acting, self.seeds)
 
     def residual(self, position: Floats) -> Floats:
-        return (self.exam.rows.z - self.mean(position)) / self.exam.sd
+        return (self.prepared.rows.z - self.mean(position)) / self.prepared.sd
 
     def runs(self, position: Floats) -> Floats:
-        x, acting = posed(self.names, position, len(self.exam.axes))
-        return self.exam.predictor.predict(x, acting, self.seeds)
+        x, acting = posed(self.names, position, len(self.prepared.axes))
+        return self.prepared.predictor.predict(x, acting, self.seeds)
 
     def jacobian(self, position: Floats, central: bool, share: float = 1.0) -> Floats:
         """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds."""
-        columns = np.empty((self.exam.rows.size, position.size))
+        columns = np.empty((self.prepared.rows.size, position.size))
         for j, scale in enumerate(self.scale):
-            step = (STEP_NOISY if self.exam.noisy else STEP) * scale * share
+            step = (STEP_NOISY if self.prepared.noisy else STEP) * scale * share
             up = min(position[j] + step, self.high[j])
             down = max(position[j] - step, self.low[j])
             if not central:
@@ -92,18 +94,18 @@ class Objective:
                     (up, position[j]) if up - position[j] >= position[j] - down else (position[j], down)
                 )
             columns[:, j] = self.difference(position, j, down, up) * scale
-        return columns / self.exam.sd[:, np.newaxis]
+        return columns / self.prepared.sd[:, np.newaxis]
 
     def difference(self, position: Floats, j: int, down: float, up: float) -> Floats:
         """Slope of the mean along entry j; zero where the model fails or the entry cannot move."""
         if up <= down:
-            return np.zeros(self.exam.rows.size)
+            return np.zeros(self.prepared.rows.size)
         ends = []
         for end in (down, up):
             moved = position.copy()
             moved[j] = end
             ends.append(self.runs(moved))
-        change = paired_change(ends[1], ends[0], self.exam.predictor)
+        change = paired_change(ends[1], ends[0], self.prepared.predictor)
         return np.where(np.isfinite(change), change / (up - down), 0.0)
 
 
@@ -111,8 +113,10 @@ def misfit_of(objective: Objective, position: Floats, residual: Floats) -> float
     """Deviance + prior, shared errors at their best; infinite where the model fails."""
     if not np.all(np.isfinite(residual)):
         return inf
-    work = working(residual, objective.exam.rows.censored)
-    shared = objective.exam.rows.shared / objective.exam.sd[:, np.newaxis] * work.weight[:, np.newaxis]
+    work = working(residual, objective.prepared.rows.censored)
+    shared = (
+        objective.prepared.rows.shared / objective.prepared.sd[:, np.newaxis] * work.weight[:, np.newaxis]
+    )
     gain = 0.0
     if shared.shape[1]:
         pull = shared.T @ work.residual
@@ -128,9 +132,9 @@ def newton_step(
 
     Damped least squares; entries that would leave their range are held at its end.
     """
-    exam, scale = objective.exam, objective.scale
-    work = working(residual, exam.rows.censored)
-    shared = exam.rows.shared / exam.sd[:, np.newaxis]
+    prepared, scale = objective.prepared, objective.scale
+    work = working(residual, prepared.rows.censored)
+    shared = prepared.rows.shared / prepared.sd[:, np.newaxis]
     design = np.hstack([slopes, shared]) * work.weight[:, np.newaxis]
     matrix = design.T @ design + np.eye(design.shape[1])
     pull = design.T @ work.residual
@@ -158,8 +162,8 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
     position = np.clip(start, objective.low, objective.high)
     residual = objective.residual(position)
     best, damping = misfit_of(objective, position, residual), 1e-3
-    enough = GOOD_NOISY if objective.exam.noisy else GOOD_ENOUGH
-    shares = iter((1.0,) if objective.exam.noisy else SHARES)
+    enough = GOOD_NOISY if objective.prepared.noisy else GOOD_ENOUGH
+    shares = iter((1.0,) if objective.prepared.noisy else SHARES)
     share = next(shares)
     for _ in range(steps):
         if best == inf:
@@ -185,7 +189,7 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
 
 
 def refined(
-    exam: Examination, names: tuple[str, ...], start: Floats, steps: int, seeds: Integers
+    prepared: PreparedProblem, names: tuple[str, ...], start: Floats, steps: int, seeds: Integers
 ) -> tuple[Floats, float]:
     """Best position from one start, and -2 ln of its likelihood times prior.
 
@@ -193,59 +197,65 @@ def refined(
     off has those of the start first, then those of what was found; the volume ln |1 + F^T V^-1 F| of its
     errors F tells sure fits from vague ones.
     """
-    there = exam.about(*posed(names, start, len(exam.axes)))
+    there = prepared.about(*posed(names, start, len(prepared.axes)))
     position, misfit = refine(Objective(there, names, seeds), start, steps)
-    if exam.predictor.uncertainty is None:
+    if prepared.predictor.uncertainty is None:
         return position, misfit
-    there = exam.about(*posed(names, position, len(exam.axes)))
+    there = prepared.about(*posed(names, position, len(prepared.axes)))
     position, misfit = refine(Objective(there, names, seeds), position, steps)
-    own = there.rows.shared[:, exam.rows.shared.shape[1] :] / exam.sd[:, np.newaxis]
+    own = there.rows.shared[:, prepared.rows.shared.shape[1] :] / prepared.sd[:, np.newaxis]
     return position, misfit + float(np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1])
 
 
 def fit(
-    exam: Examination, names: tuple[str, ...], starts: list[Floats], steps: int, seeds: Integers | None = None
+    prepared: PreparedProblem,
+    names: tuple[str, ...],
+    starts: list[Floats],
+    steps: int,
+    seeds: Integers | None = None,
 ) -> Fit:
     """Best of several starts of one hypothesis."""
-    chosen = exam.seeds.fitting if seeds is None else seeds
-    results = [refined(exam, names, start, steps, chosen) for start in starts]
+    chosen = prepared.seeds.fitting if seeds is None else seeds
+    results = [refined(prepared, names, start, steps, chosen) for start in starts]
     position, misfit = min(results, key=lambda result: result[1])
-    x, acting = posed(names, position, len(exam.axes))
+    x, acting = posed(names, position, len(prepared.axes))
     return Fit(names, x, np.array([acting[name] for name in names]), misfit)
 
 
-def fit_base(exam: Examination) -> tuple[Examination, Fit, list[str]]:
+def fit_base(prepared: PreparedProblem) -> tuple[PreparedProblem, Fit, list[str]]:
     """The bare model, calibrated honestly: a search of the prior, then several starts that should agree.
 
     Comes with the examination whose weights no longer depend on the noise of the values themselves.
     """
-    count = len(exam.axes)
-    prior_mean = np.clip(np.zeros(count), exam.low, exam.high)
-    quick = exam.problem.budget.name == "quick"
-    starts = [prior_mean] if quick or count == 0 else [prior_mean, *searched(exam)]
-    objective = Objective(exam, (), exam.seeds.fitting)
+    count = len(prepared.axes)
+    prior_mean = np.clip(np.zeros(count), prepared.low, prepared.high)
+    quick = prepared.problem.budget.name == "quick"
+    starts = [prior_mean] if quick or count == 0 else [prior_mean, *searched(prepared)]
+    objective = Objective(prepared, (), prepared.seeds.fitting)
     results: list[tuple[Floats, float]] = []
     for number, start in enumerate(starts):
-        if number < STARTS or results[0][1] > POOR * exam.rows.size:
-            results.append(refined(exam, (), start, STEPS_QUICK if quick else STEPS, exam.seeds.fitting))
+        if number < STARTS or results[0][1] > POOR * prepared.rows.size:
+            results.append(
+                refined(prepared, (), start, STEPS_QUICK if quick else STEPS, prepared.seeds.fitting)
+            )
             results.sort(key=lambda result: result[1])
     warnings = []
     if len(results) > 1 and results[1][1] < inf:
         gap = np.abs(results[0][0] - results[1][0]).max()
         if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > 0.1 * SEARCH_WIDTH:
             warnings.append("two starts of the calibration end at different places; the better one is used")
-    exam = reweighted(exam, objective.mean(results[0][0]))
-    position, misfit = refined(exam, (), results[0][0], 2, exam.seeds.fitting)
-    return exam, Fit((), position, np.zeros(0), misfit), warnings
+    prepared = reweighted(prepared, objective.mean(results[0][0]))
+    position, misfit = refined(prepared, (), results[0][0], 2, prepared.seeds.fitting)
+    return prepared, Fit((), position, np.zeros(0), misfit), warnings
 
 
-def reweighted(exam: Examination, mean: Floats) -> Examination:
+def reweighted(prepared: PreparedProblem, mean: Floats) -> PreparedProblem:
     """Variances of logarithmic rows taken at the fitted value instead of the measured one.
 
     sd / y is large where y came out low by chance, so low values weigh less and the fit is drawn upwards. The
     fitted value is trusted within NEAR sd of the measured one; a constant relative sd needs no change.
     """
-    rows, factor = exam.rows, np.ones(exam.rows.size)
+    rows, factor = prepared.rows, np.ones(prepared.rows.size)
     for index, observable in enumerate(rows.observables):
         own = (rows.which == index) & ~rows.censored & np.isfinite(mean)
         sd = np.sqrt(rows.variance[own])
@@ -256,17 +266,17 @@ def reweighted(exam: Examination, mean: Floats) -> Examination:
         factor[own] = np.exp(-2.0 * moved)
     variance = rows.variance * factor
     return replace(
-        exam, rows=replace(rows, variance=variance), variance=exam.variance + variance - rows.variance
+        prepared, rows=replace(rows, variance=variance), variance=prepared.variance + variance - rows.variance
     )
 
 
-def searched(exam: Examination) -> list[Floats]:
+def searched(prepared: PreparedProblem) -> list[Floats]:
     """Best points of a Sobol' sample of the prior, one seed each."""
-    count = len(exam.axes)
-    low = np.maximum(exam.low, -SEARCH_WIDTH)
-    high = np.minimum(exam.high, SEARCH_WIDTH)
+    count = len(prepared.axes)
+    low = np.maximum(prepared.low, -SEARCH_WIDTH)
+    high = np.minimum(prepared.high, SEARCH_WIDTH)
     sampler = qmc.Sobol(count, scramble=False)
     points = low + (high - low) * sampler.random_base2(int(np.ceil(np.log2(SEARCH_POINTS * count))))
-    objective = Objective(exam, (), exam.seeds.fitting[:1])
+    objective = Objective(prepared, (), prepared.seeds.fitting[:1])
     values = [misfit_of(objective, point, objective.residual(point)) for point in points]
     return [points[int(k)] for k in np.argsort(values)[:MOST_STARTS]]

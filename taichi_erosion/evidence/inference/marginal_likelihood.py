@@ -18,7 +18,7 @@ from scipy import interpolate
 from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, working
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.inference.map_fit import Fit, Objective
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
 
 GRID = 33  # strengths at which a single effect is integrated
@@ -51,7 +51,7 @@ class Expansion:
 
 
 @dataclass(frozen=True)
-class Surface:
+class StrengthLikelihood:
     """Evidence of one hypothesis at one noise factor, strength by strength."""
 
     log_likelihood: Floats  # (columns,), calibrated numbers integrated out
@@ -59,23 +59,24 @@ class Surface:
     covariance: Floats  # (p, p)
 
 
-def expand(exam: Examination, fit: Fit) -> Expansion:
+def expand(prepared: PreparedProblem, fit: Fit) -> Expansion:
     """Slopes and paths of one hypothesis with the signature seeds, its mean with the judging seeds."""
-    exam = exam.about(fit.x, fit.acting())
+    prepared = prepared.about(fit.x, fit.acting())
     position = np.concatenate([fit.x, fit.psi])
-    objective = Objective(exam, fit.names, exam.seeds.signature)
-    slopes = objective.jacobian(position, central=exam.problem.budget.name == "full")
-    slopes = slopes * exam.sd[:, np.newaxis] / objective.scale
-    count = len(exam.axes)
-    mean = exam.predictor.mean(fit.x, fit.acting(), exam.seeds.judging)
-    spread, ridge = strength_sd(exam, slopes, count)
+    objective = Objective(prepared, fit.names, prepared.seeds.signature)
+    slopes = objective.jacobian(position, central=prepared.problem.budget.name == "full")
+    slopes = slopes * prepared.sd[:, np.newaxis] / objective.scale
+    count = len(prepared.axes)
+    mean = prepared.predictor.mean(fit.x, fit.acting(), prepared.seeds.scoring)
+    spread, ridge = strength_sd(prepared, slopes, count)
     paths = tuple(
-        path_of(exam, fit, index, float(spread[index]), ridge[:, index]) for index in range(len(fit.names))
+        path_of(prepared, fit, index, float(spread[index]), ridge[:, index])
+        for index in range(len(fit.names))
     )
-    return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:], exam.rows.shared)
+    return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:], prepared.rows.shared)
 
 
-def strength_sd(exam: Examination, slopes: Floats, count: int) -> tuple[Floats, Floats]:
+def strength_sd(prepared: PreparedProblem, slopes: Floats, count: int) -> tuple[Floats, Floats]:
     """Posterior sd of each strength, and how the calibrated numbers give way per unit of it, from the slopes.
 
     The ridge dx/dpsi = cov(x, psi) / var(psi) is where rivals compete: at fixed numbers a strength far from
@@ -84,33 +85,33 @@ def strength_sd(exam: Examination, slopes: Floats, count: int) -> tuple[Floats, 
     loose = slopes.shape[1] - count
     if loose == 0:
         return np.zeros(0), np.zeros((count, 0))
-    white = slopes / exam.sd[:, np.newaxis]
+    white = slopes / prepared.sd[:, np.newaxis]
     order = np.hstack([white[:, count:], white[:, :count]])
-    covariance = projection(order, exam.rows.shared / exam.sd[:, np.newaxis], loose).covariance()
+    covariance = projection(order, prepared.rows.shared / prepared.sd[:, np.newaxis], loose).covariance()
     variance = np.diag(covariance)[:loose]
     return np.sqrt(variance), covariance[loose : loose + count, :loose] / variance
 
 
-def path_of(exam: Examination, fit: Fit, index: int, spread: float, ridge: Floats) -> Path:
+def path_of(prepared: PreparedProblem, fit: Fit, index: int, spread: float, ridge: Floats) -> Path:
     """Path along one strength and its ridge, the other strength at its best."""
     name = fit.names[index]
-    candidate, best = exam.candidate(name), float(fit.psi[index])
+    candidate, best = prepared.candidate(name), float(fit.psi[index])
     spread = min(spread, 0.5 * candidate.maximum)
     wanted = [best + node * spread for node in NODES] + [0.0, candidate.maximum]
     nodes = np.array(sorted({round(min(max(node, 0.0), candidate.maximum), 12) for node in wanted}))
-    changes, predictor = [], exam.predictor
-    bare = predictor.predict(fit.x, fit.acting(), exam.seeds.signature)
+    changes, predictor = [], prepared.predictor
+    bare = predictor.predict(fit.x, fit.acting(), prepared.seeds.signature)
     for node in nodes:
         acting = {**fit.acting(), name: float(node)}
-        x = np.clip(fit.x + ridge * (node - best), exam.low, exam.high)
-        runs = predictor.predict(x, acting, exam.seeds.signature)
+        x = np.clip(fit.x + ridge * (node - best), prepared.low, prepared.high)
+        runs = predictor.predict(x, acting, prepared.seeds.signature)
         changes.append(paired_change(runs, bare, predictor))
     change = np.array(changes)
     good = np.all(np.isfinite(change), axis=1)
     nodes, change = nodes[good], change[good]
     grid = strength_grid(nodes[0], nodes[-1], best, spread, GRID if len(fit.names) == 1 else PAIR_GRID)
-    shift = np.clip(fit.x + np.outer(grid - best, ridge), exam.low, exam.high) - fit.x
-    smooth = smooth_path(exam, nodes, change, best, grid)
+    shift = np.clip(fit.x + np.outer(grid - best, ridge), prepared.low, prepared.high) - fit.x
+    smooth = smooth_path(prepared, nodes, change, best, grid)
     return Path(grid, smooth, shift, log_prior(grid, candidate.prior_scale))
 
 
@@ -120,11 +121,13 @@ def strength_grid(low: float, high: float, best: float, spread: float, count: in
     return np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [best]]))
 
 
-def smooth_path(exam: Examination, nodes: Floats, change: Floats, best: float, grid: Floats) -> Floats:
+def smooth_path(
+    prepared: PreparedProblem, nodes: Floats, change: Floats, best: float, grid: Floats
+) -> Floats:
     """Path between nodes: monotone cubic without noise, else a polynomial through the best fit."""
     if nodes.size < 2:
         return np.zeros((grid.size, change.shape[1]))
-    if not exam.noisy or nodes.size < 4:
+    if not prepared.noisy or nodes.size < 4:
         return np.asarray(interpolate.PchipInterpolator(nodes, change, axis=0)(grid))
     scale = max(float(np.ptp(nodes)), 1e-300)
     powers = np.arange(1, min(3, nodes.size - 2) + 1)
@@ -143,7 +146,7 @@ def log_prior(grid: Floats, scale: float) -> Floats:
 
 
 @dataclass(frozen=True)
-class Columns:
+class StrengthColumns:
     """All strengths of a hypothesis side by side."""
 
     change: Floats  # (n, columns)
@@ -153,45 +156,53 @@ class Columns:
     centre: int  # column nearest to the best fit
 
 
-def columns_of(exam: Examination, expansion: Expansion) -> Columns:
+def columns_of(prepared: PreparedProblem, expansion: Expansion) -> StrengthColumns:
     """Changes of the mean, calibrated numbers and ln prior weights over all strengths of a hypothesis."""
     paths, x = expansion.paths, expansion.fit.x
     if not paths:
-        return Columns(np.zeros((expansion.mean.size, 1)), x[:, np.newaxis], np.zeros(1), np.zeros(1), 0)
+        return StrengthColumns(
+            np.zeros((expansion.mean.size, 1)), x[:, np.newaxis], np.zeros(1), np.zeros(1), 0
+        )
     penalties = [
-        (path.grid / max(exam.candidate(name).prior_scale, 1e-9)) ** 2
+        (path.grid / max(prepared.candidate(name).prior_scale, 1e-9)) ** 2
         for name, path in zip(expansion.fit.names, paths, strict=True)
     ]
     centres = [int(np.argmin(np.abs(p.grid - psi))) for p, psi in zip(paths, expansion.fit.psi, strict=True)]
     if len(paths) == 1:
         only = paths[0]
-        return Columns(only.change.T, (x + only.shift).T, only.log_prior, penalties[0], centres[0])
+        return StrengthColumns(only.change.T, (x + only.shift).T, only.log_prior, penalties[0], centres[0])
     first, second = paths
     change = first.change[:, np.newaxis, :] + second.change[np.newaxis, :, :]
     shift = first.shift[:, np.newaxis, :] + second.shift[np.newaxis, :, :]
-    start = np.clip(x + shift.reshape(-1, x.size), exam.low, exam.high)
+    start = np.clip(x + shift.reshape(-1, x.size), prepared.low, prepared.high)
     prior = first.log_prior[:, np.newaxis] + second.log_prior[np.newaxis, :]
     centre = centres[0] * second.grid.size + centres[1]
     penalty = penalties[0][:, np.newaxis] + penalties[1][np.newaxis, :]
-    return Columns(change.reshape(-1, expansion.mean.size).T, start.T, prior.ravel(), penalty.ravel(), centre)
+    return StrengthColumns(
+        change.reshape(-1, expansion.mean.size).T, start.T, prior.ravel(), penalty.ravel(), centre
+    )
 
 
-def surface(exam: Examination, expansion: Expansion, columns: Columns, factor: float) -> Surface:
+def surface(
+    prepared: PreparedProblem, expansion: Expansion, columns: StrengthColumns, factor: float
+) -> StrengthLikelihood:
     """Evidence along all strengths at one noise factor; slopes may not promise more than refits found."""
-    sd = factor * exam.sd
-    residual = ((exam.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
+    sd = factor * prepared.sd
+    residual = ((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
     jacobian, shared = expansion.jacobian / sd[:, np.newaxis], expansion.shared / sd[:, np.newaxis]
-    found = (censored_sums if exam.rows.censored.any() else sums)(exam, jacobian, shared, residual, columns.x)
-    start = started(exam, residual[:, columns.centre], shared, columns.x[:, columns.centre])
-    promise = PROMISE_NOISY if exam.noisy else PROMISE
+    found = (censored_least_squares if prepared.rows.censored.any() else least_squares)(
+        prepared, jacobian, shared, residual, columns.x
+    )
+    start = starting_misfit(prepared, residual[:, columns.centre], shared, columns.x[:, columns.centre])
+    promise = PROMISE_NOISY if prepared.noisy else PROMISE
     floor = start + columns.penalty[columns.centre] - promise
     misfit = np.maximum(found.misfit + columns.penalty, floor) - columns.penalty
-    level = -float(np.sum(np.log(sd[~exam.rows.censored])))
-    return Surface(level - 0.5 * misfit + found.occam, found.position, found.covariance)
+    level = -float(np.sum(np.log(sd[~prepared.rows.censored])))
+    return StrengthLikelihood(level - 0.5 * misfit + found.occam, found.position, found.covariance)
 
 
 @dataclass(frozen=True)
-class Sums:
+class LeastSquares:
     """Least squares over columns of residuals."""
 
     misfit: Floats  # (columns,)
@@ -200,21 +211,25 @@ class Sums:
     covariance: Floats  # (p, p), at the best column
 
 
-def sums(exam: Examination, jacobian: Floats, shared: Floats, residual: Floats, x: Floats) -> Sums:
+def least_squares(
+    prepared: PreparedProblem, jacobian: Floats, shared: Floats, residual: Floats, x: Floats
+) -> LeastSquares:
     """Closed form for rows that are all ordinary: one projection serves every column."""
-    count, part = len(exam.axes), projection(jacobian, shared)
+    count, part = len(prepared.axes), projection(jacobian, shared)
     stacked = np.vstack([residual, -x, np.zeros((shared.shape[1], residual.shape[1]))])
     free, covariance = part.free(stacked), part.covariance()[:count, :count]
     change, sd = part.solve(stacked)[:count], np.sqrt(np.diag(covariance))[:, np.newaxis]
-    box = boxed(exam, x, change, sd)
+    box = log_bound_share(prepared, x, change, sd)
     misfit = np.einsum("ij,ij->j", free, free)
-    return Sums(misfit, box - 0.5 * part.log_determinant, x + change, covariance)
+    return LeastSquares(misfit, box - 0.5 * part.log_determinant, x + change, covariance)
 
 
-def censored_sums(exam: Examination, jacobian: Floats, shared: Floats, residual: Floats, x: Floats) -> Sums:
+def censored_least_squares(
+    prepared: PreparedProblem, jacobian: Floats, shared: Floats, residual: Floats, x: Floats
+) -> LeastSquares:
     """Every column in the working weights that its own censored rows have, all columns at once."""
-    count, columns = len(exam.axes), x.shape[1]
-    work = working(residual, exam.rows.censored)
+    count, columns = len(prepared.axes), x.shape[1]
+    work = working(residual, prepared.rows.censored)
     design = (
         np.hstack([jacobian, shared])[np.newaxis] * work.weight.T[:, :, np.newaxis]
     )  # (columns, n, p + q)
@@ -228,18 +243,18 @@ def censored_sums(exam: Examination, jacobian: Floats, shared: Floats, residual:
     misfit = np.einsum("nc,nc->c", left, left) + np.sum((below + step) ** 2, axis=1) + above
     change = step[:, :count].T
     sd = np.sqrt(np.einsum("cii->ic", inverse)[:count])
-    occam = boxed(exam, x, change, sd) - 0.5 * np.linalg.slogdet(matrix)[1]
-    return Sums(misfit, occam, x + change, inverse[int(np.argmin(misfit)), :count, :count])
+    occam = log_bound_share(prepared, x, change, sd) - 0.5 * np.linalg.slogdet(matrix)[1]
+    return LeastSquares(misfit, occam, x + change, inverse[int(np.argmin(misfit)), :count, :count])
 
 
-def boxed(exam: Examination, x: Floats, change: Floats, sd: Floats) -> Floats:
+def log_bound_share(prepared: PreparedProblem, x: Floats, change: Floats, sd: Floats) -> Floats:
     """Ln of the share of the posterior within the bounds of the calibrated numbers, column by column."""
-    return log_box(exam.low[:, np.newaxis] - x, exam.high[:, np.newaxis] - x, change, sd)
+    return log_box(prepared.low[:, np.newaxis] - x, prepared.high[:, np.newaxis] - x, change, sd)
 
 
-def started(exam: Examination, residual: Floats, shared: Floats, x: Floats) -> float:
+def starting_misfit(prepared: PreparedProblem, residual: Floats, shared: Floats, x: Floats) -> float:
     """Misfit where the expansion starts: reached in the model itself, only shared errors at their best."""
-    work = working(residual, exam.rows.censored)
+    work = working(residual, prepared.rows.censored)
     gain = 0.0
     if shared.shape[1]:
         columns = shared * work.weight[:, np.newaxis]
@@ -249,19 +264,21 @@ def started(exam: Examination, residual: Floats, shared: Floats, x: Floats) -> f
 
 
 @dataclass(frozen=True)
-class Scored:
+class ScoredHypothesis:
     """Evidence of one hypothesis over the grid of noise factors."""
 
     expansion: Expansion
-    surfaces: tuple[Surface, ...]
+    likelihoods: tuple[StrengthLikelihood, ...]
     log_evidence: Floats  # per noise factor
 
 
-def score(exam: Examination, expansion: Expansion) -> Scored:
+def score(prepared: PreparedProblem, expansion: Expansion) -> ScoredHypothesis:
     """Ln Z of a hypothesis for every noise factor; -inf where the model fails at its best fit."""
     if not np.all(np.isfinite(expansion.mean)):
-        return Scored(expansion, (), np.full(exam.doubt.factor.size, -inf))
-    columns = columns_of(exam, expansion)
-    surfaces = tuple(surface(exam, expansion, columns, float(factor)) for factor in exam.doubt.factor)
-    values = np.array([log_sum_exp(s.log_likelihood + columns.log_prior) for s in surfaces])
-    return Scored(expansion, surfaces, values)
+        return ScoredHypothesis(expansion, (), np.full(prepared.doubt.factor.size, -inf))
+    columns = columns_of(prepared, expansion)
+    likelihoods = tuple(
+        surface(prepared, expansion, columns, float(factor)) for factor in prepared.doubt.factor
+    )
+    values = np.array([log_sum_exp(s.log_likelihood + columns.log_prior) for s in likelihoods])
+    return ScoredHypothesis(expansion, likelihoods, values)

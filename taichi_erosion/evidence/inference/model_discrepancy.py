@@ -20,7 +20,7 @@ import numpy as np
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection, stack, working
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import standard_axis
 
 LENGTHS = (0.5, 1.0, 2.0)  # of the kernel, in sd of a condition
@@ -37,25 +37,25 @@ class Kernel:
     factor: Floats  # (n, r)
 
 
-def condition_axes(exam: Examination) -> dict[str, Floats]:
+def condition_axes(prepared: PreparedProblem) -> dict[str, Floats]:
     """Conditions that vary, standardised; by their logarithm where they span a wide positive range."""
     axes = {}
-    for name, column in exam.rows.conditions.items():
+    for name, column in prepared.rows.conditions.items():
         values = standard_axis(column)
         if values is not None:
             axes[name] = values
     return axes
 
 
-def kernels(exam: Examination) -> list[Kernel]:
+def kernels(prepared: PreparedProblem) -> list[Kernel]:
     """One kernel per condition and length, and one over all conditions together."""
-    axes = condition_axes(exam)
-    same = exam.rows.which[:, np.newaxis] == exam.rows.which[np.newaxis, :]
-    typical = np.ones(exam.rows.size)
-    for index in np.unique(exam.rows.which):
-        rows = exam.rows.which == index
-        typical[rows] = np.median(exam.sd[rows])
-    height = typical / exam.sd
+    axes = condition_axes(prepared)
+    same = prepared.rows.which[:, np.newaxis] == prepared.rows.which[np.newaxis, :]
+    typical = np.ones(prepared.rows.size)
+    for index in np.unique(prepared.rows.which):
+        rows = prepared.rows.which == index
+        typical[rows] = np.median(prepared.sd[rows])
+    height = typical / prepared.sd
     found = []
     for length in LENGTHS:
         distances = {name: distance(values, length) for name, values in axes.items()}
@@ -79,26 +79,26 @@ def low_rank(matrix: Floats) -> Floats:
     return vectors[:, kept] * np.sqrt(values[kept])
 
 
-def discrepancy_gain(exam: Examination, expansion: Expansion, family: list[Kernel]) -> Floats:
+def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: list[Kernel]) -> Floats:
     """Ln evidence gained by a discrepancy on top of a hypothesis, per noise factor."""
-    factors = exam.doubt.factor
+    factors = prepared.doubt.factor
     if not family or not np.all(np.isfinite(expansion.mean)):
         return np.full(factors.size, -np.inf)
-    if expansion.shared.shape[1] == exam.rows.shared.shape[1]:
-        return gains(exam, expansion, family, factors)
+    if expansion.shared.shape[1] == prepared.rows.shared.shape[1]:
+        return gains(prepared, expansion, family, factors)
     # errors of the model itself do not grow with those of the laboratory: every factor has its own balance
-    scaled = [replace(exam, variance=factor**2 * exam.variance) for factor in factors]
+    scaled = [replace(prepared, variance=factor**2 * prepared.variance) for factor in factors]
     return np.concatenate([gains(each, expansion, family, np.ones(1)) for each in scaled])
 
 
-def gains(exam: Examination, expansion: Expansion, family: list[Kernel], factors: Floats) -> Floats:
+def gains(prepared: PreparedProblem, expansion: Expansion, family: list[Kernel], factors: Floats) -> Floats:
     """Ln evidence gained at every noise factor where one balance of errors serves all of them."""
-    residual, basis = free_residual(exam, expansion)
+    residual, basis = free_residual(prepared, expansion)
     terms = []
     amplitude = np.array(AMPLITUDES)[:, np.newaxis] ** 2
     for kernel in family:
         upper = kernel.factor
-        free = upper - basis[: exam.rows.size] @ (basis[: exam.rows.size].T @ upper)
+        free = upper - basis[: prepared.rows.size] @ (basis[: prepared.rows.size].T @ upper)
         values, vectors = np.linalg.eigh(upper.T @ free)
         values = np.maximum(values, 1e-12)
         squares = (vectors.T @ (upper.T @ residual)) ** 2 / values
@@ -110,13 +110,13 @@ def gains(exam: Examination, expansion: Expansion, family: list[Kernel], factors
     return log_sum_exp(stacked, axis=0) - np.log(stacked.shape[0])
 
 
-def free_residual(exam: Examination, expansion: Expansion) -> tuple[Floats, Floats]:
+def free_residual(prepared: PreparedProblem, expansion: Expansion) -> tuple[Floats, Floats]:
     """Residual rows that neither calibration nor the effects can remove, and the basis removed."""
-    work = working((exam.rows.z - expansion.mean) / exam.sd, exam.rows.censored)
-    scale = (work.weight / exam.sd)[:, np.newaxis]
+    work = working((prepared.rows.z - expansion.mean) / prepared.sd, prepared.rows.censored)
+    scale = (work.weight / prepared.sd)[:, np.newaxis]
     columns = np.hstack([expansion.local, expansion.jacobian]) * scale
     loose = expansion.local.shape[1]
     part = projection(columns, expansion.shared * scale, loose)
     x = np.concatenate([np.zeros(loose), expansion.fit.x])
     stacked = stack(work.residual, x, expansion.shared.shape[1])
-    return part.free(stacked)[: exam.rows.size], part.basis
+    return part.free(stacked)[: prepared.rows.size], part.basis

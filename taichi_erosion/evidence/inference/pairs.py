@@ -14,8 +14,15 @@ from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, residuals_of
 from taichi_erosion.evidence.inference.levels import SECOND_EFFECT_LEVEL
 from taichi_erosion.evidence.inference.model_discrepancy import Kernel
-from taichi_erosion.evidence.inference.prepared_problem import Examination
-from taichi_erosion.evidence.inference.refit import WITHIN, Judged, judge, likely_strength, quick, refit
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.refit import (
+    WITHIN,
+    FittedHypothesis,
+    evaluated,
+    likely_strength,
+    quick,
+    refit,
+)
 from taichi_erosion.evidence.inference.screen import Screen, Signature, screen
 
 GAIN = 0.5  # ln Bayes factor by which a pair must beat its better member in the screen
@@ -25,34 +32,38 @@ GRANTED, SECONDS = 3, 3  # singles taken for granted, and second effects tried o
 Starts = dict[tuple[str, str], list[Floats]]  # joint positions from which a pair is refitted
 
 
-def judge_pairs(
-    exam: Examination, found: Screen, singles: list[Judged], family: list[Kernel], progress: Progress
-) -> list[Judged]:
+def fit_pairs(
+    prepared: PreparedProblem,
+    found: Screen,
+    singles: list[FittedHypothesis],
+    family: list[Kernel],
+    progress: Progress,
+) -> list[FittedHypothesis]:
     """The pairs that either way finds, refitted; none where one effect says as much as two."""
-    starts = promising(exam, found, singles)
-    for pair, position in second_effects(exam, singles).items():
+    starts = promising(prepared, found, singles)
+    for pair, position in second_effects(prepared, singles).items():
         starts[pair] = position + starts.get(pair, [])
     judged = []
     for index, (pair, positions) in enumerate(starts.items()):
         progress(f"refitting with {pair[0]} and {pair[1]}", 0.7 + 0.2 * index / len(starts))
-        judged.append(judge(exam, refit(exam, pair, positions[:2]), family))
+        judged.append(evaluated(prepared, refit(prepared, pair, positions[:2]), family))
     return judged
 
 
-def second_effects(exam: Examination, singles: list[Judged]) -> Starts:
+def second_effects(prepared: PreparedProblem, singles: list[FittedHypothesis]) -> Starts:
     """Second effects that what the best singles leave asks for, most of all first."""
-    usable = [item for item in singles if item.scored.surfaces]
+    usable = [item for item in singles if item.scored.likelihoods]
     ranked = sorted(usable, key=lambda item: item.scored.expansion.fit.misfit)
     starts: Starts = {}
-    for first in ranked[: 1 if quick(exam) else GRANTED]:
+    for first in ranked[: 1 if quick(prepared) else GRANTED]:
         expansion = first.scored.expansion
-        if misfit_p(residuals_of(exam, expansion)) > SECOND_EFFECT_LEVEL:
+        if misfit_p(residuals_of(prepared, expansion)) > SECOND_EFFECT_LEVEL:
             break
-        rest = screen(exam, expansion)
+        rest = screen(prepared, expansion)
         asked = [(log_fall(s, rest.residual), s) for s in rest.signatures if s.resolved]
         asked = sorted((item for item in asked if item[0] > GAIN), key=lambda item: -item[0])
         for _, second in asked[:SECONDS]:
-            order = in_order(exam, first.names[0], second.name)
+            order = in_order(prepared, first.names[0], second.name)
             strength = {
                 first.names[0]: float(expansion.fit.psi[0]),
                 second.name: likely_strength(second, rest.residual),
@@ -62,13 +73,13 @@ def second_effects(exam: Examination, singles: list[Judged]) -> Starts:
     return starts
 
 
-def in_order(exam: Examination, first: str, second: str) -> tuple[str, str]:
+def in_order(prepared: PreparedProblem, first: str, second: str) -> tuple[str, str]:
     """A pair in the order of the candidates."""
-    names = [candidate.name for candidate in exam.problem.candidates]
+    names = [candidate.name for candidate in prepared.problem.candidates]
     return (first, second) if names.index(first) < names.index(second) else (second, first)
 
 
-def promising(exam: Examination, found: Screen, singles: list[Judged]) -> Starts:
+def promising(prepared: PreparedProblem, found: Screen, singles: list[FittedHypothesis]) -> Starts:
     """Pairs that the screen of the bare model ranks clearly above their members."""
     screened = pair_screen(found)
     observed = {s.name: log_fall(s, found.residual) for s in found.signatures}
@@ -83,7 +94,7 @@ def promising(exam: Examination, found: Screen, singles: list[Judged]) -> Starts
     ]
     fitted = {item.names[0]: item.scored.expansion.fit for item in singles}
     starts: Starts = {}
-    for pair in order[: PAIRS_QUICK if quick(exam) else PAIRS]:
+    for pair in order[: PAIRS_QUICK if quick(prepared) else PAIRS]:
         strengths = np.array(clear[pair][1:])
         starts[pair] = [np.concatenate([found.base.fit.x, strengths])]
         for place, name in enumerate(pair):

@@ -8,7 +8,7 @@ import numpy as np
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.inference.levels import PRIOR_NONE, PRIOR_OUTSIDE, PRIOR_PAIRS, PRIOR_REMAINDER
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 NONE, OUTSIDE = "none", "outside_library"
 
@@ -51,26 +51,26 @@ def log_prior_of(names: tuple[str, ...], outside: bool, count: int) -> float:
     return float(np.log(share_pairs / pairs))
 
 
-def posterior(exam: Examination, hypotheses: list[Hypothesis]) -> Posterior:
+def posterior(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Posterior:
     """Probabilities over all hypotheses, noise factors averaged."""
-    doubt = exam.doubt.log_weight
+    doubt = prepared.doubt.log_weight
     joint = np.array([h.log_prior + doubt + h.log_evidence for h in hypotheses])
     joint -= log_sum_exp(joint)
     weight = np.exp(joint)
     each = weight.sum(axis=1)
     probability: dict[str, float] = {NONE: 0.0, OUTSIDE: 0.0}
-    inclusion = {candidate.name: 0.0 for candidate in exam.problem.candidates}
+    inclusion = {candidate.name: 0.0 for candidate in prepared.problem.candidates}
     probability |= inclusion
     for hypothesis, share in zip(hypotheses, each, strict=True):
         key = label(hypothesis.names) if hypothesis.told else OUTSIDE
         probability[key] = probability.get(key, 0.0) + float(share)
         for name in hypothesis.names if hypothesis.told else ():
             inclusion[name] += float(share)
-    return Posterior(probability, inclusion, bayes_factors(exam, hypotheses), weight.sum(axis=0))
+    return Posterior(probability, inclusion, bayes_factors(prepared, hypotheses), weight.sum(axis=0))
 
 
-def bayes_factors(exam: Examination, hypotheses: list[Hypothesis]) -> dict[str, float]:
+def bayes_factors(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> dict[str, float]:
     """Ln of every single effect's evidence over the base, without and with a remainder at prior weights."""
-    doubt = exam.doubt.log_weight
+    doubt = prepared.doubt.log_weight
     alone = {h.names: log_sum_exp(doubt + h.log_evidence) for h in hypotheses if not h.outside}
     return {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}

@@ -17,7 +17,7 @@ from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_
 
 PROBE_SEEDS = 4  # enough to see whether the model has noise at all, and how much
 NOISE_SHARE = 0.1  # of the laboratory's variance that the simulator's own may reach
-JUDGING_FACTOR = 4  # seeds that judge, per seed that fits: judged once, fitted many times
+SCORING_FACTOR = 4  # seeds that judge, per seed that fits: judged once, fitted many times
 MOST_FITTING = 16
 UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions finite
 
@@ -28,11 +28,11 @@ class Seeds:
 
     fitting: Integers
     signature: Integers
-    judging: Integers
+    scoring: Integers
 
 
 @dataclass(frozen=True)
-class Examination:
+class PreparedProblem:
     """What every later step works on."""
 
     problem: Problem
@@ -102,7 +102,7 @@ def bound_predictor(problem: Problem, rows: ComparisonRows) -> Predictor:
     )
 
 
-def examine(problem: Problem, table: Measurements, seed: int) -> Examination:
+def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem:
     """Everything that is needed before the first fit; measures the model's own noise at the start values."""
     rows = comparison_rows(problem, table)
     predictor = bound_predictor(problem, rows)
@@ -138,13 +138,13 @@ def judged(
     seeds: Seeds,
     variance: Floats,
     warnings: tuple[str, ...],
-) -> Examination:
+) -> PreparedProblem:
     """Rows with known noise, and the variance of their judged residuals."""
     known = rows.known
     kept = rows.rows(known)
     kept_predictor = predictor.over(kept.observables, kept.which, kept.conditions)
-    total = kept.variance + variance[known] / seeds.judging.size + UNKNOWN_NOISE
-    return Examination(
+    total = kept.variance + variance[known] / seeds.scoring.size + UNKNOWN_NOISE
+    return PreparedProblem(
         problem,
         kept,
         kept_predictor,
@@ -185,5 +185,5 @@ def seed_counts(problem: Problem, fitting: int, noisy: bool) -> tuple[int, int, 
     """How many seeds fit, make signatures, judge."""
     if not noisy:
         return 1, 1, 1
-    factor = 2 if problem.budget.name == "quick" else JUDGING_FACTOR
+    factor = 2 if problem.budget.name == "quick" else SCORING_FACTOR
     return fitting, fitting, fitting * factor

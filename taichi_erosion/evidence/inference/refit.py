@@ -6,7 +6,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress, expected_strength
-from taichi_erosion.evidence.inference.familywise_test import Significance
+from taichi_erosion.evidence.inference.familywise_test import FamilywiseTest
 from taichi_erosion.evidence.inference.goodness_of_fit import (
     chi_square,
     misfit_chances,
@@ -15,10 +15,10 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
 )
 from taichi_erosion.evidence.inference.levels import EXPLAINED_SHARE, REJECTION_LEVEL, fails
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, STEPS, STEPS_QUICK, Fit, fit
-from taichi_erosion.evidence.inference.marginal_likelihood import Scored, expand, score
+from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import Kernel, discrepancy_gain
 from taichi_erosion.evidence.inference.posterior import Hypothesis, log_prior_of
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.screen import Screen, Signature
 
 WITHIN = 8.0  # ln Bayes factor behind the best at which a candidate is still refitted
@@ -28,21 +28,21 @@ LEAST_QUICK, MOST_QUICK = 2, 4
 
 
 @dataclass(frozen=True)
-class Judged:
+class FittedHypothesis:
     """A hypothesis refitted in the model."""
 
     names: tuple[str, ...]
-    scored: Scored
+    scored: ScoredHypothesis
     gain: Floats  # ln evidence that a smooth remainder adds, per noise factor
 
 
-def quick(exam: Examination) -> bool:
-    return exam.problem.budget.name == "quick"
+def quick(prepared: PreparedProblem) -> bool:
+    return prepared.problem.budget.name == "quick"
 
 
-def chosen_singles(exam: Examination, found: Screen, seen: Significance) -> list[str]:
+def chosen_singles(prepared: PreparedProblem, found: Screen, seen: FamilywiseTest) -> list[str]:
     """Names of the candidates worth a refit, best first."""
-    least, most = (LEAST_QUICK, MOST_QUICK) if quick(exam) else (LEAST, MOST)
+    least, most = (LEAST_QUICK, MOST_QUICK) if quick(prepared) else (LEAST, MOST)
     order = [int(i) for i in np.argsort(-seen.observed) if found.signatures[int(i)].resolved]
     best = seen.observed[order[0]] if order else 0.0
     near = [i for i in order if seen.observed[i] > best - WITHIN]
@@ -56,79 +56,91 @@ def likely_strength(signature: Signature, residual: Floats) -> float:
     return float(signature.grid[int(np.argmax(0.5 * fall + signature.log_prior))])
 
 
-def judge(exam: Examination, best: Fit, family: list[Kernel]) -> Judged:
+def evaluated(prepared: PreparedProblem, best: Fit, family: list[Kernel]) -> FittedHypothesis:
     """Expansion and evidence of a refitted hypothesis."""
-    expansion = expand(exam, best)
-    return Judged(best.names, score(exam, expansion), discrepancy_gain(exam, expansion, family))
+    expansion = expand(prepared, best)
+    return FittedHypothesis(
+        best.names, score(prepared, expansion), discrepancy_gain(prepared, expansion, family)
+    )
 
 
-def refit(exam: Examination, names: tuple[str, ...], starts: list[Floats]) -> Fit:
+def refit(prepared: PreparedProblem, names: tuple[str, ...], starts: list[Floats]) -> Fit:
     """Recalibration of one hypothesis in the model itself."""
-    return fit(exam, names, starts, STEPS_QUICK if quick(exam) else STEPS)
+    return fit(prepared, names, starts, STEPS_QUICK if quick(prepared) else STEPS)
 
 
-def judge_singles(
-    exam: Examination, found: Screen, names: list[str], family: list[Kernel], progress: Progress
-) -> list[Judged]:
+def fit_singles(
+    prepared: PreparedProblem, found: Screen, names: list[str], family: list[Kernel], progress: Progress
+) -> list[FittedHypothesis]:
     """All shortlisted singles; every candidate from a second start too where none of them fits.
 
     The screen stands on the slopes at the bare model's best fit. A large missing effect drives that fit to
     where slopes mean little, and the screen may then dismiss the very effect that is missing.
     """
-    judged: dict[str, Judged] = {}
+    judged: dict[str, FittedHypothesis] = {}
     for index, name in enumerate(names):
         progress(f"refitting with {name}", 0.2 + 0.4 * index / max(len(names), 1))
         start = np.append(found.base.fit.x, likely_strength(found.signature(name), found.residual))
-        judged[name] = judge(exam, nested(exam, found.base.fit, refit(exam, (name,), [start])), family)
-    if quick(exam) or explained_well(exam, list(judged.values())):
+        judged[name] = evaluated(
+            prepared, nested(prepared, found.base.fit, refit(prepared, (name,), [start])), family
+        )
+    if quick(prepared) or explained_well(prepared, list(judged.values())):
         return list(judged.values())
     for signature in found.signatures:
         if signature.resolved:
             progress(f"refitting with {signature.name} from another start", 0.6)
-            rejudge(exam, judged, found, signature, family)
+            refit_from_other_starts(prepared, judged, found, signature, family)
     return list(judged.values())
 
 
-def nested(exam: Examination, base: Fit, best: Fit) -> Fit:
+def nested(prepared: PreparedProblem, base: Fit, best: Fit) -> Fit:
     """A fit that is no worse than the bare model, which it holds at strength 0: from there where it is."""
     if best.misfit <= base.misfit:
         return best
-    return refit(exam, best.names, [np.append(base.x, np.zeros(len(best.names)))])
+    return refit(prepared, best.names, [np.append(base.x, np.zeros(len(best.names)))])
 
 
-def rejudge(
-    exam: Examination, judged: dict[str, Judged], found: Screen, signature: Signature, family: list[Kernel]
+def refit_from_other_starts(
+    prepared: PreparedProblem,
+    judged: dict[str, FittedHypothesis],
+    found: Screen,
+    signature: Signature,
+    family: list[Kernel],
 ) -> None:
     """The prior's middle and the leader's calibration as further starts; the best fit stays."""
-    name, unit = signature.name, expected_strength(exam.candidate(signature.name))
-    middle = np.append(np.clip(np.zeros(len(exam.axes)), exam.low, exam.high), unit)
+    name, unit = signature.name, expected_strength(prepared.candidate(signature.name))
+    middle = np.append(np.clip(np.zeros(len(prepared.axes)), prepared.low, prepared.high), unit)
     leader = min(judged.values(), key=lambda item: item.scored.expansion.fit.misfit).scored.expansion.fit
     starts = [middle, np.append(leader.x, leader.psi[0] if leader.names == (name,) else 0.5 * unit)]
     if name not in judged:
         starts.append(np.append(found.base.fit.x, unit))
-    best = refit(exam, (name,), starts)
+    best = refit(prepared, (name,), starts)
     if name not in judged or best.misfit < judged[name].scored.expansion.fit.misfit - GOOD_ENOUGH:
-        judged[name] = judge(exam, best, family)
+        judged[name] = evaluated(prepared, best, family)
 
 
-def explained_well(exam: Examination, judged: list[Judged]) -> bool:
+def explained_well(prepared: PreparedProblem, judged: list[FittedHypothesis]) -> bool:
     """Whether some hypothesis leaves no more than noise."""
     return any(
-        not fails(misfit_p(residuals_of(exam, item.scored.expansion)))
+        not fails(misfit_p(residuals_of(prepared, item.scored.expansion)))
         for item in judged
-        if item.scored.surfaces
+        if item.scored.likelihoods
     )
 
 
 def hypotheses(
-    exam: Examination, base: Judged, found: Screen, seen: Significance, judged: list[Judged]
+    prepared: PreparedProblem,
+    base: FittedHypothesis,
+    found: Screen,
+    seen: FamilywiseTest,
+    judged: list[FittedHypothesis],
 ) -> list[Hypothesis]:
     """Every explanation with its evidence; candidates that were not refitted keep their screened one.
 
     Probability goes to those that are likelier than others, even where the measurements reject them all. So
     what is rejected is not told: it stands for something outside the list that it resembles.
     """
-    count, bare = len(exam.problem.candidates), base.scored.log_evidence
+    count, bare = len(prepared.problem.candidates), base.scored.log_evidence
     listed = [
         Hypothesis((), False, log_prior_of((), False, max(count, 1)), bare),
         Hypothesis((), True, log_prior_of((), True, max(count, 1)), bare + base.gain, told=False),
@@ -139,25 +151,27 @@ def hypotheses(
             value = unrefitted(base, seen, judged, found, index)
             listed.append(Hypothesis((signature.name,), False, log_prior_of(("a",), False, count), value))
     for item in judged:
-        evidence, told = item.scored.log_evidence, doubted_p(exam, item) > REJECTION_LEVEL
+        evidence, told = item.scored.log_evidence, mean_misfit_p(prepared, item) > REJECTION_LEVEL
         listed.append(Hypothesis(item.names, False, log_prior_of(item.names, False, count), evidence, told))
         if len(item.names) == 1:
-            told = told and explained_share(exam, base, item) > EXPLAINED_SHARE
+            told = told and explained_share(prepared, base, item) > EXPLAINED_SHARE
             prior = log_prior_of(item.names, True, count)
             listed.append(Hypothesis(item.names, True, prior, evidence + item.gain, told))
     return listed
 
 
-def doubted_p(exam: Examination, item: Judged) -> float:
+def mean_misfit_p(prepared: PreparedProblem, item: FittedHypothesis) -> float:
     """Chance of the misfit that a hypothesis leaves, over the noise factors that it believes in."""
-    if not item.scored.surfaces:
+    if not item.scored.likelihoods:
         return 0.0
-    weight = exam.doubt.log_weight + item.scored.log_evidence
-    chances = misfit_chances(residuals_of(exam, item.scored.expansion), exam.doubt.factor)
+    weight = prepared.doubt.log_weight + item.scored.log_evidence
+    chances = misfit_chances(residuals_of(prepared, item.scored.expansion), prepared.doubt.factor)
     return float(np.exp(weight - log_sum_exp(weight)) @ chances)
 
 
-def unrefitted(base: Judged, seen: Significance, judged: list[Judged], found: Screen, index: int) -> Floats:
+def unrefitted(
+    base: FittedHypothesis, seen: FamilywiseTest, judged: list[FittedHypothesis], found: Screen, index: int
+) -> Floats:
     """Evidence of a candidate that the screen dismissed: as far behind the best refitted one as it was there.
 
     A screen over a large misfit promises more than a refit can keep, to all candidates alike. None is worse
@@ -174,7 +188,7 @@ def unrefitted(base: Judged, seen: Significance, judged: list[Judged], found: Sc
     return np.clip(best.scored.log_evidence - behind, bare + min(least, own), bare + own)
 
 
-def explained_share(exam: Examination, base: Judged, item: Judged) -> float:
+def explained_share(prepared: PreparedProblem, base: FittedHypothesis, item: FittedHypothesis) -> float:
     """Share of the base model's excess misfit that an effect removes: (S_0 - S_k) / (S_0 - n)."""
-    before, after = chi_square(exam, base.scored.expansion), chi_square(exam, item.scored.expansion)
-    return (before - after) / max(before - exam.rows.size, 1.0)
+    before, after = chi_square(prepared, base.scored.expansion), chi_square(prepared, item.scored.expansion)
+    return (before - after) / max(before - prepared.rows.size, 1.0)

@@ -12,13 +12,13 @@ from itertools import combinations, product
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.data.findings import Clue, Law, Where
+from taichi_erosion.evidence.data.findings import Law, MisfitPlace, ResidualTrend
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
 from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS, Residuals, residuals_of
 from taichi_erosion.evidence.inference.levels import SECOND_TERM, fails
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 POWERS = (-2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0)  # of a condition in a term
 EXPONENTS = np.linspace(-4.0, 4.0, 161)  # at which the scaling is profiled
@@ -27,35 +27,39 @@ MOST_AXES = 4  # conditions from which a law is built
 FIRST_TERMS = 12  # single terms that are tried with a second one
 
 
-def clues_of(exam: Examination, base: Expansion, where: tuple[Where, ...]) -> tuple[Clue, ...]:
+def residual_trends(
+    prepared: PreparedProblem, base: Expansion, where: tuple[MisfitPlace, ...]
+) -> tuple[ResidualTrend, ...]:
     """A clue for every observable in which the model fails, worst first."""
-    left = residuals_of(exam, base)
+    left = residuals_of(prepared, base)
     clues = []
-    for index, observable in enumerate(exam.rows.observables):
+    for index, observable in enumerate(prepared.rows.observables):
         places = [place for place in where if place.observable == observable.name and fails(place.p)]
-        rows = exam.rows.which == index
+        rows = prepared.rows.which == index
         if places and rows.sum() > 2:
             axes = [place for place in places if place.axis != LEVEL_AXIS] or places
-            clues.append((places[0].p, clue_of(exam, left, rows, axes[0])))
+            clues.append((places[0].p, residual_trend(prepared, left, rows, axes[0])))
     return tuple(clue for _, clue in sorted(clues, key=lambda item: item[0]))
 
 
-def clue_of(exam: Examination, left: Residuals, rows: Bools, place: Where) -> Clue:
+def residual_trend(
+    prepared: PreparedProblem, left: Residuals, rows: Bools, place: MisfitPlace
+) -> ResidualTrend:
     """Axis, sign, exponent and law of one observable."""
-    law = best_law(exam, left, rows, place.observable)
-    column = exam.rows.conditions.get(place.axis)
+    law = best_law(prepared, left, rows, place.observable)
+    column = prepared.rows.conditions.get(place.axis)
     if column is None:
         sign = int(np.sign(left.free[rows].sum()))
         words = f"{place.observable}: off as a whole, along no condition in particular{law_words(law)}"
-        return Clue(place.observable, place.axis, sign, np.nan, np.nan, np.nan, words, law)
+        return ResidualTrend(place.observable, place.axis, sign, np.nan, np.nan, np.nan, words, law)
     order = np.argsort(column[rows])
     upper = left.free[rows][order][-max(2, int(rows.sum()) // 3) :]
     sign = 1 if upper.sum() > 0.0 else -1
-    exponent, low, high = scaling(exam, left, rows, column)
+    exponent, low, high = scaling(prepared, left, rows, column)
     words = f"{place.observable}: measured {'above' if sign > 0 else 'below'} predicted at large {place.axis}"
     if np.isfinite(exponent):
         words += f", scaling like {place.axis}^{exponent:.2g} ({low:.2g} to {high:.2g})"
-    return Clue(place.observable, place.axis, sign, exponent, low, high, words + law_words(law), law)
+    return ResidualTrend(place.observable, place.axis, sign, exponent, low, high, words + law_words(law), law)
 
 
 def law_words(law: Law | None) -> str:
@@ -67,33 +71,35 @@ def law_words(law: Law | None) -> str:
     )
 
 
-def explained(exam: Examination, left: Residuals, columns: Floats) -> Floats:
+def explained(prepared: PreparedProblem, left: Residuals, columns: Floats) -> Floats:
     """Fall of the misfit by each column (n, c) alone, calibration giving way."""
-    white = columns / exam.sd[:, np.newaxis]
+    white = columns / prepared.sd[:, np.newaxis]
     free = white - left.basis @ (left.basis.T @ white)
     energy = np.einsum("ij,ij->j", white, free)
     pull = white.T @ left.free
     return np.where(energy > 1e-9, pull**2 / np.maximum(energy, 1e-9), 0.0)
 
 
-def scaling(exam: Examination, left: Residuals, rows: Bools, column: Floats) -> tuple[float, float, float]:
+def scaling(
+    prepared: PreparedProblem, left: Residuals, rows: Bools, column: Floats
+) -> tuple[float, float, float]:
     """Exponent b of c x^b with its 90 % interval; NaN where the condition is not positive everywhere."""
     values = column[rows]
     if not np.all(values > 0.0) or np.ptp(values) == 0.0:
         return np.nan, np.nan, np.nan
-    shape = np.zeros((exam.rows.size, EXPONENTS.size))
+    shape = np.zeros((prepared.rows.size, EXPONENTS.size))
     logs = np.log(values / np.exp(np.mean(np.log(values))))
     exponents = np.where(np.abs(EXPONENTS) < 1e-9, 1e-3, EXPONENTS)
     shape[rows] = np.exp(np.outer(logs, exponents))
-    fall = explained(exam, left, shape)
+    fall = explained(prepared, left, shape)
     kept = EXPONENTS[fall > fall.max() - FALL]
     return float(EXPONENTS[int(np.argmax(fall))]), float(kept.min()), float(kept.max())
 
 
-def terms_of(exam: Examination, rows: Bools) -> Iterator[dict[str, float]]:
+def terms_of(prepared: PreparedProblem, rows: Bools) -> Iterator[dict[str, float]]:
     """Products of powers of at most two conditions; only whole positive powers where one reaches zero."""
     allowed: dict[str, tuple[float, ...]] = {}
-    for name, column in exam.rows.conditions.items():
+    for name, column in prepared.rows.conditions.items():
         values = column[rows]
         if np.all(np.isfinite(values)) and np.ptp(values) > 0.0 and len(allowed) < MOST_AXES:
             if np.all(values > 0.0):
@@ -108,12 +114,12 @@ def terms_of(exam: Examination, rows: Bools) -> Iterator[dict[str, float]]:
         yield from ({first: a, second: b} for a, b in product(allowed[first], allowed[second]))
 
 
-def term_column(exam: Examination, rows: Bools, term: dict[str, float]) -> Floats:
+def term_column(prepared: PreparedProblem, rows: Bools, term: dict[str, float]) -> Floats:
     """One term on its rows, scaled by the typical size of each condition; zero elsewhere."""
-    column = np.zeros(exam.rows.size)
+    column = np.zeros(prepared.rows.size)
     column[rows] = 1.0
     for name, power in term.items():
-        values = exam.rows.conditions[name][rows]
+        values = prepared.rows.conditions[name][rows]
         column[rows] *= np.sign(values) ** int(power) * (np.abs(values) / typical(values)) ** power
     return column
 
@@ -124,41 +130,41 @@ def typical(values: Floats) -> float:
     return float(np.median(sizes)) if sizes.size else 1.0
 
 
-def best_law(exam: Examination, left: Residuals, rows: Bools, observable: str) -> Law | None:
+def best_law(prepared: PreparedProblem, left: Residuals, rows: Bools, observable: str) -> Law | None:
     """The law of one or two terms that predicts left-out groups best; None if none predicts them at all."""
-    terms = list(terms_of(exam, rows))
+    terms = list(terms_of(prepared, rows))
     if not terms:
         return None
-    columns = np.column_stack([term_column(exam, rows, term) for term in terms])
+    columns = np.column_stack([term_column(prepared, rows, term) for term in terms])
     columns[~np.isfinite(columns)] = 0.0
-    ranked = [int(i) for i in np.argsort(-explained(exam, left, columns))]
-    folds = fold_numbers(exam)
-    first = max(ranked[:FIRST_TERMS], key=lambda i: held_out_share(exam, left, columns[:, [i]], folds))
-    share, chosen = held_out_share(exam, left, columns[:, [first]], folds), [first]
+    ranked = [int(i) for i in np.argsort(-explained(prepared, left, columns))]
+    folds = fold_numbers(prepared)
+    first = max(ranked[:FIRST_TERMS], key=lambda i: held_out_share(prepared, left, columns[:, [i]], folds))
+    share, chosen = held_out_share(prepared, left, columns[:, [first]], folds), [first]
     best_pair = share + SECOND_TERM
     for pair in ([i, j] for i, j in combinations(ranked[:FIRST_TERMS], 2)):
-        value = held_out_share(exam, left, columns[:, pair], folds)
+        value = held_out_share(prepared, left, columns[:, pair], folds)
         if value > best_pair:
             best_pair, chosen = value, pair
     share = best_pair if len(chosen) > 1 else share
     if share <= 0.0:
         return None
-    white = columns[:, chosen] / exam.sd[:, np.newaxis]
+    white = columns[:, chosen] / prepared.sd[:, np.newaxis]
     free = white - left.basis @ (left.basis.T @ white)
     coefficients = np.asarray(np.linalg.lstsq(free, left.free, rcond=None)[0], dtype=np.float64)
     chosen_terms = tuple(terms[i] for i in chosen)
     return Law(
         observable,
-        expression(exam, rows, observable, chosen_terms, coefficients),
+        expression(prepared, rows, observable, chosen_terms, coefficients),
         chosen_terms,
         tuple(float(value) for value in coefficients),
         share,
     )
 
 
-def held_out_share(exam: Examination, left: Residuals, columns: Floats, folds: Integers) -> float:
+def held_out_share(prepared: PreparedProblem, left: Residuals, columns: Floats, folds: Integers) -> float:
     """Share of the left-out misfit explained by columns whose coefficients come from the other groups."""
-    white = columns / exam.sd[:, np.newaxis]
+    white = columns / prepared.sd[:, np.newaxis]
     free = white - left.basis @ (left.basis.T @ white)
     before = after = 0.0
     for fold in np.unique(folds):
@@ -171,15 +177,19 @@ def held_out_share(exam: Examination, left: Residuals, columns: Floats, folds: I
 
 
 def expression(
-    exam: Examination, rows: Bools, observable: str, terms: tuple[dict[str, float], ...], coefficients: Floats
+    prepared: PreparedProblem,
+    rows: Bools,
+    observable: str,
+    terms: tuple[dict[str, float], ...],
+    coefficients: Floats,
 ) -> str:
     """The law in writing, every condition over its typical value."""
-    scale = next(o.transform for o in exam.rows.observables if o.name == observable)
+    scale = next(o.transform for o in prepared.rows.observables if o.name == observable)
     left_side = f"change of {observable}" if scale == "identity" else f"change of ln {observable}"
     written = []
     for term, coefficient in zip(terms, coefficients, strict=True):
         factors = [
-            f"({name} / {typical(exam.rows.conditions[name][rows]):.3g})^{power:g}"
+            f"({name} / {typical(prepared.rows.conditions[name][rows]):.3g})^{power:g}"
             for name, power in term.items()
         ]
         written.append(f"{coefficient:+.3g} {' '.join(factors)}")

@@ -18,7 +18,7 @@ from taichi_erosion.evidence.data.linear_algebra import (
 from taichi_erosion.evidence.data.problem import Bools, Candidate, Floats, expected_strength
 from taichi_erosion.evidence.inference.levels import UNRESOLVED_NOISE
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, log_prior, smooth_path
-from taichi_erosion.evidence.inference.prepared_problem import Examination
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
 
 STEPS = (0.25, 0.5, 1.0, 2.0)  # strengths of a path, in units of the expected one
@@ -62,22 +62,24 @@ class Screen:
         return next(signature for signature in self.signatures if signature.name == name)
 
 
-def screen(exam: Examination, base: Expansion) -> Screen:
+def screen(prepared: PreparedProblem, base: Expansion) -> Screen:
     """Signatures of all other candidates on top of a fitted hypothesis, mostly the bare model."""
-    work = working((exam.rows.z - base.mean) / exam.sd, exam.rows.censored)
-    scale, loose = work.weight / exam.sd, base.local.shape[1]
+    work = working((prepared.rows.z - base.mean) / prepared.sd, prepared.rows.censored)
+    scale, loose = work.weight / prepared.sd, base.local.shape[1]
     slopes = np.hstack([base.local, base.jacobian]) * scale[:, np.newaxis]
     part = projection(slopes, base.shared * scale[:, np.newaxis], loose)
     x = np.concatenate([np.zeros(loose), base.fit.x])
     residual = part.free(stack(work.residual, x, base.shared.shape[1]))
     signatures = []
     pairs: list[Floats] = []
-    for candidate in exam.problem.candidates:
+    for candidate in prepared.problem.candidates:
         if candidate.name not in base.fit.names:
-            path = runs_along(exam, base, candidate)
-            signatures.append(signature(exam, candidate, path, Whitening(scale, part.basis, residual)))
+            path = runs_along(prepared, base, candidate)
+            signatures.append(signature(prepared, candidate, path, Whitening(scale, part.basis, residual)))
             pairs.append(path.correlation)
-    return Screen(base, residual, tuple(signatures), known_mean(np.array(pairs), exam.rows.size), part.basis)
+    return Screen(
+        base, residual, tuple(signatures), known_mean(np.array(pairs), prepared.rows.size), part.basis
+    )
 
 
 def known_mean(table: Floats, width: int) -> Floats:
@@ -99,11 +101,11 @@ class Runs:
     variance: Floats | None  # (n,), of the change at the largest strength; None without noise
 
 
-def runs_along(exam: Examination, base: Expansion, candidate: Candidate) -> Runs:
+def runs_along(prepared: PreparedProblem, base: Expansion, candidate: Candidate) -> Runs:
     """Paired runs of one candidate from strength 0 to its maximum."""
-    x, mask, predictor = base.fit.x, exam.mask(candidate.name), exam.predictor
-    nodes = strength_nodes(exam, candidate, mask)
-    present, seeds = base.fit.acting(), exam.seeds.signature
+    x, mask, predictor = base.fit.x, prepared.mask(candidate.name), prepared.predictor
+    nodes = strength_nodes(prepared, candidate, mask)
+    present, seeds = base.fit.acting(), prepared.seeds.signature
     bare = predictor.predict(x, present, seeds)
     acting = [predictor.predict(x, {**present, candidate.name: float(v)}, seeds) for v in nodes[1:]]
     change = np.array([paired_change(run, bare, predictor) for run in (bare, *acting)])
@@ -111,13 +113,13 @@ def runs_along(exam: Examination, base: Expansion, candidate: Candidate) -> Runs
     good = np.all(np.isfinite(change), axis=1)
     correlation, variance = np.full(mask.size, np.nan), None
     if acting:
-        correlation, variance = paired_noise(exam, bare, acting[-1])
+        correlation, variance = paired_noise(prepared, bare, acting[-1])
     return Runs(nodes[good], change[good], int(np.sum(~good)), correlation, variance)
 
 
-def strength_nodes(exam: Examination, candidate: Candidate, mask: Bools) -> Floats:
+def strength_nodes(prepared: PreparedProblem, candidate: Candidate, mask: Bools) -> Floats:
     """Strengths at which the model is run; 0 alone for a candidate that cannot act."""
-    steps = QUICK_STEPS if exam.problem.budget.name == "quick" else STEPS
+    steps = QUICK_STEPS if prepared.problem.budget.name == "quick" else STEPS
     unit = expected_strength(candidate)
     if not mask.any() or unit <= 0.0:
         return np.zeros(1)
@@ -133,9 +135,9 @@ class Whitening:
     basis: Floats
     residual: Floats
 
-    def raw(self, exam: Examination, path: Runs, grid: Floats) -> Floats:
+    def raw(self, prepared: PreparedProblem, path: Runs, grid: Floats) -> Floats:
         """Whitened signature along a grid of strengths."""
-        return smooth_path(exam, path.nodes, path.change, 0.0, grid) * self.scale
+        return smooth_path(prepared, path.nodes, path.change, 0.0, grid) * self.scale
 
     def free(self, raw: Floats) -> Floats:
         """What calibration cannot imitate of it."""
@@ -144,7 +146,7 @@ class Whitening:
 
 
 def strength_grid(
-    exam: Examination, candidate: Candidate, path: Runs, white: Whitening
+    prepared: PreparedProblem, candidate: Candidate, path: Runs, white: Whitening
 ) -> tuple[Floats, Floats]:
     """Strengths of a path, and the whitened signature there.
 
@@ -154,7 +156,7 @@ def strength_grid(
     top = float(path.nodes[-1])
     unit = min(expected_strength(candidate), top)
     coarse = np.unique(np.append(top * np.linspace(0.0, 1.0, GRID) ** 2, unit))
-    raw = white.raw(exam, path, coarse)
+    raw = white.raw(prepared, path, coarse)
     if coarse.size < 3:
         return coarse, raw
     free = white.free(raw)
@@ -164,12 +166,12 @@ def strength_grid(
     spread = step / max(float(np.linalg.norm(near)), 1e-300)
     peak = coarse[best] + min(spread, 0.25 * step) * PEAK
     grid = np.unique(np.concatenate([coarse, np.clip(peak, 0.0, top)]))
-    return grid, white.raw(exam, path, grid)
+    return grid, white.raw(prepared, path, grid)
 
 
-def signature(exam: Examination, candidate: Candidate, path: Runs, white: Whitening) -> Signature:
+def signature(prepared: PreparedProblem, candidate: Candidate, path: Runs, white: Whitening) -> Signature:
     """One candidate's path on the grid of strengths, with what it amounts to at its expected strength."""
-    grid, raw = strength_grid(exam, candidate, path, white)
+    grid, raw = strength_grid(prepared, candidate, path, white)
     free = white.free(raw)
     at = int(np.argmin(np.abs(grid - expected_strength(candidate))))
     variance = None if path.variance is None else path.variance * white.scale**2
@@ -178,17 +180,17 @@ def signature(exam: Examination, candidate: Candidate, path: Runs, white: Whiten
     return Signature(candidate.name, grid, prior, raw, free, norm, absorption, noise, path.failed)
 
 
-def paired_noise(exam: Examination, bare: Floats, acting: Floats) -> tuple[Floats, Floats | None]:
+def paired_noise(prepared: PreparedProblem, bare: Floats, acting: Floats) -> tuple[Floats, Floats | None]:
     """Seed correlation of paired runs, and the variance of their mean difference, row by row."""
     nothing = np.full(bare.shape[1], np.nan)
-    if not exam.noisy or bare.shape[0] < 2:
+    if not prepared.noisy or bare.shape[0] < 2:
         return nothing, None
     difference = acting - bare
     spread = np.var(difference, axis=0, ddof=1)
     spread = np.where(np.isfinite(spread), spread, 0.0)
     pooled = np.zeros_like(spread)
-    for index in np.unique(exam.rows.which):
-        rows = exam.rows.which == index
+    for index in np.unique(prepared.rows.which):
+        rows = prepared.rows.which == index
         pooled[rows] = spread[rows].mean()
     own = np.var(bare, axis=0, ddof=1) + np.var(acting, axis=0, ddof=1)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -18,7 +18,7 @@ from taichi_erosion.evidence.inference.levels import (
     fails,
 )
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, Posterior, label
-from taichi_erosion.evidence.inference.refit import Judged
+from taichi_erosion.evidence.inference.refit import FittedHypothesis
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def detected(believed: Posterior, p: float, p_misfit: float) -> bool:
 
 
 def decide(
-    believed: Posterior, judged: list[Judged], p: float, p_misfit: float, powers: list[float]
+    believed: Posterior, judged: list[FittedHypothesis], p: float, p_misfit: float, powers: list[float]
 ) -> Decision:
     """Verdict of the whole study: the likeliest of nothing, something unknown, something named."""
     named_mass = 1.0 - believed.probability[NONE] - believed.probability[OUTSIDE]
@@ -52,7 +52,7 @@ def decide(
     return name(believed, judged, named_mass)
 
 
-def borne_out(decision: Decision, believed: Posterior, p_left: float) -> Decision:
+def adequate_decision(decision: Decision, believed: Posterior, p_left: float) -> Decision:
     """The decision, but that a name which leaves a misfit must be clearly likelier than something unlisted.
 
     An effect of the list imitates one that is not there, and takes most of the misfit away: its probability
@@ -67,13 +67,13 @@ def borne_out(decision: Decision, believed: Posterior, p_left: float) -> Decisio
     return decision
 
 
-def name(believed: Posterior, judged: list[Judged], mass: float) -> Decision:
+def name(believed: Posterior, judged: list[FittedHypothesis], mass: float) -> Decision:
     """Effects that stand alone, and those among which the data do not decide."""
     share = {effect: value / mass for effect, value in believed.inclusion.items()}
     ranked = sorted(share.items(), key=lambda item: -item[1])
     sure = [effect for effect, value in ranked if value >= SURE and value * mass >= ALONE]
     rivals = equal_rivals(judged, sure)
-    if sure and not rivals and not half_named_pair(believed, sure, mass):
+    if sure and not rivals and not second_effect_open(believed, sure, mass):
         return Decision("present", tuple(sure), ())
     group = credible_group(believed, mass)
     group = tuple(dict.fromkeys([*group, *sure, *rivals]))
@@ -81,13 +81,13 @@ def name(believed: Posterior, judged: list[Judged], mass: float) -> Decision:
     return Decision("group", alone if alone else (group[0],), group)
 
 
-def half_named_pair(believed: Posterior, sure: list[str], mass: float) -> bool:
+def second_effect_open(believed: Posterior, sure: list[str], mass: float) -> bool:
     """Whether a second effect acts too, but which one is open."""
     pairs = sum(value for key, value in believed.probability.items() if "+" in key and key.split("+")[0])
     return len(sure) == 1 and pairs / mass > 0.5
 
 
-def equal_rivals(judged: list[Judged], sure: list[str]) -> list[str]:
+def equal_rivals(judged: list[FittedHypothesis], sure: list[str]) -> list[str]:
     """Singles that fit as well as the one that stands alone; its probability may come from priors only."""
     if len(sure) != 1:
         return []
@@ -110,7 +110,9 @@ def credible_group(believed: Posterior, mass: float) -> list[str]:
     return effects
 
 
-def best_hypothesis(believed: Posterior, judged: list[Judged], decision: Decision) -> tuple[str, ...]:
+def best_hypothesis(
+    believed: Posterior, judged: list[FittedHypothesis], decision: Decision
+) -> tuple[str, ...]:
     """The set of effects whose calibration is reported."""
     if decision.verdict not in ("present", "group", "unstable"):
         return ()
