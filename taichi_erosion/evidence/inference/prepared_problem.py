@@ -64,7 +64,7 @@ class PreparedProblem:
     def noisy(self) -> bool:
         return bool(np.any(self.seed_variance > 0.0))
 
-    def about(self, x: Floats, acting: dict[str, float]) -> "Examination":
+    def about(self, x: Floats, acting: dict[str, float]) -> "PreparedProblem":
         """The same with the model's own errors at one setting among the shared ones."""
         own = self.predictor.model_errors(x, acting)
         if not own.shape[1]:
