@@ -1,4 +1,4 @@
-"""Workflows and templates of issues have the form that their schemas ask for, and run what the README says."""
+"""Workflows and templates of issues have the form of their schemas, and run what the README says."""
 
 import subprocess
 import sys
