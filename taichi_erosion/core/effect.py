@@ -178,9 +178,21 @@ def meeting_type() -> Any:
     )
 
 
-def grain_type() -> Any:
-    """One grain and the air around it, as a grain effect sees them."""
+def grain_type(drag_law: Any) -> Any:
+    """One grain and the air around it, as a grain effect sees them.
+
+    `grain.drag(slip)` is the drag [N] of the run's law at a slip velocity, air less grain [m s-1]. The law:
+    ti.func (slip speed, radius, mass, air density, kinematic viscosity, void fraction) -> drag rate [s-1].
+    """
     real3 = ti.types.vector(3, float)
+
+    @ti.func
+    def drag(grain: ti.template(), slip):
+        viscosity = grain.air_viscosity / grain.air_density
+        # the law of a unit mass: a rate is drag over mass
+        rate = drag_law(slip.norm(), grain.radius, 1.0, grain.air_density, viscosity, grain.void_fraction)
+        return rate * slip
+
     return ti.types.struct(
         position=real3,  # [m]
         velocity=real3,  # [m s-1]
@@ -199,4 +211,5 @@ def grain_type() -> Any:
         interval=float,  # time until the next look at this grain [s]
         time=float,  # since the start [s]
         chance=float,  # a number between 0 and 1 of this replica, fixed by the seed [1]
+        __struct_methods={"drag": drag},
     )

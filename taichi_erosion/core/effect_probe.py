@@ -11,6 +11,7 @@ The device must have been started for effects that act on it.
 """
 
 from dataclasses import asdict, dataclass, fields, replace
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -134,10 +135,17 @@ class Bench:
     torque: Any  # vec3 [N m]
 
 
-def make_bench() -> Bench:
+@ti.func
+def stokes_drag(slip, radius, mass, density, viscosity, void):
+    """Rate of drag on a sphere in creeping flow [s-1]."""
+    return 6.0 * pi * density * viscosity * radius / mass
+
+
+def make_bench(drag_law: Any = stokes_drag) -> Bench:
     """Fields of one pair, meeting and grain on the device, which must have been started."""
     force, torque = (ti.Vector.field(3, float, shape=1) for _ in range(2))
-    pair, meeting, grain = (kind().field(shape=1) for kind in (pair_type, meeting_type, grain_type))
+    kinds = (pair_type(), meeting_type(), grain_type(drag_law))
+    pair, meeting, grain = (kind.field(shape=1) for kind in kinds)
     return Bench(pair, meeting, grain, ti.field(float, shape=1), force, torque)
 
 

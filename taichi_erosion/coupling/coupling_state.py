@@ -12,7 +12,7 @@ from taichi_erosion.core.effect import grain_type
 from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import upload, write
-from taichi_erosion.coupling.drag import DRAG
+from taichi_erosion.coupling.drag import drag_law
 
 real = ti.f64
 
@@ -91,6 +91,7 @@ def allocate_coupling(setups: Sequence[Setup], laws: Laws, partitions: int) -> C
     cells = prod(airs[0].cells) if airs else 1
     exchange = allocate_exchange(len(setups), cells, layers)
     upload_exchange_settings(exchange, setups)
+    law = drag_law(laws.drag)
     return CouplingState(
         has_air=bool(airs),
         has_through_flow=any(s.coupling.rising or s.coupling.through_flow != 0.0 for s in setups),
@@ -98,6 +99,6 @@ def allocate_coupling(setups: Sequence[Setup], laws: Laws, partitions: int) -> C
         air=allocate_air(airs) if airs else None,
         sums=allocate_partition_sums(len(setups), partitions, cells),
         exchange=exchange,
-        drag_law=DRAG[laws.drag],
-        grain_type=grain_type(),
+        drag_law=law,
+        grain_type=grain_type(law),
     )

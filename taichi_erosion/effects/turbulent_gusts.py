@@ -1,18 +1,17 @@
 """Turbulent gusts: the drag of a wind that fluctuates about its mean.
 
     F = m b(|s'|) s' - m b(|s|) s,    s = u - v,    s' = s + sigma (g_1, 0, r g_2)
-    m b(s) = (pi/8) rho d^2 s (sqrt(1/2) + sqrt(24 / Re))^2,    Re = rho s d / mu
     sigma  = min(a u*, i |u|)
     g      = sqrt(2/K) sum_k cos(w_k t + p_k),    w_k = tan(pi (k - 1/2) / (2 K)) / T,    k = 1 .. K
 
-with u the mean wind at the grain, v the velocity of the grain [m s-1], u* the friction velocity [m s-1], d
-the diameter [m], rho and mu density [kg m-3] and viscosity [Pa s] of the air. Near the ground a = 2.5 and r
-a = 1.4; i is the largest intensity, which holds where the wind is weak between grains. g_1 and g_2 are
-stationary processes of variance 1 and correlation exp(-t / T), those of the Langevin equation dg = -g dt/T
-+ sqrt(2/T) dW, as a sum of waves: it needs no memory of every grain, and the whole patch feels one gust, as
-it does where eddies are larger than it. T is 0.3 to 1 times depth over speed of the layer: 0.02 s in a
-tunnel, seconds outdoors. The phases p_k follow from the seed. Strength multiplies a. Holds for grains much
-smaller than eddies.
+with u the mean wind at the grain, v the velocity of the grain [m s-1], u* the friction velocity [m s-1],
+m the mass of the grain [kg], b the rate of the run's law of drag [s-1]. Near the ground a = 2.5 and r a =
+1.4; i is the largest intensity, which holds where the wind is weak between grains. g_1 and g_2 are
+stationary processes of variance 1 and correlation exp(-t / T), those of the Langevin equation dg = -g
+dt/T + sqrt(2/T) dW, as a sum of waves: it needs no memory of every grain, and the whole patch feels one
+gust, as it does where eddies are larger than it. T is 0.3 to 1 times depth over speed of the layer: 0.02
+s in a tunnel, seconds outdoors. The phases p_k follow from the seed. Strength multiplies a. Holds for
+grains much smaller than eddies.
 
 Reference: Kok & Renno (2009), J. Geophys. Res. 114, D17204 (sigma and the Langevin equation); Shinozuka &
 Deodatis (1991), Appl. Mech. Rev. 44, 191 (processes as sums of waves).
@@ -30,7 +29,6 @@ WAVES = 24  # K; correlations are then right to 0.04 [1]
 FREQUENCIES = tuple(tan(0.5 * pi * (k + 0.5) / WAVES) for k in range(WAVES))  # w_k T [1]
 SQUARE = (7919.0, 5003.0)  # factors of the seed's number in the phases of both processes [1]
 CUBE = (3571.0, 9973.0)
-SLOWEST = 1e-9  # keeps the drag of no slip finite [m s-1]
 
 
 @dataclass(frozen=True)
@@ -62,16 +60,6 @@ def wave_sum(time, square, cube):
 
 
 @ti.func
-def drag(grain: ti.template(), slip):
-    """Drag on a grain alone [N]."""
-    diameter = 2.0 * grain.radius
-    speed = ti.max(slip.norm(), SLOWEST)
-    reynolds = grain.air_density * speed * diameter / grain.air_viscosity
-    root = ti.sqrt(0.5) + ti.sqrt(24.0 / reynolds)
-    return 0.125 * pi * grain.air_density * diameter * diameter * speed * root * root * slip
-
-
-@ti.func
 def push(constants, grain):
     """Force [N] and torque [N m]."""
     force = 0.0 * grain.velocity
@@ -84,12 +72,12 @@ def push(constants, grain):
         gusty[0] += deviation * wave_sum(time, grain.chance * SQUARE[0] % 1.0, grain.chance * CUBE[0] % 1.0)
         rise = wave_sum(time, grain.chance * SQUARE[1] % 1.0, grain.chance * CUBE[1] % 1.0)
         gusty[2] += deviation * constants.upward * rise
-        force = drag(grain, gusty) - drag(grain, slip)
+        force = grain.drag(gusty) - grain.drag(slip)
     return force, 0.0 * force
 
 
 def checks(probe: Probe) -> Iterator[Check]:
-    # a sticky air in which drag is 3 pi mu d s to 1e-3, and a grain carried by it
+    # probes have creeping flow, drag 3 pi mu d s; the grain is carried by the air
     air = {
         "air_density": 1e-6,
         "air_viscosity": 1.0,
