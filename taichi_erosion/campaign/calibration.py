@@ -20,10 +20,10 @@ from taichi_erosion.campaign.calibration_steps import (
     Screening,
     screened_effects,
 )
-from taichi_erosion.campaign.calibration_study import StudyFile, read_study
 from taichi_erosion.campaign.design_runs import DesignRun, DesignRunner
 from taichi_erosion.campaign.execute import SIMULATE, Report
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
+from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.experiments.anova import anova, curvature
@@ -114,7 +114,7 @@ def write_design_table(folder: Path, name: str, design: Design) -> Path:
     return write_whole(folder / f"{name}.csv", design_text(design).encode())
 
 
-def write_runs(file: StudyFile, asked: list[DesignRun]) -> Path:
+def write_runs(file: CalibrationStudy, asked: list[DesignRun]) -> Path:
     """The table of every run: settings, all measures, reason of a failure, cost."""
     paths = list(file.study.parameters)
     measures = dict.fromkeys(name for one in asked for name in one.result.record.get("measures", {}))
@@ -138,7 +138,7 @@ STEPS: tuple[Step, ...] = get_args(Step)
 class Calibration:
     """What is known so far; `document` is what --json prints."""
 
-    file: StudyFile
+    file: CalibrationStudy
     document: dict[str, Any] = field(default_factory=dict)
     screening: calibration_steps.Screening | None = None
     climb: calibration_steps.Climb | None = None
@@ -157,7 +157,7 @@ def calibrate(
 ) -> Calibration:
     """Carry a study out up to a step. Raises BadInput for what cannot be done; what was run is kept."""
     started = time.perf_counter()
-    file = read_study(path)
+    file = read_calibration_study(path)
     found = Calibration(file)
     planned = calibration_steps.screening_design(file)
     found.document = {"study": str(path), "until": until, "design": path_document(planned)}

@@ -26,8 +26,8 @@ from math import nan
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.campaign.calibration_study import StudyFile
 from taichi_erosion.campaign.design_runs import DesignRunner, run_design
+from taichi_erosion.campaign.study_file import CalibrationStudy
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.anova import Curvature, curvature, reduced
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
@@ -117,7 +117,7 @@ class Confirmed:
     tests: dict[str, Confirmation]
 
 
-def screening_design(file: StudyFile) -> Design:
+def screening_design(file: CalibrationStudy) -> Design:
     """Plackett-Burman design in all parameters of the study, in random order."""
     study = file.study
     factors = [Factor(path, p.low, p.high, p.unit) for path, p in study.parameters.items()]

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.campaign.calibration_study import StudyFile
 from taichi_erosion.campaign.execute import SIMULATE, Report, execute
 from taichi_erosion.campaign.ledger import Ledger
 from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
+from taichi_erosion.campaign.study_file import CalibrationStudy
 from taichi_erosion.experiments.design_table import Design
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
@@ -31,7 +31,7 @@ class DesignRun:
 class DesignRunner:
     """Where a study's runs are carried out, and all that were asked for so far."""
 
-    file: StudyFile
+    file: CalibrationStudy
     store: Ledger
     workers: int | None = None
     scheduler: str | None = None
@@ -45,10 +45,11 @@ STAGES = ("screen", "climb", "surface", "confirm")
 
 def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
     """The design with the values of all targets; NaN where a run gave none."""
+    file = runner.file
     rows = [int(row) for row in design.by_turn]
-    first = runner.file.study.study.seed + SEEDS_APART * STAGES.index(stage)
-    observables = list(runner.file.study.targets)
-    scenes = list(dict.fromkeys(runner.file.scene(name) for name in observables))
+    first = file.study.study.seed + SEEDS_APART * STAGES.index(stage)
+    observables = list(file.study.targets)
+    scenes = list(dict.fromkeys(file.scene(name) for name in observables))
     plan = [(row, scene) for row in rows for scene in scenes]
     requests = [ask(runner, stage, design, row, scene, first + row) for row, scene in plan]
     results = execute(
@@ -61,11 +62,11 @@ def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
     )
     found = dict(zip(plan, results, strict=True))
     runner.asked += [
-        DesignRun(stage, row + 1, first + row, all_settings(runner.file, design.settings(row)), result)
+        DesignRun(stage, row + 1, first + row, all_settings(file, design.settings(row)), result)
         for (row, _), result in sorted(found.items(), key=lambda entry: entry[0][0])
     ]
     columns = {
-        name: np.array([found[row, runner.file.scene(name)].value(name) for row in range(len(design))])
+        name: np.array([found[row, file.scene(name)].value(file.measure(name)) for row in range(len(design))])
         for name in observables
     }
     return design.with_responses(**columns)
@@ -91,13 +92,13 @@ def ask(runner: DesignRunner, stage: str, design: Design, row: int, scene: Path,
     return scene_request(scene, [*study.study.settings, *orders], seed, **extra)
 
 
-def all_settings(file: StudyFile, settings: dict[str, float]) -> dict[str, float]:
+def all_settings(file: CalibrationStudy, settings: dict[str, float]) -> dict[str, float]:
     """Value of every parameter of the study; one that a design does not vary stays at its centre."""
     centres = {path: 0.5 * (entry.low + entry.high) for path, entry in file.study.parameters.items()}
     return centres | settings
 
 
-def spread_out(file: StudyFile, settings: dict[str, float]) -> dict[str, float]:
+def spread_out(file: CalibrationStudy, settings: dict[str, float]) -> dict[str, float]:
     """The settings with all paths that take the same values."""
     twins = {twin: value for path, value in settings.items() for twin in file.study.parameters[path].also}
     return settings | twins

@@ -18,7 +18,7 @@ from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
 from taichi_erosion.campaign.calibration import Calibration
-from taichi_erosion.campaign.calibration_study import Target, read_study
+from taichi_erosion.campaign.study_file import Target, read_calibration_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.experiments.design_table import Design
@@ -235,7 +235,7 @@ PICTURE = re.compile(r'<img src="([^":]+)"')
 
 def write_report(study: Path, to: Path | None = None) -> Path:
     """Write the page of a calibration; raises BadInput where the calibration has not been finished."""
-    file = read_study(study)
+    file = read_calibration_study(study)
     source = file.folder / PAGE
     if not source.is_file():
         raise BadInput(f"{study}: not calibrated yet; run doe calibrate on it first")

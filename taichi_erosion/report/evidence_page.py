@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.evidence.answers import documents as results
-from taichi_erosion.evidence.data.study_file import read_study_file
 from taichi_erosion.evidence.inference.levels import ABSORBED, STABLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.report import evidence_figures as figures
@@ -102,13 +102,13 @@ class Found:
 
 def write_report(study: Path, to: Path | None = None) -> Path:
     """Write the page of a study; raises BadInput where nothing has been found yet."""
-    folder, page = results_folder(study, read_study_file(study)), words(found_in(study))
+    folder, page = results_folder(study, read_evidence_study(study)), words(found_in(study))
     return write_whole(to or folder / f"{study.stem}.report.html", render(TEMPLATE, page).encode())
 
 
 def found_in(study: Path) -> Found:
     """What was found about a study; raises BadInput where that is nothing yet."""
-    folder = results_folder(study, read_study_file(study))
+    folder = results_folder(study, read_evidence_study(study))
     found = Found(
         results.recall(folder, study.stem, "compare"),
         results.recall(folder, study.stem, "discover"),

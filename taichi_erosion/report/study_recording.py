@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.campaign.calibration_study import StudyFile, read_study
+from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study, read_evidence_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.study_file import read_study_file
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import Shown, StudyPage, record_study
 from taichi_erosion.report import evidence_page
@@ -26,13 +25,13 @@ STAGES = ("confirm", "surface", "climb", "screen")  # runs that are shown first 
 def write_recording(study: Path) -> Path:
     """Write the recording of a study from what it has left in its folder; BadInput where that is nothing."""
     if is_calibration(study):
-        file = read_study(study)
+        file = read_calibration_study(study)
         return record_study(file.folder / NAME, calibration(study, file))
-    folder = results_folder(study, read_study_file(study))
+    folder = results_folder(study, read_evidence_study(study))
     return record_study(folder / f"{study.stem}.{NAME}", evidence(evidence_page.found_in(study)))
 
 
-def calibration(study: Path, file: StudyFile) -> StudyPage:
+def calibration(study: Path, file: CalibrationStudy) -> StudyPage:
     """What a calibration has to show."""
     page, table = file.folder / PAGE, file.folder / "runs.csv"
     if not page.is_file() or not table.is_file():
@@ -51,7 +50,7 @@ def calibration(study: Path, file: StudyFile) -> StudyPage:
     )
 
 
-def run_table(file: StudyFile, rows: Sequence[Row]) -> str:
+def run_table(file: CalibrationStudy, rows: Sequence[Row]) -> str:
     """Every run: what was set, what came out."""
     paths, targets = list(file.study.parameters), list(file.study.targets)
     header = ["run", *(file.study.parameters[path].label or path for path in paths), *targets]
@@ -64,7 +63,7 @@ def name_of(row: Row) -> str:
     return f"{row['stage']}-{row['row']}"
 
 
-def recorded_runs(file: StudyFile, rows: Sequence[Row]) -> Iterator[Shown]:
+def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[Shown]:
     """Runs whose recording is there, those of the last stages first."""
     for row in sorted(rows, key=lambda row: STAGES.index(row["stage"])):
         recording = file.folder / "recordings" / f"{name_of(row)}-{row['seed']}.rrd"

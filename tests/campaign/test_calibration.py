@@ -10,7 +10,7 @@ from run.small_scene import SCENE
 
 from taichi_erosion.campaign import execute
 from taichi_erosion.campaign.calibration import calibrate
-from taichi_erosion.campaign.calibration_study import read_study
+from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.design_table import read_design
@@ -125,13 +125,13 @@ def test_the_design_alone_runs_nothing(tmp_path, capsys):
     [
         ({"targets": {"pile_height": {"value": 1.0, "sd": 0.1, "n": 3}}}, "targets.pile_height"),
         ({"design": {"climb_stepz": 4}}, "design.climb_stepz is unknown"),
-        ({"parameters": {"a": {"low": 2.0, "high": 1.0}}}, "needs low < high"),
+        ({"parameters": {"a": {"low": 2.0, "high": 1.0}}}, "is not below high"),
         ({"targets": {"repose_angle": {"value": "steep", "sd": 0.1, "n": 3}}}, "must be a number"),
     ],
 )
 def test_a_wrong_entry_of_a_study_gives_one_clear_line(tmp_path, sections, said):
     with pytest.raises(BadInput, match=said) as refusal:
-        read_study(write_study(tmp_path, **sections))
+        read_calibration_study(write_study(tmp_path, **sections))
     assert "\n" not in str(refusal.value)
     assert "study.toml" in str(refusal.value)
 
@@ -146,12 +146,12 @@ def test_a_study_without_its_own_sections_is_told_what_is_missing(tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(tomli_w.dumps({k: v for k, v in STUDY.items() if k != "targets"}), encoding="utf-8")
     with pytest.raises(BadInput, match=r"\[targets\] is missing"):
-        read_study(path)
+        read_calibration_study(path)
 
 
 def test_sections_of_the_evidence_commands_are_left_to_them(tmp_path):
     path = write_study(tmp_path, candidates={"effects": "all"}, vault={"fraction": 0.3})
-    assert read_study(path).study.targets["repose_angle"].value == TARGET
+    assert read_calibration_study(path).study.targets["repose_angle"].value == TARGET
 
 
 def test_the_report_is_the_page_with_its_pictures_inside(found):

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.campaign.calibration_study import read_study
 from taichi_erosion.campaign.request import scene_request
+from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import main
 from taichi_erosion.experiments.design_table import read_design, write_design
 
@@ -26,7 +26,7 @@ def tree(tmp_path: Path) -> Path:
 
 
 def test_a_run_takes_seconds(tree: Path) -> None:
-    file = read_study(tree / STUDY)
+    file = read_calibration_study(tree / STUDY)
     request = scene_request(file.scene("radius_90"), file.study.study.settings, 1)
     assert request.work < GRAIN_STEPS
 

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_info
 
+from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.answers.commands import opened
 from taichi_erosion.evidence.data.problem import Budget, Candidate
-from taichi_erosion.evidence.data.study_file import read_study_file
 from taichi_erosion.evidence.models.load_study import load_study
 from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
 
@@ -185,7 +185,7 @@ def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_every_shipped_study_can_be_read(path):
-    file = read_study_file(path)
+    file = read_evidence_study(path)
     assert (path.parent / file.study.measurements).is_file()
 
 
@@ -222,7 +222,7 @@ def told_or_read(path: Path) -> None:
 
 def outcome(path: Path) -> str | None:
     try:
-        read_study_file(path)
+        read_evidence_study(path)
     except BadInput as error:
         return str(error)
     return None

@@ -28,11 +28,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sentry import watched
 
-from taichi_erosion.campaign.calibration_study import read_study
+from taichi_erosion.campaign.study_file import read_calibration_study, read_evidence_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.measured import read_table
-from taichi_erosion.evidence.data.study_file import read_study_file
 from taichi_erosion.experiments.design_table import read_design
 
 FEW, MANY = 12, 300  # files of a kind by default, and when asked for all: eight kinds
@@ -110,8 +109,8 @@ def test_an_order_that_changes_a_scene(example: Any, folder: Path, capsys: Any) 
 @tried(damaged_files(STUDIES))
 def test_a_damaged_study(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "study.toml", example[1])
-    read_or_refused(read_study_file, path)
-    read_or_refused(read_study, path)
+    read_or_refused(read_evidence_study, path)
+    read_or_refused(read_calibration_study, path)
 
 
 @tried(damaged_files(MEASURED) | st.tuples(st.just("table.csv"), tables))

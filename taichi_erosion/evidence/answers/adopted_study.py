@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from taichi_erosion.campaign.study_file import with_entry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.evidence.data.findings import Adoption
-from taichi_erosion.evidence.data.toml_edit import with_entry
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.scene.load import file_text
 

@@ -5,6 +5,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from taichi_erosion.campaign.study_file import (
+    ALL,
+    AdoptedEntry,
+    CandidateEntry,
+    ObservableEntry,
+    StudyFile,
+    read_evidence_study,
+)
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
@@ -17,14 +25,6 @@ from taichi_erosion.evidence.data.problem import (
     Parameter,
     Problem,
     Vault,
-)
-from taichi_erosion.evidence.data.study_file import (
-    ALL,
-    AdoptedEntry,
-    CandidateEntry,
-    ObservableEntry,
-    StudyFile,
-    read_study_file,
 )
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
@@ -69,7 +69,7 @@ def load_study(
 
     `report` is told how far the simulations of a request are; a model function has no such steps.
     """
-    file = read_study_file(path)
+    file = read_evidence_study(path)
     table = read_table(path.parent / file.study.measurements, file.study.measurements)
     measurements, notes = study_measurements(table, file, str(path))
     hidden, said = split(measurements, file.vault.fraction, file.vault.ranges)
@@ -187,5 +187,5 @@ def results_folder(path: Path, file: StudyFile) -> Path:
         if file.study.follows is None:
             return path.with_name(f"{path.stem}-results")
         path = path.parent / file.study.follows
-        file = read_study_file(path)
+        file = read_evidence_study(path)
     raise BadInput(f"{path}: study.follows = '{file.study.follows}' leads in a circle")

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.data.problem import Bools, Candidate, Conditions, Measurements, Parameter
-from taichi_erosion.evidence.data.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.evidence.models.simulator import (
     CONDITIONS,
     SceneMeasure,

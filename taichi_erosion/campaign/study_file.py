@@ -1,0 +1,342 @@
+"""A study file: the one schema that calibrations and evidence studies share, its reading, its editing.
+
+A calibration needs [design] and [targets] and varies [parameters] over their ranges; an evidence study needs
+`study.measurements` and a `start` for every parameter. One file may be both. Defaults of a study stand here
+alone.
+"""
+
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import isnan, nan
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.load import file_text, first_line, summary, with_tuples
+from taichi_erosion.scene.schema.fields import Name, Part, contradiction, number
+from taichi_erosion.scene.validation_messages import problem_lines
+
+LARGEST = 1e30  # numbers beyond it are taken for a slip
+ALL = "all"  # every effect of the library
+SURFACE_FACTORS = 3  # fewest factors of a Box-Behnken design
+SCREENED_MOST = 35  # parameters of the largest Plackett-Burman design that is run
+CALIBRATED_MOST = 20  # parameters of an evidence study
+
+
+class Head(Part):
+    """Section [study]."""
+
+    measurements: str = Field("", description="tidy CSV table, beside the study file")
+    model: str | None = Field(
+        None,
+        pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$",
+        description="module:function that answers instead of scenes",
+    )
+    title: str = Field("", max_length=200, description="one line for people")
+    notes: str = Field("", max_length=20_000, description="assumptions and sources")
+    seed: int = number(1, "1", "first seed of the simulations; every run takes the next", 0, 2**31)
+    runs: str | None = Field(None, min_length=1, description="folder of runs that several studies share")
+    follows: str | None = Field(None, min_length=1, description="study from which `adopt` made this one")
+    settings: tuple[str, ...] = Field((), description="PATH=VALUE changes of the scene for all designed runs")
+
+
+class ObservableEntry(Part):
+    """Scene that answers an observable, and the scale on which its noise is near-normal."""
+
+    scene: str | None = Field(None, min_length=1, description="scene file, beside the study file")
+    measure: Name | None = Field(None, description="measure of the scene that answers; left out: same name")
+    unit: str | None = Field(None, max_length=60, description="unit of the model; left out: the table's")
+    transform: Literal["identity", "log", "log_floor"] = Field("identity", description="scale of comparison")
+    floor: float | None = number(
+        None, "unit of the observable", "least value that the instrument sees", 0.0, LARGEST
+    )
+    sd_shared: float = number(
+        0.0, "unit of the observable", "systematic sd common to all rows of one instrument", 0.0, LARGEST
+    )
+    sd_shared_relative: float = number(0.0, "1", "the same, as a share of the value", 0.0, 10.0)
+    sd_numerical: float = number(
+        0.0, "unit of the observable", "tolerance for box, time step, coarse graining", 0.0, LARGEST
+    )
+
+    @model_validator(mode="after")
+    def _floor_is_above_zero(self) -> "ObservableEntry":
+        if self.transform == "log_floor" and not self.floor:
+            raise contradiction("transform = 'log_floor' needs floor = the least value seen, above 0")
+        return self
+
+
+class ParameterEntry(Part):
+    """A parameter: its range, its limits in a calibration, its prior in an evidence study.
+
+    The prior is lognormal around start, normal where start <= 0.
+    """
+
+    low: float = number(
+        ..., "unit of the parameter", "least value; low level when screened", -LARGEST, LARGEST
+    )
+    high: float = number(..., "unit of the parameter", "largest value; its high level", -LARGEST, LARGEST)
+    start: float = number(nan, "unit of the parameter", "best guess", -LARGEST, LARGEST)
+    prior_sd_log: float = number(0.5, "1", "sd of the logarithm", 1e-4, 10.0)
+    least: float | None = number(None, "unit of the parameter", "limit of the climb; left out: low")
+    most: float | None = number(None, "unit of the parameter", "limit of the climb; left out: high")
+    unit: str = Field("1", max_length=20, description="unit of the parameter")
+    symbol: str = Field("", max_length=20, description="letter in a publication")
+    label: str = Field("", max_length=60, description="name for people")
+    also: tuple[str, ...] = Field((), description="paths that take the same value in a designed run")
+    published: str = Field("", max_length=400, description="what a publication says of it")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "ParameterEntry":
+        if not self.low < self.high:
+            raise contradiction(f"low = {self.low:g} is not below high = {self.high:g}")
+        if not isnan(self.start) and not self.low <= self.start <= self.high:
+            raise contradiction(f"start = {self.start:g} lies outside [{self.low:g}, {self.high:g}]")
+        if not self.limits[0] <= self.low < self.high <= self.limits[1]:
+            raise contradiction(f"the limits {self.limits} must hold [{self.low:g}, {self.high:g}]")
+        return self
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Range that no designed run may leave."""
+        least, most = self.least, self.most
+        return self.low if least is None else least, self.high if most is None else most
+
+
+class CandidateEntry(Part):
+    """An effect that may be missing; what is left out, the library says."""
+
+    prior_scale: float | None = number(None, "1", "half-normal scale of its strength", 1e-6, 1e6)
+    max: float | None = number(None, "1", "largest strength that is physical", 1e-6, 1e6)
+
+
+class Candidates(Part):
+    """Effects to try."""
+
+    effects: tuple[Name, ...] = Field(default=(), description="'all', or a list of names")
+    tables: dict[Name, CandidateEntry] = Field(default={}, description="what is said about single effects")
+
+
+class AdoptedEntry(Part):
+    """An effect that is in the model already; its strength is calibrated with the parameters."""
+
+    strength: float = number(1.0, "1", "strength found when it was adopted", 0.0, 1e6)
+    prior_scale: float | None = number(None, "1", "half-normal scale of its strength", 1e-6, 1e6)
+    max: float | None = number(None, "1", "largest strength that is physical", 1e-6, 1e6)
+
+
+class VaultEntry(Part):
+    """Measurements that are held out until an effect is adopted."""
+
+    fraction: float = number(0.3, "1", "share of the groups", 0.0, 0.9)
+    ranges: dict[Name, tuple[float, float]] = Field(
+        default={}, description="whole ranges of a condition, inclusive"
+    )
+
+
+class BudgetEntry(Part):
+    """Largest number of runs."""
+
+    runs: int | None = number(
+        None, "1", "runs: one seed at one setting of the model, over all conditions", 1, 10**9
+    )
+
+
+class LaboratoryEntry(Part):
+    """What could be measured next."""
+
+    ranges: dict[Name, tuple[float, float]] = Field(default={}, description="reach of each condition")
+    costs: dict[Name, float] = Field(default={}, description="cost of one measurement by observable")
+    repeats: int = number(3, "1", "repeats of one measurement", 1, 1000)
+
+
+class Target(Part):
+    """Measured value that a calibration aims at."""
+
+    value: float = number(..., "unit of the observable", "mean of the repeats", -LARGEST, LARGEST)
+    sd: float = number(..., "unit of the observable", "standard deviation of single repeats", 0.0, LARGEST)
+    n: int = number(..., "1", "number of repeats", 2, 10**9)
+    unit: str = Field("", max_length=20, description="unit of the observable")
+    source: str = Field("", max_length=400, description="where it was published")
+
+
+class DesignSizes(Part):
+    """Runs of every designed experiment of a calibration."""
+
+    screen_centre: int = number(4, "1", "centre points of the screening", 0, 100)
+    climb_steps: int = number(5, "1", "runs along the steepest path beyond its start", 1, 100)
+    climb_step: float = number(0.4, "1", "coded step of the steepest factor", 1e-3, 10.0)
+    surface_factors: int = number(3, "1", "factors that go on, largest effects first", SURFACE_FACTORS, 7)
+    surface_half: float = number(0.5, "1", "half range of the surface, in that of the screening", 1e-3, 10.0)
+    surface_centre: int = number(5, "1", "centre points of the surface", 1, 100)
+    confirm: int = number(5, "1", "fresh seeds at the optimum", 2, 10_000)
+    record: Literal["none", "confirm", "all"] = Field("none", description="runs whose recordings are kept")
+
+
+class WorkersEntry(Part):
+    """Where designed runs are made; the command line overrides it."""
+
+    workers: int | None = number(None, "1", "local processes; left out: one a core", 1, 10_000)
+    scheduler: str | None = Field(default=None, min_length=1, description="address of a Dask scheduler")
+
+
+class StudyFile(Part):
+    """One study."""
+
+    study: Head
+    observables: dict[Name, ObservableEntry] = Field(min_length=1)
+    conditions: dict[Name, str] = Field({})
+    parameters: dict[str, ParameterEntry] = Field(default={}, max_length=SCREENED_MOST)
+    adopted: dict[Name, AdoptedEntry] = Field(default={}, description="effects that are in the model already")
+    candidates: Candidates = Candidates()
+    vault: VaultEntry = VaultEntry()
+    budget: BudgetEntry = BudgetEntry()
+    laboratory: LaboratoryEntry = LaboratoryEntry()
+    targets: dict[Name, Target] = Field(default={}, description="what a calibration aims at")
+    design: DesignSizes = DesignSizes()
+    campaign: WorkersEntry = WorkersEntry()
+
+    @model_validator(mode="after")
+    def _names_are_there(self) -> "StudyFile":
+        for place, ranges in (("vault", self.vault.ranges), ("laboratory", self.laboratory.ranges)):
+            for name, (low, high) in ranges.items():
+                if name not in self.conditions:
+                    raise contradiction(f"{place}.ranges.{name} is not under [conditions]")
+                if low > high:
+                    raise contradiction(f"{place}.ranges.{name} = [{low:g}, {high:g}] is empty")
+        for place, named in (("laboratory.costs", self.laboratory.costs), ("targets", self.targets)):
+            for name in named:
+                if name not in self.observables:
+                    raise contradiction(f"{place}.{name} is not under [observables]")
+        return self
+
+    @model_validator(mode="after")
+    def _every_observable_is_answered(self) -> "StudyFile":
+        for name, entry in self.observables.items():
+            if (entry.scene is None) == (self.study.model is None):
+                word = "missing, as is study.model" if entry.scene is None else "given, and study.model too"
+                raise contradiction(f"observables.{name}.scene is {word}; exactly one must answer")
+        return self
+
+
+@dataclass(frozen=True)
+class CalibrationStudy:
+    """A calibration study and where it lies."""
+
+    path: Path
+    study: StudyFile
+
+    @property
+    def folder(self) -> Path:
+        """Folder of tables, ledger and pages: beside the study file, under its name."""
+        return self.path.with_suffix("")
+
+    def scene(self, observable: str) -> Path:
+        """Scene that answers an observable."""
+        return self.path.parent / str(self.study.observables[observable].scene)
+
+    def measure(self, observable: str) -> str:
+        """Measure of that scene."""
+        return self.study.observables[observable].measure or observable
+
+
+def read_calibration_study(path: Path) -> CalibrationStudy:
+    """Validated calibration study; raises BadInput with one line."""
+    return CalibrationStudy(path, read_study_file(path, calibration_problems))
+
+
+def read_evidence_study(path: Path) -> StudyFile:
+    """Validated evidence study; raises BadInput with one line."""
+    return read_study_file(path, evidence_problems)
+
+
+def calibration_problems(file: StudyFile) -> Iterator[str]:
+    """What a calibration lacks in a valid study file."""
+    for section in ("design", "targets"):
+        if section not in file.model_fields_set:
+            yield f"[{section}] is missing; a calibration study needs it"
+    if not file.targets:
+        yield "targets has 0 entries; at least 1 allowed"
+    if file.study.model is not None:
+        yield "study.model answers evidence studies alone; a calibration needs a scene of every observable"
+    if len(file.parameters) < SURFACE_FACTORS:
+        yield f"parameters has {len(file.parameters)} entries; at least {SURFACE_FACTORS} allowed"
+    if file.design.surface_factors > len(file.parameters):
+        yield f"design.surface_factors exceeds the {len(file.parameters)} parameters"
+
+
+def evidence_problems(file: StudyFile) -> Iterator[str]:
+    """What an evidence study lacks in a valid study file, and what it holds that only a calibration reads."""
+    if not file.study.measurements:
+        yield "study.measurements is missing"
+    for name, entry in file.parameters.items():
+        if isnan(entry.start):
+            yield f"parameters.{name}.start is missing"
+    if len(file.parameters) > CALIBRATED_MOST:
+        yield f"parameters has {len(file.parameters)} entries; at most {CALIBRATED_MOST} allowed"
+    calibration_only = [f"parameters.{name}.also" for name, entry in file.parameters.items() if entry.also]
+    for place in calibration_only or (["study.settings"] if file.study.settings else []):
+        yield f"{place} is read by a calibration alone; state the value in the scene"
+
+
+def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) -> StudyFile:
+    """Study of a TOML file in which `problems` finds none; raises BadInput with one line."""
+    name = str(path).replace("\n", "?")
+    try:
+        table = nested_candidates(with_tuples(tomllib.loads(file_text(path, name))))
+    except (ValueError, RecursionError) as error:
+        raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
+    try:
+        file = StudyFile.model_validate(table)
+    except ValidationError as error:
+        lines = problem_lines(error, table, {})
+        raise BadInput(f"{name}: {summary(lines).replace('candidates.tables.', 'candidates.')}") from None
+    except (OverflowError, RecursionError) as error:
+        raise BadInput(f"{name}: cannot be used: {first_line(error)}") from None
+    if found := list(problems(file)):
+        raise BadInput(f"{name}: {summary(found)}")
+    return file
+
+
+def nested_candidates(table: dict[str, Any]) -> dict[str, Any]:
+    """The table with the sections of single effects moved apart from the list of their names."""
+    candidates = table.get("candidates")
+    if not isinstance(candidates, dict):
+        return table
+    single = {name: entry for name, entry in candidates.items() if name != "effects"}
+    names = candidates.get("effects", ())
+    return table | {
+        "candidates": {"effects": (names,) if isinstance(names, str) else names, "tables": single}
+    }
+
+
+def with_entry(text: str, path: Sequence[str], value: float | str) -> str:
+    """A TOML text with one entry set; comments, order and spelling of all others stay. Raises BadInput."""
+    import tomlkit
+    from tomlkit.exceptions import TOMLKitError
+
+    *sections, last = path
+    try:
+        document: Any = tomlkit.parse(text)
+        table = document
+        for key in sections:
+            if key not in table:
+                table[key] = tomlkit.table(is_super_table=key is not sections[-1])
+            table = table[key]
+        table[last] = value
+        result = tomlkit.dumps(document)
+        if entry(result, path) == value:
+            return result
+    except (TOMLKitError, TypeError, ValueError):
+        pass
+    raise BadInput(f"{'.'.join(path)}: could not be set to {value!r} in the file; set it by hand")
+
+
+def entry(text: str, path: Sequence[str]) -> Any:
+    """Entry of a TOML text, None where there is none."""
+    holder: Any = tomllib.loads(text)
+    for key in path:
+        holder = holder.get(key) if isinstance(holder, dict) else None
+    return holder

@@ -1,0 +1,157 @@
+"""One schema for calibrations and evidence studies; one number of a file changes, and nothing else."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.campaign.study_file import read_calibration_study, read_evidence_study, with_entry
+from taichi_erosion.core.errors import BadInput
+
+SCENE = (Path(__file__).parents[2] / "scenes" / "column_collapse.toml").read_text("utf-8")
+BOTH = """
+[study]
+measurements = "heap.csv"
+[observables.angle]
+scene = "heap.toml"
+measure = "repose_angle"
+[parameters.a]
+start = 1.0
+low = 0.5
+high = 2.0
+[parameters.b]
+start = 1.0
+low = 0.5
+high = 2.0
+[parameters.c]
+start = 1.0
+low = 0.5
+high = 2.0
+least = 0.1
+[targets.angle]
+value = 33.0
+sd = 0.5
+n = 5
+[design]
+confirm = 3
+[vault]
+fraction = 0.2
+"""
+SCENE_ANSWERS, MODEL_ANSWERS = (
+    f'"heap.csv"\n{model}[observables.angle]\n{scene}'
+    for model, scene in (("", 'scene = "heap.toml"\n'), ('model = "m:f"\n', ""))
+)
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "study.toml"
+    path.write_text(text, "utf-8")
+    return path
+
+
+def test_one_file_is_a_calibration_and_an_evidence_study(tmp_path):
+    calibration = read_calibration_study(written(tmp_path, BOTH))
+    assert calibration.study == read_evidence_study(calibration.path)
+    assert calibration.study.parameters["c"].limits == (0.1, 2.0)
+    assert (calibration.scene("angle"), calibration.measure("angle")) == (
+        tmp_path / "heap.toml",
+        "repose_angle",
+    )
+
+
+@pytest.mark.parametrize("read", [read_calibration_study, read_evidence_study])
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[vault]", "[volt]", "volt is unknown; did you mean 'vault'?"),
+        ("[design]", "[desing]", "desing is unknown; did you mean 'design'?"),
+        ("fraction = 0.2", "fractoin = 0.2", "vault.fractoin is unknown; did you mean 'fraction'?"),
+        ("least = 0.1", "least = 0.7", "parameters.c: the limits (0.7, 2.0) must hold [0.5, 2]"),
+    ],
+)
+def test_both_refuse_the_same_wrong_entries(tmp_path, read, old, new, said):
+    with pytest.raises(BadInput) as refusal:
+        read(written(tmp_path, BOTH.replace(old, new)))
+    assert said in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("read", "old", "new", "said"),
+    [
+        (
+            read_calibration_study,
+            "[targets.angle]\nvalue = 33.0\nsd = 0.5\nn = 5\n",
+            "",
+            "[targets] is missing",
+        ),
+        (read_calibration_study, '"heap.csv"', '"heap.csv"\nmodel = "m:f"', "exactly one must answer"),
+        (read_calibration_study, SCENE_ANSWERS, MODEL_ANSWERS, "study.model answers evidence studies alone"),
+        (read_calibration_study, 'scene = "heap.toml"\n', "", "observables.angle.scene is missing, as"),
+        (read_evidence_study, "start = 1.0\n", "", "parameters.a.start is missing"),
+        (read_evidence_study, '"heap.csv"', '"heap.csv"\nsettings = ["a=1"]', "study.settings is read by a"),
+        (
+            read_evidence_study,
+            "least = 0.1",
+            'also = ["d"]',
+            "parameters.c.also is read by a calibration alone",
+        ),
+    ],
+)
+def test_each_command_says_what_it_lacks_or_does_not_read(tmp_path, read, old, new, said):
+    with pytest.raises(BadInput) as refusal:
+        read(written(tmp_path, BOTH.replace(old, new)))
+    assert said in str(refusal.value)
+
+
+def changed_lines(before: str, after: str) -> list[str]:
+    old = before.splitlines()
+    return [line for line in after.splitlines() if line not in old]
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        (("contact", "grain-grain", "friction_rolling"), "friction_rolling = 0.25"),
+        (("materials", "grain", "density"), "density = 0.25"),
+        (("grains", "size", "diameter"), 'size = { law = "monodisperse", diameter = 0.25 }'),
+    ],
+)
+def test_an_entry_changes_where_it_stands(path, line):
+    assert changed_lines(SCENE, with_entry(SCENE, path, 0.25)) == [line]
+
+
+def test_a_comment_behind_the_entry_stays():
+    after = with_entry("[a]\nb = 1.0   # why\n", ("a", "b"), 2.0)
+    assert after == "[a]\nb = 2.0   # why\n"
+
+
+def test_an_entry_of_the_same_name_elsewhere_stays():
+    after = tomllib.loads(with_entry(SCENE, ("contact", "grain-plate", "friction_sliding"), 0.25))
+    assert after["contact"]["grain-grain"]["friction_sliding"] == 0.55
+    assert after["contact"]["grain-plate"]["friction_sliding"] == 0.25
+
+
+def test_what_is_not_there_gets_its_section():
+    after = with_entry(SCENE, ("effects", "liquid_bridge", "strength"), 1.5)
+    assert changed_lines(SCENE, after) == ["[effects.liquid_bridge]", "strength = 1.5"]
+    again = with_entry(after, ("effects", "liquid_bridge", "strength"), 0.5)
+    assert changed_lines(SCENE, again) == ["[effects.liquid_bridge]", "strength = 0.5"]
+
+
+def test_a_new_entry_stands_in_the_section_that_is_there():
+    after = with_entry("[study]\nseed = 1\n\n[vault]\nfraction = 0.2\n", ("study", "follows"), "old.toml")
+    assert after == '[study]\nseed = 1\nfollows = "old.toml"\n\n[vault]\nfraction = 0.2\n'
+
+
+def test_a_quoted_heading_is_the_section_that_it_names():
+    after = with_entry('[parameters."a.b-c"]\nstart = 1.0\n', ("parameters", "a.b-c", "start"), 2.0)
+    assert after == '[parameters."a.b-c"]\nstart = 2.0\n'
+
+
+def test_a_table_on_one_line_stays_on_it():
+    assert tomllib.loads(with_entry("a = { b = 1.0 }\n", ("a", "c"), 2.0)) == {"a": {"b": 1.0, "c": 2.0}}
+
+
+def test_a_file_that_cannot_be_changed_so_is_told():
+    with pytest.raises(BadInput, match="set it by hand"):
+        with_entry("a = 1.0\n", ("a", "c"), 2.0)
