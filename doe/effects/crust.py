@@ -24,7 +24,7 @@ import numpy as np
 from doe.effect_signatures.run import COLUMN, COLUMN_ORDERS
 from doe.effects.beds import DIAMETER, ORDERS, THRESHOLD
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import acting
+from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.files import write_whole
 from taichi_erosion.core.setup import Floats, GrainTable, Numerics, Setup
 from taichi_erosion.core.ti import ti
@@ -65,13 +65,13 @@ def pull_of_touch(constants, pair):
     radius = 2.0 * pair.radius_effective
     longest = constants.strain * radius
     attraction = 0.0
-    if pair.met > 0.0 and pair.gap > 0.0 and pair.gap < longest:
+    if pair.touched > 0.0 and pair.gap > 0.0 and pair.gap < longest:
         attraction = constants.stress * radius * radius * pair.gap / longest
     return attraction
 
 
 HEALING = replace(
-    CRUST, name="healing_crust", act=pull_of_touch, whole=False, memory=None, begin=None, remember=None
+    CRUST, name="healing_crust", act=pull_of_touch, vector=False, grain_state=None, update_state=None
 )
 
 
@@ -91,7 +91,7 @@ def variants(setup: Setup, strength: float) -> list[Setup]:
     """One replica bare, with the crust, and with one that heals."""
     radius = float(setup.grains.radius.max())
     params = CRUST.params(tensile_strength=strength)
-    pulls = [acting(effect, params, 1.0, {}, radius) for effect in (CRUST, HEALING)]
+    pulls = [replica_effect(effect, params, 1.0, {}, radius) for effect in (CRUST, HEALING)]
     return [setup, *(replace(setup, effects=(pull,)) for pull in pulls)]
 
 

@@ -128,9 +128,9 @@ def print_parameters(effect: "Effect") -> None:
         span = f"{f.metadata['low']:g} to {f.metadata['high']:g}"
         table.add_row(f.name, f"{f.default:g}", f.metadata["unit"], span, f.metadata["meaning"])
     output.print_table(table)
-    if effect.memory is not None:
+    if effect.grain_state is not None:
         state = output.empty_table("state of every grain", "number", "unit", "meaning")
-        for f in fields(effect.memory):
+        for f in fields(effect.grain_state):
             state.add_row(f.name, f.metadata["unit"], f.metadata["meaning"])
         output.print_table(state)
     if effect.reads:
@@ -167,6 +167,7 @@ def examined(effect: "Effect") -> "tuple[list[Check], list[str]]":
 
 def record(effect: "Effect", measured: dict[str, list[Row]]) -> dict[str, Any]:
     """JSON record of an effect."""
+    state = fields(effect.grain_state) if effect.grain_state else ()
     return {
         "title": effect.title,
         "place": effect.place,
@@ -178,7 +179,7 @@ def record(effect: "Effect", measured: dict[str, list[Row]]) -> dict[str, Any]:
         "prior_scale": effect.prior_scale,
         "max": effect.most,
         "parameters": {f.name: {"value": f.default, **f.metadata} for f in fields(effect.params)},
-        "memory": {f.name: dict(f.metadata) for f in fields(effect.memory)} if effect.memory else {},
+        "memory": {f.name: dict(f.metadata) for f in state},
         "description": effect.doc or "",
     }
 
@@ -254,7 +255,7 @@ def begin_file(name: str, discovery: Path | None = None, memory: bool = False) -
         raise BadInput(f"effects new {name}: a new name has lower-case letters, digits and _")
     if path.exists():
         raise BadInput(f"{path}: exists already")
-    blank = scaffold("memory" if memory else "effect").replace("NAME", name)
+    blank = scaffold("stateful_effect" if memory else "effect").replace("NAME", name)
     path.write_text(law_file(name, discovery) if discovery else blank)
     return path
 

@@ -1,24 +1,23 @@
-"""The interface of optional physics: one record per effect, and its numbers bound to the device for a run.
+"""The interface of optional physics: one record per effect, and its numbers for one replica.
 
 An effect lives in one file and acts at one place:
 
-    pair        a pull [N] between two grains, or a grain and a wall, that touch or are near
-    meeting     whether two grains that begin to overlap touch, or pass through each other
-    grain       a force [N] and torque [N m] on one grain, from the air around it or from a field
-    scene       a change of the scene before anything is built: materials, sizes, gravity, air, packing
-    instrument  a change of the value that a laboratory reads
+    pair           force [N] between two grains, or a grain and a wall, that touch or are near
+    first_contact  whether two grains that begin to overlap touch, or pass through each other
+    grain          force [N] and torque [N m] on one grain, from the air around it or from a field
+    scene          change of the scene before anything is built: materials, sizes, gravity, air, packing
+    instrument     change of the value that a laboratory reads
 
-`strength` multiplies the effect: 0 is bitwise the model without it (it is not even bound), 1 the textbook.
-Pair, meeting and grain effects run on the device with a few `constants` that the host works out for every
-replica from parameters, strength and conditions; so each replica of an ensemble has its own. Among those
-conditions they find two that the scene knows: `grain_diameter`, the nominal one, and under wind `bed_height`,
-the height of the undisturbed bed's surface [m].
+`strength` multiplies the effect: 0 is bitwise the model without it (it is not even compiled in), 1 the
+textbook. Pair, first-contact and grain effects run on the device with a few `constants`, which the host
+computes for every replica from parameters, strength and conditions. Two conditions come from the scene:
+`grain_diameter`, the nominal one, and under wind `bed_height`, the height of the undisturbed bed [m].
 
-An effect may remember some numbers of every grain: `memory` declares them as `params` are, `begin` says what
-they are when a grain enters, and `remember` what they are after a look at the grain. Looks come in a fixed
-number of time steps (`grain.interval`); each sees one grain alone. What is remembered goes where the grain
-goes: through sorting, checkpoints, and beds that are put back. Pair effects read it of both grains, grain
-effects of the one.
+A pair or grain effect may have state variables of every grain (internal variables: an age, a charge, a
+broken bond). `grain_state` declares them as `params` are, `initial_state` gives their values when a grain
+enters, and `update_state` advances them at every exchange with the air, once in a fixed number of time steps
+(`grain.interval`), one grain at a time. The state of a grain follows it through sorting, checkpoints, and
+restored beds. Pair effects read the state of both grains, grain effects that of the one.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -31,10 +30,10 @@ from numpy.typing import NDArray
 from taichi_erosion.core.quantity import check_range
 from taichi_erosion.core.ti import ti
 
-Conditions = Mapping[str, float]  # what a laboratory wrote beside a measurement, in SI units
-Constants = dict[str, float]  # numbers that the device reads, named as the effect's file names them
-Probe = Callable[..., Any]  # (params, conditions, **members of the place) -> what the effect does there
-REMEMBERING = ("pair", "grain")  # places of effects that may have a memory
+Conditions = Mapping[str, float]  # stated beside a measurement, in SI units
+Constants = dict[str, float]  # numbers that the device reads, by name
+Probe = Callable[..., Any]  # (params, conditions, **members of the place) -> result of the effect there
+STATEFUL = ("pair", "grain")  # places of effects that may have a grain state
 STRENGTH = "strength"  # reserved among an effect's entries in a scene
 STRENGTH_MOST = 100.0  # largest strength that a scene may ask for [1]
 
@@ -51,7 +50,7 @@ class Check:
 
 
 def everywhere(conditions: Mapping[str, NDArray[np.float64]]) -> bool:
-    """Mask of an effect that every condition lets act."""
+    """Mask of an effect that acts under all conditions."""
     return True
 
 
@@ -61,7 +60,7 @@ def no_reach(constants: Constants, radius: float) -> float:
 
 
 def undiminished(params: Any, conditions: Mapping[str, Any]) -> float:
-    """Dose of an effect whose strength tells all."""
+    """Dose of an effect that acts with its full strength under all conditions."""
     return 1.0
 
 
@@ -70,54 +69,54 @@ class Effect:
     """Optional physics that a scene can switch on by name.
 
     `act` is, by place:
-        pair        ti.func (constants, pair) -> attraction along the line of centres [N]
-        meeting     ti.func (constants, meeting) -> 1 where the two pass, 0 where they touch
-        grain       ti.func (constants, grain) -> force [N], torque [N m]
-        scene       (params, strength, conditions, scene) -> scene
-        instrument  (params, strength, conditions, observable, value) -> value
+        pair           ti.func (constants, pair) -> attraction along the line of centres [N]
+        first_contact  ti.func (constants, contact) -> 1 where the two pass, 0 where they touch
+        grain          ti.func (constants, grain) -> force [N], torque [N m]
+        scene          (params, strength, conditions, scene) -> scene
+        instrument     (params, strength, conditions, observable, value) -> value
 
-    A pair effect that is `whole` gives the force on grain i [N], a vector; grain j, or the wall, gets its
-    opposite. With a memory, a pair effect is (constants, pair, mine, other): that of grain i, and that of
-    grain j or zeros for a wall; a grain effect is (constants, grain, mine).
+    With `vector`, a pair effect gives the force on grain i [N]; grain j, or the wall, gets its opposite. With
+    a grain state, a pair effect is (constants, pair, state_i, state_j), zeros for a wall; a grain effect is
+    (constants, grain, state).
     """
 
     name: str
     title: str  # one line for lists
     doc: str | None  # module docstring: equation, symbols, units, range, reference
-    place: Literal["pair", "meeting", "grain", "scene", "instrument"]
+    place: Literal["pair", "first_contact", "grain", "scene", "instrument"]
     params: type  # frozen dataclass of `quantity` fields
     act: Callable[..., Any]
     checks: Callable[[Probe], Iterator[Check]]
     constants: Callable[[Any, float, Conditions], Constants] | None = None  # on the device only
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
-    whole: bool = False  # a pair effect that gives a vector, and pulls not only along the line of centres
-    memory: type | None = None  # frozen dataclass of `quantity` fields: what it remembers of a grain
-    begin: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions) -> memory
-    remember: Callable[..., Any] | None = None  # ti.func (constants, grain, memory) -> memory after a look
+    vector: bool = False  # a pair effect that gives a force vector, not an attraction
+    grain_state: type | None = None  # frozen dataclass of `quantity` fields: state variables of a grain
+    initial_state: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions)
+    update_state: Callable[..., Any] | None = None  # ti.func (constants, grain, state) -> state
     reads: tuple[str, ...] = ()  # conditions that it reads
     can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
-    dose: Callable[[Any, Mapping[str, Any]], Any] = undiminished  # (params, conditions) -> what acts of it
+    dose: Callable[[Any, Mapping[str, Any]], Any] = undiminished  # (params, conditions) -> [1]
     uncertain: Mapping[str, float] = field(default_factory=dict)  # own numbers to calibrate -> prior sd of ln
     prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
     most: float = 3.0  # largest strength that is physical [1]
     expected: Mapping[str, int] = field(default_factory=dict)  # observable -> +1 up, -1 down: literature
 
     def __post_init__(self) -> None:
-        """Raise ValueError for a memory that nothing updates, or at a place where no grain is seen."""
-        if (self.memory is None) != (self.remember is None):
-            raise ValueError(f"effect '{self.name}': memory and remember go together")
-        if self.memory is not None and self.place not in REMEMBERING:
-            raise ValueError(f"effect '{self.name}': of place {self.place}, which cannot remember grains")
+        """Raise ValueError for a grain state that nothing updates, or at a place without grains."""
+        if (self.grain_state is None) != (self.update_state is None):
+            raise ValueError(f"effect '{self.name}': grain_state and update_state go together")
+        if self.grain_state is not None and self.place not in STATEFUL:
+            raise ValueError(f"effect '{self.name}': place {self.place} has no grain state")
 
 
 @dataclass(frozen=True)
-class Acting:
+class ReplicaEffect:
     """An effect with its numbers for one replica."""
 
     effect: Effect
     constants: Constants
     reach: float  # gap beyond which it vanishes [m]
-    start: Constants = field(default_factory=dict)  # what it remembers of a grain that enters
+    initial_state: Constants = field(default_factory=dict)  # of a grain that enters
 
 
 def read_params(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, float]:
@@ -135,23 +134,26 @@ def parameter_names(effect: Effect) -> tuple[str, ...]:
     return (STRENGTH, *(f.name for f in fields(effect.params)))
 
 
-def acting(effect: Effect, params: Any, strength: float, conditions: Conditions, radius: float) -> Acting:
-    """Constants and reach of an effect on the device, in one replica whose largest radius [m] is given."""
+def replica_effect(
+    effect: Effect, params: Any, strength: float, conditions: Conditions, radius: float
+) -> ReplicaEffect:
+    """Constants and reach of a device effect in one replica; `radius` is that of its largest grain [m]."""
     assert effect.constants is not None
     constants = effect.constants(params, strength, conditions)
-    start = begun(effect, params, strength, conditions)
-    return Acting(effect, constants, effect.reach(constants, radius), start)
+    start = initial_state(effect, params, strength, conditions)
+    return ReplicaEffect(effect, constants, effect.reach(constants, radius), start)
 
 
-def begun(effect: Effect, params: Any, strength: float, conditions: Conditions) -> Constants:
-    """What an effect remembers of a grain that enters; nothing where it has no memory."""
-    if effect.memory is None:
+def initial_state(effect: Effect, params: Any, strength: float, conditions: Conditions) -> Constants:
+    """State variables of a grain that enters; empty for an effect without them."""
+    if effect.grain_state is None:
         return {}
-    return asdict(effect.memory() if effect.begin is None else effect.begin(params, strength, conditions))
+    begin = effect.initial_state
+    return asdict(effect.grain_state() if begin is None else begin(params, strength, conditions))
 
 
 def pair_type() -> Any:
-    """Two grains, or a grain and a wall, as a pair effect sees them."""
+    """Struct that a pair effect reads: two grains, or a grain and a wall."""
     real3 = ti.types.vector(3, float)
     return ti.types.struct(
         gap=float,  # surface distance [m]; negative where they overlap
@@ -162,24 +164,24 @@ def pair_type() -> Any:
         mass_j=float,  # [kg]; 0 marks a wall
         closing_speed=float,  # at which the gap shrinks [m s-1]
         stiffness=float,  # of the elastic contact, dF/d(overlap); 0 where they do not touch [N m-1]
-        met=float,  # 1 where they have touched since they were last out of reach, else 0
+        touched=float,  # 1 where they have touched since they were last out of reach, else 0
         normal=real3,  # unit vector from grain j, or from the wall, to grain i [1]
         offset=real3,  # centre of grain i less that of grain j; of a wall: the centre of grain i [m]
         period=real3,  # of the box [m], 0 where it is open
     )
 
 
-def meeting_type() -> Any:
-    """Two grains that begin to overlap, as a meeting effect sees them."""
+def first_contact_type() -> Any:
+    """Struct that a first-contact effect reads: two grains that begin to overlap."""
     return ti.types.struct(
         height=float,  # of the centre of the lower one, in the coordinates of the scene [m]
         depth=float,  # overlap over the effective radius [1]
-        chance=float,  # a number between 0 and 1 that this pair always has [1]
+        chance=float,  # random number in [0, 1) of this pair, constant in time [1]
     )
 
 
 def grain_type(drag_law: Any) -> Any:
-    """One grain and the air around it, as a grain effect sees them.
+    """Struct that a grain effect reads: one grain and the air around it.
 
     `grain.drag(slip)` is the drag [N] of the run's law at a slip velocity, air less grain [m s-1]. The law:
     ti.func (slip speed, radius, mass, air density, kinematic viscosity, void fraction) -> drag rate [s-1].
@@ -207,9 +209,9 @@ def grain_type(drag_law: Any) -> Any:
         void_fraction=float,  # of the air around the grain [1]
         height=float,  # above the undisturbed bed surface [m]
         period=real3,  # of the box [m], 0 where it is open
-        noise=real3,  # three standard normal numbers of this grain and turn, fixed by the seed [1]
-        interval=float,  # time until the next look at this grain [s]
+        noise=real3,  # three standard normal numbers of this grain and exchange, fixed by the seed [1]
+        interval=float,  # time until the next exchange with the air [s]
         time=float,  # since the start [s]
-        chance=float,  # a number between 0 and 1 of this replica, fixed by the seed [1]
+        chance=float,  # random number in [0, 1) of this replica, fixed by the seed [1]
         __struct_methods={"drag": drag},
     )

@@ -1,13 +1,13 @@
-"""Asking an effect alone what it does at one place: with this its verification table is made.
+"""Evaluation of one effect at one place, from which its verification table is made.
 
-A probe of a pair effect gives its attraction, of a whole one its force [N]; of a meeting effect 1 where two
-grains pass; of a grain effect its force [N] and torque [N m]; of a scene effect the scene that it makes of
-`scene`; of an instrument the value that it reads instead of `value`.
+The probe of a pair effect gives its attraction, or its force vector [N]; of a first-contact effect 1 where
+two grains pass; of a grain effect force [N] and torque [N m]; of a scene effect the changed `scene`; of an
+instrument the value that is read instead of `value`.
 
-Where the effect has a memory, `mine` and `other` are what it remembers of the grains, each as it begins where
-left out. With `before=MEMORY` and members of a grain the probe gives the memory after a look at that grain;
-`before=None` stands for a memory as it begins.
-The device must have been started for effects that act on it.
+For an effect with a grain state, `state_i` and `state_j` set the states of the grains, the initial one where
+left out. With `state_before=STATE` and members of a grain the probe gives the state after one exchange
+interval; `state_before=None` stands for the initial state. The device must have been started for effects
+that act on it.
 """
 
 from dataclasses import asdict, dataclass, fields, replace
@@ -17,16 +17,24 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.effect import (
-    Acting,
     Conditions,
     Effect,
     Probe,
-    begun,
+    first_contact_type,
     grain_type,
-    meeting_type,
+    initial_state,
     pair_type,
+    replica_effect,
 )
-from taichi_erosion.core.effect_device import Bound, bind, force_of, passes, pull_of, push_of, update_memory
+from taichi_erosion.core.effect_device import (
+    DeviceEffects,
+    any_passes,
+    bind,
+    total_attraction,
+    total_grain_force,
+    total_vector_force,
+    update_states,
+)
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download, read, upload
 
@@ -39,7 +47,7 @@ PAIR = {  # two grains of 0.2 mm in contact
     "mass_j": 1e-8,
     "closing_speed": 0.1,
     "stiffness": 100.0,
-    "met": 1.0,
+    "touched": 1.0,
     "normal": (1.0, 0.0, 0.0),
     "offset": (2e-4, 0.0, 0.0),
     "period": (0.0, 0.0, 0.0),
@@ -63,64 +71,9 @@ GRAIN = {  # a grain of 0.2 mm in the wind above a bed
     "time": 0.5,
     "chance": 0.37,
 }
-MEETING = {"height": 0.01, "depth": 0.01, "chance": 0.37}  # high in the air, at first touch
-MINE, OTHER, PLACES = 0, 1, 2  # of two grains whose memory an effect reads
-TYPICAL = {"pair": PAIR, "meeting": MEETING, "grain": GRAIN}
-
-
-@ti.kernel
-def feel_pair(
-    # in
-    bound: ti.template(),
-    pairs: ti.template(),
-    # out
-    pull_out: ti.template(),
-    force_out: ti.template(),
-):
-    for i in pull_out:
-        pair = pairs[i]
-        other = ti.select(pair.radius_j > 0.0, OTHER, bound.nobody)
-        pull_out[i] = pull_of(bound, 0, pair, MINE, other)
-        force_out[i] = force_of(bound, 0, pair, MINE, other)
-
-
-@ti.kernel
-def feel_meeting(
-    # in
-    bound: ti.template(),
-    meetings: ti.template(),
-    # out
-    free_out: ti.template(),
-):
-    for i in free_out:
-        meeting = meetings[i]
-        free_out[i] = ti.cast(passes(bound, 0, meeting), float)
-
-
-@ti.kernel
-def feel_grain(
-    # in
-    bound: ti.template(),
-    grains: ti.template(),
-    # out
-    force_out: ti.template(),
-    torque_out: ti.template(),
-):
-    for i in force_out:
-        grain = grains[i]
-        force_out[i], torque_out[i] = push_of(bound, 0, grain, MINE)
-
-
-@ti.kernel
-def look_at(
-    # in
-    grains: ti.template(),
-    # out
-    bound_out: ti.template(),
-):
-    for i in grains:
-        grain = grains[i]
-        update_memory(bound_out, 0, grain, MINE)
+FIRST_CONTACT = {"height": 0.01, "depth": 0.01, "chance": 0.37}  # high in the air, at first touch
+PLACE_I, PLACE_J, PLACES = 0, 1, 2  # places of two grains whose state an effect reads
+TYPICAL = {"pair": PAIR, "first_contact": FIRST_CONTACT, "grain": GRAIN}
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +81,9 @@ class Bench:
     """Fields that all device probes share, so that their kernels are built once."""
 
     pair: Any  # struct of one pair
-    meeting: Any  # struct of one meeting
+    first_contact: Any  # struct of one pair that begins to overlap
     grain: Any  # struct of one grain
-    pull: Any  # [N], or whether two grains pass [1]
+    scalar: Any  # attraction [N], or whether two grains pass [1]
     force: Any  # vec3 [N]
     torque: Any  # vec3 [N m]
 
@@ -142,15 +95,70 @@ def stokes_drag(slip, radius, mass, density, viscosity, void):
 
 
 def make_bench(drag_law: Any = stokes_drag) -> Bench:
-    """Fields of one pair, meeting and grain on the device, which must have been started."""
+    """Fields of one pair, first contact and grain on the device, which must have been started."""
     force, torque = (ti.Vector.field(3, float, shape=1) for _ in range(2))
-    kinds = (pair_type(), meeting_type(), grain_type(drag_law))
-    pair, meeting, grain = (kind.field(shape=1) for kind in kinds)
-    return Bench(pair, meeting, grain, ti.field(float, shape=1), force, torque)
+    kinds = (pair_type(), first_contact_type(), grain_type(drag_law))
+    pair, contact, grain = (kind.field(shape=1) for kind in kinds)
+    return Bench(pair, contact, grain, ti.field(float, shape=1), force, torque)
+
+
+@ti.kernel
+def evaluate_pair(
+    # in
+    effects: ti.template(),
+    pairs: ti.template(),
+    # out
+    attraction_out: ti.template(),
+    force_out: ti.template(),
+):
+    for i in attraction_out:
+        pair = pairs[i]
+        j = ti.select(pair.radius_j > 0.0, PLACE_J, effects.wall_place)
+        attraction_out[i] = total_attraction(effects, 0, pair, PLACE_I, j)
+        force_out[i] = total_vector_force(effects, 0, pair, PLACE_I, j)
+
+
+@ti.kernel
+def evaluate_first_contact(
+    # in
+    effects: ti.template(),
+    contacts: ti.template(),
+    # out
+    passes_out: ti.template(),
+):
+    for i in passes_out:
+        contact = contacts[i]
+        passes_out[i] = ti.cast(any_passes(effects, 0, contact), float)
+
+
+@ti.kernel
+def evaluate_grain(
+    # in
+    effects: ti.template(),
+    grains: ti.template(),
+    # out
+    force_out: ti.template(),
+    torque_out: ti.template(),
+):
+    for i in force_out:
+        grain = grains[i]
+        force_out[i], torque_out[i] = total_grain_force(effects, 0, grain, PLACE_I)
+
+
+@ti.kernel
+def advance_state(
+    # in
+    grains: ti.template(),
+    # out
+    effects_out: ti.template(),
+):
+    for i in grains:
+        grain = grains[i]
+        update_states(effects_out, 0, grain, PLACE_I)
 
 
 def probe_of(effect: Effect, bench: Bench) -> Probe:
-    """Function (params, conditions, strength=1, **members of the place) -> what the effect does there."""
+    """Function (params, conditions, strength=1, **members of the place) -> result of the effect there."""
     if effect.place == "scene":
         return lambda params, conditions, scene, strength=1.0: effect.act(params, strength, conditions, scene)
     if effect.place == "instrument":
@@ -164,54 +172,53 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
     """Probe of an effect on the device; members that are not named are 0."""
     assert effect.constants is not None
     constants = effect.constants
-    start = begun(effect, effect.params(), 1.0, {})
-    bound = bind(effect.place, [[Acting(effect, constants(effect.params(), 1.0, {}), 0.0, start)]], PLACES)
+    effects = bind(effect.place, [[replica_effect(effect, effect.params(), 1.0, {}, 0.0)]], PLACES)
 
     def probe(params: Any, conditions: Conditions, strength: float = 1.0, **members: Any) -> Any:
         numbers = constants(params, strength, conditions)
-        upload([(getattr(bound.constants[0], name), [value]) for name, value in numbers.items()])
-        looked = "before" in members
-        first = members.pop("before", None) if looked else members.pop("mine", None)
-        if effect.memory is not None:
-            fresh = effect.memory(**begun(effect, params, strength, conditions))
-            set_memory(bound, MINE, first or fresh)
-            set_memory(bound, OTHER, members.pop("other", None) or fresh)
-        place = bench.grain if looked else getattr(bench, effect.place)
-        upload([(parts(place)[name], [value]) for name, value in (silent(place) | members).items()])
-        return after_look(effect, bound, bench) if looked else acted(effect, bound, bench)
+        upload([(getattr(effects.constants[0], name), [value]) for name, value in numbers.items()])
+        advances = "state_before" in members
+        state_i = members.pop("state_before" if advances else "state_i", None)
+        if effect.grain_state is not None:
+            fresh = effect.grain_state(**initial_state(effect, params, strength, conditions))
+            set_state(effects, PLACE_I, state_i or fresh)
+            set_state(effects, PLACE_J, members.pop("state_j", None) or fresh)
+        place = bench.grain if advances else getattr(bench, effect.place)
+        upload([(parts(place)[name], [value]) for name, value in (zeros(place) | members).items()])
+        return advanced_state(effect, effects, bench) if advances else result(effect, effects, bench)
 
     return probe
 
 
-def silent(place: Any) -> dict[str, Any]:
+def zeros(place: Any) -> dict[str, Any]:
     """Zeros for all members of a struct field."""
     return {name: np.zeros(value.n if hasattr(value, "n") else 1) for name, value in parts(place).items()}
 
 
-def acted(effect: Effect, bound: Bound, bench: Bench) -> Any:
-    """What an effect does to what lies in the bench."""
+def result(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
+    """Result of an effect for the pair, first contact or grain of the bench."""
     if effect.place == "grain":
-        feel_grain(bound, bench.grain, bench.force, bench.torque)
+        evaluate_grain(effects, bench.grain, bench.force, bench.torque)
         return tuple(read(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
     if effect.place == "pair":
-        feel_pair(bound, bench.pair, bench.pull, bench.force)
+        evaluate_pair(effects, bench.pair, bench.scalar, bench.force)
     else:
-        feel_meeting(bound, bench.meeting, bench.pull)
-    return read(bench.force)[0].astype(np.float64) if effect.whole else float(read(bench.pull)[0])
+        evaluate_first_contact(effects, bench.first_contact, bench.scalar)
+    return read(bench.force)[0].astype(np.float64) if effect.vector else float(read(bench.scalar)[0])
 
 
-def set_memory(bound: Bound, place: int, memory: Any) -> None:
-    """Write what is remembered of one place."""
-    upload([(getattr(bound.memories[0], name), [value]) for name, value in asdict(memory).items()], place)
+def set_state(effects: DeviceEffects, place: int, state: Any) -> None:
+    """Write the state variables of one grain place."""
+    upload([(getattr(effects.states[0], name), [value]) for name, value in asdict(state).items()], place)
 
 
-def after_look(effect: Effect, bound: Bound, bench: Bench) -> Any:
-    """What an effect remembers after a look at the grain in the bench."""
-    assert effect.memory is not None
-    look_at(bench.grain, bound)
-    names = [f.name for f in fields(effect.memory)]
-    numbers = download([getattr(bound.memories[0], name) for name in names], MINE, 1)
-    return effect.memory(**{name: float(one[0]) for name, one in zip(names, numbers, strict=True)})
+def advanced_state(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
+    """State of the grain of the bench after one exchange interval."""
+    assert effect.grain_state is not None
+    advance_state(bench.grain, effects)
+    names = [f.name for f in fields(effect.grain_state)]
+    numbers = download([getattr(effects.states[0], name) for name in names], PLACE_I, 1)
+    return effect.grain_state(**{name: float(one[0]) for name, one in zip(names, numbers, strict=True)})
 
 
 def parts(place: Any) -> dict[str, Any]:

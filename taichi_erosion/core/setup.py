@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from taichi_erosion.core.air_setup import AirSetup
-    from taichi_erosion.core.effect import Acting
+    from taichi_erosion.core.effect import ReplicaEffect
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
@@ -121,7 +121,7 @@ class Coupling:
     rising: bool = False  # whether air may rise through the bed later on
     seed: int = 0  # of random forces on grains
     partition: float = 1.0  # friction velocity that reaches the bed over the one that is set [1]
-    sleep_looks: int = 0  # looks at rest before deep grains are held until disturbed; 0: none ever is
+    sleep_exchanges: int = 0  # looks at rest before deep grains are held until disturbed; 0: none ever is
     sleep_share: float = 0.2  # of the weight of a sleeping grain, that disturbs it [1]
 
 
@@ -141,7 +141,7 @@ class Setup:
     period: Triple = (0.0, 0.0, 0.0)  # m, 0 where the box is open; a period starts at domain low
     overlap_limit: float = 0.2  # overlap over the smaller radius that stops the run [1]
     skin: float = 0.05  # least list margin of a grain over its radius [1]
-    effects: "tuple[Acting, ...]" = ()  # optional physics between and on grains
+    effects: "tuple[ReplicaEffect, ...]" = ()  # optional physics between and on grains
     air: "AirSetup | None" = None  # a column of cells with exchange, or none
     coupling: Coupling = Coupling()
 

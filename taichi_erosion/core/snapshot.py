@@ -42,8 +42,8 @@ class Snapshot:
     contacts: NDArray[np.int32]  # [n] touching partners, walls included
     ident: NDArray[np.int32]  # [n] row of the GrainTable
     waiting: int  # spheres not released yet
-    # by `effect.number`: [n] what effects remember of every sphere, in their own units
-    memory: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    # by `effect.number`: [n] state variables that effects keep of every sphere, in their own units
+    effect_state: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

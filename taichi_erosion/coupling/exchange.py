@@ -152,7 +152,7 @@ def exchange_momentum(world_out: ti.template(), coupling_out: ti.template(), r, 
         for p in range(replicas_out.partitions[r]):
             if owns_partition(replicas_out, r, p, member, size):
                 gather_partition(world_out, coupling_out, r, p, passage == before)
-    if ti.static(world_out.remembers):
+    if ti.static(world_out.has_state):
         # forces read what is remembered of grains of other partitions
         turn = barrier(replicas_out, r, size, turn)
     if ti.static(world_out.sleeps):

@@ -12,7 +12,7 @@ step, of a single one where air rises through the bed and carries grains.
 
 from math import pi
 
-from taichi_erosion.core.effect_device import push_of, update_memory
+from taichi_erosion.core.effect_device import total_grain_force, update_states
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.weights import column_share, layer_range, share_below, wind_of
 from taichi_erosion.grains.cells import position_of
@@ -153,7 +153,7 @@ def grain_record(world: ti.template(), coupling: ti.template(), r, i, open_share
 def apply_grain_effects(world_out: ti.template(), r, i, grain: ti.template()):
     """Add forces and torques of the grain effects to what the grain at place i holds."""
     grains, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
-    force, torque = push_of(world_out.grain_effects, r, grain, i)
+    force, torque = total_grain_force(world_out.grain_effects, r, grain, i)
     frozen_out.steady_acceleration[i] = frozen_out.steady_acceleration[i] + force * grains.mass_inverse[i]
     frozen_out.steady_spin_rate[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
 
@@ -170,11 +170,11 @@ def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, co
             frozen_out.steady_acceleration[i] = 0.0 * frozen_out.steady_acceleration[i]
         if ti.static(coupling.has_air):
             open_share, shear = gather_drag(world_out, coupling, r, i)
-        if ti.static(world_out.grain_effects.any or world_out.remembers):
+        if ti.static(world_out.grain_effects.any or world_out.has_state):
             grain = grain_record(world_out, coupling, r, i, open_share, shear)
-            if ti.static(world_out.remembers):
+            if ti.static(world_out.has_state):
                 if counts:
-                    update_memory(world_out.pair_effects, r, grain, i)
-                    update_memory(world_out.grain_effects, r, grain, i)
+                    update_states(world_out.pair_effects, r, grain, i)
+                    update_states(world_out.grain_effects, r, grain, i)
             if ti.static(world_out.grain_effects.any):
                 apply_grain_effects(world_out, r, i, grain)

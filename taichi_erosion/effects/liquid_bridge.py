@@ -98,7 +98,7 @@ def pull(constants, pair):
     mean = 0.5 * (pair.radius_i + other)
     volume = constants.volume * mean * mean * mean
     attraction = 0.0
-    if pair.met > 0.0 and volume > 0.0:
+    if pair.touched > 0.0 and volume > 0.0:
         stretch = ti.max(pair.gap, 0.0)
         if stretch < constants.rupture * volume ** (1.0 / 3.0):
             radius = 2.0 * pair.radius_effective
@@ -126,9 +126,9 @@ def checks(probe: Probe) -> Iterator[Check]:
     rupture = (1.0 + pi / 6.0) * volume ** (1.0 / 3.0)
     unit = (volume / radius) ** 0.5  # gap where S = 1
 
-    def force(gap: float, radius_j: float = radius, met: float = 1.0, **conditions: float) -> float:
+    def force(gap: float, radius_j: float = radius, touched: float = 1.0, **conditions: float) -> float:
         effective = radius if radius_j == 0.0 else radius * radius_j / (radius + radius_j)
-        members = {"gap": gap, "radius_i": radius, "radius_j": radius_j, "met": met}
+        members = {"gap": gap, "radius_i": radius, "radius_j": radius_j, "touched": touched}
         return probe(water, {"moisture": 0.015} | conditions, radius_effective=effective, **members)
 
     yield Check("touching equal grains pull with f 2 pi R gamma cos(theta)", force(0.0), touching)
@@ -138,7 +138,7 @@ def checks(probe: Probe) -> Iterator[Check]:
     half = touching / (1.0 + 1.05 * 0.999 * rupture / unit + 2.5 * (0.999 * rupture / unit) ** 2)
     yield Check("a neck holds until just before its rupture gap", force(0.999 * rupture), half)
     yield Check("a ruptured neck pulls no more", force(1.001 * rupture), 0.0)
-    yield Check("grains that never met have no neck", force(0.1 * unit, met=0.0), 0.0)
+    yield Check("grains that never met have no neck", force(0.1 * unit, touched=0.0), 0.0)
     yield Check("adsorbed water forms no neck", force(0.0, moisture=0.005), 0.0)
     # 10 % clay holds 0.0184 kg/kg more, as if it were drier by that
     clayey = force(0.1 * unit, moisture=0.0334, clay_fraction=0.1)

@@ -36,10 +36,10 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
 
 
 @ti.func
-def passes(constants, meeting):
+def passes(constants, contact):
     """1 where two grains pass through each other."""
-    airborne = meeting.height > constants.height or meeting.depth > DEEP
-    return ti.select(meeting.chance < constants.share and airborne, 1.0, 0.0)
+    airborne = contact.height > constants.height or contact.depth > DEEP
+    return ti.select(contact.chance < constants.share and airborne, 1.0, 0.0)
 
 
 def checks(probe: Probe) -> Iterator[Check]:
@@ -60,7 +60,7 @@ EFFECT = Effect(
     name="midair_passing",
     title="grains in the air pass through each other",
     doc=__doc__,
-    place="meeting",
+    place="first_contact",
     params=Params,
     act=passes,
     checks=checks,

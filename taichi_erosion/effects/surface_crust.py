@@ -10,7 +10,7 @@ when their cement had set [m], sigma the tensile strength of the cement [Pa], b 
 pull and shear alike, with its full strength just before it breaks. Bonds are between grains, and walls at
 rest, that were nearer than s_b when they set.
 
-What is remembered of every grain is its place h: where it has lain still, slower than v_0, for the time t_s,
+The state of every grain is its place h: where it has lain still, slower than v_0, for the time t_s,
 and that once. A grain that has moved from there by more than y R_i has broken out and is loose for good: it
 sticks to nothing where it lands, and nothing sticks to it. A bond that opens while both its grains keep their
 places holds again when they are back.
@@ -33,7 +33,7 @@ from taichi_erosion.core.periodic import nearest_image
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.core.ti import ti
 
-LOOSE = -1.0  # of Memory.calm
+LOOSE = -1.0  # of State.calm
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Params:
 
 
 @dataclass(frozen=True)
-class Memory:
+class State:
     calm: float = quantity(0.0, "s", "time at rest, as long as the cement needs; -1: loose for good")
     x: float = quantity(0.0, "m", "place where the cement set")
     y: float = quantity(0.0, "m", "likewise across")
@@ -66,21 +66,21 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
 
 
 @ti.func
-def place(memory):
+def place(state):
     """Where a grain was when its cement set [m]; zeros for a wall."""
-    return ti.Vector([memory.x, memory.y, memory.z])
+    return ti.Vector([state.x, state.y, state.z])
 
 
 @ti.func
-def remember(constants, grain, memory):
+def update_state(constants, grain, state):
     """Wait until the grain has lain still; then watch whether it has left its place."""
-    after = memory
-    if memory.calm >= constants.setting:
-        moved = nearest_image(grain.position - place(memory), grain.period).norm()
+    after = state
+    if state.calm >= constants.setting:
+        moved = nearest_image(grain.position - place(state), grain.period).norm()
         if moved > constants.rupture * grain.radius:
             after.calm = LOOSE
-    elif memory.calm > LOOSE:
-        after.calm = ti.select(grain.velocity.norm() < constants.still, memory.calm + grain.interval, 0.0)
+    elif state.calm > LOOSE:
+        after.calm = ti.select(grain.velocity.norm() < constants.still, state.calm + grain.interval, 0.0)
         after.x = grain.position[0]
         after.y = grain.position[1]
         after.z = grain.position[2]
@@ -88,13 +88,13 @@ def remember(constants, grain, memory):
 
 
 @ti.func
-def bond(constants, pair, mine, other):
+def bond(constants, pair, state_i, state_j):
     """Force on grain i [N]; a wall never breaks out."""
     radius = 2.0 * pair.radius_effective
     longest = constants.strain * radius
     force = 0.0 * pair.normal
-    if mine.calm >= constants.setting and (pair.radius_j == 0.0 or other.calm >= constants.setting):
-        away = nearest_image(pair.offset - (place(mine) - place(other)), pair.period)
+    if state_i.calm >= constants.setting and (pair.radius_j == 0.0 or state_j.calm >= constants.setting):
+        away = nearest_image(pair.offset - (place(state_i) - place(state_j)), pair.period)
         if away.norm() < longest and pair.gap - away.dot(pair.normal) < longest:
             force = -(constants.stress * radius * radius / longest) * away
     return force
@@ -106,8 +106,8 @@ def reach(constants: Constants, radius: float) -> float:
 
 
 CRUST = Params(tensile_strength=2e4, neck=0.05, strain=0.02, rupture=0.2, setting=0.01, still=1e-3)
-SET, SETTING, BROKEN = (Memory(calm=time, x=0.01) for time in (0.0101, 0.0099, LOOSE))
-WALL = Memory()
+SET, SETTING, BROKEN = (State(calm=time, x=0.01) for time in (0.0101, 0.0099, LOOSE))
+WALL = State()
 FULL = 2e4 * pi * (0.05 * 1e-4) ** 2  # two grains of 0.1 mm radius: R = 0.1 mm [N]
 
 
@@ -115,16 +115,16 @@ def checks(probe: Probe) -> Iterator[Check]:
     beside = replace(SET, x=0.01 - 2e-4)  # of two grains that touched when they set
 
     def force(
-        x: float, y: float, along: int, mine: Memory = SET, other: Memory = beside, **rest: object
+        x: float, y: float, along: int, state_i: State = SET, state_j: State = beside, **rest: object
     ) -> float:
         """Force on grain i that is (x, y) from its place, against that displacement."""
         members = {"radius_i": 1e-4, "radius_j": 1e-4, "radius_effective": 5e-5, "normal": (1.0, 0.0, 0.0)}
         members |= {"gap": x, "offset": (2e-4 + x, y, 0.0)}
-        return -probe(CRUST, {}, mine=mine, other=other, **(members | rest))[along]
+        return -probe(CRUST, {}, state_i=state_i, state_j=state_j, **(members | rest))[along]
 
-    def to_wall(x: float, mine: Memory = SET) -> float:
+    def to_wall(x: float, state_i: State = SET) -> float:
         at = {"offset": (0.01 + x, 0.0, 0.0), "radius_j": 0.0, "radius_effective": 1e-4}
-        return force(x, 0.0, 0, mine, WALL, **at)
+        return force(x, 0.0, 0, state_i, WALL, **at)
 
     loose = {"rtol": 1e-3}  # places of f32, of a millionth of a millimetre
     yield Check(
@@ -150,9 +150,9 @@ def checks(probe: Probe) -> Iterator[Check]:
 
 
 def memory_checks(probe: Probe) -> Iterator[Check]:
-    def after(before: Memory | None, speed: float = 0.0, x: float = 0.01, **members: object) -> Memory:
+    def after(before: State | None, speed: float = 0.0, x: float = 0.01, **members: object) -> State:
         moving = {"position": (x, 0.0, 0.0), "velocity": (0.0, speed, 0.0), "interval": 1e-3}
-        return probe(CRUST, {}, before=before, radius=1e-4, **(moving | members))
+        return probe(CRUST, {}, state_before=before, radius=1e-4, **(moving | members))
 
     yield Check("a grain that enters waits", after(None).calm, 1e-3)
     yield Check("at rest it waits on", after(SETTING, 0.95e-3).calm, 0.0109)
@@ -176,8 +176,8 @@ EFFECT = Effect(
     checks=checks,
     constants=constants,
     reach=reach,
-    whole=True,
-    memory=Memory,
-    remember=remember,
+    vector=True,
+    grain_state=State,
+    update_state=update_state,
     expected={"threshold_u_star": 1, "flux": -1, "repose_angle": 1},
 )

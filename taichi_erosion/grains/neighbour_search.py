@@ -9,7 +9,7 @@ A grain may move by its own margin h before the list is rebuilt (`grains.margins
 and a rebuild is due as soon as any grain has moved by more than its h: no contact can be missed.
 """
 
-from taichi_erosion.core.effect_device import begin_memory, move_memory
+from taichi_erosion.core.effect_device import move_states, set_initial_states
 from taichi_erosion.core.periodic import nearest_image
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import (
@@ -177,9 +177,9 @@ def release_grains(world_out: ti.template(), r):
             clear_frozen_drag(world_out.frozen_drag, base + count)
         if ti.static(world_out.sleeps):
             clear_sleep(world_out.sleep, base + count)
-        if ti.static(world_out.remembers):
-            begin_memory(world_out.pair_effects, r, base + count)
-            begin_memory(world_out.grain_effects, r, base + count)
+        if ti.static(world_out.has_state):
+            set_initial_states(world_out.pair_effects, r, base + count)
+            set_initial_states(world_out.grain_effects, r, base + count)
         for bounds_out in ti.static((world_out.pairs, world_out.wall_pairs)):
             bounds_out.start[base + count] = 0
             bounds_out.stop[base + count] = 0
@@ -215,9 +215,9 @@ def move_grains(world_out: ti.template(), r, p):
             copy_frozen_drag(world_out.frozen_drag, k, i)
         if ti.static(world_out.sleeps):
             move_sleep(world_out.sleep, k, i)
-        if ti.static(world_out.remembers):
-            move_memory(world_out.pair_effects, k, i)
-            move_memory(world_out.grain_effects, k, i)
+        if ti.static(world_out.has_state):
+            move_states(world_out.pair_effects, k, i)
+            move_states(world_out.grain_effects, k, i)
 
 
 @ti.func

@@ -4,7 +4,7 @@ Pairs within reach are struck in batches (`grains.batches`): the walk fills the 
 law runs over all of them, and what it gives is dealt out to the grains.
 """
 
-from taichi_erosion.core.effect_device import force_of, passes, pull_of
+from taichi_erosion.core.effect_device import any_passes, total_attraction, total_vector_force
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT
@@ -59,8 +59,8 @@ def pair_attraction(bound: ti.template(), entries_out: ti.template(), r, e, pair
     """Attraction of places i and j by the effects [N]; remembers that they have met until all have let go."""
     if pair_out.gap <= 0.0:
         entries_out.label[e] = entries_out.label[e] | MET
-    pair_out.met = ti.cast((entries_out.label[e] & MET) / MET, float)
-    pull = pull_of(bound, r, pair_out, i, j)
+    pair_out.touched = ti.cast((entries_out.label[e] & MET) / MET, float)
+    pull = total_attraction(bound, r, pair_out, i, j)
     if pair_out.gap > 0.0 and pull == 0.0:
         entries_out.label[e] = entries_out.label[e] & ~MET
     return pull
@@ -83,14 +83,14 @@ def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, bas
         mass_j=1.0 / grains_out.mass_inverse[j],
         closing_speed=-lane(batch.velocity, n).dot(normal),
         stiffness=hertz_stiffness(world_out.materials, row, root, batch.overlap[n]),
-        met=0.0,
+        touched=0.0,
         normal=normal,
         offset=lane(batch.offset, n),
         period=ti.cast(world_out.replicas.period[r], float),
     )
     force = -pair_attraction(world_out.pair_effects, pairs_out, r, e, pair, i, j) * normal
-    if ti.static(world_out.pair_effects.thrusts):
-        force += force_of(world_out.pair_effects, r, pair, i, j)
+    if ti.static(world_out.pair_effects.any_vector):
+        force += total_vector_force(world_out.pair_effects, r, pair, i, j)
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
     grains_out.force[action] = grains_out.force[action] + force
     grains_out.force[reaction] = grains_out.force[reaction] - force
@@ -116,12 +116,12 @@ def passes_through(world: ti.template(), r, e, places, overlap):
     if world.pairs.label[e] & ENGAGED == 0 and overlap > 0.0:
         i, j = places
         first, second = position_of(grains, replicas, r, i), position_of(grains, replicas, r, j)
-        meeting = world.meeting_type(
+        contact = world.first_contact_type(
             height=ti.cast(ti.min(first[2], second[2]), float),
             depth=overlap / world.pairs.root_radius[e] ** 2,
             chance=pair_random(grains.ident[i], grains.ident[j]),
         )
-        free = passes(world.meeting_effects, r, meeting)
+        free = any_passes(world.first_contact_effects, r, contact)
     return free
 
 
@@ -194,7 +194,7 @@ def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, bas
     set_lane(batch_out.offset, n, offset)
     distance_squared = offset.norm_sqr()
     near = ti.cast(distance_squared < reach * reach, ti.i32)
-    if ti.static(world_out.meeting_effects.any):
+    if ti.static(world_out.first_contact_effects.any):
         overlap = grains.radius[i] + grains.radius[j] - ti.sqrt(distance_squared)
         near -= near * passes_through(world_out, r, e, (i, j), overlap)
     if near < pairs_out.label[e] & ENGAGED:

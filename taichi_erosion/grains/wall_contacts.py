@@ -11,7 +11,7 @@ Rebuilding the list of grains near walls, at the same moment as the neighbour li
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.core.effect_device import force_of
+from taichi_erosion.core.effect_device import total_vector_force
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.materials import pair_row
@@ -153,15 +153,15 @@ def wall_effect_force(world_out: ti.template(), r, batch: ti.template(), n, i):
         mass_j=0.0,
         closing_speed=-grains.velocity[i].dot(normal),
         stiffness=hertz_stiffness(world_out.materials, row, batch.root_radius[n], batch.overlap[n]),
-        met=0.0,
+        touched=0.0,
         normal=normal,
         offset=ti.cast(position_at(grains, i), float),
         period=ti.cast(world_out.replicas.period[r], float),
     )
     (bound,) = ti.static((world_out.pair_effects,))
-    force = -pair_attraction(bound, entries_out, r, e, pair, i, bound.nobody) * normal
-    if ti.static(bound.thrusts):
-        force += force_of(bound, r, pair, i, bound.nobody)
+    force = -pair_attraction(bound, entries_out, r, e, pair, i, bound.wall_place) * normal
+    if ti.static(bound.any_vector):
+        force += total_vector_force(bound, r, pair, i, bound.wall_place)
     return force
 
 

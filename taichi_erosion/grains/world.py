@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.core.effect_device import Bound
+from taichi_erosion.core.effect_device import DeviceEffects
 from taichi_erosion.grains.cells import Cells
 from taichi_erosion.grains.clumps import Clumps
 from taichi_erosion.grains.contact import ContactLaws
@@ -32,12 +32,12 @@ class World:
     batch_type: Any  # struct type of a batch of pairs, in the run's precision
     clumped: bool  # compiled in: without clumps nothing of them is in the kernels
     clumps: Clumps
-    pair_effects: Bound
+    pair_effects: DeviceEffects
     pair_type: Any  # struct type of a pair as its effects see it, in the run's precision
-    meeting_effects: Bound
-    meeting_type: Any  # likewise, of two grains that begin to overlap
-    grain_effects: Bound
-    remembers: bool  # compiled in: whether any effect remembers something of grains
+    first_contact_effects: DeviceEffects
+    first_contact_type: Any  # likewise, of two grains that begin to overlap
+    grain_effects: DeviceEffects
+    has_state: bool  # compiled in: whether any effect has state variables of grains
     driven: bool  # compiled in: whether air or grain effects act between contacts
     frozen_drag: FrozenDrag
     sleeps: bool  # compiled in: whether deep grains are held until disturbed

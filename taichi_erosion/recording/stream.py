@@ -190,7 +190,7 @@ def log_grains(
     ident = pa.array(snapshot.ident[rows], type=pa.int32())
     remembered = {
         name.replace(".", "_"): pa.array(values[rows], type=pa.float32())
-        for name, values in snapshot.memory.items()
+        for name, values in snapshot.effect_state.items()
     }
     recording.stream.log(entity, points, rr.AnyValues(ident=ident, **remembered))
 

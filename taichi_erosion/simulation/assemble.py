@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from taichi_erosion.core.device import start_device
-from taichi_erosion.core.effect import meeting_type, pair_type
+from taichi_erosion.core.effect import first_contact_type, pair_type
 from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
@@ -58,7 +58,7 @@ class Simulation:
 def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> World:
     """Allocate all fields and write the Setups to them, one a replica; the device must have been started."""
     compiled = compile_contact_laws(laws)
-    driven, sleeps = is_driven(setups), any(s.coupling.sleep_looks > 0 for s in setups)
+    driven, sleeps = is_driven(setups), any(s.coupling.sleep_exchanges > 0 for s in setups)
     effects, places = [s.effects for s in setups], 2 * capacities.replicas * capacities.grains
     pair_effects, grain_effects = (bind(place, effects, places) for place in ("pair", "grain"))
     world = World(
@@ -76,10 +76,10 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> Worl
         clumps=allocate_clumps(capacities.replicas, capacities.bodies, capacities.grains),
         pair_effects=pair_effects,
         pair_type=pair_type(),
-        meeting_effects=bind("meeting", effects),
-        meeting_type=meeting_type(),
+        first_contact_effects=bind("first_contact", effects),
+        first_contact_type=first_contact_type(),
         grain_effects=grain_effects,
-        remembers=pair_effects.remembers or grain_effects.remembers,
+        has_state=pair_effects.has_state or grain_effects.has_state,
         driven=driven,
         frozen_drag=allocate_frozen_drag(
             capacities.replicas if driven else 1, capacities.grains if driven else 1

@@ -16,7 +16,7 @@ from taichi_erosion.simulation.assemble import Simulation, assemble, checked, fi
 from taichi_erosion.simulation.capacities import Capacities, initial_capacities, padded_with_copies
 from taichi_erosion.simulation.step import release_first
 
-APART = ("meeting", "grain")  # places of effects beside which replicas without them cannot run
+APART = ("first_contact", "grain")  # places of effects beside which replicas without them cannot run
 
 
 def reuse_or_assemble(
@@ -34,7 +34,7 @@ def reuse_or_assemble(
             write(field, 0)
     before.setups = listed
     everyone = padded_with_copies(listed, before.capacities)
-    for bound in (before.world.pair_effects, before.world.meeting_effects, before.world.grain_effects):
+    for bound in (before.world.pair_effects, before.world.first_contact_effects, before.world.grain_effects):
         write_constants(bound, [setup.effects for setup in everyone])
     fill(before.world, everyone)
     upload_exchange_settings(before.coupling.exchange, everyone)
@@ -64,9 +64,9 @@ def has_capacity(capacities: Capacities, wanted: Capacities) -> bool:
 
 def has_same_effects(before: Simulation, setups: list[Setup]) -> bool:
     """Whether all effects are compiled in, and none beside which a replica would not come out as alone."""
-    acting = {(one.effect.place, one.effect.name): one.effect for s in setups for one in s.effects}
-    bounds = {"pair": before.world.pair_effects, "meeting": before.world.meeting_effects}
+    present = {(one.effect.place, one.effect.name): one.effect for s in setups for one in s.effects}
+    bounds = {"pair": before.world.pair_effects, "first_contact": before.world.first_contact_effects}
     bounds["grain"] = before.world.grain_effects
     held = {(place, name) for place, bound in bounds.items() for name in bound.names}
-    same = all(effect.act in bounds[place].acts for (place, _), effect in acting.items())
-    return same and not any(place in APART for place, _ in held - acting.keys())
+    same = all(effect.act in bounds[place].functions for (place, _), effect in present.items())
+    return same and not any(place in APART for place, _ in held - present.keys())

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_erosion.core.effect import Acting
-from taichi_erosion.core.effect_device import rebind
+from taichi_erosion.core.effect import ReplicaEffect
+from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.grains.materials import device_columns
@@ -80,7 +80,7 @@ def set_contacts(sim: Simulation, replica: int, table: ContactTable) -> None:
     make_stale(sim, replica)
 
 
-def set_effects(sim: Simulation, replica: int, effects: Sequence[Acting]) -> bool:
+def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect]) -> bool:
     """Change the effects of one replica; False, and nothing changed, where that needs a new assembly.
 
     Effects that the run was assembled with change at once; others, and longer reaches, change the kernels or
@@ -91,13 +91,13 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[Acting]) -> boo
         return False
     bounds = {
         "pair": sim.world.pair_effects,
-        "meeting": sim.world.meeting_effects,
+        "first_contact": sim.world.first_contact_effects,
         "grain": sim.world.grain_effects,
     }
-    if any(not bounds[e.effect.place].holds(e.effect) for e in effects):
+    if any(not bounds[e.effect.place].includes(e.effect) for e in effects):
         return False
     for place, bound in bounds.items():
-        rebind(bound, replica, [e for e in effects if e.effect.place == place])
+        write_constants(bound, [[e for e in effects if e.effect.place == place]], replica)
     sim.setups[replica] = replace(sim.setups[replica], effects=tuple(effects))
     return True
 

@@ -177,7 +177,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
         contacts=contacts[order],
         ident=ident[order].astype(np.int32),
         waiting=len(sim.setups[replica].grains.radius) - released,
-        memory={name: values[order] for name, values in zip(kept, memory, strict=True)},
+        effect_state={name: values[order] for name, values in zip(kept, memory, strict=True)},
     )
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.effect_device import memory_fields
+from taichi_erosion.core.effect_device import state_fields
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.grains.frozen_drag import FROZEN_FIELDS
 from taichi_erosion.grains.sleep import SAVED_FIELDS
@@ -201,8 +201,8 @@ def air_state(sim: Simulation) -> dict[str, Any]:
 
 
 def effect_memory(sim: Simulation) -> dict[str, tuple[Any, Any]]:
-    """What all effects remember, as `memory_fields` of each place."""
-    return memory_fields(sim.world.pair_effects) | memory_fields(sim.world.grain_effects)
+    """State variables of all effects, as `state_fields` of each place."""
+    return state_fields(sim.world.pair_effects) | state_fields(sim.world.grain_effects)
 
 
 def import_memory(sim: Simulation, r: int, part: Arrays) -> None:

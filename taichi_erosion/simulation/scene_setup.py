@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from taichi_erosion.core.effect import Acting, Conditions, Effect, acting, read_params
+from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_params, replica_effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
 from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.build.wind import surface_height
 
-ON_DEVICE = ("pair", "meeting", "grain")
+ON_DEVICE = ("pair", "first_contact", "grain")
 
 Library = Mapping[str, Effect]
 
@@ -62,14 +62,14 @@ def prepare(scene: Scene, seed: int, library: Library) -> Setup:
     return replace(setup, effects=effects)
 
 
-def device_effects(scene: Scene, library: Library, radius: float) -> list[Acting]:
+def device_effects(scene: Scene, library: Library, radius: float) -> list[ReplicaEffect]:
     """Effects on the device that have a strength, in the order of their names."""
     found, circumstances = [], circumstances_of(scene)
     for name in sorted(scene.effects):
         effect = library[name]
         params, strength = checked_params(scene, effect)
         if effect.place in ON_DEVICE and strength > 0.0:
-            found.append(acting(effect, params, strength, circumstances, radius))
+            found.append(replica_effect(effect, params, strength, circumstances, radius))
     return found
 
 

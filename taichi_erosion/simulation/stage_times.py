@@ -101,7 +101,7 @@ def stage_times(sim: Simulation) -> dict[str, float]:
     _, released, _, _ = replica_row(sim, 0)
     times = {}
     # looks at a grid of air are the host's
-    inside = (sim.world.driven or sim.world.remembers) and not sim.coupling.host_driven
+    inside = (sim.world.driven or sim.world.has_state) and not sim.coupling.host_driven
     looks = {"looks": partial(repeat_looks, coupling_out=sim.coupling)} if inside else {}
     for name, kernel in (looks | STAGES).items():
         run: Callable[[], None] = partial(kernel, REPEATS, sim.world)

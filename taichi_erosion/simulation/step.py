@@ -150,7 +150,7 @@ def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, me
             turn = rebuild(world_out, r, member, size, turn)
         going = wanted != STOP and replicas_out.status[r] == 0
         if going:
-            if ti.static((world_out.driven or world_out.remembers) and not coupling_out.host_driven):
+            if ti.static((world_out.driven or world_out.has_state) and not coupling_out.host_driven):
                 if step % coupling_out.exchange.look_steps[r] == 0:
                     turn = exchange_momentum(world_out, coupling_out, r, member, size, turn)
             add_forces(world_out, r, member, size)

@@ -39,7 +39,7 @@ def fill_world(world: World, setups: list[Setup], reaches: list[float], partitio
     fill_walls(world.walls, setups)
     fill_materials(world.materials, [s.contacts for s in setups])
     if world.sleeps:
-        orders = [(s.coupling.sleep_looks, s.coupling.sleep_share) for s in setups]
+        orders = [(s.coupling.sleep_exchanges, s.coupling.sleep_share) for s in setups]
         looks, share = zip(*orders, strict=True)
         upload([(world.sleep.looks, looks), (world.sleep.share, share)])
     if world.clumped:

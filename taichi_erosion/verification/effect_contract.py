@@ -84,20 +84,20 @@ def told(f: Any) -> bool:
     return documented(f) and bool(f.metadata["meaning"]) and bool(f.metadata["unit"])
 
 
-def remembers_in_order(effect: Effect, probe: Probe) -> Iterator[str]:
-    """What it remembers of grains carries unit and meaning, begins as declared, and stays finite."""
-    if effect.memory is None:
+def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
+    """State variables of grains carry unit and meaning, begin as declared, and stay finite."""
+    if effect.grain_state is None:
         return
-    for f in fields(effect.memory):
+    for f in fields(effect.grain_state):
         if not told(f):
-            yield f"memory.{f.name} is declared without unit or meaning; use quantity"
+            yield f"grain_state.{f.name} is declared without unit or meaning; use quantity"
     ends = [
         replace(effect.params(), **{f.name: f.metadata[end]}) for f in fields(effect.params) for end in ENDS
     ]
     for params in (effect.params(), *ends):
-        for memory in memories(effect, probe, params, 1.0):
-            if not np.all(np.isfinite(list(asdict(memory).values()))):
-                yield f"with {params} it remembers a number that is not finite"
+        for state in reached_states(effect, probe, params, 1.0):
+            if not np.all(np.isfinite(list(asdict(state).values()))):
+                yield f"with {params} a state variable is not finite"
 
 
 def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -173,20 +173,20 @@ def numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
     if effect.place == "instrument":
         return np.array([effect.act(params, strength, SAID, name, 0.3) for name in READINGS])
     situation = TYPICAL[effect.place]
-    if effect.memory is None:
+    if effect.grain_state is None:
         return np.ravel(probe(params, SAID, strength=strength, **situation))
     found = [
-        probe(params, SAID, strength=strength, mine=memory, **situation)
-        for memory in memories(effect, probe, params, strength)
+        probe(params, SAID, strength=strength, state_i=state, **situation)
+        for state in reached_states(effect, probe, params, strength)
     ]
     return np.concatenate([np.ravel(one) for one in found])
 
 
-def memories(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
-    """What an effect remembers of a grain that enters, after a long rest, and of one that then flew on."""
-    found = [probe(params, SAID, strength=strength, before=None, **RESTING)]
-    for look in (RESTING, TYPICAL["grain"]):
-        found.append(probe(params, SAID, strength=strength, before=found[-1], **look))
+def reached_states(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
+    """States of a grain that has entered, after a long rest, and after a flight that follows it."""
+    found = [probe(params, SAID, strength=strength, state_before=None, **RESTING)]
+    for situation in (RESTING, TYPICAL["grain"]):
+        found.append(probe(params, SAID, strength=strength, state_before=found[-1], **situation))
     return found
 
 
@@ -219,7 +219,7 @@ CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
     "it does nothing at strength 0": vanishes_at_no_strength,
     "it is silent beyond its reach": has_a_sane_reach,
     "what it leaves to calibration is its own": leaves_open_its_own,
-    "it remembers in order": remembers_in_order,
+    "its state variables are declared and finite": grain_state_is_sound,
 }
 
 

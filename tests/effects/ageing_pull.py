@@ -5,7 +5,7 @@
 
 with F0 the pull-off force of an old contact [N], s the gap [m], t the time that the grain which moved last
 has been slower than v_0 [s], and T the time in which a contact grows old [s]. A wall is as old as can be.
-Strength multiplies F0. Holds for stiff grains and looks that come often within T.
+Strength multiplies F0. Holds for stiff grains and exchange intervals well below T.
 
 Reference: Castellanos (2005), Adv. Phys. 54, 263 (pull-off forces of powders, and how they grow in time).
 """
@@ -26,8 +26,8 @@ class Params:
 
 
 @dataclass(frozen=True)
-class Memory:
-    """What is remembered of every grain; each number begins as its default says."""
+class State:
+    """State variables of every grain; each begins with its default."""
 
     age: float = quantity(0.0, "s", "time that it has lain still")
 
@@ -38,17 +38,17 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
 
 
 @ti.func
-def remember(constants, grain, memory):
-    """Memory after a look at one grain; the members of `grain` stand in core/effect.py."""
-    after = memory
-    after.age = ti.select(grain.velocity.norm() < constants.still, memory.age + grain.interval, 0.0)
+def update_state(constants, grain, state):
+    """State after one exchange interval; the members of `grain` stand in core/effect.py."""
+    after = state
+    after.age = ti.select(grain.velocity.norm() < constants.still, state.age + grain.interval, 0.0)
     return after
 
 
 @ti.func
-def pull(constants, pair, mine, other):
-    """Attraction [N]; `mine` and `other` are what is remembered of grain i and j, zeros for a wall."""
-    youngest = ti.select(pair.radius_j > 0.0, ti.min(mine.age, other.age), mine.age)
+def pull(constants, pair, state_i, state_j):
+    """Attraction [N]; `state_i` and `state_j` are the states of grains i and j, zeros for a wall."""
+    youngest = ti.select(pair.radius_j > 0.0, ti.min(state_i.age, state_j.age), state_i.age)
     share = ti.min(youngest / constants.ageing, 1.0)
     return ti.select(pair.gap <= 0.0, share * constants.pull, 0.0)
 
@@ -56,13 +56,13 @@ def pull(constants, pair, mine, other):
 def checks(probe: Probe) -> Iterator[Check]:
     """At least three statements; a parameter that is wrong by 10 % must break one of them."""
     glue = Params(pull_off=2e-6, ageing=0.2, still=1e-3)
-    young, old = Memory(age=0.05), Memory(age=0.3)
+    young, old = State(age=0.05), State(age=0.3)
 
-    def force(gap: float, mine: Memory, radius_j: float = 1e-4) -> float:
-        return probe(glue, {}, gap=gap, radius_i=1e-4, radius_j=radius_j, mine=mine, other=old)
+    def force(gap: float, state_i: State, radius_j: float = 1e-4) -> float:
+        return probe(glue, {}, gap=gap, radius_i=1e-4, radius_j=radius_j, state_i=state_i, state_j=old)
 
-    def age(before: Memory | None, speed: float) -> float:
-        return probe(glue, {}, before=before, velocity=(speed, 0.0, 0.0), interval=0.01).age
+    def age(before: State | None, speed: float) -> float:
+        return probe(glue, {}, state_before=before, velocity=(speed, 0.0, 0.0), interval=0.01).age
 
     yield Check("old grains attract each other with F0", force(0.0, old), 2e-6)
     yield Check("the younger of two counts", force(0.0, young), 0.5e-6)
@@ -82,6 +82,6 @@ EFFECT = Effect(
     act=pull,
     checks=checks,
     constants=constants,
-    memory=Memory,
-    remember=remember,
+    grain_state=State,
+    update_state=update_state,
 )

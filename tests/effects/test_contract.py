@@ -69,19 +69,19 @@ def ranges() -> type:
 def boundless() -> type:
     from dataclasses import make_dataclass
 
-    return make_dataclass("Memory", [("age", float, 0.0)], frozen=True)
+    return make_dataclass("State", [("age", float, 0.0)], frozen=True)
 
 
 @ti.func
-def forget_the_numbers(constants, grain, memory):
-    after = memory
+def forget_the_numbers(constants, grain, state):
+    after = state
     after.age = grain.interval / 0.0
     return after
 
 
 @ti.func
-def pull_anyway(constants, pair, mine, other):
-    return ti.min(mine.age, 1e-9)
+def pull_anyway(constants, pair, state_i, state_j):
+    return ti.min(state_i.age, 1e-9)
 
 
 BAD: dict[str, Effect] = {
@@ -96,8 +96,8 @@ BAD: dict[str, Effect] = {
     "uncertain.colour is none of its parameters": replace(GOOD, uncertain={"colour": 0.5}),
     "uncertain.pull_off = 0.0 is no standard": replace(GOOD, uncertain={"pull_off": 0.0}),
     "prior_scale = 0.0 must lie": replace(GOOD, prior_scale=0.0),
-    "memory.age is declared without unit": replace(AGEING, memory=boundless()),
-    "it remembers a number that is not finite": replace(AGEING, remember=forget_the_numbers),
+    "grain_state.age is declared without unit": replace(AGEING, grain_state=boundless()),
+    "a state variable is not finite": replace(AGEING, update_state=forget_the_numbers),
     "it acts at strength": replace(AGEING, act=pull_anyway),
     "no line of its table notices that still": replace(AGEING, checks=tableless),
 }
@@ -109,7 +109,7 @@ def test_a_breach_of_the_contract_is_told(sentence, bench):
 
 
 def test_a_memory_that_nothing_keeps_is_refused_at_once():
-    with pytest.raises(ValueError, match="memory and remember go together"):
-        replace(AGEING, remember=None)
-    with pytest.raises(ValueError, match="of place meeting, which cannot remember"):
-        replace(LIBRARY["midair_passing"], memory=AGEING.memory, remember=AGEING.remember)
+    with pytest.raises(ValueError, match="grain_state and update_state go together"):
+        replace(AGEING, update_state=None)
+    with pytest.raises(ValueError, match="place first_contact has no grain state"):
+        replace(LIBRARY["midair_passing"], grain_state=AGEING.grain_state, update_state=AGEING.update_state)

@@ -51,7 +51,7 @@ def test_the_scaffold_keeps_the_contract_as_it_is(here, bench, capsys):
 def test_the_scaffold_with_a_memory_keeps_the_contract_as_it_is(here, bench):
     assert main(["effects", "new", "my_memory", "--with-memory"]) == 0
     effect = load_library([here / "my_memory.py"])["my_memory"]
-    assert effect.memory is not None
+    assert effect.grain_state is not None
     assert breaches(effect, bench) == []
 
 

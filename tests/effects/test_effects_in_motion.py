@@ -12,7 +12,7 @@ from grain_worlds import MASS, NONE, RADIUS, TIME_STEP, YOUNG, contacts, fingerp
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import Acting, acting
+from taichi_erosion.core.effect import ReplicaEffect, replica_effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup, pair_row
 from taichi_erosion.core.snapshot import Snapshot
@@ -38,8 +38,8 @@ def device() -> Iterator[None]:
 
 def with_effects(bare: Setup, **strengths: float) -> Setup:
     """Pair and grain effects at their default parameters; those of strength 0 are left out."""
-    found: list[Acting] = [
-        acting(LIBRARY[name], LIBRARY[name].params(), strength, WET, RADIUS)
+    found: list[ReplicaEffect] = [
+        replica_effect(LIBRARY[name], LIBRARY[name].params(), strength, WET, RADIUS)
         for name, strength in strengths.items()
         if strength > 0.0
     ]
@@ -71,7 +71,7 @@ def bounced() -> Setup:
     params = LIBRARY["restitution_speed"].params(loss=LOSS, speed=SPEED)
     table = grains([[0.0, 0.0, 0.0], [2.001 * RADIUS, 0.0, 0.0]], [[0.5 * SPEED, 0, 0], [-0.5 * SPEED, 0, 0]])
     bare = setup(table, NONE, gravity=(0.0, 0.0, 0.0), law=contacts(0.0, restitution=1.0))
-    lossy = (acting(LIBRARY["restitution_speed"], params, 1.0, {}, RADIUS),)
+    lossy = (replica_effect(LIBRARY["restitution_speed"], params, 1.0, {}, RADIUS),)
     return replace(bare, effects=lossy, time_step=0.1 * TIME_STEP)
 
 
@@ -79,7 +79,9 @@ def crossing(high: float) -> Setup:
     """Two grains that fly towards each other, pass in mid-air, and a bed's surface at a height [m]."""
     table = grains([[-2.0 * RADIUS, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0]], [[0.2, 0.0, 0.0], [-0.2, 0.0, 0.0]])
     effect = LIBRARY["midair_passing"]
-    switched = acting(effect, effect.params(), 1.0, {"bed_height": high, "grain_diameter": RADIUS}, RADIUS)
+    switched = replica_effect(
+        effect, effect.params(), 1.0, {"bed_height": high, "grain_diameter": RADIUS}, RADIUS
+    )
     return replace(setup(table, NONE, gravity=(0.0, 0.0, 0.0)), effects=(switched,))
 
 

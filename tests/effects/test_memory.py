@@ -11,7 +11,7 @@ import pytest
 from grain_worlds import MASS, NONE, RADIUS, contacts, fingerprint, grains, heap, setup
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import Acting, Effect, acting
+from taichi_erosion.core.effect import Effect, ReplicaEffect, replica_effect
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import ti
@@ -46,16 +46,16 @@ class Mark:
 
 
 @ti.func
-def note(constants, grain, memory):
-    after = memory
-    if memory.looks == 0.0:
+def note(constants, grain, state):
+    after = state
+    if state.looks == 0.0:
         after.mass = grain.mass
-    after.looks = memory.looks + 1.0
+    after.looks = state.looks + 1.0
     return after
 
 
 @ti.func
-def no_pull(constants, pair, mine, other):
+def no_pull(constants, pair, state_i, state_j):
     return 0.0 * constants.nothing
 
 
@@ -63,8 +63,8 @@ MARK = replace(
     LIBRARY["ageing_pull"],
     name="mark",
     act=no_pull,
-    memory=Mark,
-    remember=note,
+    grain_state=Mark,
+    update_state=note,
     constants=lambda params, strength, conditions: {"nothing": 0.0},
 )
 
@@ -76,7 +76,7 @@ def device() -> Iterator[None]:
 
 
 def on(bare: Setup, effect: Effect, **parameters: float) -> Setup:
-    one: Acting = acting(effect, effect.params(**parameters), 1.0, {}, RADIUS)
+    one: ReplicaEffect = replica_effect(effect, effect.params(**parameters), 1.0, {}, RADIUS)
     return replace(bare, effects=(one,))
 
 
@@ -106,7 +106,7 @@ def test_a_memory_goes_where_its_grain_goes():
     advance(sim, [WHOLE])
     assert int(export_state(sim)["rebuilds"][0]) > 5, "must have been sorted"
     assert remembered(sim, "mark.mass") == pytest.approx(unlike().grains.mass, rel=1e-15)
-    assert list(snapshot(sim, 0).memory["mark.mass"]) == list(remembered(sim, "mark.mass"))
+    assert list(snapshot(sim, 0).effect_state["mark.mass"]) == list(remembered(sim, "mark.mass"))
     # one look in ten steps of 1e-5 s; the first of all looks is taken twice and counts once
     assert list(remembered(sim, "mark.looks")) == [200.0] * GRAINS
 

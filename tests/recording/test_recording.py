@@ -77,7 +77,7 @@ def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path:
 
 def test_what_effects_remember_is_recorded_beside_the_grains(tmp_path: Path):
     path, bare = tmp_path / "heap.rrd", heap_snapshot()
-    remembered = replace(bare, memory={"surface_crust.calm": np.linspace(-1.0, 1.0, len(bare.radius))})
+    remembered = replace(bare, effect_state={"surface_crust.calm": np.linspace(-1.0, 1.0, len(bare.radius))})
     with recorded(path, header()) as recording:
         log_frame(recording, remembered, MOVING)
     parts = [read_rows(path, f"world/{part}", "ident", "surface_crust_calm")[0] for part in ("bed", "mobile")]

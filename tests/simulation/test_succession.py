@@ -6,7 +6,7 @@ import pytest
 from grain_worlds import fingerprint, heap
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import acting
+from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.effects import load_library
 from taichi_erosion.simulation import Simulation, advance, assemble, reuse_or_assemble, snapshot
@@ -21,7 +21,9 @@ def with_effect(setup: Setup, name: str) -> Setup:
     effect = LIBRARY[name]
     return replace(
         setup,
-        effects=(acting(effect, effect.params(), 1.0, {"grain_diameter": 1e-3}, setup.grains.radius.max()),),
+        effects=(
+            replica_effect(effect, effect.params(), 1.0, {"grain_diameter": 1e-3}, setup.grains.radius.max()),
+        ),
     )
 
 

@@ -73,12 +73,12 @@ def coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
         rising=rising,
         seed=seed % 2**31,
         partition=wind.partition,
-        sleep_looks=sleep_looks(scene, wind),
+        sleep_exchanges=sleep_exchanges(scene, wind),
         sleep_share=wind.sleep_share,
     )
 
 
-def sleep_looks(scene: Scene, wind: Wind) -> int:
+def sleep_exchanges(scene: Scene, wind: Wind) -> int:
     """Looks, the first of them included, that last no less than the time at rest; 0 where no grain sleeps."""
     if not wind.sleep_after:
         return 0
