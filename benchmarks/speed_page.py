@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_table, markdown_table
 
 PAGE = "speed.md"
@@ -103,4 +103,4 @@ def fill(docs: Path, tables: Mapping[str, str]) -> Path:
     text = page.read_text(encoding="utf-8")
     for name, table in tables.items():
         text = fill_table(text, name, table)
-    return write_whole(page, text.encode())
+    return write_atomic(page, text.encode())

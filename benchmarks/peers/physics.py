@@ -43,7 +43,7 @@ from benchmarks.peers.physics_measures import (
     stack_numbers,
 )
 from benchmarks.peers.physics_pair import lammps_curve, our_curve, pair_numbers
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_table, markdown_table
 
 Seeds = list[dict[str, float]]  # numbers of every seed by quantity
@@ -241,7 +241,7 @@ def page_table(rows: Sequence[Row]) -> str:
 def publish() -> None:
     """Fill the table of the page."""
     page = fill_table(PAGE.read_text(encoding="utf-8"), "other codes", page_table(read_rows()))
-    write_whole(PAGE, page.encode())
+    write_atomic(PAGE, page.encode())
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 
 ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
 MEASURED = ROOT / "taichi_erosion" / "effects" / "measured"  # tables that `effects NAME` prints
@@ -140,7 +140,7 @@ def write_rows(table: Path, rows: Sequence[Row]) -> None:
     lines = [names, *([cell(value) for value in asdict(row).values()] for row in rows)]
     page = StringIO(newline="")
     csv.writer(page, lineterminator="\n").writerows(lines)
-    write_whole(table, page.getvalue().encode())
+    write_atomic(table, page.getvalue().encode())
 
 
 def cell(value: object) -> str:

@@ -16,7 +16,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble import Part, play_ensemble
@@ -143,7 +143,7 @@ def write_shifts(path: Path, rows: Sequence[Shift]) -> None:
     table = csv.DictWriter(text, [f.name for f in fields(Shift)], lineterminator="\n")
     table.writeheader()
     table.writerows([*kept, *({key: rounded(value) for key, value in asdict(row).items()} for row in rows)])
-    write_whole(path, text.getvalue().encode())
+    write_atomic(path, text.getvalue().encode())
 
 
 def read_shifts(path: Path) -> list[dict[str, str]]:

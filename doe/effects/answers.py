@@ -34,7 +34,7 @@ from doe.effects.pocket import (
     measured_thresholds,
     saddle_ratio,
 )
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.instrument_response import as_read
@@ -228,7 +228,7 @@ def write_answers(path: Path, rows: Sequence[Answer]) -> None:
     for row in [*kept, *rows]:
         words = {key: f"{v:.6g}" if isinstance(v, float) else v for key, v in asdict(row).items()}
         table.writerow(words)
-    write_whole(path, text.getvalue().encode())
+    write_atomic(path, text.getvalue().encode())
 
 
 def read_answers(path: Path) -> list[Answer]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.effects import load_library
 from taichi_erosion.scene import Scene, parse_scene
@@ -97,7 +97,7 @@ def write_costs(path: Path, rows: Sequence[Cost]) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow([f.name for f in fields(Cost)])
     table.writerows((c.effect, c.place, f"{c.nanoseconds:.4g}", f"{c.ratio:.4g}") for c in rows)
-    write_whole(path, text.getvalue().encode())
+    write_atomic(path, text.getvalue().encode())
 
 
 def read_costs(path: Path) -> list[Cost]:

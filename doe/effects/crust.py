@@ -25,7 +25,7 @@ from doe.effect_signatures.run import COLUMN, COLUMN_ORDERS
 from doe.effects.beds import DIAMETER, ORDERS, THRESHOLD
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import replica_effect
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats, GrainTable, Numerics, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effects import load_library
@@ -205,7 +205,7 @@ def write(table: Path, found: Sequence[Row]) -> None:
     writer.writerows(
         [f"{one:.6g}" if isinstance(one, float) else one for one in astuple(row)] for row in found
     )
-    write_whole(table, text.getvalue().encode())
+    write_atomic(table, text.getvalue().encode())
 
 
 def main(words: list[str]) -> None:

@@ -12,7 +12,7 @@ from doe.effect_signatures.shifts import read_shifts
 from doe.effects.answers import Answer, bed_law, read_answers
 from doe.effects.cost import Cost, read_costs
 from doe.effects.figures import draw_bars, draw_curves
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 
 PAGE = "effects.md"
@@ -247,4 +247,4 @@ def publish(doe: Path, docs: Path) -> None:
         "cost": cost_table(costs),
     }
     page = docs / PAGE
-    write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
+    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.experiments.anova import anova
 from taichi_erosion.experiments.audit.examine import Audit, audit
 from taichi_erosion.experiments.audit.numbers import Comparison
@@ -135,4 +135,4 @@ def publish(folder: Path, docs: Path) -> None:
     screening, surface = audit(folder / SCREENING), audit(folder / SURFACE)
     draw(screening, surface, docs)
     page = docs / PAGE
-    write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables(screening, surface)).encode())
+    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(screening, surface)).encode())

@@ -12,7 +12,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from doe.common.cases import Row, read_rows
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table, with_spread
 
 PAGE = "lab_c.md"
@@ -139,4 +139,4 @@ def publish(table: Path, laboratory_file: Path, docs: Path) -> None:
     (docs / PICTURE).parent.mkdir(parents=True, exist_ok=True)
     draw(rows, laboratory, docs / PICTURE)
     page = docs / PAGE
-    write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables(rows, laboratory)).encode())
+    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(rows, laboratory)).encode())

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import SimulationStopped
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.report.markdown import fill_table, markdown_table
@@ -154,7 +154,7 @@ def write_rows(table: Path, rows: list[Row]) -> None:
     """The table as it stands."""
     heading = ",".join(field.name for field in fields(Row))
     lines = [",".join(format(value, ".10g") for value in asdict(row).values()) for row in rows]
-    write_whole(table, "\n".join([heading, *lines, ""]).encode())
+    write_atomic(table, "\n".join([heading, *lines, ""]).encode())
 
 
 def publish() -> None:
@@ -173,7 +173,7 @@ def publish() -> None:
     )
     cells = [line for p in ("f32", "f64") if (FOLDER / f"{p}.csv").exists() for line in page_rows(p)]
     page = fill_table(PAGE.read_text(encoding="utf-8"), "long run", markdown_table(header, cells))
-    write_whole(PAGE, page.encode())
+    write_atomic(PAGE, page.encode())
 
 
 def page_rows(precision: str) -> list[tuple[str, ...]]:

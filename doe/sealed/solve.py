@@ -10,7 +10,7 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.adopt import adopt
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discover
@@ -39,7 +39,7 @@ def solve_file(problem: Path, answer: Path, with_vault: bool = True) -> None:
     """Answer of one problem file; an answer that is there already is kept."""
     if not answer.exists():
         outcome = solve(int(problem.stem), pickle.loads(problem.read_bytes()), with_vault)
-        write_whole(answer, json.dumps(asdict(outcome)).encode())
+        write_atomic(answer, json.dumps(asdict(outcome)).encode())
 
 
 def answer_of(path: Path) -> Outcome:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 
 PROGRAM = (sys.executable, "-m", "taichi_erosion")
 Case = dict[str, Any]
@@ -69,7 +69,7 @@ def solve(place: SealedSet, count: int, to: TextIO) -> None:
         names = found["named"] or found["group"]
         adopted = command("adopt", place.study(number), names[0]) if names else {"vault": None}
         answer = {"found": found, "vault": adopted["vault"]}
-        write_whole(place.answer(number), json.dumps(answer).encode())
+        write_atomic(place.answer(number), json.dumps(answer).encode())
         to.write(f"case {number}: {found['verdict']} {' '.join(names)}\n")
         to.flush()
 
@@ -134,6 +134,6 @@ def write_results(place: SealedSet, table: Path) -> dict[str, int]:
     writer = csv.DictWriter(page, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_whole(table, page.getvalue().encode())
+    write_atomic(table, page.getvalue().encode())
     words = [row["judged"] for row in rows]
     return {word: words.count(word) for word in sorted(set(words))}

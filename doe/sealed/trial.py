@@ -19,7 +19,7 @@ from doe.sealed.laboratory import Truth
 from doe.sealed.oracle import Difficulty, difficulty
 from doe.sealed.score import Marked
 from doe.sealed.solve import answer_of, outcome_of
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 
 SALT_BYTES = 16
 COLUMNS = ("number", "sha256", "further", "truth", "difficulty", "answer")  # of a table of results
@@ -72,9 +72,9 @@ def seal(trial: Trial) -> None:
     lines = ["number,sha256"]
     for number in trial.numbers:
         case = draw_case(trial.family, number)
-        write_whole(trial.problem(number), pickle.dumps(case.problem))
+        write_atomic(trial.problem(number), pickle.dumps(case.problem))
         lines.append(f"{number},{seal_of(trial.family, case)}")
-    write_whole(trial.seals(), ("\n".join(lines) + "\n").encode())
+    write_atomic(trial.seals(), ("\n".join(lines) + "\n").encode())
 
 
 def sealed(trial: Trial) -> dict[int, str]:

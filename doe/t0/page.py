@@ -8,7 +8,7 @@ from pathlib import Path
 from doe.sealed.cases import KINDS
 from doe.sealed.score import IDENTIFIABLE, STRONG, Marked, Metric, calibration_bins, scores
 from doe.sealed.trial import marked
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 
 
@@ -22,7 +22,7 @@ def publish(table: Path, page: Path) -> None:
         "metrics": metric_table(list(scores(cases))),
         "calibration": calibration_table([case for case in cases if not case.further]),
     }
-    write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
+    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
 
 
 def case_table(cases: Sequence[Marked]) -> str:

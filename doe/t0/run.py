@@ -20,7 +20,7 @@ import typer
 from doe.sealed.solve import solve_file
 from doe.sealed.trial import COLUMNS, Trial, opened, seal, sealed
 from doe.t0.page import publish
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 
 FOLDER = Path(__file__).parent
 WORK = FOLDER.parent / "t0-results"  # problems and answers
@@ -68,7 +68,7 @@ def write_table(rows: list[dict[str, str]]) -> None:
     writer = csv.DictWriter(page, list[str](COLUMNS), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_whole(FOLDER / "results.csv", page.getvalue().encode())
+    write_atomic(FOLDER / "results.csv", page.getvalue().encode())
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ from doe.t3.run import (
     dry_walls,
 )
 from doe.t3.run import laboratory_run as theirs_once
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 
 TABLE = Path(__file__).with_name("results_pull.csv")
 REPEATS, SEED = 16, 5
@@ -126,7 +126,7 @@ def main() -> None:
     for over, limit in zip(("net", "elastic"), sliding_limit(), strict=True):
         name = f"friction over {over} force"
         writer.writerow(("LAMMPS, two grains that slide", name, f"{limit:.3f}", "", "1"))
-    write_whole(TABLE, page.getvalue().encode())
+    write_atomic(TABLE, page.getvalue().encode())
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ import typer
 
 from doe.sealed.studies import command
 from doe.t3.run import DENSITY, GRAVITY, WHOLE, Grains, laboratory_run
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parents[1] / "campaigns" / "t3_whole"
@@ -83,7 +83,7 @@ def heap_of(grains: Grains, diameter: float, key: str) -> dict[str, tuple[float,
     found = laboratory_run(WHOLE, grains, diameter, np.random.default_rng(seed))
     values = {name: (one.value, one.unit) for name, one in found.items()}
     kept.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(kept, json.dumps(values).encode())
+    write_atomic(kept, json.dumps(values).encode())
     return json.loads(json.dumps(values))
 
 
@@ -124,7 +124,7 @@ def solve() -> None:
             found = command("discover", study, "--budget", "quick")
             names = found["named"] or found["group"]
             adopted = command("adopt", study, names[0]) if names else {"vault": None}
-            write_whole(answer, json.dumps({"found": found, "vault": adopted["vault"]}).encode())
+            write_atomic(answer, json.dumps({"found": found, "vault": adopted["vault"]}).encode())
 
 
 def told(name: str) -> dict[str, Any]:

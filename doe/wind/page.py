@@ -24,7 +24,7 @@ from doe.wind.blown_sand import (
     splash_table,
 )
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.threshold import CONFIDENCE
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 
@@ -158,4 +158,4 @@ def publish(doe: Path, docs: Path) -> None:
         "cost": cost_table((flux, falling, steady, fluid)),
     }
     page = docs / PAGE
-    write_whole(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
+    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from doe.common.cases import ROOT, Case, perform, read_rows, settings, write_rows
 from doe.wind.page import publish
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects.dry_adhesion import Params
 from taichi_erosion.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
 from taichi_erosion.verification.wind.resting_bed import roughness, winds_over_beds
@@ -149,7 +149,7 @@ def write_hopping() -> None:
         rough = roughness(over(threshold), threshold, FAR * sand.diameter)
         cells = (1e3 * sand.diameter, hopping_threshold(sand), threshold, 1e3 * rough)
         lines.append(tuple(f"{cell:.4g}" for cell in cells))
-    write_whole(HOPPING, "".join(",".join(line) + "\n" for line in lines).encode())
+    write_atomic(HOPPING, "".join(",".join(line) + "\n" for line in lines).encode())
 
 
 def put_in_order(table: Path, cases: Sequence[Case]) -> None:

@@ -25,7 +25,7 @@ from taichi_erosion.campaign.execute import SIMULATE, Report
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.design_table import Design, design_text, read_design
 from taichi_erosion.experiments.fit import Fit, coded_polynomial, equation, natural_polynomial
@@ -111,7 +111,7 @@ def confirmed_document(confirmed: Confirmed) -> Document:
 
 def write_design_table(folder: Path, name: str, design: Design) -> Path:
     """A design with its responses as a CSV table."""
-    return write_whole(folder / f"{name}.csv", design_text(design).encode())
+    return write_atomic(folder / f"{name}.csv", design_text(design).encode())
 
 
 def write_runs(file: CalibrationStudy, asked: list[DesignRun]) -> Path:
@@ -127,7 +127,7 @@ def write_runs(file: CalibrationStudy, asked: list[DesignRun]) -> Path:
         cells = ("" if value != value else f"{value:.7g}" for value in values)
         ends = (one.result.failure or "", f"{one.result.record.get('cpu_s', 0.0):.1f}")
         writer.writerow([one.stage, one.row, one.seed, one.result.key, *settings, *cells, *ends])
-    return write_whole(file.folder / "runs.csv", text.getvalue().encode())
+    return write_atomic(file.folder / "runs.csv", text.getvalue().encode())
 
 
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]

@@ -18,7 +18,7 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.help_pages import help_of
 from taichi_erosion.cli.output import AsJson
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import plain_text
+from taichi_erosion.core.files import read_text_file
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Check, Effect
@@ -277,7 +277,7 @@ def law_file(name: str, discovery: Path) -> str:
 def proposed_law(discovery: Path) -> dict[str, Any]:
     """Law of the worst misfit in a discovery's result. Raises BadInput where there is none."""
     try:
-        clues = json.loads(plain_text(discovery))["clues"]
+        clues = json.loads(read_text_file(discovery))["clues"]
     except (OSError, ValueError, KeyError, TypeError):
         raise BadInput(f"{discovery}: is not a result of discover (STUDY.discover.json)") from None
     laws = [clue["law"] for clue in clues if clue["law"] is not None]

@@ -1,7 +1,4 @@
-"""Files that users name: plain ones, so that no pipe or device is waited for or read for ever.
-
-Files that exist whole or not at all.
-"""
+"""Files that users name: reading of regular files only, and atomic writing (whole or not at all)."""
 
 import fcntl
 import os
@@ -13,37 +10,35 @@ from typing import BinaryIO
 
 from taichi_erosion.core.errors import BadInput
 
-LARGEST_TEXT = 100_000_000  # bytes; nobody writes a longer table or document for this program
+LARGEST_TEXT = 100_000_000  # bytes, beyond any table or document of this program
+PART_SUFFIX = ".part"  # name of a file while it is being written
 
 
-def plain_file(path: Path) -> Path:
-    """The path, where a plain file stands. Raises OSError for a pipe, a device, a folder or nothing."""
+def regular_file(path: Path) -> Path:
+    """The path of a regular file. Raises OSError for a pipe, a device, a folder or nothing."""
     path.stat()
     if not path.is_file():
         raise OSError("is not a file")
     return path
 
 
-def plain_text(path: Path, encoding: str = "utf-8") -> str:
-    """Content of a text file. Raises OSError for no plain file or a huge one, ValueError for no text."""
-    size = plain_file(path).stat().st_size
+def read_text_file(path: Path, encoding: str = "utf-8") -> str:
+    """Content of a text file. Raises OSError for no regular file or a huge one, ValueError for no text."""
+    size = regular_file(path).stat().st_size
     if size > LARGEST_TEXT:
         raise OSError(f"{size} bytes are too many; at most {LARGEST_TEXT}")
     return path.read_text(encoding=encoding)
 
 
-PART_SUFFIX = ".part"  # name of a file while it is being written
-
-
 def part_path(path: Path) -> Path:
-    """Where a file grows until it is whole, in the same folder, so that renaming it is one step."""
+    """Path of the unfinished file, in the same folder, so that renaming it is one step."""
     return path.with_name(path.name + PART_SUFFIX)
 
 
-def make_folder(path: Path) -> None:
-    """Make the folder that a file will lie in. Raises BadInput where it cannot be made.
+def make_parent(path: Path) -> None:
+    """Make the parent folder of a file.
 
-    Likewise where the name is that of a folder, a pipe or a device, which a whole file would replace.
+    Raises BadInput where it cannot be made, and where the path is that of a folder, a pipe or a device.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,9 +52,9 @@ def make_folder(path: Path) -> None:
         raise BadInput(f"{path}: is not the name of a file")
 
 
-def refuse_unwritable(path: Path) -> None:
-    """Raise BadInput where a file cannot be made: sooner than after hours of work."""
-    make_folder(path)
+def check_writable(path: Path) -> None:
+    """Raise BadInput where a file cannot be made."""
+    make_parent(path)
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             return
@@ -68,14 +63,13 @@ def refuse_unwritable(path: Path) -> None:
 
 
 @contextmanager
-def growing(path: Path) -> Iterator[BinaryIO]:
-    """An empty file that takes its place in one step once it is whole and on the disk. Raises OSError.
+def atomic_file(path: Path) -> Iterator[BinaryIO]:
+    """Empty file that replaces the one at a path in one step once it is flushed to disk. Raises OSError.
 
-    A crash at any moment leaves the old file or the new one, never a part. Two processes that write one file
-    do so one after the other.
+    A crash at any moment leaves the old file or the new one, never a part; concurrent writers take turns.
     """
     part = part_path(path)
-    with alone(part) as file:
+    with locked(part) as file:
         try:
             file.truncate()
             yield file
@@ -83,35 +77,27 @@ def growing(path: Path) -> Iterator[BinaryIO]:
             os.fsync(file.fileno())
             os.replace(part, path)
         except BaseException:
-            part.unlink(missing_ok=True)  # on a full disk the room it takes is missed elsewhere
+            part.unlink(missing_ok=True)  # frees its space on a full disk
             raise
 
 
 @contextmanager
-def alone(part: Path) -> Iterator[BinaryIO]:
-    """A part file that no other process writes; one that was renamed while we waited for it is not it."""
+def locked(part: Path) -> Iterator[BinaryIO]:
+    """Unfinished file under an exclusive lock; opened again if it was renamed while the lock was awaited."""
     while True:
         with os.fdopen(os.open(part, os.O_RDWR | os.O_CREAT, 0o666), "r+b") as file:
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(file, fcntl.LOCK_EX)
-            if is_still(part, file):
+            if part.exists() and os.path.samestat(os.fstat(file.fileno()), part.stat()):
                 yield file
                 return
 
 
-def is_still(path: Path, file: BinaryIO) -> bool:
-    """Whether an open file still lies under its name."""
+def write_atomic(path: Path, content: bytes) -> Path:
+    """Write a file as `atomic_file` does. Raises BadInput where it cannot be written."""
+    make_parent(path)
     try:
-        return os.path.samestat(os.fstat(file.fileno()), path.stat())
-    except FileNotFoundError:
-        return False
-
-
-def write_whole(path: Path, content: bytes) -> Path:
-    """Write a file so that a crash at any moment leaves the old file or the new one, never a part."""
-    make_folder(path)
-    try:
-        with growing(path) as file:
+        with atomic_file(path) as file:
             file.write(content)
     except OSError as error:
         raise BadInput(f"{path}: cannot be written ({error.strerror})") from error

@@ -1,19 +1,16 @@
-"""Fields of a CPU as NumPy sees them: in the memory where they lie, without a kernel in between.
+"""Transfer of numbers between Taichi fields and NumPy.
 
-Taichi lays the dense fields of one tree out without gaps that it would not tell: the cells of a block follow
-each other, the fields that share a block lie side by side in every cell. Taichi is asked for the address of
-one field of each tree, and all others follow from it. A view is good until the device is stopped: what is to
-be kept longer has to be copied.
+On a CPU a field is read and written in place, through a NumPy view of its buffer, and nothing is compiled for
+it. Taichi lays the dense fields of one tree out without hidden gaps: the cells of a block follow each other,
+the fields of a block lie side by side in every cell. So the address of one field per tree gives all others. A
+view is valid until the device is stopped; what outlives it has to be copied.
 
-Moving numbers between fields and NumPy.
-
-On a CPU they are read and written where they lie (`core.memory`), and nothing is compiled for it. Elsewhere
-Taichi would compile one kernel for every field that is copied by itself; so a whole group of fields of equal
-length goes through one kernel and one f64 table, which holds f32 and i32 values exactly.
+On another device Taichi would compile one copy kernel for every field. A group of fields of equal length goes
+through one kernel and one f64 table instead, which holds f32 and i32 values exactly.
 """
 
 import ctypes
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 from math import prod
 from typing import Any
@@ -28,7 +25,7 @@ NUMPY_TYPES = {"f32": np.float32, "f64": np.float64, "i32": np.int32}
 
 
 def is_host() -> bool:
-    """Whether fields lie in the memory of the program itself."""
+    """Whether fields lie in host memory."""
     return impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
@@ -40,16 +37,16 @@ def inner_shape(field: Any) -> tuple[int, ...]:
 
 
 @ti.kernel
-def ask_address(
+def address_of(
     # in
     field: ti.template(),
 ) -> ti.u64:
-    """Address of the first element of a field, counted from 0 here whatever the field's offset."""
+    """Address of the first element of a field, whatever the offset of its indices."""
     return ti.get_addr(field, ti.Vector([0 for _ in ti.static(range(len(field.shape)))]))
 
 
 def distance_from_root(node: Any) -> int:
-    """Bytes from the beginning of a tree to the first number of a node."""
+    """Bytes from the start of a tree to the first number of a node."""
     distance = 0
     while node is not None:
         distance += node.offset_bytes_in_parent_cell
@@ -58,52 +55,46 @@ def distance_from_root(node: Any) -> int:
 
 
 def strides_of(shape: tuple[int, ...], step: int) -> tuple[int, ...]:
-    """Bytes from one place to the next along every axis, the last one the fastest."""
+    """Bytes from one element to the next along every axis, the last one the fastest."""
     return tuple(step * prod(shape[axis + 1 :]) for axis in range(len(shape)))
 
 
 @dataclass(frozen=True)
-class Places:
-    """What has been found out since the device was started."""
+class HostViews:
+    """Addresses and views found since the device was started."""
 
     trees: dict[int, int] = field(default_factory=dict)  # address by number of the tree
     views: WeakKeyDictionary[Any, NDArray[Any]] = field(default_factory=WeakKeyDictionary)  # by field
 
 
-def remember_places() -> Callable[[Any], NDArray[Any]]:
-    """`memory`, which asks Taichi once for every tree, and looks at every field once."""
-    known: WeakKeyDictionary[Any, Places] = WeakKeyDictionary()  # by run of the device
-
-    def memory(field: Any) -> NDArray[Any]:
-        """View of all numbers of a field: its own shape, then that of one element."""
-        places = known.setdefault(impl.get_runtime(), Places())
-        if field not in places.views:
-            impl.get_runtime().materialize()
-            node = field.snode.ptr
-            tree = node.get_snode_tree_id()
-            if tree not in places.trees:
-                places.trees[tree] = ask_address(field) - distance_from_root(node)
-            places.views[field] = view(field, places.trees[tree] + distance_from_root(node))
-        return places.views[field]
-
-    return memory
+VIEWS: WeakKeyDictionary[Any, HostViews] = WeakKeyDictionary()  # by Taichi runtime: one a start of the device
 
 
-def view(field: Any, start: int) -> NDArray[Any]:
-    """Numbers of a field whose first one lies at an address."""
+def field_view(field: Any) -> NDArray[Any]:
+    """In-place view of all numbers of a field on a CPU: its own shape, then that of one element."""
+    known = VIEWS.setdefault(impl.get_runtime(), HostViews())
+    if field not in known.views:
+        impl.get_runtime().materialize()
+        node = field.snode.ptr
+        tree = node.get_snode_tree_id()
+        if tree not in known.trees:
+            known.trees[tree] = address_of(field) - distance_from_root(node)
+        known.views[field] = view_at(field, known.trees[tree] + distance_from_root(node))
+    return known.views[field]
+
+
+def view_at(field: Any, address: int) -> NDArray[Any]:
+    """View of a field whose first number lies at an address."""
     shape, inner, cell = field.shape, inner_shape(field), field.snode.ptr.parent.cell_size_bytes
     number_type = np.dtype(NUMPY_TYPES[str(field.dtype)])
     strides = (*strides_of(shape, cell), *strides_of(inner, number_type.itemsize))
     extent = (prod(shape) - 1) * cell + prod(inner) * number_type.itemsize
-    numbers = (ctypes.c_char * extent).from_address(start)
+    numbers = (ctypes.c_char * extent).from_address(address)
     return np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
 
 
-memory = remember_places()
-
-
 def device_fields(owner: Any) -> Iterator[Any]:
-    """All fields that a record holds, in records within it too."""
+    """All fields of a record, those of nested records included."""
     for entry in fields(owner):
         value = getattr(owner, entry.name)
         if is_dataclass(value):
@@ -113,18 +104,13 @@ def device_fields(owner: Any) -> Iterator[Any]:
 
 
 def layout(chosen: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
-    """Field, first column of the table, rows and columns of one element; a scalar has no rows."""
+    """Field, first column of the table, rows and columns of one element; a scalar has 0 rows."""
     rows, first = [], 0
     for one in chosen:
         shape = (*inner_shape(one), 1, 1)[:2] if hasattr(one, "n") else (0, 1)
         rows.append((one, first, *shape))
         first += max(shape[0], 1) * shape[1]
     return tuple(rows)
-
-
-def width(field: Any) -> int:
-    """Numbers in one element of a field."""
-    return int(np.prod(inner_shape(field), dtype=int))
 
 
 @ti.kernel
@@ -171,13 +157,13 @@ def read_rows(
 
 
 def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
-    """Write arrays of equal length to fields, from place `first` on: pairs of (field, array)."""
+    """Write arrays of equal length to fields, from index `first` on: pairs of (field, array)."""
     rows = len(np.asarray(pairs[0][1]))
     if rows == 0:
         return
     if is_host():
         for field, values in pairs:
-            set_numbers(memory(field)[first : first + rows], values)
+            set_numbers(field_view(field)[first : first + rows], values)
         return
     columns = [np.asarray(values, np.float64).reshape(rows, -1) for _, values in pairs]
     table = np.concatenate(columns, axis=1)
@@ -185,16 +171,16 @@ def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
 
 
 def set_numbers(numbers_out: NDArray[Any], values: Any) -> None:
-    """Write values, as f64, to numbers of any type; what does not fit becomes what the device makes of it."""
+    """Write values, cast from f64 as the device would; overflow is silent."""
     with np.errstate(over="ignore", invalid="ignore"):
         numbers_out[...] = np.asarray(values, np.float64).reshape(numbers_out.shape)
 
 
 def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float64]]:
-    """Read `rows` places of several fields from `first` on: vectors as [rows, n], matrices [rows, n, m]."""
+    """Copies of `rows` elements of fields from `first` on: vectors [rows, n], matrices [rows, n, m]."""
     if is_host():
-        return [memory(field)[first : first + rows].astype(np.float64) for field in fields]
-    widths = [width(field) for field in fields]
+        return [field_view(field)[first : first + rows].astype(np.float64) for field in fields]
+    widths = [prod(inner_shape(field)) for field in fields]
     table = np.zeros((rows, sum(widths)))
     if rows:
         read_rows(first, layout(fields), table)
@@ -203,9 +189,9 @@ def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float6
 
 
 def write(field: Any, values: Any) -> None:
-    """Write a whole field of any shape; one number goes everywhere."""
+    """Write a whole field of any shape; a single number fills it."""
     if is_host():
-        set_numbers(memory(field), np.broadcast_to(values, memory(field).shape))
+        set_numbers(field_view(field), np.broadcast_to(values, field_view(field).shape))
     elif np.ndim(values) == 0:
         field.fill(values)
     else:
@@ -214,4 +200,4 @@ def write(field: Any, values: Any) -> None:
 
 def read(field: Any) -> NDArray[Any]:
     """Copy of a whole field of any shape, in its own type."""
-    return memory(field).copy() if is_host() else field.to_numpy()
+    return field_view(field).copy() if is_host() else field.to_numpy()

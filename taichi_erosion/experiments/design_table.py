@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import plain_text
+from taichi_erosion.core.files import read_text_file
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -198,7 +198,7 @@ def write_design(design: Design, path: Path) -> None:
 def read_design(path: Path) -> Design:
     """The design of a table that `write_design` wrote; raises BadInput with file, row and column."""
     try:
-        lines = list(csv.reader(io.StringIO(plain_text(path, "utf-8-sig"), newline=""), strict=True))
+        lines = list(csv.reader(io.StringIO(read_text_file(path, "utf-8-sig"), newline=""), strict=True))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"{path}: cannot be read as a CSV table: {error}") from None
     if len(lines) < 2 or tuple(lines[0][:4]) != FIXED:

@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import plain_file
+from taichi_erosion.core.files import regular_file
 from taichi_erosion.measures.flank import Flank, fit_flanks, is_bent, is_flat_topped, meeting_height
 from taichi_erosion.measures.result import Measurement, as_record
 from taichi_erosion.measures.silhouette import EIGHT_NEIGHBOURS, extract_outline, largest_body
@@ -82,7 +82,7 @@ def measure_photograph(
 def read_grey(path: Path) -> Grey:
     """Luminance of a picture, 0 to 1, turned upright; its opacity where the picture is partly transparent."""
     try:
-        picture = np.asarray(imageio.imread(plain_file(path), plugin="pillow", index=0, rotate=True))
+        picture = np.asarray(imageio.imread(regular_file(path), plugin="pillow", index=0, rotate=True))
     except FileNotFoundError as error:
         raise BadInput(f"{path}: no such file") from error
     except Exception as error:  # decoders raise whatever a damaged file makes them raise

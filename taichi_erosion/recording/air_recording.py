@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import make_folder, part_path
+from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.recording import drawing
 from taichi_erosion.recording.blueprint import TIMELINE
@@ -54,7 +54,7 @@ def open_wind_recording(path: Path, header: WindHeader) -> Recording:
     """Begin PATH.part with its blueprint and the scene. Raises BadInput where it cannot be written."""
     import rerun as rr
 
-    make_folder(path)
+    make_parent(path)
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
     stream = rr.RecordingStream(APPLICATION, recording_id=header.recording_id, batcher_config=batches)
     try:

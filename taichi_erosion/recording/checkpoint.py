@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import growing, make_folder, plain_file
+from taichi_erosion.core.files import atomic_file, make_parent, regular_file
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -28,12 +28,12 @@ def save_checkpoint(path: Path, state: Arrays, meta: dict[str, Any]) -> None:
     The file grows beside its place, is forced to the disk, and then takes the place in one step: a crash at
     any moment leaves the previous checkpoint.
     """
-    make_folder(path)
+    make_parent(path)
     head = json.dumps({"schema": SCHEMA, "package_version": __version__, "meta": meta})
     members: Arrays = {HEAD: np.frombuffer(head.encode(), dtype=np.uint8)}
     members.update({STATE + name: values for name, values in state.items()})
     try:
-        with growing(path) as file:
+        with atomic_file(path) as file:
             np.savez(file, allow_pickle=False, **members)
     except OSError as error:
         raise BadInput(f"{path}: the checkpoint cannot be written ({error.strerror})") from error
@@ -45,7 +45,7 @@ def load_checkpoint(path: Path, scene_hash: str | None = None) -> tuple[Arrays, 
     A run continues bit for bit only with the code that wrote it: another version of the package is refused.
     """
     try:
-        with plain_file(path).open("rb") as file, np.load(file, allow_pickle=False) as members:
+        with regular_file(path).open("rb") as file, np.load(file, allow_pickle=False) as members:
             head = json.loads(bytes(members[HEAD]).decode())
             check_head(path, head, scene_hash)
             state = {name.removeprefix(STATE): members[name] for name in members.files if name != HEAD}

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.recording.readback import GrainFrame, read_grains
 
 COLLECTION = "grains.pvd"
@@ -48,4 +48,4 @@ def write_collection(folder: Path, names: list[str], times: list[float]) -> Path
     collection = ElementTree.SubElement(root, "Collection")
     for name, time in zip(names, times, strict=True):
         ElementTree.SubElement(collection, "DataSet", timestep=f"{time:.9g}", part="0", file=name)
-    return write_whole(folder / COLLECTION, ElementTree.tostring(root, xml_declaration=True))
+    return write_atomic(folder / COLLECTION, ElementTree.tostring(root, xml_declaration=True))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.recording import drawing
 from taichi_erosion.recording.drawing import LETTER_HEIGHT, LETTER_WIDTH, Image, blank, draw_line, draw_text
@@ -234,7 +234,7 @@ def write_png(path: Path, image: Image) -> Path:
     """Write one picture; the same image gives the same bytes."""
     import imageio.v3 as imageio
 
-    return write_whole(path, imageio.imwrite("<bytes>", image, extension=".png"))
+    return write_atomic(path, imageio.imwrite("<bytes>", image, extension=".png"))
 
 
 def write_gif(path: Path, frames: Iterable[Image], frame_duration: float = 0.05) -> Path:
@@ -243,7 +243,7 @@ def write_gif(path: Path, frames: Iterable[Image], frame_duration: float = 0.05)
 
     milliseconds = round(1e3 * frame_duration)
     film = imageio.imwrite("<bytes>", list(frames), extension=".gif", duration=milliseconds, loop=0)
-    return write_whole(path, film)
+    return write_atomic(path, film)
 
 
 SHADES = " .:-=+*#%@"  # from dark to bright

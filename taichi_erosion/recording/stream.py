@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import make_folder, part_path
+from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.snapshot import Ledger, Snapshot
 from taichi_erosion.recording import drawing
 from taichi_erosion.recording.blueprint import MAGNIFICATION, TIMELINE, WIND_KINDS, blueprint, choose_focus
@@ -93,7 +93,7 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     """Begin PATH.part with its blueprint, scene and walls; `viewer` is the address of one that follows."""
     import rerun as rr
 
-    make_folder(path)
+    make_parent(path)
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
     stream = rr.RecordingStream(header.application, recording_id=header.recording_id, batcher_config=batches)
     focus = choose_focus(header.kind, header.radii, header.walls, header.foot)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.files import make_folder, part_path
+from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.recording import drawing
 from taichi_erosion.recording.blueprint import (
     FRAMES_PER_SECOND,
@@ -57,7 +57,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
     """Write the recording of a study in one go."""
     import rerun as rr
 
-    make_folder(path)
+    make_parent(path)
     films = {run.name: thinned(read_grains(run.recording)) for run in page.runs}
     stream = rr.RecordingStream(APPLICATION, recording_id=path.stem)
     stream.save(part_path(path), default_blueprint=study_blueprint(page, films))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.readback import NANOSECOND, readable
 
@@ -111,7 +111,7 @@ def picture(
         views = {shown.name: shown.view_id for shown in client.get_state().views}
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")
-        return write_whole(out, screenshot(client, views[view] if view else None))
+        return write_atomic(out, screenshot(client, views[view] if view else None))
 
 
 def view_reports(path: Path) -> list[str]:

@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import plain_text
+from taichi_erosion.core.files import read_text_file
 from taichi_erosion.report import calibration_page, evidence_page, run_page
 
 RUNS = (".json", ".rrd")
@@ -20,7 +20,7 @@ def write_report(source: Path, to: Path | None = None) -> Path:
 def is_calibration(study: Path) -> bool:
     """Whether a study has targets to be met, instead of measurements to be explained."""
     try:
-        return "targets" in tomllib.loads(plain_text(study))
+        return "targets" in tomllib.loads(read_text_file(study))
     except FileNotFoundError:
         raise BadInput(f"{study}: no such file") from None
     except (OSError, ValueError) as error:

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from taichi_erosion.campaign.calibration import Calibration
 from taichi_erosion.campaign.study_file import Target, read_calibration_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.experiments.design_table import Design
 from taichi_erosion.report.design_figures import (
     contours,
@@ -127,7 +127,7 @@ def publish(found: Calibration) -> Path:
         optima=optimum_table(found),
         samples={name: samples(document["confirm"]["tests"][name]) for name in targets},
     )
-    return write_whole(found.file.folder / PAGE, (text.rstrip() + "\n").encode())
+    return write_atomic(found.file.folder / PAGE, (text.rstrip() + "\n").encode())
 
 
 def draw(found: Calibration) -> None:
@@ -244,4 +244,4 @@ def write_report(study: Path, to: Path | None = None) -> Path:
     body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', words)
     about = f"{study}, calibrated by designed experiments"
     page = render(TEMPLATE, {"title": title.removeprefix("# "), "about": about, "body": body})
-    return write_whole(to or file.folder / f"{study.stem}.report.html", page.encode())
+    return write_atomic(to or file.folder / f"{study.stem}.report.html", page.encode())

@@ -10,7 +10,7 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers import documents as results
 from taichi_erosion.evidence.inference.levels import ABSORBED, STABLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
@@ -103,7 +103,7 @@ class Found:
 def write_report(study: Path, to: Path | None = None) -> Path:
     """Write the page of a study; raises BadInput where nothing has been found yet."""
     folder, page = results_folder(study, read_evidence_study(study)), words(found_in(study))
-    return write_whole(to or folder / f"{study.stem}.report.html", render(TEMPLATE, page).encode())
+    return write_atomic(to or folder / f"{study.stem}.report.html", render(TEMPLATE, page).encode())
 
 
 def found_in(study: Path) -> Found:

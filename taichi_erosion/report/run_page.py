@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib as mpl
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import plain_text, write_whole
+from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.report.html import STYLE, Picture, address_of, panels, picture, render
 from taichi_erosion.report.markdown import with_spread
 
@@ -25,7 +25,7 @@ def write_report(run: Path, to: Path | None = None) -> Path:
     """Write the page of a run from its document or recording; raises BadInput where there is none."""
     source = run.with_suffix(".json")
     document = read_document(source)
-    return write_whole(
+    return write_atomic(
         to or run.with_suffix(".report.html"), render(TEMPLATE, words(document, source)).encode()
     )
 
@@ -33,7 +33,7 @@ def write_report(run: Path, to: Path | None = None) -> Path:
 def read_document(path: Path) -> Document:
     """The document of a run."""
     try:
-        document = json.loads(plain_text(path))
+        document = json.loads(read_text_file(path))
     except FileNotFoundError:
         raise BadInput(f"{path}: no such document; a recorded run leaves one beside its recording") from None
     except (OSError, ValueError) as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.result import as_record, without_nan
 from taichi_erosion.run.ensemble_loop import Play
 from taichi_erosion.run.stages import sentence
@@ -38,7 +38,7 @@ def versions() -> dict[str, str]:
 def write_document(path: Path, document: dict[str, Any]) -> None:
     """Write strict JSON; NaN, which JSON does not know, becomes null."""
     text = json.dumps(without_nan(document), indent=1, default=plain, allow_nan=False)
-    write_whole(path, (text + "\n").encode())
+    write_atomic(path, (text + "\n").encode())
 
 
 def plain(value: Any) -> Any:

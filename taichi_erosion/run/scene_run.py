@@ -17,7 +17,7 @@ from types import FrameType
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.core.files import refuse_unwritable
+from taichi_erosion.core.files import check_writable
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import as_record
@@ -127,7 +127,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
 def refuse_places(path: Path, options: RunOptions, record: Path) -> None:
     """Raise BadInput where a file cannot be written, or would replace the scene."""
     for place in places(options, record):
-        refuse_unwritable(place)
+        check_writable(place)
         if place.exists() and place.samefile(path):
             raise BadInput(f"{place}: is the scene itself; give another name to what is written")
 

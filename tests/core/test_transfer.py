@@ -8,7 +8,7 @@ import pytest
 from taichi_erosion.core import transfer
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import memory
+from taichi_erosion.core.transfer import field_view
 
 ROWS = 5
 
@@ -26,7 +26,7 @@ def some_fields() -> dict[str, Any]:
 
 
 def numbers_for(field: Any) -> Any:
-    view = memory(field)
+    view = field_view(field)
     return (7.0 + np.arange(view.size)).reshape(view.shape).astype(view.dtype)
 
 
@@ -57,7 +57,7 @@ def test_numbers_move_in_place_as_through_a_kernel(start_device, monkeypatch):
     start_device(Numerics("cpu", 1))
     fields = [field for name, field in some_fields().items() if name not in ("ghosts", "table")]
     # thirds have no exact value in f32, and are cut in i32
-    values = [np.linspace(-1.0, 2.0, 3 * memory(field)[0].size).reshape(3, -1) / 0.3 for field in fields]
+    values = [np.linspace(-1.0, 2.0, 3 * field_view(field)[0].size).reshape(3, -1) / 0.3 for field in fields]
     found = []
     for here in (True, False):
         monkeypatch.setattr(transfer, "is_host", lambda here=here: here)

@@ -14,7 +14,7 @@ import pytest
 from recorded_heaps import FLOOR, MOVING, heap_snapshot
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.recording import disk_space
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.readback import read_grains
@@ -107,9 +107,9 @@ def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(small_di
 
 
 def test_a_full_disk_leaves_the_document_before(small_disk: Path):
-    path = write_whole(small_disk / "run.json", b"{}")
+    path = write_atomic(small_disk / "run.json", b"{}")
     with pytest.raises(BadInput, match=r"run\.json: cannot be written \(No space left on device\)"):
-        write_whole(path, b" " * 200_000)
+        write_atomic(path, b" " * 200_000)
     assert path.read_bytes() == b"{}"
 
 
@@ -138,7 +138,7 @@ def test_two_writers_of_one_file_write_one_after_the_other(tmp_path: Path):
     def write(content: bytes) -> None:
         try:
             for _ in range(25):
-                write_whole(path, content)
+                write_atomic(path, content)
                 assert path.read_bytes() in contents
         except BaseException as error:
             failures.append(error)

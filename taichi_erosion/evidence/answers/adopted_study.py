@@ -4,7 +4,7 @@ from pathlib import Path
 
 from taichi_erosion.campaign.study_file import with_entry
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.data.findings import Adoption
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.scene.load import file_text
@@ -25,7 +25,7 @@ def write_adopted_study(study: Study, found: Adoption) -> Path:
     if candidate is not None:
         text = with_entry(text, ("adopted", found.effect, "prior_scale"), candidate.prior_scale)
         text = with_entry(text, ("adopted", found.effect, "max"), candidate.maximum)
-    write_whole(path, (head(study, found) + without_mark(text)).encode())
+    write_atomic(path, (head(study, found) + without_mark(text)).encode())
     for scene in sorted({entry.scene for entry in study.file.observables.values() if entry.scene}):
         write_scene(study.path.parent / scene, found)
     return path
@@ -41,7 +41,7 @@ def write_scene(scene: Path, found: Adoption) -> Path:
     for name, fitted in found.added.parameters.items():
         text = with_entry(text, tuple(name.split(".")), rounded(fitted.value))
     lead = f"{MARK} from {scene.name}: {found.effect} acts, and the calibrated numbers are set.\n"
-    return write_whole(path, (lead + without_mark(text)).encode())
+    return write_atomic(path, (lead + without_mark(text)).encode())
 
 
 def head(study: Study, found: Adoption) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import plain_text, write_whole
+from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Experiment, VaultErrors
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.measures.result import without_nan
@@ -34,7 +34,7 @@ def result_file(folder: Path, stem: str, question: str) -> Path:
 def keep(folder: Path, stem: str, question: Question, document: dict[str, Any]) -> Path:
     """Keep an answer in place of an earlier one."""
     text = json.dumps(document, indent=1, allow_nan=False)
-    return write_whole(result_file(folder, stem, question), (text + "\n").encode())
+    return write_atomic(result_file(folder, stem, question), (text + "\n").encode())
 
 
 def recall(folder: Path, stem: str, question: Question) -> dict[str, Any] | None:
@@ -47,7 +47,7 @@ def read_document(file: Path) -> dict[str, Any] | None:
     if not file.exists():
         return None
     try:
-        document = json.loads(plain_text(file))
+        document = json.loads(read_text_file(file))
     except (ValueError, OSError) as error:
         raise BadInput(f"{file}: cannot be read ({error}); remove it and ask again") from None
     if not isinstance(document, dict):
@@ -59,7 +59,7 @@ def extend_ladder(folder: Path, rung: dict[str, Any]) -> None:
     """Add a rung to the error ladder; adopting the same effects again replaces it and all above it."""
     kept = [r for r in ladder(folder) if len(r["effects"]) < len(rung["effects"])]
     text = json.dumps({"rungs": [*kept, rung]}, indent=1, allow_nan=False)
-    write_whole(folder / LADDER, (text + "\n").encode())
+    write_atomic(folder / LADDER, (text + "\n").encode())
 
 
 def ladder(folder: Path) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_whole
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.data.problem import Bools, Integers, Measurements
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
@@ -155,7 +155,7 @@ def record_opening(folder: Path, digest: str, effect: str) -> int:
     """Count one more look into the vault; returns how many there have been."""
     counter = read_counter(folder / COUNTER)
     counter.setdefault(digest, []).append(effect)
-    write_whole(folder / COUNTER, (json.dumps(counter, indent=1) + "\n").encode())
+    write_atomic(folder / COUNTER, (json.dumps(counter, indent=1) + "\n").encode())
     return len(counter[digest])
 
 

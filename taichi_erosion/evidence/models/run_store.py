@@ -15,7 +15,7 @@ import numpy as np
 
 from taichi_erosion.campaign.ledger import write_ahead
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import make_folder
+from taichi_erosion.core.files import make_parent
 from taichi_erosion.evidence.data.problem import Floats, Integers, Model
 
 FILE = "runs.sqlite"
@@ -62,7 +62,7 @@ class RunStore:
 
 def connect(file: Path) -> sqlite3.Connection:
     """A store's file, made when missing; raises BadInput for one that is something else."""
-    make_folder(file)
+    make_parent(file)
     try:
         connection = sqlite3.connect(file, timeout=WAIT)
         write_ahead(connection)

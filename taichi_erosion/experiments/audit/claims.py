@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import plain_text
+from taichi_erosion.core.files import read_text_file
 from taichi_erosion.experiments.terms import Order
 
 Kind = Literal[
@@ -139,7 +139,7 @@ def claims_of(table: Path, file: Path | None = None) -> Claims:
         return Claims()
     try:
         # a number keeps its printed digits: its text, not its value, says how exact it is
-        document = tomllib.loads(plain_text(path), parse_float=str)
+        document = tomllib.loads(read_text_file(path), parse_float=str)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise BadInput(f"{path}: {error}") from None
     unknown = [key for key in document if key not in {f.name for f in fields(Claims)}]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import plain_text
+from taichi_erosion.core.files import read_text_file
 from taichi_erosion.experiments.design_table import Design, Factor, Floats, arranged
 
 FEWEST_RUNS = 3
@@ -44,7 +44,7 @@ class PublishedTable:
 def read_columns(path: Path) -> dict[str, list[str]]:
     """Cells of a CSV table by heading; raises BadInput."""
     try:
-        text = plain_text(path, "utf-8-sig")
+        text = read_text_file(path, "utf-8-sig")
         lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if any(line)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"{path}: cannot be read as a CSV table: {error}") from None
