@@ -6,6 +6,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
+from doe.hao2022.figures import half_normal, pareto
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.experiments.anova import anova
 from taichi_erosion.experiments.audit.examine import Audit, audit
@@ -13,7 +14,7 @@ from taichi_erosion.experiments.audit.numbers import Comparison
 from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
-from taichi_erosion.report.design_figures import contours, half_normal, pareto
+from taichi_erosion.report.design_figures import contours
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 
 PAGE = "hao2022.md"

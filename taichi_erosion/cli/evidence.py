@@ -250,7 +250,7 @@ def next_(study: StudyFile, as_json: AsJson = False) -> None:
 @app.command(**help_of("report"))
 def report(source: ReportSource, to: PageFile = None, as_json: AsJson = False) -> None:
     """One self-contained HTML page: of a run, of a calibration, or of everything found about a study."""
-    from taichi_erosion.report.any_page import write_report
+    from taichi_erosion.report import write_report
 
     page = str(write_report(source, to))
     if as_json:

@@ -24,7 +24,7 @@ def recording_of(file: Path) -> Path:
     """The recording itself; that of a study is put together from what the study has left."""
     if file.suffix != ".toml":
         return file
-    from taichi_erosion.report.study_recording import write_recording
+    from taichi_erosion.report import write_recording
 
     return write_recording(file)
 

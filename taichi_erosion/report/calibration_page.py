@@ -1,116 +1,40 @@
-"""Figures of a calibration beside those of its designs: what goes on, the climb, what fresh runs say.
+"""Page of a calibration: README.md with figures in the study's folder, the same as HTML, and a recording."""
 
-The page of a calibration: what was run, what matters, where the target is met, what fresh runs say.
-
-The report of a calibration: its page in HTML, with the pictures inside.
-"""
-
+import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
 from taichi_erosion.campaign.calibration import Calibration
-from taichi_erosion.campaign.study_file import Target, read_calibration_study
+from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.experiments.design_table import Design
-from taichi_erosion.report.design_figures import (
-    contours,
-    perturbation,
-    predicted_against_actual,
-    residuals,
-    response_surfaces,
-)
+from taichi_erosion.recording.study_recording import Shown, StudyPage, record_study
+from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.html import address_of, render
 from taichi_erosion.report.markdown import markdown_table, with_spread
 
-mpl.use("Agg")
-
-
-OURS, THEIRS, IDLE = "#1f4e79", "#c0392b", "#b8c1c9"
-STYLE: dict[Any, Any] = {"font.size": 8.5, "axes.spines.top": False, "axes.spines.right": False}
-RESOLUTION = 130  # dots per inch
-Record = Mapping[str, Any]
-
-
-def save(figure: Figure, path: Path) -> Path:
-    """Write a picture; equal figures give equal bytes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=RESOLUTION, metadata={"Software": None})
-    plt.close(figure)
-    return path
-
-
-def effect_bars(found: Record, names: Mapping[str, str], kept: Sequence[str], unit: str) -> Figure:
-    """Effects by size with the limits beyond which they are believed; those that go on are dark."""
-    effects = found["effects"][::-1]
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(6.4, 0.32 * len(effects) + 1.0), layout="constrained")
-        colours = [OURS if effect["name"] in kept else IDLE for effect in effects]
-        axes.barh([names[e["name"]] for e in effects], [e["value"] for e in effects], color=colours)
-        for limit, style, label in (
-            (found["limits"]["single"], "--", "95 % limit"),
-            (found["limits"]["bonferroni"], ":", "the same for all at once"),
-        ):
-            for sign, text in ((1.0, label), (-1.0, None)):
-                axes.axvline(sign * limit, color=THEIRS, linestyle=style, linewidth=1.0, label=text)
-        axes.axvline(0.0, color="black", linewidth=0.6)
-        axes.set_xlabel(f"mean at high level less mean at low level [{unit}]")
-        axes.legend(frameon=False, loc="lower right")
-    return figure
-
-
-def climb_curve(design: Design, name: str, best: int, target: Target) -> Figure:
-    """Response along the path with the measured value."""
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(4.6, 2.8), layout="constrained")
-        measured(axes, target)
-        steps = np.arange(len(design))
-        axes.plot(steps, design.responses[name], "o-", color=OURS)
-        axes.plot(best, design.responses[name][best], "o", markersize=11, fillstyle="none", color=OURS)
-        axes.set_xticks(steps)
-        axes.set_xlabel("step along the steepest path")
-        axes.set_ylabel(f"{name} [{target.unit}]")
-    return figure
-
-
-def measured(axes: Any, target: Target) -> None:
-    """Band of the laboratory's single repeats."""
-    axes.axhspan(target.value - target.sd, target.value + target.sd, color=THEIRS, alpha=0.15, linewidth=0)
-    axes.axhline(target.value, color=THEIRS, linewidth=1.0)
-
-
-def fresh_runs(values: Sequence[float], name: str, target: Target, predicted: Record) -> Figure:
-    """Fresh seeds at the optimum beside prediction and measurement."""
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(figsize=(3.6, 2.8), layout="constrained")
-        measured(axes, target)
-        half = 0.5 * (predicted["high"] - predicted["low"])
-        axes.errorbar([0.0], [predicted["value"]], yerr=[half], fmt="s", color=IDLE, capsize=3)
-        axes.plot(np.linspace(0.85, 1.15, len(values)), values, "o", color=OURS)
-        axes.set_xticks([0.0, 1.0], ["fitted surface", "fresh runs"])
-        axes.set_xlim(-0.5, 1.5)
-        axes.set_ylabel(f"{name} [{target.unit}]")
-    return figure
-
+Row = Mapping[str, str]
 
 PAGE = "README.md"
-PAGE_TEMPLATE = "calibration.md"
+PAGE_TEMPLATE, TEMPLATE = "calibration.md", "calibration.html"
 PICTURES = "pictures"
-LINES = 5  # optima that the page lists
+RECORDING = "study.rrd"
+OPTIMA = 5  # listed on the page
 VARIANCE = ("sum_of_squares", "df", "mean_square", "f", "p")
+PICTURE = re.compile(r'<img src="([^":]+)"')
+MOST_RUNS = 9  # recorded runs side by side
+STAGES = ("confirm", "surface", "climb", "screen")  # order of the recorded runs
 
 
 def publish(found: Calibration) -> Path:
-    """Write page and pictures into the study's folder; all steps must have been taken."""
+    """Write page and pictures into the folder of a completed study."""
     draw(found)
     pages = Environment(loader=PackageLoader("taichi_erosion.report"), undefined=StrictUndefined)
     document, targets = found.document, found.file.study.targets
@@ -131,17 +55,18 @@ def publish(found: Calibration) -> Path:
 
 
 def draw(found: Calibration) -> None:
-    """All figures of the page."""
+    """Write all figures of the page."""
     assert found.climb is not None
-    for name in found.file.study.targets:
-        for kind, figure in figures_of(found, name).items():
-            save(figure, found.file.folder / PICTURES / f"{kind}_{name}.png")
-    name, target = next(iter(found.file.study.targets.items()))
-    curve = climb_curve(found.climb.design, name, found.climb.best, target)
-    save(curve, found.file.folder / PICTURES / f"climb_{name}.png")
+    pictures, targets = found.file.folder / PICTURES, found.file.study.targets
+    for name in targets:
+        for kind, figure in response_figures(found, name).items():
+            figures.save(figure, pictures / f"{kind}_{name}.png")
+    name, target = next(iter(targets.items()))
+    curve = figures.climb_curve(found.climb.design, name, found.climb.best, target)
+    figures.save(curve, pictures / f"climb_{name}.png")
 
 
-def figures_of(found: Calibration, name: str) -> dict[str, Any]:
+def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
     """Figures of one response, by kind."""
     assert found.surface is not None
     document, names, target = found.document, labels(found), found.file.study.targets[name]
@@ -149,36 +74,35 @@ def figures_of(found: Calibration, name: str) -> dict[str, Any]:
     best, values = document["optimise"]["optima"][0], document["confirm"]["values"][name]
     at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
     return {
-        "effects": effect_bars(analysed["responses"][name], names, analysed["kept"], target.unit),
-        "surface": contours(fit, names, target.unit, at, target.value),
-        "hills": response_surfaces(fit, names, target.unit, at),
-        "perturbation": perturbation(fit, names, target.unit, at),
-        "fit": predicted_against_actual(fit, target.unit),
-        "residuals": residuals(fit, found.surface.design.run_order),
-        "confirm": fresh_runs(values, name, target, best["predicted"][name]),
+        "effects": figures.effect_bars(analysed["responses"][name], names, analysed["kept"], target.unit),
+        "surface": figures.contours(fit, names, target.unit, at, target.value),
+        "hills": figures.response_surfaces(fit, names, target.unit, at),
+        "perturbation": figures.perturbation(fit, names, target.unit, at),
+        "fit": figures.predicted_against_actual(fit, target.unit),
+        "residuals": figures.residuals(fit, found.surface.design.run_order),
+        "confirm": figures.confirmation_runs(values, name, target, best["predicted"][name]),
     }
 
 
 def labels(found: Calibration) -> dict[str, str]:
-    """Names for people, by path."""
+    """Readable names of the parameters, by path."""
     return {path: entry.label or path for path, entry in found.file.study.parameters.items()}
 
 
 def effect_table(found: Calibration, name: str) -> str:
-    """Effects, largest first, beside what was published."""
+    """Effects, largest first, with the published values."""
     rows = []
     for effect in found.document["analyse"]["responses"][name]["effects"]:
         entry = found.file.study.parameters[effect["name"]]
-        numbers = (f"{effect['value']:+.2f}", f"{effect['p']:.2g}")
-        names = f"{labels(found)[effect['name']]} {entry.symbol}".strip()
-        span = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
-        rows.append((names, span, *numbers, entry.published))
+        label = f"{labels(found)[effect['name']]} {entry.symbol}".strip()
+        limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
+        rows.append((label, limits, f"{effect['value']:+.2f}", f"{effect['p']:.2g}", entry.published))
     unit = found.file.study.targets[name].unit
     return markdown_table(("parameter", "range", f"effect [{unit}]", "p", "published"), rows)
 
 
 def climb_table(found: Calibration) -> str:
-    """The path, step by step."""
+    """Path of steepest ascent, step by step."""
     document = found.document["climb"]
     paths, names = (list(document["rows"][0][key]) for key in ("settings", "responses"))
     rows = []
@@ -190,7 +114,7 @@ def climb_table(found: Calibration) -> str:
 
 
 def number(value: float) -> str:
-    """A number in four digits, or that there is none."""
+    """Number in four digits; "none" for NaN."""
     return "none" if value != value else f"{value:.4g}"
 
 
@@ -201,7 +125,7 @@ def variance_table(document: Mapping[str, Any]) -> str:
 
 
 def equation(found: Calibration, name: str) -> str:
-    """The equation in natural units, with the symbols of the publication where the study names them."""
+    """Equation in natural units, with the publication's symbols where the study names them."""
     text = found.document["surface"]["responses"][name]["natural_reduced"]
     for path, entry in found.file.study.parameters.items():
         text = text.replace(path, entry.symbol or path)
@@ -209,8 +133,8 @@ def equation(found: Calibration, name: str) -> str:
 
 
 def optimum_table(found: Calibration) -> str:
-    """Settings that meet the target, the most certain prediction first."""
-    optima, targets = found.document["optimise"]["optima"][:LINES], list(found.file.study.targets)
+    """Settings that reach the target, the narrowest prediction interval first."""
+    optima, targets = found.document["optimise"]["optima"][:OPTIMA], list(found.file.study.targets)
     paths = list(optima[0]["settings"])
     rows = []
     for one in optima:
@@ -222,26 +146,70 @@ def optimum_table(found: Calibration) -> str:
 
 
 def samples(test: Mapping[str, Any]) -> dict[str, str]:
-    """Mean, spread and number of the fresh runs and of the measurement."""
+    """Mean, standard deviation and number of the confirmation runs and of the measurement."""
     return {
         kind: with_spread(test[kind]["mean"], test[kind]["sd"], int(test[kind]["n"]))
         for kind in ("runs", "wanted")
     }
 
 
-TEMPLATE = "calibration.html"
-PICTURE = re.compile(r'<img src="([^":]+)"')
+def finished(study: Path) -> CalibrationStudy:
+    """Study whose page and table of runs exist. Raises BadInput where the calibration is not finished."""
+    file = read_calibration_study(study)
+    if not (file.folder / PAGE).is_file() or not (file.folder / "runs.csv").is_file():
+        raise BadInput(f"{study}: not calibrated yet; run doe calibrate on it first")
+    return file
 
 
 def write_report(study: Path, to: Path | None = None) -> Path:
-    """Write the page of a calibration; raises BadInput where the calibration has not been finished."""
-    file = read_calibration_study(study)
-    source = file.folder / PAGE
-    if not source.is_file():
-        raise BadInput(f"{study}: not calibrated yet; run doe calibrate on it first")
-    title, _, text = source.read_text(encoding="utf-8").partition("\n")
-    words = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', words)
+    """Write the HTML page of a calibration. Raises BadInput where the calibration is not finished."""
+    file = finished(study)
+    title, _, text = (file.folder / PAGE).read_text(encoding="utf-8").partition("\n")
+    html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', html)
     about = f"{study}, calibrated by designed experiments"
     page = render(TEMPLATE, {"title": title.removeprefix("# "), "about": about, "body": body})
     return write_atomic(to or file.folder / f"{study.stem}.report.html", page.encode())
+
+
+def write_recording(study: Path) -> Path:
+    """Write the recording of a calibration. Raises BadInput where the calibration is not finished."""
+    file = finished(study)
+    with (file.folder / "runs.csv").open(encoding="utf-8", newline="") as text:
+        rows = list(csv.DictReader(text))
+    pictures = {path.stem.replace("_", " "): path for path in sorted((file.folder / PICTURES).glob("*.png"))}
+    lines = (file.folder / PAGE).read_text(encoding="utf-8").splitlines()
+    page = StudyPage(
+        title=file.study.study.title or study.stem,
+        summary="\n".join(line for line in lines if not line.startswith("![")),
+        table=run_table(file, rows),
+        figures={name: path.read_bytes() for name, path in pictures.items()},
+        runs=list(recorded_runs(file, rows))[:MOST_RUNS],
+        properties={f"target_{name}": target.value for name, target in file.study.targets.items()},
+    )
+    return record_study(file.folder / RECORDING, page)
+
+
+def run_table(file: CalibrationStudy, rows: Sequence[Row]) -> str:
+    """Settings and responses of every run."""
+    paths, targets = list(file.study.parameters), list(file.study.targets)
+    header = ["run", *(file.study.parameters[path].label or path for path in paths), *targets]
+    cells = [[run_name(row), *(row[key] for key in (*paths, *targets))] for row in rows]
+    return markdown_table(header, cells)
+
+
+def run_name(row: Row) -> str:
+    """`surface-3`."""
+    return f"{row['stage']}-{row['row']}"
+
+
+def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[Shown]:
+    """Runs with an existing recording, in the order of STAGES."""
+    for row in sorted(rows, key=lambda row: STAGES.index(row["stage"])):
+        recording = file.folder / "recordings" / f"{run_name(row)}-{row['seed']}.rrd"
+        if recording.is_file():
+            responses = {name: float(row[name]) for name in file.study.targets if row[name]}
+            texts = (f"{name} {y:.3g} {file.study.targets[name].unit}" for name, y in responses.items())
+            settings = {re.sub(r"[.-]", "_", path): float(row[path]) for path in file.study.parameters}
+            caption = f"{run_name(row)}: {', '.join(texts)}"
+            yield Shown(run_name(row), caption, recording, settings | responses)

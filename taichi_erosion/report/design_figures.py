@@ -1,13 +1,14 @@
-"""Figures of a designed experiment: effects, response surfaces, and what the residuals say.
+"""Figures of designed experiments and calibrations: effects, climb, surfaces, residuals, confirmation.
 
-Lines differ by dash as well as by colour and maps by lightness, so that a print without colour can be read.
-Every function takes names for the axes by factor path; a factor without one keeps its path.
+Lines differ by dash as well as by colour and maps by lightness, for prints without colour.
+`names` gives the axis label of a factor path; without an entry the path is the label.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import combinations
-from math import ceil, isfinite
+from math import ceil
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -15,33 +16,33 @@ import matplotlib as mpl
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import stats
 
-from taichi_erosion.experiments.design_table import to_natural
-from taichi_erosion.experiments.effects import effect_limits, effects, half_normal_scores
+from taichi_erosion.campaign.study_file import Target
+from taichi_erosion.experiments.design_table import Design, to_natural
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.quality import diagnostics
 
 Floats = NDArray[np.float64]
 Names = Mapping[str, str]
+Record = Mapping[str, Any]
 
-LINE, POINT, IDLE = "#1f4e79", "#c0392b", "#7f8c8d"
+LINE, POINT, NEUTRAL, PALE = "#1f4e79", "#c0392b", "#7f8c8d", "#b8c1c9"
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
-MAP = "cividis"  # its lightness rises evenly: a grey copy shows the same hills
+MAP = "cividis"  # even rise of lightness: readable in grey
 TICKS = 41  # points along an edge of a surface
 LEVELS = 9  # contour lines
 STYLE: dict[Any, Any] = {"font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False}
-PAPER: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}  # behind words on lines
-AWAY: dict[str, Any] = {"textcoords": "offset points"}
+CALIBRATION_STYLE: dict[Any, Any] = STYLE | {"font.size": 8.5}
+RESOLUTION = 130  # of a calibration's pictures [dots per inch]
 WIDTH = 3.3  # of one panel [inch]
 
 
 @contextmanager
 def panels(count: int, columns: int, solid: bool = False) -> Iterator[tuple[Figure, list[Any]]]:
-    """A figure with so many panels, in the style of all of them."""
+    """Figure of `count` panels in STYLE."""
     across = min(count, columns)
     down = ceil(count / across)
     with plt.rc_context(STYLE):
@@ -59,63 +60,13 @@ def panels(count: int, columns: int, solid: bool = False) -> Iterator[tuple[Figu
 
 
 def label(term: str, names: Names) -> str:
-    """Name of a factor, of a power or of a product of factors on an axis."""
+    """Axis label of a factor, a power, or a product of factors."""
     words = (factor.partition("^") for factor in term.split("*"))
     return " \N{MULTIPLICATION SIGN} ".join(names.get(path, path) + hat + power for path, hat, power in words)
 
 
-def half_normal(fit: Fit, names: Names, unit: str) -> Figure:
-    """Sizes of the effects against what noise alone would give; those that leave the line are named."""
-    ordered = sorted(effects(fit), key=lambda effect: abs(effect.value))
-    sizes = np.array([abs(effect.value) for effect in ordered])
-    scores = half_normal_scores(len(sizes))
-    believed = effect_limits(fit).single if fit.df_error else effect_limits(fit).lenth_margin
-    with panels(1, 1) as (figure, (axes,)):
-        small = sizes <= float(np.median(sizes))
-        slope = float(scores[small] @ sizes[small] / (scores[small] @ scores[small]))
-        axes.plot([0.0, slope * scores[-1]], [0.0, scores[-1]], color=IDLE, lw=1.0)
-        axes.plot(sizes, scores, "o", color=LINE)
-        for effect, size, score in zip(ordered, sizes, scores, strict=True):
-            if size > believed:
-                sign = "+" if effect.value > 0.0 else "\N{MINUS SIGN}"
-                text = f"{label(effect.name, names)} ({sign}) "
-                axes.annotate(text, (size, score), (-6, 3), ha="right", fontsize=8, bbox=PAPER, **AWAY)
-        mark_limits(axes, fit, axes.axvline)
-        axes.set(xlabel=f"size of the effect [{unit}]", ylabel="half-normal score [1]", xlim=(0.0, None))
-        axes.set_ylim(0.0, 1.15 * scores[-1])
-        axes.legend(fontsize=7.5, loc="lower right", edgecolor="none")
-    return figure
-
-
-def pareto(fit: Fit, names: Names, unit: str) -> Figure:
-    """Effects by size with the limits beyond which they are believed; hollow bars are negative."""
-    ordered = sorted(effects(fit), key=lambda effect: abs(effect.value))
-    with panels(1, 1) as (figure, (axes,)):
-        for place, effect in enumerate(ordered):
-            fill = LINE if effect.value > 0.0 else "white"
-            axes.barh(place, abs(effect.value), color=fill, edgecolor=LINE)
-        axes.set_yticks(range(len(ordered)), [label(effect.name, names) for effect in ordered])
-        mark_limits(axes, fit, axes.axvline)
-        axes.set_xlabel(f"size of the effect [{unit}]\nhollow: lowers")
-        axes.legend(fontsize=7.5, loc="lower right", edgecolor="none", framealpha=1.0)
-    return figure
-
-
-def mark_limits(axes: Axes, fit: Fit, line: Callable[..., Any]) -> None:
-    """Limits of a single effect and of all at once; Lenth's where the design leaves no error."""
-    known = effect_limits(fit)
-    drawn = (
-        [(known.single, "--", "t limit, 95 %"), (known.bonferroni, ":", "Bonferroni limit")]
-        if fit.df_error
-        else [(known.lenth_margin, "--", "Lenth, one effect"), (known.lenth_simultaneous, ":", "Lenth, all")]
-    )
-    for value, dash, text in drawn:
-        if isfinite(value):
-            line(value, color=POINT, linestyle=dash, lw=1.1, label=text)
-
-
 def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats | None = None) -> Figure:
-    """The fitted surface over all pairs of factors, the others at a coded point (the centre if left out)."""
+    """Fitted surface over every pair of factors, the others at a coded point (default: the centre)."""
     pairs = list(combinations(range(len(fit.factors)), 2))
     with panels(len(pairs), 3, solid=True) as (figure, frames):
         for axes, (i, j) in zip(frames, pairs, strict=True):
@@ -135,7 +86,7 @@ def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats | None = Non
 def contours(
     fit: Fit, names: Names, unit: str, at: Floats | None = None, target: float | None = None
 ) -> Figure:
-    """Lines of equal response over all pairs of factors, with the runs and, where it is met, the target."""
+    """Contours of the response over every pair of factors, with the runs and, if reached, the target."""
     pairs = list(combinations(range(len(fit.factors)), 2))
     place = to_natural(fit.factors, np.zeros(len(fit.factors)) if at is None else at)
     with panels(len(pairs), 3) as (figure, frames):
@@ -168,7 +119,7 @@ def grid(fit: Fit, i: int, j: int, at: Floats | None) -> tuple[Floats, Floats, F
 
 
 def perturbation(fit: Fit, names: Names, unit: str, at: Floats | None = None) -> Figure:
-    """Response as one factor after the other leaves a coded point (the centre if left out)."""
+    """Response along each factor through a coded point (default: the centre)."""
     ticks = np.linspace(-1.0, 1.0, TICKS)
     with panels(1, 1) as (figure, (axes,)):
         for k, factor in enumerate(fit.factors):
@@ -182,36 +133,97 @@ def perturbation(fit: Fit, names: Names, unit: str, at: Floats | None = None) ->
 
 
 def predicted_against_actual(fit: Fit, unit: str) -> Figure:
-    """Fitted value of every run against its result."""
+    """Fitted against simulated values."""
     with panels(1, 1) as (figure, (axes,)):
         ends = [min(fit.values.min(), fit.fitted.min()), max(fit.values.max(), fit.fitted.max())]
-        axes.plot(ends, ends, color=IDLE, lw=1.0)
+        axes.plot(ends, ends, color=NEUTRAL, lw=1.0)
         axes.plot(fit.values, fit.fitted, "o", color=LINE)
         axes.set(xlabel=f"{fit.response} of the run [{unit}]", ylabel=f"fitted [{unit}]")
     return figure
 
 
-def residuals(fit: Fit, turns: NDArray[np.int64]) -> Figure:
-    """Studentized residuals: against a normal distribution, the fitted value and the turn; Cook's distance.
+def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
+    """Studentized residuals against normal scores, fitted values and run order; Cook's distance.
 
-    `turns` says when each row of the design was carried out.
+    `run_order` is the position of each design row in the sequence of runs.
     """
     found = diagnostics(fit)
     known = np.isfinite(found.deleted)
-    left, fitted, when = found.deleted[known], fit.fitted[known], turns[fit.rows][known]
+    left, fitted, when = found.deleted[known], fit.fitted[known], run_order[fit.rows][known]
     with panels(4, 2) as (figure, (normal, level, order, influence)):
         scores = stats.norm.ppf((np.arange(1, len(left) + 1) - 0.5) / len(left))
         normal.plot(np.sort(left), scores, "o", color=LINE)
-        normal.plot(scores, scores, color=IDLE, lw=1.0)
+        normal.plot(scores, scores, color=NEUTRAL, lw=1.0)
         normal.set(xlabel="studentized residual [1]", ylabel="normal score [1]")
         level.plot(fitted, left, "o", color=LINE)
         level.set(xlabel="fitted value", ylabel="studentized residual [1]")
         order.plot(np.sort(when), left[np.argsort(when)], "o-", color=LINE, lw=0.7)
-        order.set(xlabel="turn of the run", ylabel="studentized residual [1]")
+        order.set(xlabel="run order", ylabel="studentized residual [1]")
         for axes in (level, order):
-            axes.axhline(0.0, color=IDLE, lw=1.0)
+            axes.axhline(0.0, color=NEUTRAL, lw=1.0)
             for side in (-found.limit, found.limit):
                 axes.axhline(side, color=POINT, linestyle="--", lw=1.0)
-        influence.stem(turns[fit.rows], found.cook, basefmt=" ")
-        influence.set(xlabel="turn of the run", ylabel="Cook's distance [1]")
+        influence.stem(run_order[fit.rows], found.cook, basefmt=" ")
+        influence.set(xlabel="run order", ylabel="Cook's distance [1]")
+    return figure
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a PNG; equal figures give equal bytes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=RESOLUTION, metadata={"Software": None})
+    plt.close(figure)
+    return path
+
+
+def effect_bars(found: Record, names: Mapping[str, str], kept: Sequence[str], unit: str) -> Figure:
+    """Effects by size with their significance limits; dark: factors that the calibration keeps."""
+    effects = found["effects"][::-1]
+    with plt.rc_context(CALIBRATION_STYLE):
+        figure, axes = plt.subplots(figsize=(6.4, 0.32 * len(effects) + 1.0), layout="constrained")
+        colours = [LINE if effect["name"] in kept else PALE for effect in effects]
+        axes.barh([names[e["name"]] for e in effects], [e["value"] for e in effects], color=colours)
+        for limit, style, label in (
+            (found["limits"]["single"], "--", "t limit, 95 %"),
+            (found["limits"]["bonferroni"], ":", "Bonferroni limit"),
+        ):
+            for sign, text in ((1.0, label), (-1.0, None)):
+                axes.axvline(sign * limit, color=POINT, linestyle=style, linewidth=1.0, label=text)
+        axes.axvline(0.0, color="black", linewidth=0.6)
+        axes.set_xlabel(f"mean at high level minus mean at low level [{unit}]")
+        axes.legend(frameon=False, loc="lower right")
+    return figure
+
+
+def climb_curve(design: Design, name: str, best: int, target: Target) -> Figure:
+    """Response along the path of steepest ascent, with the measured value."""
+    with plt.rc_context(CALIBRATION_STYLE):
+        figure, axes = plt.subplots(figsize=(4.6, 2.8), layout="constrained")
+        measured_band(axes, target)
+        steps = np.arange(len(design))
+        axes.plot(steps, design.responses[name], "o-", color=LINE)
+        axes.plot(best, design.responses[name][best], "o", markersize=11, fillstyle="none", color=LINE)
+        axes.set_xticks(steps)
+        axes.set_xlabel("step along the path of steepest ascent")
+        axes.set_ylabel(f"{name} [{target.unit}]")
+    return figure
+
+
+def measured_band(axes: Any, target: Target) -> None:
+    """Measured value with one standard deviation of single repeats."""
+    axes.axhspan(target.value - target.sd, target.value + target.sd, color=POINT, alpha=0.15, linewidth=0)
+    axes.axhline(target.value, color=POINT, linewidth=1.0)
+
+
+def confirmation_runs(values: Sequence[float], name: str, target: Target, predicted: Record) -> Figure:
+    """Confirmation runs at the optimum, with prediction and measurement."""
+    with plt.rc_context(CALIBRATION_STYLE):
+        figure, axes = plt.subplots(figsize=(3.6, 2.8), layout="constrained")
+        measured_band(axes, target)
+        half = 0.5 * (predicted["high"] - predicted["low"])
+        axes.errorbar([0.0], [predicted["value"]], yerr=[half], fmt="s", color=PALE, capsize=3)
+        axes.plot(np.linspace(0.85, 1.15, len(values)), values, "o", color=LINE)
+        axes.set_xticks([0.0, 1.0], ["response surface", "confirmation runs"])
+        axes.set_xlim(-0.5, 1.5)
+        axes.set_ylabel(f"{name} [{target.unit}]")
     return figure

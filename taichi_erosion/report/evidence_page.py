@@ -1,6 +1,6 @@
-"""What would change the conclusion of an evidence study, in sentences, as far as its numbers know.
+"""Page of an evidence study: one self-contained HTML file, or a recording, from the stored results.
 
-The report of an evidence study: one HTML page that needs nothing else, made from kept documents.
+The page ends with the limits of the conclusion: what could change it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,78 +14,36 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers import documents as results
 from taichi_erosion.evidence.inference.levels import ABSORBED, STABLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
-from taichi_erosion.report import evidence_figures as figures
-from taichi_erosion.report.html import Picture, render
+from taichi_erosion.recording.study_recording import StudyPage, record_study
+from taichi_erosion.report import figures
+from taichi_erosion.report.figures import Picture
+from taichi_erosion.report.html import number, render
+from taichi_erosion.report.markdown import markdown_table
 
 Document = Mapping[str, Any]
 
-
-def doubts(
-    comparison: Document | None, discovery: Document | None, adoption: Document | None
-) -> Iterator[str]:
-    """All doubts, those about the noise first."""
-    noise = (discovery or comparison or {})["noise"]["observables"]
-    unrepeated = ", ".join(name for name, budget in noise.items() if budget["repeats"] < 1)
-    if unrepeated:
-        yield f"Repeats: the scatter of {unrepeated} is stated, not seen; if it is larger, misfits shrink."
-    if not any(budget["numerical"] for budget in noise.values()):
-        yield (
-            "Numerics: no tolerance for box, time step and grain number is declared; a smooth bias of the "
-            "model would look like physics."
-        )
-    if discovery:
-        yield from doubts_about_names(discovery)
-        yield from doubts_about_runs(discovery)
-    if adoption and adoption["vault"]["opened"] > 1:
-        yield (
-            "The vault has been opened more than once: its error is not that of unseen measurements any more."
-        )
-
-
-def doubts_about_names(discovery: Document) -> Iterator[str]:
-    """What could be wrong with the names."""
-    effects = discovery["effects"]
-    hiding = ", ".join(name for name, effect in effects.items() if effect["status"] == "not_testable")
-    if hiding:
-        yield f"Hidden: {hiding} could act without these measurements showing it."
-    for name in dict.fromkeys((*discovery["named"], *discovery["group"])):
-        if (effects.get(name, {}).get("absorption") or 0.0) > ABSORBED:
-            parameter = discovery["absorbed_by"].get(name, "a calibrated number")
-            yield f"Calibration imitates most of {name}: measure {parameter} by itself to break this."
-    if len(discovery["group"]) > 1:
-        yield f"These measurements do not tell {', '.join(discovery['group'])} apart."
-
-
-def doubts_about_runs(discovery: Document) -> Iterator[str]:
-    """What could be wrong with the runs behind the names."""
-    if discovery["decoy_rank"] == 1:
-        yield "A made-up effect fits best of all: the shortlist is not to be trusted."
-    stability = discovery["stability"]
-    if stability is not None and stability < STABLE:
-        yield f"With other seeds the first name is the same in {100.0 * stability:.0f} % of repeats."
-    if discovery["failures"]:
-        yield f"{discovery['failures']} model values could not be computed; they were left out."
-
-
 TEMPLATE = "evidence.html"
+RECORDING = "study.rrd"
+
+
 CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
-NO_MISFIT = "No misfit is seen in any observable or along any condition."
-TIMES = {0: "has not been opened", 1: "has been opened once"}
+NO_MISFIT = "No observable shows a significant misfit, neither as a whole nor along a condition."
+TIMES = {0: "has not been opened", 1: "was opened once"}
 
 
 @dataclass(frozen=True)
-class Found:
-    """Everything that was found about a study; None for a question that was not asked."""
+class Results:
+    """Stored results of a study by command; None for a command that has not run."""
 
     comparison: Document | None
     discovery: Document | None
     adoption: Document | None
     experiments: Document | None
-    rungs: Sequence[Document] = ()
+    adoptions: Sequence[Document] = ()
 
     @property
-    def asked(self) -> dict[str, Document]:
-        """Answers by the command that gave them."""
+    def by_command(self) -> dict[str, Document]:
+        """Results by the name of their command, the most complete first."""
         answers = {
             "discover": self.discovery,
             "compare": self.comparison,
@@ -96,20 +54,49 @@ class Found:
 
     @property
     def first(self) -> Document:
-        """The answer that knows most about the study."""
-        return next(iter(self.asked.values()))
+        """Most complete result."""
+        return next(iter(self.by_command.values()))
 
 
 def write_report(study: Path, to: Path | None = None) -> Path:
-    """Write the page of a study; raises BadInput where nothing has been found yet."""
-    folder, page = results_folder(study, read_evidence_study(study)), words(found_in(study))
+    """Write the HTML page of a study. Raises BadInput without a stored result."""
+    folder, page = results_folder(study, read_evidence_study(study)), page_fields(stored_results(study))
     return write_atomic(to or folder / f"{study.stem}.report.html", render(TEMPLATE, page).encode())
 
 
-def found_in(study: Path) -> Found:
-    """What was found about a study; raises BadInput where that is nothing yet."""
+def write_recording(study: Path) -> Path:
+    """Write the recording of a study. Raises BadInput without a stored result."""
+    found, folder = stored_results(study), results_folder(study, read_evidence_study(study))
+    first = found.first
+    title = first["title"] or Path(first["study"]).stem
+    page = StudyPage(
+        title=title,
+        summary="\n\n".join([f"# {title}", *summary(found)]),
+        table=row_table(found),
+        figures={name: figures.raster(drawn) for name, drawn in pictures(found).items() if drawn is not None},
+        properties={"rows": first["rows_visible"], "held_out": first["rows_hidden"], "seed": first["seed"]},
+    )
+    return record_study(folder / f"{study.stem}.{RECORDING}", page)
+
+
+def row_table(found: Results) -> str:
+    """Measured and predicted values of every fitted row."""
+    rows = (found.comparison or {}).get("rows") or (found.discovery or {})["rows_before"]
+    axes = list(rows["conditions"])
+    columns = [rows["conditions"][axis] for axis in axes]
+    columns += [rows[key] for key in ("measured", "predicted", "residual")]
+    header = ["observable", *axes, "measured", "model", "residual, sd"]
+    cells = [
+        [name, *(number(column[place]) for column in columns)]
+        for place, name in enumerate(rows["observable"])
+    ]
+    return markdown_table(header, cells)
+
+
+def stored_results(study: Path) -> Results:
+    """Stored results of a study. Raises BadInput where there are none."""
     folder = results_folder(study, read_evidence_study(study))
-    found = Found(
+    found = Results(
         results.recall(folder, study.stem, "compare"),
         results.recall(folder, study.stem, "discover"),
         results.recall(folder, study.stem, "adopt"),
@@ -117,12 +104,12 @@ def found_in(study: Path) -> Found:
         results.ladder(folder),
     )
     if found.comparison is None and found.discovery is None:
-        raise BadInput(f"{study}: nothing has been found yet; run compare or discover on it first")
+        raise BadInput(f"{study}: no results yet; run compare or discover on it first")
     return found
 
 
-def words(found: Found) -> dict[str, Any]:
-    """What the template is given."""
+def page_fields(found: Results) -> dict[str, Any]:
+    """Fields of the template."""
     first, adoption, discovery = found.first, found.adoption, found.discovery
     return {
         "title": first["title"] or Path(first["study"]).stem,
@@ -139,7 +126,7 @@ def words(found: Found) -> dict[str, Any]:
         "vault": vault_sentences(found),
         "fits_of_adoption": list(fits(adoption)),
         "adoption_parameters": calibrated(adoption),
-        "doubts": list(doubts(found.comparison, discovery, adoption)),
+        "limits": list(limits(found.comparison, discovery, adoption)),
         "experiments": (found.experiments or discovery or {"next_experiments": []})["next_experiments"],
         "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
         "facts": list(facts(found)),
@@ -147,59 +134,59 @@ def words(found: Found) -> dict[str, Any]:
     }
 
 
-def pictures(found: Found) -> dict[str, Picture | None]:
-    """All figures; None where there is nothing to draw."""
+def pictures(found: Results) -> dict[str, Picture | None]:
+    """Figures by name; None without data."""
     comparison, discovery, adoption = found.comparison, found.discovery, found.adoption
     before = comparison["rows"] if comparison else discovery["rows_before"] if discovery else None
     after = adoption["added"]["rows"] if adoption else discovery["rows_after"] if discovery else None
-    seen = adoption if adoption and adoption["base"]["vault_chi2"] is not None else None
+    tested = adoption if adoption and adoption["base"]["vault_chi2"] is not None else None
     return {
         "agreement": figures.draw_agreement(before, found.first["units"]) if before else None,
         "residuals": figures.draw_residuals(before, after) if before else None,
         "posterior": figures.draw_posterior(discovery["probabilities"]) if discovery else None,
-        "vault": figures.draw_vault(seen) if seen else None,
-        "ladder": figures.draw_ladder(found.rungs) if len(found.rungs) > 1 else None,
+        "vault": figures.draw_vault(tested) if tested else None,
+        "adoptions": figures.draw_adoptions(found.adoptions) if len(found.adoptions) > 1 else None,
     }
 
 
-def summary(found: Found) -> list[str]:
-    """The sentences that most readers will read."""
-    told = failures(found.comparison)[:2]
-    told += found.discovery["sentences"][:1] if found.discovery else []
-    told += [found.adoption["sentence"]] if found.adoption else []
-    return told or ["The calibrated model is consistent with the measurements that it was shown."]
+def summary(found: Results) -> list[str]:
+    """Lead sentences of the page."""
+    sentences = failures(found.comparison)[:2]
+    sentences += found.discovery["sentences"][:1] if found.discovery else []
+    sentences += [found.adoption["sentence"]] if found.adoption else []
+    return sentences or ["The calibrated model agrees with the measurements of the fit."]
 
 
 def failures(comparison: Document | None) -> list[str]:
-    """Places where the model fails."""
+    """Sentences on the places of significant misfit."""
     places = comparison["where"] if comparison else ()
     return [place["sentence"] for place in places if fails(place["p"])]
 
 
 def ranked_effects(discovery: Document | None) -> list[tuple[str, Document]]:
-    """Candidates, the likeliest first."""
+    """Candidates in order of probability."""
     effects = discovery["effects"] if discovery else {}
     return sorted(effects.items(), key=lambda item: -(item[1]["probability"] or 0.0))
 
 
 def groups(discovery: Document | None) -> list[str]:
-    """Effects that cannot be told apart."""
+    """Groups of effects that the measurements cannot separate."""
     twins = discovery["ambiguity"] if discovery else {}
     return sorted({", ".join(sorted((name, *others))) for name, others in twins.items() if others})
 
 
-def vault_sentences(found: Found) -> list[str]:
-    """What was held out, and how often it has been looked at."""
-    told = [note for note in found.first["notes"] if "held out" in note]
+def vault_sentences(found: Results) -> list[str]:
+    """Held-out rows, and how often the vault was opened."""
+    sentences = [note for note in found.first["notes"] if "held out" in note]
     opened = (found.adoption or found.first).get("vault", {}).get("opened", 0)
-    return [*told, f"The vault {TIMES.get(opened, f'has been opened {opened} times')}."]
+    return [*sentences, f"The vault {TIMES.get(opened, f'was opened {opened} times')}."]
 
 
 def fits(adoption: Document | None) -> Iterator[tuple[str, Document]]:
-    """Fits of an adoption with their names."""
+    """Fits of an adoption with their labels."""
     if adoption is None:
         return
-    yield "as it was", adoption["base"]
+    yield "before", adoption["base"]
     yield f"with {adoption['effect']}", adoption["added"]
     for key, label in CONTROLS.items():
         if adoption[key] is not None:
@@ -207,12 +194,12 @@ def fits(adoption: Document | None) -> Iterator[tuple[str, Document]]:
 
 
 def calibrated(adoption: Document | None) -> Document:
-    """Strengths and parameters once the effect is in the model."""
+    """Strengths and parameters of the model with the adopted effect."""
     return {**adoption["added"]["strengths"], **adoption["added"]["parameters"]} if adoption else {}
 
 
-def facts(found: Found) -> Iterator[tuple[str, str]]:
-    """Everything needed to do it again."""
+def facts(found: Results) -> Iterator[tuple[str, str]]:
+    """Inputs and versions, for a repeat."""
     first = found.first
     yield "study", first["study"]
     yield "model", first["model"]
@@ -220,7 +207,58 @@ def facts(found: Found) -> Iterator[tuple[str, str]]:
     yield "rows", f"{first['rows_visible']} fitted, {first['rows_hidden']} held out"
     yield "candidates", ", ".join(first["candidates"]) or "none"
     yield "seed", str(first["seed"])
-    for command, document in found.asked.items():
+    for command, document in found.by_command.items():
         if "runs" in document:
             yield f"cost of {command}", f"{document['runs']} runs, {document['wall_s']:.1f} s"
     yield "versions", ", ".join(f"{name} {number}" for name, number in first["versions"].items())
+
+
+def limits(
+    comparison: Document | None, discovery: Document | None, adoption: Document | None
+) -> Iterator[str]:
+    """Limits of the conclusion, one sentence each: noise, names, runs, vault."""
+    noise = (discovery or comparison or {})["noise"]["observables"]
+    unrepeated = ", ".join(name for name, budget in noise.items() if budget["repeats"] < 1)
+    if unrepeated:
+        yield (
+            f"Repeats: the table states the scatter of {unrepeated}, but has no repeats to check it. "
+            "A larger scatter gives a smaller misfit."
+        )
+    if not any(budget["numerical"] for budget in noise.values()):
+        yield (
+            "Numerics: the study declares no tolerance for box, time step and grain number. A smooth "
+            "numerical error of the model would look like a missing effect."
+        )
+    if discovery:
+        yield from limits_of_names(discovery)
+        yield from limits_of_runs(discovery)
+    if adoption and adoption["vault"]["opened"] > 1:
+        yield "Vault: it was opened more than once. Its rows are no longer unseen data."
+
+
+def limits_of_names(discovery: Document) -> Iterator[str]:
+    """Limits of the named effects."""
+    effects = discovery["effects"]
+    hidden = ", ".join(name for name, effect in effects.items() if effect["status"] == "not_testable")
+    if hidden:
+        yield f"Not testable: these measurements cannot show {hidden}, even if present."
+    for name in dict.fromkeys((*discovery["named"], *discovery["group"])):
+        if (effects.get(name, {}).get("absorption") or 0.0) > ABSORBED:
+            parameter = discovery["absorbed_by"].get(name, "a calibrated parameter")
+            yield (
+                f"Absorption: calibration can imitate most of {name}. "
+                f"A separate measurement of {parameter} separates the two."
+            )
+    if len(discovery["group"]) > 1:
+        yield f"Group: these measurements cannot separate {', '.join(discovery['group'])}."
+
+
+def limits_of_runs(discovery: Document) -> Iterator[str]:
+    """Limits of the runs behind the named effects."""
+    if discovery["decoy_rank"] == 1:
+        yield "Decoy: an artificial effect fits best. The shortlist of effects is not reliable."
+    stability = discovery["stability"]
+    if stability is not None and stability < STABLE:
+        yield f"Seeds: {100.0 * stability:.0f} % of the repeats with other seeds name the same effect first."
+    if discovery["failures"]:
+        yield f"Failures: {discovery['failures']} model values could not be computed and are left out."

@@ -1,8 +1,4 @@
-"""A page of docs whose tables come from files.
-
-What stands between the marks `<!-- table: NAME -->` and `<!-- end -->` is written by a function,
-the rest by hand.
-"""
+"""Markdown tables, and pages with generated tables between `<!-- table: NAME -->` and `<!-- end -->`."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -14,7 +10,7 @@ MARKED = re.compile(
 
 
 def fill_tables(page: str, tables: Mapping[str, str]) -> str:
-    """The page with every marked place filled; marks and tables must answer each other."""
+    """Page with every marked table replaced. Raises ValueError unless `tables` has the marked names."""
     marks = [found["name"] for found in MARKED.finditer(page)]
     if sorted(marks) != sorted(tables):
         raise ValueError(f"the page marks {sorted(marks)}, there are {sorted(tables)}")
@@ -22,19 +18,19 @@ def fill_tables(page: str, tables: Mapping[str, str]) -> str:
 
 
 def fill_table(page: str, name: str, table: str) -> str:
-    """The page with one of its marked places filled, which must be there; the others stay."""
+    """Page with one marked table replaced. Raises ValueError where the page has no such mark."""
     others = {found["name"]: found["table"] for found in MARKED.finditer(page)}
     return fill_tables(page, others | {name: table})
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Markdown table, first column to the left, the rest to the right."""
+    """Markdown table; the first column is left-aligned, the others are right-aligned."""
     rule = [":--", *("--:" for _ in header[1:])]
     return "".join("| " + " | ".join(row) + " |\n" for row in (header, rule, *rows))
 
 
 def with_spread(value: float, sd: float, n: int, digits: int = 2) -> str:
-    """`value +- sd (n)`, cut at the second figure of the spread; a single value has none."""
+    """`value ± sd (n)`, rounded to the second digit of sd; without sd for a single value."""
     if not isfinite(value):
         return "none"
     if n < 2 or not isfinite(sd):
@@ -44,5 +40,5 @@ def with_spread(value: float, sd: float, n: int, digits: int = 2) -> str:
 
 
 def magnitude(number: float) -> int:
-    """Power of ten of the leading digit."""
+    """Decimal exponent."""
     return int(f"{number:e}".partition("e")[2])

@@ -1,4 +1,4 @@
-"""The report of a run: one HTML page that needs nothing else, made from the document beside its recording."""
+"""Page of a run: one self-contained HTML file, from the JSON document beside its recording."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -10,7 +10,8 @@ import matplotlib as mpl
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.report.html import STYLE, Picture, address_of, panels, picture, render
+from taichi_erosion.report.figures import STYLE, Picture, panels, picture
+from taichi_erosion.report.html import address_of, render
 from taichi_erosion.report.markdown import with_spread
 
 Document = Mapping[str, Any]
@@ -18,24 +19,24 @@ Document = Mapping[str, Any]
 TEMPLATE = "run.html"
 NEEDED = ("scene", "hash", "seed", "replicas", "measures", "measured", "versions")
 OURS, THEIRS = "#1f4e79", "#b4553d"
-LARGEST_FILM = 8_000_000  # bytes; a larger film stays a file
+LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
 
 
 def write_report(run: Path, to: Path | None = None) -> Path:
-    """Write the page of a run from its document or recording; raises BadInput where there is none."""
+    """Write the page of a run from its document or recording. Raises BadInput without a document."""
     source = run.with_suffix(".json")
     document = read_document(source)
     return write_atomic(
-        to or run.with_suffix(".report.html"), render(TEMPLATE, words(document, source)).encode()
+        to or run.with_suffix(".report.html"), render(TEMPLATE, page_fields(document, source)).encode()
     )
 
 
 def read_document(path: Path) -> Document:
-    """The document of a run."""
+    """JSON document of a run. Raises BadInput where it is missing or incomplete."""
     try:
         document = json.loads(read_text_file(path))
     except FileNotFoundError:
-        raise BadInput(f"{path}: no such document; a recorded run leaves one beside its recording") from None
+        raise BadInput(f"{path}: no such document; a run writes it beside its recording") from None
     except (OSError, ValueError) as error:
         raise BadInput(f"{path}: not the document of a run ({error})") from None
     missing = [name for name in NEEDED if not isinstance(document, dict) or name not in document]
@@ -44,14 +45,14 @@ def read_document(path: Path) -> Document:
     return document
 
 
-def words(document: Document, source: Path) -> dict[str, Any]:
-    """What the template is given."""
+def page_fields(document: Document, source: Path) -> dict[str, Any]:
+    """Fields of the template."""
     return {
         "title": document.get("title") or Path(document["scene"]).stem,
         "about": f"{document['scene']}, {counted(len(document['replicas']), 'repeat')}",
-        "summary": list(sentences(document)) or ["This scene names no measured value to compare with."],
-        "measures": {name: told(record) for name, record in document["measures"].items()},
-        "measured": {name: asked(wanted) for name, wanted in document["measured"].items()},
+        "summary": list(sentences(document)) or ["This scene has no measured value for comparison."],
+        "measures": {name: simulated_value(record) for name, record in document["measures"].items()},
+        "measured": {name: measured_value(wanted) for name, wanted in document["measured"].items()},
         "figure_of_measures": draw_measures(document),
         "pictures": list(pictures(document, source)),
         "replicas": document["replicas"],
@@ -62,24 +63,24 @@ def words(document: Document, source: Path) -> dict[str, Any]:
 
 
 def counted(number: int, word: str) -> str:
-    """A number of things in words."""
+    """`1 repeat`, `3 repeats`."""
     return f"{number} {word}" if number == 1 else f"{number} {word}s"
 
 
-def asked(wanted: Document) -> dict[str, Any]:
-    """One measured value in words."""
+def measured_value(wanted: Document) -> dict[str, Any]:
+    """Text and source of a measured value."""
     sd, count = wanted.get("sd") or nan, wanted.get("n") or 1
     return {"text": with_spread(wanted["value"], sd, count), "source": wanted.get("source")}
 
 
-def told(record: Document) -> dict[str, Any]:
-    """One pooled measure in words."""
+def simulated_value(record: Document) -> dict[str, Any]:
+    """Text, unit and notes of a pooled measure."""
     value, sd = (nan if record[key] is None else record[key] for key in ("value", "sd"))
     return {"text": with_spread(value, sd, record["n"]), "unit": record["unit"], "notes": record["notes"]}
 
 
 def sentences(document: Document) -> Iterator[str]:
-    """Every measured value beside the simulated one, with the difference in standard errors.
+    """Sentences on measured and simulated values, with the difference in standard errors.
 
     z = (x - y) / sqrt(s_x^2 / n_x + s_y^2 / n_y)
     """
@@ -89,7 +90,7 @@ def sentences(document: Document) -> Iterator[str]:
             yield f"{name}: no simulated value; {wanted['value']:g} was measured."
             continue
         measured_sd, count = wanted.get("sd") or nan, wanted.get("n") or 1
-        simulated = told(found)
+        simulated = simulated_value(found)
         difference = found["value"] - wanted["value"]
         error = sqrt((found["sd"] or 0.0) ** 2 / found["n"] + measured_sd**2 / count)
         far = f", {abs(difference) / error:.1f} standard errors" if error > 0.0 else ""
@@ -101,9 +102,9 @@ def sentences(document: Document) -> Iterator[str]:
 
 
 def draw_measures(document: Document) -> Picture | None:
-    """Measures by seed, with mean and standard deviation, and what was measured.
+    """Measures by seed with mean and standard deviation, and the measured value.
 
-    A single seed is drawn only beside a measurement: without one its point says nothing.
+    A single seed is drawn only beside a measured value.
     """
     known = (name for name, pooled in document["measures"].items() if pooled["value"] is not None)
     several = len(document["replicas"]) > 1
@@ -128,9 +129,9 @@ def draw_measures(document: Document) -> Picture | None:
 
 
 def pictures(document: Document, source: Path) -> Iterator[Picture]:
-    """Silhouettes and film, where the run left them."""
+    """Silhouettes and film, if their files exist."""
     for kind, description in (
-        ("silhouettes", "Silhouettes from all azimuths with the fitted flanks."),
+        ("silhouettes", "Silhouettes from all azimuths with the fitted slopes."),
         ("film", "The run, seen from the side."),
     ):
         name = document.get(kind)
@@ -147,7 +148,7 @@ def warnings(document: Document) -> Iterator[str]:
 
 
 def facts(document: Document) -> Iterator[tuple[str, str]]:
-    """What the numbers rest on, and everything needed to make them again."""
+    """Time step, inputs and versions, for a repeat."""
     limits = document.get("limits", {})
     if limits:
         share = limits["time_step_over_rayleigh"]

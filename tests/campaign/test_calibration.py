@@ -14,7 +14,7 @@ from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.design_table import read_design
-from taichi_erosion.report.any_page import write_report
+from taichi_erosion.report import write_report
 from taichi_erosion.report.calibration_page import publish
 
 TARGET = 31.0  # deg
@@ -106,7 +106,7 @@ def test_a_step_called_again_runs_nothing_and_says_the_same(found, folder, monke
 
 def test_the_page_holds_every_step_and_its_pictures(found, folder):
     text = publish(found).read_text(encoding="utf-8")
-    for part in ("Screening", "Climb", "Surface", "Optimum", "Confirmation"):
+    for part in ("Screening", "Steepest ascent", "Response surface", "Optimum", "Confirmation"):
         assert f"## {part}" in text
     pictures = re.findall(r"\]\(([^)]+)\)", text)
     assert len(pictures) == 8

@@ -138,9 +138,14 @@ def test_the_report_is_one_page_that_asks_nobody_for_anything(wet, capsys):
     page = Path(capsys.readouterr().out.strip()).read_text("utf-8")
     assert not re.findall(r"(?:src|href|url)\s*[=(]\s*[\"']?(?!data:)(?:https?:)?//", page)
     assert "<script" not in page
-    sections = ("What was found", "Where the model fails", "Which effect is missing", "The vault")
+    sections = (
+        "Summary",
+        "Where the model fails",
+        "Which effect is missing",
+        "Vault (held-out measurements)",
+    )
     assert all(
-        section in page for section in (*sections, "What would change the conclusion", "How it was done")
+        f"<h2>{section}</h2>" in page for section in (*sections, "Limits of the conclusion", "Methods")
     )
     assert page.count("<img") == 5
     assert "control: " in page
@@ -173,7 +178,7 @@ def test_an_observable_without_scatter_is_left_out_with_a_word(tmp_path, capsys)
 
 def test_a_report_of_nothing_is_refused(tmp_path, capsys):
     assert main(["report", str(write_study(tmp_path, {}))]) == 2
-    assert "nothing has been found yet" in capsys.readouterr().err
+    assert "no results yet" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["compare", "discover", "next", "report"])

@@ -11,6 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from doe.hao2022 import tables as hao2022
+from doe.hao2022.figures import half_normal, pareto
 from taichi_erosion.experiments.audit.examine import Audit, audit
 from taichi_erosion.experiments.design import full_factorial
 from taichi_erosion.experiments.design_table import Factor
@@ -21,7 +22,7 @@ from taichi_erosion.report import design_figures as figures
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "doe" / "hao2022"
-TURNS = np.arange(1, 18)
+RUN_ORDER = np.arange(1, 18)
 
 
 @cache
@@ -48,12 +49,12 @@ def words(figure: Figure) -> list[str]:
 
 
 def test_a_half_normal_plot_names_the_effects_beyond_their_limit():
-    figure = figures.half_normal(screening(), {"Gt": "steel"}, "deg")
+    figure = half_normal(screening(), {"Gt": "steel"}, "deg")
     assert words(figure) == ["It (\N{MINUS SIGN})", "Ct (\N{MINUS SIGN})", "steel (+)"]
 
 
 def test_a_pareto_chart_has_a_bar_for_every_effect_and_both_limits():
-    (axes,) = figures.pareto(screening(), {}, "deg").axes
+    (axes,) = pareto(screening(), {}, "deg").axes
     assert len(axes.patches) == 9
     assert [text.get_text() for text in axes.get_yticklabels()][-1] == "Gt"
     limits = effect_limits(screening())
@@ -65,7 +66,7 @@ def test_a_saturated_design_is_judged_by_lenths_limits():
     terms = (*model_terms(3, "interactions"), (1, 1, 1))
     values = 10.0 * made.coded[:, 0] + np.array([0.1, -0.2, 0.05, 0.1, -0.1, 0.2, 0.15, -0.3])
     fit = fit_model(made.with_responses(y=values), "y", terms)
-    figure = figures.half_normal(fit, {}, "1")
+    figure = half_normal(fit, {}, "1")
     assert words(figure) == ["a (+)"]
     texts = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert texts == ["Lenth, one effect", "Lenth, all"]
@@ -92,9 +93,9 @@ def test_a_perturbation_plot_meets_in_the_chosen_point():
 
 
 def test_residual_panels_and_predictions_show_every_run():
-    normal, level, order, influence = figures.residuals(surface(), TURNS).axes
+    normal, level, order, influence = figures.residuals(surface(), RUN_ORDER).axes
     assert all(len(axes.lines[0].get_xdata()) == 17 for axes in (normal, level, order))
-    assert influence.get_xlabel() == "turn of the run"
+    assert influence.get_xlabel() == "run order"
     (axes,) = figures.predicted_against_actual(surface(), "deg").axes
     assert len(axes.lines[1].get_xdata()) == 17
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.report.any_page import write_report
+from taichi_erosion.report import write_report
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 OUTSIDE = re.compile(r"""(?:src|href)=["'](?!data:|#)""")
