@@ -1,11 +1,11 @@
-"""The one place that imports Taichi; every kernel file takes `ti` from here.
+"""The one import of Taichi, with its front end patched so that kernels compile faster; no number changes.
 
-Taichi inlines every device function where it is called. Each time it reads the source of the function anew,
-cuts it into tokens, and lays out the description of every source position: the 600 calls in the kernels of a
-run cost more than their translation. It also looks around each decorator for a class, and keeps the stack of
-calls that declared each field. Here sources and positions are remembered and the rest is left out. Sums and
-products of small vectors and matrices, which Taichi reads from sources of its own as often as they occur, are
-put down at once, in the same order of operations. No number changes by it.
+Taichi inlines every device function where it is called, and on each call reads and tokenizes its source,
+describes every source position, inspects the stack around decorators, and keeps the stack of every field
+declaration: for the 600 calls of a run's kernels that costs more than their translation. Here syntax trees
+and descriptions are cached and stack inspection is skipped. Sums and products of small vectors and matrices,
+which Taichi compiles from sources of its own at every use, are emitted directly in the same order of
+operations.
 """
 
 import ast
@@ -23,13 +23,13 @@ from typing import Any
 import numpy as np
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
-# Taichi aborts the process where no home is named, as under cron or in a container; any folder will do
+# Taichi aborts the process where HOME is not set, as under cron or in a container; any folder will do
 os.environ.setdefault("HOME", os.path.expanduser("~") if os.path.isabs(os.path.expanduser("~")) else os.sep)
 
 
 @contextmanager
 def frames_without_source() -> Iterator[None]:
-    """Leave source lines out of what frames tell: no kernel stands in a class, here or in Taichi."""
+    """Frame information without source lines, which Taichi reads only to find kernels inside classes."""
     describe_frame = inspect.getframeinfo
     setattr(inspect, "getframeinfo", lambda frame, context=1: describe_frame(frame, context=0))  # noqa: B010
     try:
@@ -46,7 +46,7 @@ with frames_without_source():
 
 __all__ = ["impl", "ti"]
 
-OWNER = "source"  # attribute of a tree: to whom it is given back, or None
+OWNER = "source"  # attribute of a tree: the Source whose cache it returns to, or None
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Source:
     first_line: int
     lines: list[str]  # as they stand in the file
     text: str  # without the indentation that they share
-    trees: list[ast.Module]  # of the text, that nobody is reading now
+    trees: list[ast.Module]  # parsed from the text, not in use
 
 
 def read_source(function: FunctionType) -> Source:
@@ -69,19 +69,16 @@ def read_source(function: FunctionType) -> Source:
 
 
 def source_of(function: Any, known_out: dict[Any, Source]) -> Source:
-    """Source of a function; functions made anew by a closure share their code."""
+    """Cached source of a function; functions of one closure share their code."""
     code = function.__code__
-    place = (code.co_filename, code)
-    if place not in known_out:
-        known_out[place] = read_source(function)
-    return known_out[place]
+    return known_out.get(code) or known_out.setdefault(code, read_source(function))
 
 
-def take_tree(source: Source, is_kernel: bool) -> ast.Module:
-    """Syntax tree of a source, to be given back when it has been read.
+def unused_tree(source: Source, is_kernel: bool) -> ast.Module:
+    """Syntax tree of a source; the tree of a function returns to the cache once it has been transformed.
 
-    Taichi notes in the tree of a function what it finds there, and changes nothing else, so that it can be
-    read again. A kernel's tree loses its arguments and is nobody's.
+    Taichi annotates the nodes of a function's tree and changes nothing else. It removes the arguments from
+    the tree of a kernel, which is therefore not cached.
     """
     if source.trees and not is_kernel:
         return source.trees.pop()
@@ -91,8 +88,8 @@ def take_tree(source: Source, is_kernel: bool) -> ast.Module:
     return tree
 
 
-def remember_sources() -> None:
-    """Read the source of every device function once, however often it is inlined."""
+def cache_syntax_trees() -> None:
+    """Parse the source of every device function once, however often it is inlined."""
     known: dict[Any, Source] = {}
     transform = kernel_impl.transform_tree
 
@@ -108,7 +105,7 @@ def remember_sources() -> None:
         names = getattr(kernel_impl, "_get_global_vars")(owner.func)  # noqa: B009
         if is_kernel or others.get("is_real_function"):
             names |= {owner.arguments[slot].name: args[slot] for slot in owner.template_slot_locations}
-        return take_tree(source, is_kernel), ASTTransformerContext(
+        return unused_tree(source, is_kernel), ASTTransformerContext(
             excluded_parameters=excluded_parameters,
             is_kernel=is_kernel,
             func=owner,
@@ -121,7 +118,7 @@ def remember_sources() -> None:
             **others,
         )
 
-    def transform_and_give_back(tree: ast.Module, context: ASTTransformerContext) -> Any:
+    def transform_and_return(tree: ast.Module, context: ASTTransformerContext) -> Any:
         answer = transform(tree, context)
         owner = getattr(tree, OWNER)
         if owner is not None:
@@ -129,31 +126,23 @@ def remember_sources() -> None:
         return answer
 
     setattr(kernel_impl, "_get_tree_and_ctx", tree_and_context)  # noqa: B010
-    setattr(kernel_impl, "transform_tree", transform_and_give_back)  # noqa: B010
+    setattr(kernel_impl, "transform_tree", transform_and_return)  # noqa: B010
 
 
-def remember_positions() -> None:
-    """Describe every source position that Taichi compiles once; a statement by its first line."""
+def cache_positions() -> None:
+    """Describe every compiled source position once; a statement by its first line."""
     known: dict[tuple[Any, ...], str] = {}
 
-    def recall(context: Any, node: Any) -> str:
-        place = (
-            context.file,
-            context.lineno_offset,
-            node.lineno,
-            node.col_offset,
-            node.end_lineno,
-            node.end_col_offset,
-        )
-        if place not in known:
-            known[place] = describe(context, node)
-        return known[place]
+    def position_info(context: Any, node: Any) -> str:
+        span = (node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
+        key = (context.file, context.lineno_offset, *span)
+        return known.get(key) or known.setdefault(key, describe(context, node))
 
-    setattr(ASTTransformerContext, "get_pos_info", recall)  # noqa: B010
+    setattr(ASTTransformerContext, "get_pos_info", position_info)  # noqa: B010
 
 
 def describe(context: Any, node: Any) -> str:
-    """File, line and function of a node, its source, and marks below it."""
+    """File, line and function of a node, its source line, and marks below it."""
     line = context.src[node.lineno - 1]
     first = context.indent + node.col_offset
     last = context.indent + node.end_col_offset if node.lineno == node.end_lineno else len(line)
@@ -163,40 +152,40 @@ def describe(context: Any, node: Any) -> str:
     return f"{where}\n{line}\n{' ' * first}{'^' * (last - first)}\n"
 
 
-def place_of_caller(stacklevel: int = 1) -> str:
-    """File and line of a caller of Taichi, where a field is declared."""
+def caller_position(stacklevel: int = 1) -> str:
+    """File and line of the call that declares a field."""
     frame = sys._getframe(stacklevel + 1)
     return f"{frame.f_code.co_filename}:{frame.f_lineno}"
 
 
-def look_around_less() -> None:
-    """Take decorated functions for free ones, and keep one line for a declaration."""
+def skip_stack_inspection() -> None:
+    """Treat decorated functions as free ones, and keep one line for a declaration instead of the stack."""
     setattr(kernel_impl, "_inside_class", lambda level_of_class_stackframe: False)  # noqa: B010
     for module in (impl, snode):
-        setattr(module, "get_traceback", place_of_caller)  # noqa: B010
+        setattr(module, "get_traceback", caller_position)  # noqa: B010
 
 
 def elements(matrix: Any) -> Callable[..., Any]:
-    """Function that picks elements of a matrix of the device, once it has been worked out."""
+    """Function that returns one element of a device matrix, whose expression is evaluated once."""
     known: Any = impl.expr_init_func(matrix)
     callable_now: Any = impl.get_runtime().compiling_callable
-    return lambda *place: impl.subscript(callable_now.ast_builder(), known, *place)
+    return lambda *index: impl.subscript(callable_now.ast_builder(), known, *index)
 
 
-def sum_at_once(matrix: Any, add: Any) -> Any:
-    """All elements joined by an operation, from the first to the last."""
+def emit_reduction(matrix: Any, add: Any) -> Any:
+    """All elements of a device matrix joined by an operation, from the first to the last."""
     element = elements(matrix)
-    total, *rest = [element(*place) for place in np.ndindex(*matrix.get_shape())]
+    total, *rest = [element(*index) for index in np.ndindex(*matrix.get_shape())]
     for number in rest:
         total = add(total, number)
     return total
 
 
-def multiply_at_once(first: Any, second: Any) -> Any:
-    """Product of two matrices, or of a matrix and a vector, of the device."""
+def emit_product(first: Any, second: Any) -> Any:
+    """Product of two device matrices, or of a matrix and a vector."""
     (rows, inner), columns = first.get_shape(), second.get_shape()[1:]
     left, right = elements(first), elements(second)
-    # as Taichi begins, which gives the product its type
+    # the first operation of Taichi's own product, which gives it its type
     zero = impl.expr_init(left(0, 0) * right(0, *(0 for _ in columns)) * 0)
 
     def number(row: int, *column: int) -> Any:
@@ -209,29 +198,29 @@ def multiply_at_once(first: Any, second: Any) -> Any:
     return ti.Matrix(table) if columns else ti.Vector([row[0] for row in table])
 
 
-def are_on_device(*words: Any) -> bool:
-    """Whether a kernel is being read and its own matrices or vectors are meant."""
-    return impl.inside_kernel() and all(isinstance(word, Expr) for word in words)
+def are_on_device(*operands: Any) -> bool:
+    """Whether a kernel is being compiled and all operands are device matrices or vectors."""
+    return impl.inside_kernel() and all(isinstance(operand, Expr) for operand in operands)
 
 
-def put_down_at_once() -> None:
-    """Sums and products within kernels without a reading of their source; elsewhere as they were."""
-    add_up, multiply = (getattr(matrix_ops, name) for name in ("_reduce", "_matmul_helper"))
+def emit_matrix_operations() -> None:
+    """Emit sums and products within kernels directly; elsewhere they stay Taichi's."""
+    own_reduction, own_product = (getattr(matrix_ops, name) for name in ("_reduce", "_matmul_helper"))
 
-    @functools.wraps(add_up)
-    def sum_anywhere(matrix: Any, add: Any) -> Any:
-        return (sum_at_once if are_on_device(matrix) else add_up)(matrix, add)
+    @functools.wraps(own_reduction)
+    def reduction(matrix: Any, add: Any) -> Any:
+        return (emit_reduction if are_on_device(matrix) else own_reduction)(matrix, add)
 
-    @functools.wraps(multiply)
-    def multiply_anywhere(first: Any, second: Any) -> Any:
-        at_once = are_on_device(first, second) and len(first.get_shape()) > 1
-        return (multiply_at_once if at_once else multiply)(first, second)
+    @functools.wraps(own_product)
+    def product(first: Any, second: Any) -> Any:
+        emitted = are_on_device(first, second) and len(first.get_shape()) > 1
+        return (emit_product if emitted else own_product)(first, second)
 
-    setattr(matrix_ops, "_reduce", sum_anywhere)  # noqa: B010
-    setattr(matrix_ops, "_matmul_helper", multiply_anywhere)  # noqa: B010
+    setattr(matrix_ops, "_reduce", reduction)  # noqa: B010
+    setattr(matrix_ops, "_matmul_helper", product)  # noqa: B010
 
 
-remember_sources()
-remember_positions()
-look_around_less()
-put_down_at_once()
+cache_syntax_trees()
+cache_positions()
+skip_stack_inspection()
+emit_matrix_operations()

@@ -8,7 +8,7 @@ from typing import Any
 from taichi_erosion.air.assemble import allocate_air
 from taichi_erosion.air.grid import Air
 from taichi_erosion.core.air_setup import AirSetup
-from taichi_erosion.core.effect import grain_type
+from taichi_erosion.core.effect import compile_grain_type
 from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import upload, write
@@ -100,5 +100,5 @@ def allocate_coupling(setups: Sequence[Setup], laws: Laws, partitions: int) -> C
         sums=allocate_partition_sums(len(setups), partitions, cells),
         exchange=exchange,
         drag_law=law,
-        grain_type=grain_type(law),
+        grain_type=compile_grain_type(law),
     )
