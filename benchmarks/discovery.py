@@ -18,7 +18,7 @@ from pathlib import Path
 
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.ensemble import Part, play_ensemble
+from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
 
 SCENE = Path(__file__).parents[1] / "doe" / "t1" / "column.toml"
 CONDITIONS = list(product((0.0, 0.005, 0.01, 0.02, 0.03), (0.0, 0.5, 1.0), (1.5e-3, 3e-3)))  # w, a, d
@@ -59,7 +59,7 @@ def measured() -> str:
         words = {"conditions.moisture": w, "conditions.angularity": a, "grains.size.diameter": d}
         orders = [f"{path}={value!r}" for path, value in words.items()]
         scene = read_scene(SCENE, (*orders, "effects.rolling_resistance.strength=1.0"))
-        parts.append(Part(scene, 2**30 + number))
+        parts.append(ReplicaRequest(scene, 2**30 + number))
     lines: list[str] = []
 
     def tell(place: int, record: dict) -> None:
@@ -68,7 +68,7 @@ def measured() -> str:
             value = record["measures"][name]["value"]
             lines.append(f"{name},{value:.6g},1,m,w{w:g} a{a:g} d{d:g},{w:g},{a:g},{d:g},made")
 
-    play_ensemble(parts, Numerics("cpu", 1, "f32"), tell)
+    run_replicas(parts, Numerics("cpu", 1, "f32"), tell)
     return "\n".join([HEAD, *lines]) + "\n"
 
 

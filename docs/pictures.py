@@ -22,8 +22,7 @@ from rich.text import Text
 
 from taichi_erosion.cli.live import PROMPT
 from taichi_erosion.cli.main import main as command
-from taichi_erosion.recording.drawing import resting_colours
-from taichi_erosion.recording.pictures import SideView, render_side, write_png
+from taichi_erosion.recording.pictures import SideView, render_side, resting_colours, write_png
 from taichi_erosion.recording.readback import read_grains
 
 DOCS = Path(__file__).resolve().parent

@@ -33,8 +33,9 @@ from benchmarks.peers.codes import ROOT
 from benchmarks.peers.physics_cases import Failed, Start, lying, shear_effective, weight, young_effective
 from benchmarks.peers.physics_measures import Rest
 from taichi_erosion.core.setup import GrainTable, Numerics, Setup
-from taichi_erosion.run.ensemble_loop import Play, play
-from taichi_erosion.run.stages import Actor, sentence
+from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
+from taichi_erosion.run.sanity_checks import failure_message
+from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, build_setup, laws, load_scene
 from taichi_erosion.simulation import assemble, snapshot
 
@@ -140,13 +141,13 @@ def sticking(column: Column) -> list[str]:
 def played(scene: Scene, setups: Sequence[Setup]) -> list[Rest]:
     """All replicas to the end of the scene, in double precision."""
     sim = assemble(list(setups), laws(scene), Numerics("cpu", 1, "f64"))
-    actors = [Actor(place) for place, _ in enumerate(setups)]
-    play(Play([scene] * len(setups), sim, actors), [])
-    for actor in actors:
-        if actor.failure:
-            raise Failed(f"ours, {sentence(actor.failure, actor.seed)}")
-    states = [snapshot(sim, replica) for replica in range(len(setups))]
-    return [Rest(state.position, state.velocity, state.spin) for state in states]
+    states = [ReplicaState(place) for place, _ in enumerate(setups)]
+    run_ensemble(EnsembleRun([scene] * len(setups), sim, states), [])
+    for state in states:
+        if state.failure:
+            raise Failed(f"ours, {failure_message(state.failure, state.seed)}")
+    ends = [snapshot(sim, replica) for replica in range(len(setups))]
+    return [Rest(state.position, state.velocity, state.spin) for state in ends]
 
 
 @cache

@@ -18,9 +18,8 @@ import numpy as np
 
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats, Numerics
-from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.ensemble import Part, play_ensemble
-from taichi_erosion.run.ensemble_compatibility import shared_choices
+from taichi_erosion.run.checks import compatibility_key, read_scene
+from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
 from taichi_erosion.scene import Scene
 
 Values = dict[int, dict[str, float]]  # seed -> observable -> value
@@ -100,9 +99,9 @@ def tabulate(table: Path, measured: Iterator[list[Shift]], to: TextIO) -> None:
 def simulate(scene: Scene, seeds: Sequence[int], numerics: Numerics) -> tuple[Values, dict[str, str], str]:
     """Values by seed, units by observable, and why seeds without values have none."""
     found: dict[int, dict[str, Any]] = {}
-    parts = [Part(scene, seed) for seed in seeds]
-    assert len({shared_choices(part.scene) for part in parts}) == 1
-    play_ensemble(parts, numerics, lambda place, record: found.update({seeds[place]: record}))
+    parts = [ReplicaRequest(scene, seed) for seed in seeds]
+    assert len({compatibility_key(part.scene) for part in parts}) == 1
+    run_replicas(parts, numerics, lambda place, record: found.update({seeds[place]: record}))
     values = {
         seed: {name: number(m["value"]) for name, m in record["measures"].items()}
         for seed, record in found.items()

@@ -37,7 +37,7 @@ from doe.effects.pocket import (
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.run.instrument_response import as_read
+from taichi_erosion.run.result import apply_instruments
 from taichi_erosion.scene.change import sample_scene
 
 MILLIMETRES = 1e3  # per metre
@@ -176,7 +176,7 @@ def reading_answers() -> Iterator[Answer]:
     library = load_library()
     for name, (observable, true, unit) in READINGS.items():
         scene = sample_scene(effects={name: {"strength": 1.0}})
-        shown = as_read({observable: Measurement(observable, true, 0.0, unit)}, scene, library)
+        shown = apply_instruments({observable: Measurement(observable, true, 0.0, unit)}, scene, library)
         values: Values = (true, shown[observable].value, 0.0, READ[name](library[name].params()) * true)
         yield Answer(name, f"{observable} as read [{unit}]", *NOWHERE, *values, 1, "a reading")
 

@@ -31,7 +31,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.heap import pile_height
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.threshold_search import way
+from taichi_erosion.run.threshold_search import periodic_displacement
 from taichi_erosion.scene import Scene, laws
 from taichi_erosion.simulation import (
     Simulation,
@@ -157,7 +157,7 @@ def struck() -> Iterator[Row]:
 
 def gone(after: Floats, before: Floats, period: Floats) -> Floats:
     """Which grains have moved."""
-    return np.linalg.norm(way(after, before, period), axis=1) > FAR * DIAMETER
+    return np.linalg.norm(periodic_displacement(after, before, period), axis=1) > FAR * DIAMETER
 
 
 def shaken() -> Iterator[Row]:

@@ -23,7 +23,7 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.report.markdown import fill_table, markdown_table
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.stages import sentence
+from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.scene import laws, scene_hash
 from taichi_erosion.simulation import (
     Simulation,
@@ -105,7 +105,7 @@ def go_on(sim: Simulation, steps: int) -> None:
     advance(sim, [steps * sim.setups[0].time_step])
     stopped = failure(sim, 0)
     if stopped is not None:
-        raise SimulationStopped(sentence(stopped, 1))
+        raise SimulationStopped(failure_message(stopped, 1))
 
 
 def look(sim: Simulation, start: Floats, seconds: float) -> Row:

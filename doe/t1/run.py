@@ -19,9 +19,8 @@ import typer
 
 from doe.sealed.studies import SealedSet, seal, solve, write_results
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.ensemble import Part, play_ensemble
-from taichi_erosion.run.ensemble_compatibility import shared_choices
+from taichi_erosion.run.checks import compatibility_key, read_scene
+from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -153,20 +152,22 @@ def simulated(rows: list[tuple[dict[str, Any], float, float, float]]) -> list[di
     """Values of every laboratory run; a run that stopped has none."""
     generator = random.Random(SEED + 1)
     found: dict[int, dict[str, float]] = {k: {} for k in range(len(rows))}
-    groups: dict[str, list[tuple[int, Part]]] = {}
+    groups: dict[str, list[tuple[int, ReplicaRequest]]] = {}
     for k, (case, *at) in enumerate(rows):
         scene = read_scene(SCENE, orders(case, *at))
-        part = Part(scene, generator.randrange(2**30, 2**31))
-        groups.setdefault(shared_choices(scene), []).append((k, part))
+        part = ReplicaRequest(scene, generator.randrange(2**30, 2**31))
+        groups.setdefault(compatibility_key(scene), []).append((k, part))
     for members in groups.values():
         for start in range(0, len(members), ENSEMBLE):
             batch = members[start : start + ENSEMBLE]
 
-            def tell(place: int, record: dict[str, Any], batch: list[tuple[int, Part]] = batch) -> None:
+            def tell(
+                place: int, record: dict[str, Any], batch: list[tuple[int, ReplicaRequest]] = batch
+            ) -> None:
                 measures = record.get("measures") or {}
                 found[batch[place][0]] = {name: measure["value"] for name, measure in measures.items()}
 
-            play_ensemble([part for _, part in batch], Numerics("cpu", 1, "f32"), tell)
+            run_replicas([part for _, part in batch], Numerics("cpu", 1, "f32"), tell)
             typer.echo(f"{start + len(batch)} of {len(members)} runs")
     return [found[k] for k in range(len(rows))]
 

@@ -19,7 +19,7 @@ from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.replica_step import advance_moving
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.coupling.grid_exchange import match_air_to_grains
-from taichi_erosion.run.threshold_search import way
+from taichi_erosion.run.threshold_search import periodic_displacement
 from taichi_erosion.scene import build_setup, laws, load_scene
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, snapshot, spin_up_wind
 
@@ -99,7 +99,7 @@ def below(arm: str, wind: float, seed: int) -> dict[str, Any]:
     for check in range(1, round(WATCH / CHECK) + 1):
         advance(sim, [SETTLE + check * CHECK])
         state = snapshot(sim, 0)
-        moved = way(state.position, place, period)
+        moved = periodic_displacement(state.position, place, period)
         rolled = rolled | (np.hypot(moved[:, 0], moved[:, 1]) > MOVED * size.mean())
         risen = risen | (moved[:, 2] > MOVED * size.mean())
         flux.append(float((state.mass * state.velocity[:, 0]).sum() / period.prod()))

@@ -1,8 +1,9 @@
 """Core-seconds of one fluid threshold with its interval: five beds of the published soil's fine fraction.
 
 The beds are those of `scenes/wind_threshold.toml`. Processor time is booked on what it was spent on:
-`compile`, which loads every kernel before the first step, then `settle`, `ramp` and `hold` as in `run.hunt`.
-What passes between two checks is shared evenly among the beds that ran, which all did as many steps.
+`compile`, which loads every kernel before the first step, then `settle`, `ramp` and `hold` as in
+`run.threshold_search`. What passes between two checks is shared evenly among the beds
+that ran, which all did as many steps.
 """
 
 import time
@@ -11,8 +12,8 @@ from typing import Any
 
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.measures.threshold import pool_beds
-from taichi_erosion.run.ensemble_loop import Play, play
-from taichi_erosion.run.stages import Actor
+from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
+from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, build_setup, laws, parse_scene
 from taichi_erosion.simulation import (
     Simulation,
@@ -92,14 +93,14 @@ class Ledger:
             self.spent[name] = self.spent.get(name, 0.0) + (now - self.since) / len(self.doing)
         self.since, self.doing = now, coming
 
-    def watch(self, stage_play: Play) -> None:
+    def watch(self, ensemble: EnsembleRun) -> None:
         """Book the time since the last check."""
-        running = [actor for actor in stage_play.actors if actor.active]
-        self.book([SETTLE if actor.hunt is None else actor.hunt.phase for actor in running])
+        running = [state for state in ensemble.states if state.active]
+        self.book([SETTLE if state.search is None else state.search.phase for state in running])
 
 
 def load_kernels(sim: Simulation) -> None:
-    """Compile all that a hunt calls; the simulation stays as it was."""
+    """Compile all that a threshold search calls; the simulation stays as it was."""
     state = export_state(sim)
     advance(sim, [setup.time_step for setup in sim.setups])
     import_bed(sim, 0, export_bed(sim, 0))
@@ -114,14 +115,14 @@ def threshold_case(awake: bool = False) -> dict[str, Any]:
     ledger = Ledger()
     wind = BED["wind"] | ({"sleep_after": None} if awake else {})
     scene: Scene = parse_scene(BED | {"wind": wind})
-    actors = [Actor(seed) for seed in SEEDS]
+    states = [ReplicaState(seed) for seed in SEEDS]
     sim = assemble([build_setup(scene, seed) for seed in SEEDS], laws(scene), Numerics("cpu", 1, "f32"))
     load_kernels(sim)
     ledger.book([SETTLE] * len(SEEDS))
-    whole = Play([scene] * len(SEEDS), sim, actors)
-    play(whole, [ledger.watch])
+    whole = EnsembleRun([scene] * len(SEEDS), sim, states)
+    run_ensemble(whole, [ledger.watch])
     total = sum(ledger.spent.values())
-    found = pool_beds([actor.measurements["fluid_threshold"] for actor in actors])
+    found = pool_beds([state.measurements["fluid_threshold"] for state in states])
     interval = found.details["interval"]
     return {
         "case": f"fluid threshold of {len(SEEDS)} beds" + (", all grains awake" if awake else ""),

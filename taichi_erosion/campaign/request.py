@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.ensemble_compatibility import shared_choices
+from taichi_erosion.run.checks import compatibility_key, read_scene
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.build.limits import time_step
 
@@ -68,7 +67,7 @@ def request_of(
         "properties": {group: dict(columns) for group, columns in (properties or {}).items()},
     }
     key = f"{scene_hash(scene)}-{seed}-{__version__}"
-    return RunRequest(key, payload, shared_choices(scene), work_of(scene))
+    return RunRequest(key, payload, compatibility_key(scene), work_of(scene))
 
 
 def work_of(scene: Scene) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 from taichi_erosion.campaign.pool import RunFunction, Share, Tell
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.ensemble import Part, play_after
+from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas_after
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.load import parse_scene
 from taichi_erosion.simulation import Simulation
@@ -26,16 +26,16 @@ def simulating() -> Iterator[RunFunction]:
         parts = [part_of(payload) for payload in payloads]
         numerics = Numerics("cpu", THREADS, parts[0].scene.run.precision)
         before, kept = kept, None  # what breaks off is of no use to the next
-        kept = play_after(before, parts, numerics, tell, lambda done, _: share(done))
+        kept = run_replicas_after(before, parts, numerics, tell, lambda done, _: share(done))
 
     yield simulate_batch
     stop_device()
 
 
-def part_of(payload: dict[str, Any]) -> Part:
+def part_of(payload: dict[str, Any]) -> ReplicaRequest:
     """One replica from its payload."""
     record = payload.get("record")
-    return Part(
+    return ReplicaRequest(
         scene=scene_of(payload),
         seed=payload["seed"],
         record=Path(record) if record else None,

@@ -123,7 +123,7 @@ def run(
     words = given(
         seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision, record=record
     )
-    words |= given(checkpoint=checkpoint, every=every, resume=resume)
+    words |= given(checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
     words |= {"overrides": overrides, "effect_files": effects}
     document = simulate(scene, no_record=no_record, **words)
     output.log_run(document)

@@ -101,7 +101,7 @@ def measured(session: "Session", words: list[str]) -> str:
 def status(session: "Session") -> str:
     from taichi_erosion.run import session as live_view
 
-    found = live_view.numbers(session)
+    found = live_view.session_status(session)
     return "  ".join(
         f"{name} {value:.5g}" if isinstance(value, float) else f"{name} {value}"
         for name, value in found.items()
@@ -135,7 +135,7 @@ def save(session: "Session", words: list[str]) -> str:
 def back(session: "Session", words: list[str]) -> str:
     from taichi_erosion.run import session as live
 
-    live.back(session, words[0] if words else "last")
+    live.restore(session, words[0] if words else "last")
     return status(session)
 
 
@@ -279,8 +279,8 @@ def converse_recorded(session: "Session", path: Path, viewer: str | None) -> Non
     from taichi_erosion.recording import stream
     from taichi_erosion.run import session as live_view
 
-    film = live_view.open_film(session, path, viewer)
+    recorder = live_view.record_session(session, path, viewer)
     try:
         converse(session, typed_lines(session), is_strict=not sys.stdin.isatty())
     finally:
-        typer.echo(f"recording {stream.close(film.recording)}")
+        typer.echo(f"recording {stream.close(recorder.recording)}")

@@ -105,7 +105,7 @@ def log_fit(profile: Profile, karman: float) -> LogFit | None:
 
 
 @dataclass(frozen=True)
-class AirEvidence:
+class AirMeasureInput:
     """What a measure of air may look at."""
 
     states: Sequence[AirSnapshot]  # of the last part of the run, at least one
@@ -118,37 +118,37 @@ class AirEvidence:
         return [profile_at(state, self.place) for state in self.states]
 
 
-def over_time(name: str, unit: str, evidence: AirEvidence, read: Callable[[Profile], float]) -> Measurement:
+def over_time(name: str, unit: str, given: AirMeasureInput, read: Callable[[Profile], float]) -> Measurement:
     """Mean of one number over the states."""
-    values = [read(profile) for profile in evidence.read]
+    values = [read(profile) for profile in given.read]
     sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
     return Measurement(name, float(np.mean(values)), sd, unit, details={"values": values})
 
 
-def layer_thickness(evidence: AirEvidence) -> Measurement:
+def layer_thickness(given: AirMeasureInput) -> Measurement:
     """Height of 99 % of the wind aloft [m]."""
-    return over_time("layer_thickness", "m", evidence, thickness)
+    return over_time("layer_thickness", "m", given, thickness)
 
 
-def displacement_thickness(evidence: AirEvidence) -> Measurement:
+def displacement_thickness(given: AirMeasureInput) -> Measurement:
     """Displacement thickness [m]."""
-    return over_time("displacement_thickness", "m", evidence, displacement)
+    return over_time("displacement_thickness", "m", given, displacement)
 
 
-def momentum_thickness(evidence: AirEvidence) -> Measurement:
+def momentum_thickness(given: AirMeasureInput) -> Measurement:
     """Momentum thickness [m]."""
-    return over_time("momentum_thickness", "m", evidence, momentum)
+    return over_time("momentum_thickness", "m", given, momentum)
 
 
-def friction_velocity(evidence: AirEvidence) -> Measurement:
+def friction_velocity(given: AirMeasureInput) -> Measurement:
     """Friction velocity of the floor, from the stress that the flow puts on it [m s-1]."""
-    return over_time("friction_velocity", "m s-1", evidence, lambda p: p.friction_velocity)
+    return over_time("friction_velocity", "m s-1", given, lambda p: p.friction_velocity)
 
 
-def friction_velocity_fit(evidence: AirEvidence) -> Measurement:
+def friction_velocity_fit(given: AirMeasureInput) -> Measurement:
     """Friction velocity from the slope of the logarithmic part, as a laboratory reads it [m s-1]."""
     name = "friction_velocity_fit"
-    fits = [fit for profile in evidence.read if (fit := log_fit(profile, evidence.karman)) is not None]
+    fits = [fit for profile in given.read if (fit := log_fit(profile, given.karman)) is not None]
     if not fits:
         return no_measurement(name, "m s-1", f"fewer than {POINTS_LEAST} points in the logarithmic part")
     values = [fit.friction_velocity for fit in fits]
@@ -158,14 +158,14 @@ def friction_velocity_fit(evidence: AirEvidence) -> Measurement:
     return Measurement(name, float(np.mean(values)), sd, "m s-1", details=details)
 
 
-def wind_aloft(evidence: AirEvidence) -> Measurement:
+def wind_aloft(given: AirMeasureInput) -> Measurement:
     """Wind beyond the layer [m s-1]."""
-    return over_time("wind_aloft", "m s-1", evidence, lambda p: p.aloft)
+    return over_time("wind_aloft", "m s-1", given, lambda p: p.aloft)
 
 
-def speed_least(evidence: AirEvidence) -> Measurement:
+def speed_least(given: AirMeasureInput) -> Measurement:
     """Smallest velocity along x of a profile [m s-1]: in a cavity, how fast the air returns."""
-    return over_time("speed_least", "m s-1", evidence, lambda p: float(p.speed.min()))
+    return over_time("speed_least", "m s-1", given, lambda p: float(p.speed.min()))
 
 
 def flat_plate_thickness(speed: float, distance: float, viscosity: float) -> float:

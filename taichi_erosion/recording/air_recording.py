@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.snapshot import AirSnapshot
-from taichi_erosion.recording import drawing
+from taichi_erosion.recording import pictures
 from taichi_erosion.recording.blueprint import TIMELINE
-from taichi_erosion.recording.disk_space import claim
+from taichi_erosion.recording.disk_space import lock_part_file
 from taichi_erosion.recording.stream import (
     APPLICATION,
     CURVE_WIDTH,
@@ -32,7 +32,7 @@ Image = NDArray[np.uint8]
 
 SLICE_PIXELS = 900  # longer side of a slice [px]
 SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [px]
-CALM = np.array(drawing.NIGHT)  # colour of still air
+CALM = np.array(pictures.NIGHT)  # colour of still air
 FAST = np.array([(38, 70, 130), (60, 150, 190), (150, 220, 170), (250, 230, 120), (255, 120, 60)])
 PLOT_WIDTH, PLOT_HEIGHT = 100.0, 60.0  # of the profile plot, in its own units
 TICKS = 2  # labelled values of each axis beside 0; more would overlap in a small view
@@ -58,7 +58,7 @@ def open_wind_recording(path: Path, header: WindHeader) -> Recording:
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
     stream = rr.RecordingStream(APPLICATION, recording_id=header.recording_id, batcher_config=batches)
     try:
-        right = claim(part_path(path))
+        lock = lock_part_file(part_path(path))
         stream.save(part_path(path), default_blueprint=wind_blueprint(header.curves))
     except OSError as error:
         raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
@@ -68,9 +68,9 @@ def open_wind_recording(path: Path, header: WindHeader) -> Recording:
     text = f"# {header.name}\n\n```toml\n{header.scene_text}\n```\n"
     stream.log("scene", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
     for curve, legend in header.curves.items():
-        lines = rr.SeriesLines(names=legend, colors=[drawing.SAND], widths=CURVE_WIDTH)
+        lines = rr.SeriesLines(names=legend, colors=[pictures.SAND], widths=CURVE_WIDTH)
         stream.log(f"air/{curve}", lines, static=True)
-    recording = Recording(path, stream, claim=right)
+    recording = Recording(path, stream, lock=lock)
     flush(recording)
     return recording
 
@@ -84,10 +84,10 @@ def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
         for curve, legend in curves.items()
     ]
     below = rrb.Horizontal(
-        rrb.Spatial2DView(name="Profile: height against speed", origin="/profile", background=drawing.NIGHT),
+        rrb.Spatial2DView(name="Profile: height against speed", origin="/profile", background=pictures.NIGHT),
         rrb.Tabs(*series, rrb.TextDocumentView(name="Scene", origin="/scene"), active_tab=0),
     )
-    slices = rrb.Spatial2DView(name="Speed along the wind", origin="/slice", background=drawing.NIGHT)
+    slices = rrb.Spatial2DView(name="Speed along the wind", origin="/slice", background=pictures.NIGHT)
     return rrb.Blueprint(
         rrb.Vertical(slices, below, row_shares=[1, 1]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=FRAMES_PER_SECOND),
@@ -141,11 +141,11 @@ def log_profile(recording: Recording, speed: Floats, faces: Floats) -> None:
     low = float(speed.min()) if speed.min() < -STILL * high else 0.0
     x = (speed - low) / (high - low) * PLOT_WIDTH
     y = -height / top * PLOT_HEIGHT
-    curve = rr.LineStrips2D([np.column_stack([x, y])], colors=[drawing.EMBER], radii=[0.3])
+    curve = rr.LineStrips2D([np.column_stack([x, y])], colors=[pictures.EMBER], radii=[0.3])
     recording.stream.log("profile/speed", curve)
     ticks = np.linspace(0.0, 1.0, TICKS + 1)
     places = [(PLOT_WIDTH * t, 3.0) for t in ticks] + [(-3.0, -PLOT_HEIGHT * t) for t in ticks[1:]]
     words = [f"{low + (high - low) * t:.3g} m/s" for t in ticks]
     words += [f"{top * t:.3g} m" for t in ticks[1:]]
-    axes = rr.Points2D(places, labels=words, colors=[drawing.STEEL], radii=[0.2], show_labels=True)
+    axes = rr.Points2D(places, labels=words, colors=[pictures.STEEL], radii=[0.2], show_labels=True)
     recording.stream.log("profile/axes", axes)

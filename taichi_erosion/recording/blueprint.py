@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.recording import drawing
+from taichi_erosion.recording import pictures
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 if TYPE_CHECKING:
@@ -97,13 +97,13 @@ def kind_views(kind: str) -> "list[rrb.View]":
     )
     if kind in WIND_KINDS:
         profile = rrb.Spatial2DView(
-            name="Wind: height against speed", origin="/profile", background=drawing.NIGHT
+            name="Wind: height against speed", origin="/profile", background=pictures.NIGHT
         )
         flux = transport_view("What the wind carries", ["flux"])
         return [profile, flux, transport_view("Wind and flying grains", ["friction_velocity", "flying"])]
     contacts = series_view("Contacts", ["contacts", "released"])
     if kind in HEAP_KINDS:
-        outline = rrb.Spatial2DView(name=SILHOUETTES, origin="/silhouette", background=drawing.NIGHT)
+        outline = rrb.Spatial2DView(name=SILHOUETTES, origin="/silhouette", background=pictures.NIGHT)
         return [outline, energy, contacts]
     return [series_view("Speed", ["speed_largest"]), energy, contacts]
 
@@ -129,7 +129,7 @@ def grain_view(focus: Focus, name: str = "Grains", below: str = "/world") -> "rr
         name=name,
         origin="/",
         contents=f"{below}/**",
-        background=drawing.NIGHT,
+        background=pictures.NIGHT,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(position=eye, look_target=centre, eye_up=(0.0, 0.0, 1.0)),
     )

@@ -17,24 +17,24 @@ from typing import Any
 from taichi_erosion.core.errors import BadInput
 
 MEGABYTE = 10**6  # bytes
-ROOM_LEAST = 50 * MEGABYTE  # bytes that a recording leaves free for documents, pictures and a checkpoint
+FREE_SPACE_LEAST = 50 * MEGABYTE  # bytes left free for documents, pictures and a checkpoint
 
 
-def is_short_of_room(path: Path) -> bool:
+def is_disk_nearly_full(path: Path) -> bool:
     """Whether the disk of a file is so full that a recording should not grow on it."""
     try:
-        return shutil.disk_usage(path.parent).free < ROOM_LEAST
+        return shutil.disk_usage(path.parent).free < FREE_SPACE_LEAST
     except OSError:
         return False  # a file system that does not tell
 
 
-def claim(part: Path) -> BufferedWriter:
+def lock_part_file(part: Path) -> BufferedWriter:
     """The right to write a part file, held while what is returned stays open. Raises BadInput.
 
     A process that is killed holds nothing any more.
     """
-    if is_short_of_room(part):
-        least = f"a recording leaves {ROOM_LEAST // MEGABYTE} MB free"
+    if is_disk_nearly_full(part):
+        least = f"a recording leaves {FREE_SPACE_LEAST // MEGABYTE} MB free"
         raise BadInput(f"{part}: the disk is nearly full: {least}; make room, or give --no-record")
     file = part.open("ab")
     try:
@@ -47,7 +47,7 @@ def claim(part: Path) -> BufferedWriter:
     return file
 
 
-def call_off_the_wait(stream: Any) -> None:
+def abandon_writer(stream: Any) -> None:
     """Let the program leave without waiting for a writer that has ended: at exit, and with its stream."""
     import rerun
 

@@ -1,4 +1,10 @@
-"""Grains from the side as shaded spheres, with NumPy alone.
+"""Colours of grains, walls and lines, shared by the recording and the pictures.
+
+Lines and letters on an image, with NumPy alone: the same bytes on every machine, no display, no fonts.
+
+An image is uint8 [height, width, 3]; a place on it is (column, row) in pixels; (0, 0) is the first.
+
+Grains from the side as shaded spheres, with NumPy alone.
 
 Picture files that need no display: silhouettes with their fitted flanks, and the film of a run.
 
@@ -15,11 +21,105 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.recording import drawing
-from taichi_erosion.recording.drawing import LETTER_HEIGHT, LETTER_WIDTH, Image, blank, draw_line, draw_text
 from taichi_erosion.recording.wall_mesh import WallMesh, section
 
+Colours = NDArray[np.uint8]
 Floats = NDArray[np.float64]
+
+NIGHT = (16, 19, 26)  # background behind grains
+DUSK = (38, 44, 56)  # background near the ground
+SAND = (222, 184, 135)  # grain at rest
+STEEL = (138, 156, 178)  # walls
+EMBER = (255, 92, 57)  # fitted lines
+CHALK = (232, 230, 222)  # lettering
+
+SPEED_COLOURS = np.array(
+    [SAND, (240, 150, 84), (232, 88, 96), (176, 72, 190), (88, 120, 255), (120, 220, 255)]
+)
+TINT_RANGE = 0.14  # largest change of brightness between two grains at rest [1]
+TINT_TURN = 0.6180339887498949  # golden ratio - 1: neighbouring numbers fall far apart [1]
+
+
+def resting_colours(ident: NDArray[np.int32]) -> Colours:
+    """Sand, a little brighter or darker from grain to grain so that single grains can be told apart."""
+    brightness = 1.0 + TINT_RANGE * (2.0 * np.mod(ident * TINT_TURN, 1.0) - 1.0)
+    return np.clip(np.multiply.outer(brightness, SAND), 0, 255).astype(np.uint8)
+
+
+def speed_colours(speed: Floats, low: float, high: float) -> Colours:
+    """Colour of a moving grain, from sand at speed `low` to ice blue at `high` [m s-1], in equal ratios."""
+    bounded = np.clip(speed, low, high)
+    place = np.log(bounded / low) / np.log(high / low) * (len(SPEED_COLOURS) - 1)
+    anchors = np.arange(len(SPEED_COLOURS))
+    channels = [np.interp(place, anchors, SPEED_COLOURS[:, channel]) for channel in range(3)]
+    return np.stack(channels, axis=-1).astype(np.uint8)
+
+
+Image = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+# rows of 3 x 5 letters, one octal digit a row, its highest bit leftmost
+LETTERS = {
+    **{"0": "75557", "1": "26227", "2": "71747", "3": "71717", "4": "55711", "5": "74717", "6": "74757"},
+    **{"7": "71222", "8": "75757", "9": "75717", ".": "00002", "-": "00700", "+": "02720", " ": "00000"},
+    **{"°": "25200", "s": "03617", "m": "00775", "u": "05567", "/": "11244", "=": "07070"},
+}
+LETTER_WIDTH = 3
+LETTER_HEIGHT = 5
+
+
+def blank(size: tuple[int, int], top: Colour, bottom: Colour) -> Image:
+    """Image of `size` (width, height), its colour running from `top` to `bottom`."""
+    width, height = size
+    share = np.linspace(0.0, 1.0, height)[:, None]
+    column = (1.0 - share) * np.array(top) + share * np.array(bottom)
+    return np.repeat(column[:, None, :], width, axis=1).round().astype(np.uint8)
+
+
+def draw_line(
+    image_out: Image, ends: Floats, colour: Colour, width: float = 2.0, opacity: float = 1.0
+) -> None:
+    """Draw a straight line between two places, `ends` [2, 2], with smooth edges.
+
+    A pixel at distance s from the line is covered to  c = clip((width + 1) / 2 - s, 0, 1).
+    """
+    margin = 0.5 * width + 1.0
+    shape = np.array(image_out.shape[1::-1])
+    low = np.clip(np.floor(ends.min(axis=0) - margin), 0, shape).astype(int)
+    high = np.clip(np.ceil(ends.max(axis=0) + margin) + 1, 0, shape).astype(int)
+    rows, columns = np.mgrid[low[1] : high[1], low[0] : high[0]]
+    distance = distance_to_segment(np.stack([columns, rows], axis=-1).astype(float), ends)
+    cover = opacity * np.clip(0.5 * (width + 1.0) - distance, 0.0, 1.0)[..., None]
+    patch = image_out[low[1] : high[1], low[0] : high[0]]
+    patch[...] = ((1.0 - cover) * patch + cover * np.array(colour)).round().astype(np.uint8)
+
+
+def distance_to_segment(places: Floats, ends: Floats) -> Floats:
+    """Shortest distance of places [..., 2] to a line segment [2, 2], in the places' own unit."""
+    along = ends[1] - ends[0]
+    length_squared = max(float(along @ along), np.finfo(float).tiny)
+    share = np.clip((places - ends[0]) @ along / length_squared, 0.0, 1.0)
+    return np.linalg.norm(places - ends[0] - share[..., None] * along, axis=-1)
+
+
+def draw_text(image_out: Image, text: str, corner: tuple[int, int], colour: Colour, scale: int = 2) -> None:
+    """Write digits and unit letters, upper left corner at `corner`; what leaves the image is cut off."""
+    column, row = corner
+    stamp = lettering(text).repeat(scale, axis=0).repeat(scale, axis=1)
+    patch = image_out[row : row + stamp.shape[0], column : column + stamp.shape[1]]
+    patch[stamp[: patch.shape[0], : patch.shape[1]]] = colour
+
+
+def lettering(text: str) -> NDArray[np.bool_]:
+    """Bits of a text, one empty column after each letter."""
+    bits = np.zeros((LETTER_HEIGHT, len(text) * (LETTER_WIDTH + 1)), dtype=bool)
+    for index, letter in enumerate(text):
+        rows = [[int(bit) for bit in f"{int(digit):03b}"] for digit in LETTERS[letter]]
+        start = index * (LETTER_WIDTH + 1)
+        bits[:, start : start + LETTER_WIDTH] = rows
+    return bits
+
+
 Integers = NDArray[np.int64]
 
 SMOOTHING = 2  # pixels drawn along each edge of a picture pixel, then averaged [1]
@@ -73,13 +173,13 @@ def render_side(
     Reference: Blinn (1977), Computer Graphics 11, 192-198 (highlight).
     """
     if colours is None:
-        colours = drawing.resting_colours(np.arange(len(radii), dtype=np.int32))
+        colours = resting_colours(np.arange(len(radii), dtype=np.int32))
     fine = SideView(view.low, view.high, (view.size[0] * SMOOTHING, view.size[1] * SMOOTHING))
-    image = blank(fine.size, drawing.NIGHT, drawing.DUSK)
+    image = blank(fine.size, NIGHT, DUSK)
     draw_spheres(image, positions, radii, fine, colours)
     for wall in walls:
         for ends in fine.places(section(wall)):
-            draw_line(image, ends, drawing.STEEL, width=1.5 * SMOOTHING, opacity=0.6)
+            draw_line(image, ends, STEEL, width=1.5 * SMOOTHING, opacity=0.6)
     return shrink(image)
 
 
@@ -92,7 +192,7 @@ def draw_spheres(
     order = np.argsort(-positions[:, 1], kind="stable")
     depth = positions[order, 1]
     haze = HAZE * (depth - depth[-1]) / max(depth[0] - depth[-1], np.finfo(float).tiny)
-    base = (1.0 - haze[:, None]) * colours[order] + haze[:, None] * np.array(drawing.DUSK)
+    base = (1.0 - haze[:, None]) * colours[order] + haze[:, None] * np.array(DUSK)
     place = view.places(positions[order][:, [0, 2]])
     pixels = np.maximum(radii[order] * view.scale, LEAST_RADIUS)
     flat = image_out.reshape(-1, 3)
@@ -150,10 +250,10 @@ def draw_scale_bar(image_out: Image, view: SideView) -> None:
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest)
     right, row = view.size[0] - MARGIN, view.size[1] - MARGIN
     left = right - 1e-3 * length * view.scale
-    draw_line(image_out, np.array([[left, row], [right, row]]), drawing.CHALK)
+    draw_line(image_out, np.array([[left, row], [right, row]]), CHALK)
     text = f"{length:g} mm"
     middle = round(0.5 * (left + right)) - len(text) * (LETTER_WIDTH + 1)
-    draw_text(image_out, text, (middle, row - 2 * LETTER_HEIGHT - MARGIN // 2), drawing.CHALK)
+    draw_text(image_out, text, (middle, row - 2 * LETTER_HEIGHT - MARGIN // 2), CHALK)
 
 
 Mask = NDArray[np.bool_]
@@ -180,15 +280,15 @@ def flank_ends(rows: int, axis: float, side: int, line: tuple[float, float, floa
 def silhouette_picture(mask: Mask, flanks: Floats, caption: str = "") -> Image:
     """Silhouette, sand on night, with flank lines [k, 2, 2] in pixels: bright where fitted, faint beyond."""
     rows, columns = mask.shape
-    image = blank((columns, rows + HEADROOM), drawing.NIGHT, drawing.DUSK)
-    image[HEADROOM:][mask] = drawing.SAND
+    image = blank((columns, rows + HEADROOM), NIGHT, DUSK)
+    image[HEADROOM:][mask] = SAND
     width = max(2.0, rows / 150.0)
     for ends in flanks + np.array([0.0, HEADROOM]):
         along = ends[1] - ends[0]
         reach = (rows + columns) / max(float(np.linalg.norm(along)), 1.0)
-        draw_line(image, ends + np.array([-reach, reach])[:, None] * along, drawing.EMBER, 0.6 * width, FAINT)
-        draw_line(image, ends, drawing.EMBER, width)
-    draw_text(image, caption, CAPTION_CORNER, drawing.CHALK)
+        draw_line(image, ends + np.array([-reach, reach])[:, None] * along, EMBER, 0.6 * width, FAINT)
+        draw_line(image, ends, EMBER, width)
+    draw_text(image, caption, CAPTION_CORNER, CHALK)
     return image
 
 
@@ -215,8 +315,8 @@ def side_picture(
     """Grains from the side, coloured by speed in `speeds` (low, high) [m s-1]."""
     speed = np.linalg.norm(snapshot.velocity, axis=1)
     moving = speed > speeds[0]
-    colours = drawing.resting_colours(snapshot.ident)
-    colours[moving] = drawing.speed_colours(speed[moving], *speeds)
+    colours = resting_colours(snapshot.ident)
+    colours[moving] = speed_colours(speed[moving], *speeds)
     return render_side(snapshot.position, snapshot.radius, view, colours, walls)
 
 
@@ -225,7 +325,7 @@ def film_frame(
 ) -> Image:
     """One picture of a film: grains from the side, the time and a scale bar."""
     image = side_picture(snapshot, view, walls, speeds)
-    draw_text(image, f"{snapshot.time:.2f} s", CAPTION_CORNER, drawing.CHALK)
+    draw_text(image, f"{snapshot.time:.2f} s", CAPTION_CORNER, CHALK)
     draw_scale_bar(image, view)
     return image
 
@@ -278,6 +378,6 @@ def in_colour(image: Image, columns: int) -> str:
 def in_shades(image: Image, columns: int) -> str:
     """One character a pixel, by brightness: for logs and pipes; the sky behind the grains stays empty."""
     rows = max(image.shape[0] * columns // image.shape[1] // CELL, 1)
-    above = np.maximum(shrunk(image, columns, rows).mean(axis=2) - np.mean(drawing.DUSK), 0.0)
+    above = np.maximum(shrunk(image, columns, rows).mean(axis=2) - np.mean(DUSK), 0.0)
     place = (above / max(float(above.max()), 1.0) * (len(SHADES) - 1)).round().astype(int)
     return "\n".join("".join(SHADES[k] for k in row).rstrip() for row in place)

@@ -1,4 +1,4 @@
-"""Which grains lie still: they fill most of a recording and need to be written only now and then."""
+"""Grains at rest: the bulk of a recording, written only now and then."""
 
 from dataclasses import dataclass
 
@@ -7,46 +7,44 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.snapshot import Snapshot
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int32]
-Mask = NDArray[np.bool_]
-
-FRAMES_BETWEEN = 20  # frames after which the bed is written again and takes in what came to rest [1]
-CREEP = 0.02  # displacement of a resting grain that is not worth a new bed, over its radius [1]
+REWRITE_INTERVAL = 20  # frames after which the resting grains are chosen and written anew [1]
+CREEP = 0.02  # displacement of a resting grain that is not worth writing, over its radius [1]
 
 
 @dataclass(frozen=True)
-class Bed:
+class StaticGrains:
     """Resting grains as they were last written."""
 
-    ident: Integers  # [k] rows of the GrainTable, ascending
-    position: Floats  # [k, 3] m
+    ident: NDArray[np.int32]  # [k] rows of the GrainTable, ascending
+    position: NDArray[np.float64]  # [k, 3] m
     age: int  # frames since
 
     @staticmethod
-    def empty() -> "Bed":
+    def empty() -> "StaticGrains":
         """No grain at rest; due at once."""
-        return Bed(np.empty(0, dtype=np.int32), np.empty((0, 3)), FRAMES_BETWEEN)
+        return StaticGrains(np.empty(0, dtype=np.int32), np.empty((0, 3)), REWRITE_INTERVAL)
 
 
-def update_bed(bed: Bed, snapshot: Snapshot, moving_speed: float) -> tuple[Bed, bool]:
-    """The bed at this snapshot, and whether it must be written.
+def update_static_grains(
+    before: StaticGrains, snapshot: Snapshot, moving_speed: float
+) -> tuple[StaticGrains, bool]:
+    """The resting grains at this snapshot, and whether they must be written.
 
-    Every grain is in the bed or mobile, never both. A grain leaves the bed as soon as it is faster than
-    `moving_speed` [m s-1] or has crept CREEP radii, and enters it only every FRAMES_BETWEEN frames: a quiet
+    Every grain is static or mobile, never both. A grain becomes mobile as soon as it is faster than
+    `moving_speed` [m s-1] or has crept CREEP radii, and static only every REWRITE_INTERVAL frames: a quiet
     heap costs next to nothing.
     """
     slow = np.linalg.norm(snapshot.velocity, axis=1) <= moving_speed
-    if bed.age + 1 >= FRAMES_BETWEEN:
-        return Bed(snapshot.ident[slow], snapshot.position[slow], 0), True
-    rows = np.searchsorted(snapshot.ident, bed.ident)
-    crept = np.linalg.norm(snapshot.position[rows] - bed.position, axis=1)
+    if before.age + 1 >= REWRITE_INTERVAL:
+        return StaticGrains(snapshot.ident[slow], snapshot.position[slow], 0), True
+    rows = np.searchsorted(snapshot.ident, before.ident)
+    crept = np.linalg.norm(snapshot.position[rows] - before.position, axis=1)
     stays = slow[rows] & (crept <= CREEP * snapshot.radius[rows])
     if stays.all():
-        return Bed(bed.ident, bed.position, bed.age + 1), False
-    return Bed(bed.ident[stays], snapshot.position[rows[stays]], bed.age + 1), True
+        return StaticGrains(before.ident, before.position, before.age + 1), False
+    return StaticGrains(before.ident[stays], snapshot.position[rows[stays]], before.age + 1), True
 
 
-def lies_in(bed: Bed, snapshot: Snapshot) -> Mask:
-    """Which grains of the snapshot the bed holds."""
-    return np.isin(snapshot.ident, bed.ident)
+def is_static(grains: StaticGrains, snapshot: Snapshot) -> NDArray[np.bool_]:
+    """Mask of the grains of the snapshot that are static."""
+    return np.isin(snapshot.ident, grains.ident)

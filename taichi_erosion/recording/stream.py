@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.snapshot import Ledger, Snapshot
-from taichi_erosion.recording import drawing
+from taichi_erosion.recording import pictures as drawing
 from taichi_erosion.recording.blueprint import MAGNIFICATION, TIMELINE, WIND_KINDS, blueprint, choose_focus
-from taichi_erosion.recording.disk_space import call_off_the_wait, claim
-from taichi_erosion.recording.static_grains import Bed, lies_in, update_bed
+from taichi_erosion.recording.disk_space import abandon_writer, lock_part_file
+from taichi_erosion.recording.static_grains import StaticGrains, is_static, update_static_grains
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 if TYPE_CHECKING:
@@ -75,8 +75,8 @@ class Recording:
 
     path: Path
     stream: "rr.RecordingStream"
-    bed: Bed = field(default_factory=Bed.empty)
-    claim: Any = None  # the right to write the part file, held until it is closed
+    static_grains: StaticGrains = field(default_factory=StaticGrains.empty)
+    lock: Any = None  # lock of the part file, held until the recording is closed
 
 
 @contextmanager
@@ -98,18 +98,18 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     stream = rr.RecordingStream(header.application, recording_id=header.recording_id, batcher_config=batches)
     focus = choose_focus(header.kind, header.radii, header.walls, header.foot)
     try:
-        right = claim(part_path(path))
+        lock = lock_part_file(part_path(path))
         sinks = [rr.FileSink(part_path(path)), *([rr.GrpcSink(viewer)] if viewer else [])]
         stream.set_sinks(*sinks, default_blueprint=blueprint(header.kind, focus))
     except OSError as error:
         raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
     except RuntimeError as error:  # so rerun says that the disk takes not even the first bytes
-        call_off_the_wait(stream)
+        abandon_writer(stream)
         raise BadInput(f"{path}: the recording cannot be begun ({error})") from error
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(header.name)
-    recording = Recording(path, stream, claim=right)
+    recording = Recording(path, stream, lock=lock)
     log_header(recording, header)
     flush(recording)
     return recording
@@ -161,8 +161,8 @@ def set_time(recording: Recording, time: float, step: int) -> None:
 def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> None:
     """Write the grains: those at rest to world/bed, when `update_bed` asks for it, others to world/mobile."""
     set_time(recording, snapshot.time, snapshot.step)
-    recording.bed, is_new = update_bed(recording.bed, snapshot, moving_speed)
-    resting = lies_in(recording.bed, snapshot)
+    recording.static_grains, is_new = update_static_grains(recording.static_grains, snapshot, moving_speed)
+    resting = is_static(recording.static_grains, snapshot)
     if is_new:
         tints = drawing.resting_colours(snapshot.ident[resting])
         log_grains(recording, "world/bed", snapshot, resting, tints)
@@ -268,7 +268,7 @@ def flush(recording: Recording) -> None:
     try:
         recording.stream.flush(timeout_sec=FLUSH_LIMIT)
     except RuntimeError:
-        call_off_the_wait(recording.stream)
+        abandon_writer(recording.stream)
         kept = f"{part_path(recording.path)} holds the beginning"
         raise BadInput(f"{recording.path}: cannot be written to its end; {kept}") from None
 
@@ -280,6 +280,6 @@ def close(recording: Recording) -> Path:
         flush(recording)
         recording.stream.disconnect()
         os.replace(part, recording.path)
-    if recording.claim is not None:
-        recording.claim.close()
+    if recording.lock is not None:
+        recording.lock.close()
     return recording.path

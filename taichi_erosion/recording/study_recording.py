@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.files import make_parent, part_path
-from taichi_erosion.recording import drawing
+from taichi_erosion.recording import pictures as drawing
 from taichi_erosion.recording.blueprint import (
     FRAMES_PER_SECOND,
     MAGNIFICATION,

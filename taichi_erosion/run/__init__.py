@@ -11,11 +11,9 @@ __all__ = ["RunOptions", "check_scene", "run_scene"]
 
 
 def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
-    """Simulate, measure and record a scene; the device is loaded here, since a check needs none."""
+    """Run a scene of grains or of air alone; imports the device, which `check_scene` does not need."""
     if is_air_scene(path):
-        from taichi_erosion.run import air_run
-
-        return air_run.run_air_scene(path, options)
-    from taichi_erosion.run import scene_run
-
-    return scene_run.run_scene(path, options)
+        from taichi_erosion.run.air_run import run_air_scene as run
+    else:
+        from taichi_erosion.run.scene_run import run_scene as run
+    return run(path, options)

@@ -1,6 +1,7 @@
-"""Running an air scene: from its file to the result document, measures and recording."""
+"""Run of a scene of air alone, from its file to the result document, measures and recording."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,18 +15,17 @@ from taichi_erosion.core.device import start_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import AirSnapshot
-from taichi_erosion.measures.boundary_layer import AirEvidence
-from taichi_erosion.measures.result import as_record, pool
+from taichi_erosion.measures.boundary_layer import AirMeasureInput
+from taichi_erosion.measures.result import Measurement, as_record, pool
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import WindHeader, log_wind, open_wind_recording
 from taichi_erosion.run.checks import AIR_OBSERVABLES, read_air_scene
 from taichi_erosion.run.options import RunOptions
-from taichi_erosion.run.result import versions, write_document
-from taichi_erosion.run.scene_run import deferred
+from taichi_erosion.run.result import RECORDINGS, run_document, write_document_or_warn
+from taichi_erosion.run.scene_run import deferred_signals
 from taichi_erosion.scene.air_scene import air_hash, build_air, resolved_air
 from taichi_erosion.scene.schema.air import AirScene
 
-FOLDER = Path("recordings")  # where results go unless the user names a file
 CURVES = {
     "speed_largest": "largest speed, m/s",
     "friction_velocity": "friction velocity of the floor, m/s",
@@ -34,16 +34,16 @@ CURVES = {
 
 
 @dataclass
-class Flow:
-    """An ensemble of flows being followed."""
+class AirRun:
+    """State of a run of an ensemble of flows."""
 
     scene: AirScene
     air: Air
     seeds: list[int]
     step_length: float  # s
     steps: int = 0
-    iterations: int = 0
-    kept: list[list[AirSnapshot]] = field(default_factory=list)  # states for the measures, by replica
+    iterations: int = 0  # of the pressure solver
+    frames: list[list[AirSnapshot]] = field(default_factory=list)  # for the measures, by replica
 
 
 def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
@@ -52,83 +52,72 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     Raises BadInput before anything is written, SimulationStopped where the flow blows up.
     """
     started = time.perf_counter()
-    refuse_words(options)
+    refuse_options(options)
     scene = read_air_scene(path, options.overrides)
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
     setups = [build_air(scene, seed) for seed in seeds]
     threads = start_device(Numerics(options.arch, options.threads, "f64"))
-    flow = Flow(scene, allocate_air(setups), seeds, setups[0].time_step)
-    hashed = air_hash(scene)
-    record = options.record or FOLDER / f"{path.stem}-{hashed}-{first}.rrd"
-    recording = None if options.no_record else begin_recording(path, record, scene)
+    run = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step)
+    record = options.record or RECORDINGS / f"{path.stem}-{air_hash(scene)}-{first}.rrd"
+    recording = None if options.no_record else open_recording(path, record, scene)
     try:
-        with deferred() as interruption:
-            follow(flow, recording, options, interruption.obey)
+        with deferred_signals() as pending:
+            advance_to_end(run, recording, options, pending.raise_pending)
     except BaseException:
         if recording:
             stream.close(recording)
         raise
-    document = describe(path, flow, threads, time.perf_counter() - started)
+    document = air_document(path, run, threads, time.perf_counter() - started)
     if recording:
-        keep(recording, document)
+        finish_recording(recording, document)
     return document
 
 
-def keep(recording: stream.Recording, document: dict[str, Any]) -> None:
-    """Finish the recording and write the document beside it; what the disk refuses becomes a warning."""
-    try:
-        finish(recording, document)
-        document["recording"] = str(recording.path)
-        write_document(recording.path.with_suffix(".json"), document)
-    except BadInput as error:
-        document["replicas"][0]["warnings"].insert(0, str(error))
-
-
-def refuse_words(options: RunOptions) -> None:
-    """Raise BadInput for words that a flow of air does not know."""
+def refuse_options(options: RunOptions) -> None:
+    """Raise BadInput for options that do not apply to air alone."""
     if options.checkpoint or options.resume:
         raise BadInput("--checkpoint and --resume: scenes of air alone start anew each time")
     if options.precision == "f32":
         raise BadInput("--precision f32: air is always followed in f64")
 
 
-def begin_recording(path: Path, record: Path, scene: AirScene) -> stream.Recording:
-    """Open the recording of the first replica."""
+def open_recording(path: Path, record: Path, scene: AirScene) -> stream.Recording:
+    """Begin the recording of the first replica."""
     header = WindHeader(record.stem, scene.scene.title or path.stem, path.read_text(encoding="utf-8"), CURVES)
     return open_wind_recording(record, header)
 
 
-def advance_flow(flow: Flow, steps: int) -> None:
-    """Advance all replicas; a column alone stays on the device."""
-    if flow.air.is_column and flow.air.model.scheme == "euler":
-        advance_columns(steps, flow.air)
-    else:
-        flow.iterations += advance_air(flow.air, steps)
-    flow.steps += steps
-
-
-def follow(flow: Flow, recording: stream.Recording | None, options: RunOptions, obey: Any) -> None:
-    """Run to the end, frame by frame; the last part of the run is kept for the measures."""
-    run = flow.scene.run
-    total = max(round(run.duration / flow.step_length), 1)
-    flow.kept = [[] for _ in flow.seeds]
-    for frame in range(1, run.frames + 1):
-        steps = total * frame // run.frames - flow.steps
-        before = flow.iterations
+def advance_to_end(
+    run: AirRun, recording: stream.Recording | None, options: RunOptions, check: Callable[[], None]
+) -> None:
+    """Advance frame by frame; frames of the averaging window are stored. `check` may raise after a frame."""
+    settings = run.scene.run
+    total = max(round(settings.duration / run.step_length), 1)
+    run.frames = [[] for _ in run.seeds]
+    for frame in range(1, settings.frames + 1):
+        steps = total * frame // settings.frames - run.steps
+        before = run.iterations
         if steps:
-            advance_flow(flow, steps)
-        obey()
-        states = [air_snapshot(flow.air, replica) for replica in range(len(flow.seeds))]
-        if frame > run.frames * (1.0 - run.averaging) or frame == run.frames:
-            for kept, state in zip(flow.kept, states, strict=True):
-                kept.append(state)
+            advance(run, steps)
+        check()
+        states = [air_snapshot(run.air, replica) for replica in range(len(run.seeds))]
+        if frame > settings.frames * (1.0 - settings.averaging) or frame == settings.frames:
+            for stored, state in zip(run.frames, states, strict=True):
+                stored.append(state)
         if recording and steps:
-            log_wind(
-                recording, states[0], flow.steps, curves_of(states[0], (flow.iterations - before) / steps)
-            )
+            log_wind(recording, states[0], run.steps, curves_of(states[0], (run.iterations - before) / steps))
         if options.progress:
-            options.progress(frame / run.frames, f"{states[0].time:.3g} s simulated")
+            options.progress(frame / settings.frames, f"{states[0].time:.3g} s simulated")
+
+
+def advance(run: AirRun, steps: int) -> None:
+    """Advance all replicas; a column alone stays on the device."""
+    if run.air.is_column and run.air.model.scheme == "euler":
+        advance_columns(steps, run.air)
+    else:
+        run.iterations += advance_air(run.air, steps)
+    run.steps += steps
 
 
 def curves_of(state: AirSnapshot, iterations: float) -> dict[str, float]:
@@ -140,51 +129,52 @@ def curves_of(state: AirSnapshot, iterations: float) -> dict[str, float]:
     }
 
 
-def describe(path: Path, flow: Flow, threads: int, seconds: float) -> dict[str, Any]:
-    """The result document of DESIGN."""
-    scene = flow.scene
-    measured = [measures_of(scene, states) for states in flow.kept]
-    cells = len(flow.seeds) * flow.air.cells[0] * flow.air.cells[1] * flow.air.cells[2]
+def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[str, Any]:
+    """The result document of a scene of air alone."""
+    scene = run.scene
+    measured = [measure_air(scene, frames) for frames in run.frames]
+    cells = run.air.cells[0] * run.air.cells[1] * run.air.cells[2]
     replicas = [
         {
             "seed": seed,
             "measures": {name: as_record(m) for name, m in measurements.items()},
             "warnings": [],
             "stopped": None,
-            "time": flow.steps * flow.step_length,
+            "time": run.steps * run.step_length,
         }
-        for seed, measurements in zip(flow.seeds, measured, strict=True)
+        for seed, measurements in zip(run.seeds, measured, strict=True)
     ]
-    return {
-        "scene": str(path),
-        "title": scene.scene.title,
-        "hash": air_hash(scene),
-        "seed": flow.seeds[0],
-        "replicas": replicas,
-        "measures": {name: as_record(pool([m[name] for m in measured])) for name in scene.measure},
-        "measured": {name: m.model_dump() for name, m in scene.measured.items()},
-        "grain_steps": 0,
-        "cell_steps": cells * flow.steps,
-        "pressure_iterations_per_step": flow.iterations / max(flow.steps, 1),
-        "wall_s": seconds,
-        "recording": None,
-        "numerics": {"threads": threads, "precision": "f64", "time_step": flow.step_length},
-        "resolved": resolved_air(scene),
-        "versions": versions(),
-    }
+    return run_document(
+        path,
+        scene,
+        replicas,
+        {name: pool([measurements[name] for measurements in measured]) for name in scene.measure},
+        hash=air_hash(scene),
+        grain_steps=0,
+        cell_steps=len(run.seeds) * cells * run.steps,
+        pressure_iterations_per_step=run.iterations / max(run.steps, 1),
+        wall_s=seconds,
+        numerics={"threads": threads, "precision": "f64", "time_step": run.step_length},
+        resolved=resolved_air(scene),
+    )
 
 
-def measures_of(scene: AirScene, states: list[AirSnapshot]) -> dict[str, Any]:
+def measure_air(scene: AirScene, frames: list[AirSnapshot]) -> dict[str, Measurement]:
     """All measures of one replica."""
     return {
-        name: AIR_OBSERVABLES[name](AirEvidence(states, order.place, scene.air.karman))
-        for name, order in scene.measure.items()
+        name: AIR_OBSERVABLES[name](AirMeasureInput(frames, request.place, scene.air.karman))
+        for name, request in scene.measure.items()
     }
 
 
-def finish(recording: stream.Recording, document: dict[str, Any]) -> None:
-    """Properties of the run, then close the recording."""
+def finish_recording(recording: stream.Recording, document: dict[str, Any]) -> None:
+    """Write properties, close the recording, write the document beside it; disk errors become warnings."""
     values = {name: record["value"] for name, record in document["measures"].items()}
-    stream.set_properties(recording, "result", values)
-    stream.set_properties(recording, "scene", {"hash": document["hash"], "seed": document["seed"]})
-    stream.close(recording)
+    try:
+        stream.set_properties(recording, "result", values)
+        stream.set_properties(recording, "scene", {"hash": document["hash"], "seed": document["seed"]})
+        document["recording"] = str(stream.close(recording))
+    except BadInput as error:
+        document["replicas"][0]["warnings"].insert(0, str(error))
+        return
+    write_document_or_warn(recording.path, document)

@@ -1,17 +1,18 @@
-"""Validating an air scene without simulating it, and what can be measured in one.
+"""Checks of a scene that need no device: validation, and compatibility with others in one ensemble."""
 
-Validating a scene without simulating it.
-"""
-
+import json
 from collections.abc import Callable
+from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures import boundary_layer
-from taichi_erosion.measures.boundary_layer import AirEvidence
+from taichi_erosion.measures.boundary_layer import AirMeasureInput
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.observables import OBSERVABLES
-from taichi_erosion.scene import Scene, explain, load_scene, resolved, scene_hash
+from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
 from taichi_erosion.scene.air_scene import (
     air_hash,
     is_air_scene,
@@ -22,7 +23,7 @@ from taichi_erosion.scene.air_scene import (
 )
 from taichi_erosion.scene.schema.air import AirScene
 
-AIR_OBSERVABLES: dict[str, Callable[[AirEvidence], Measurement]] = {
+AIR_OBSERVABLES: dict[str, Callable[[AirMeasureInput], Measurement]] = {
     "layer_thickness": boundary_layer.layer_thickness,
     "displacement_thickness": boundary_layer.displacement_thickness,
     "momentum_thickness": boundary_layer.momentum_thickness,
@@ -32,17 +33,7 @@ AIR_OBSERVABLES: dict[str, Callable[[AirEvidence], Measurement]] = {
     "speed_least": boundary_layer.speed_least,
 }
 
-
-def read_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
-    """Load an air scene whose measures this program knows. Raises BadInput."""
-    return load_air_scene(path, overrides, observables=tuple(AIR_OBSERVABLES))
-
-
-def check_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Hash, resolved scene and time step; starts no device. Raises BadInput."""
-    scene = read_air_scene(path, overrides)
-    limits = {"time_step": time_step(scene), "time_step_longest": longest_step(scene), "warnings": []}
-    return {"scene": str(path), "hash": air_hash(scene), "resolved": resolved_air(scene), "limits": limits}
+MIXABLE_PLACES = ("pair", "scene", "instrument")  # effects that replicas of one ensemble need not share
 
 
 def read_scene(path: Path, overrides: tuple[str, ...], effect_files: tuple[Path, ...] = ()) -> Scene:
@@ -52,6 +43,11 @@ def read_scene(path: Path, overrides: tuple[str, ...], effect_files: tuple[Path,
         known = effect_parameters(effect_files)
         scene = load_scene(path, overrides, effects=known, observables=tuple(OBSERVABLES))
     return scene
+
+
+def read_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
+    """Load an air scene whose measures this program knows. Raises BadInput."""
+    return load_air_scene(path, overrides, observables=tuple(AIR_OBSERVABLES))
 
 
 def effect_parameters(files: tuple[Path, ...]) -> dict[str, tuple[str, ...]]:
@@ -67,7 +63,63 @@ def check_scene(
 ) -> dict[str, Any]:
     """Hash, resolved scene, time-step limits and warnings; starts no device. Raises BadInput."""
     if is_air_scene(path):
-        return check_air_scene(path, overrides)
-    scene = read_scene(path, overrides, effect_files)
-    document = {"scene": str(path), "hash": scene_hash(scene)}
-    return document | {"resolved": resolved(scene), "limits": explain(scene)}
+        air_scene = read_air_scene(path, overrides)
+        steps = {"time_step": time_step(air_scene), "time_step_longest": longest_step(air_scene)}
+        hashed, entries, limits = air_hash(air_scene), resolved_air(air_scene), steps | {"warnings": []}
+    else:
+        scene = read_scene(path, overrides, effect_files)
+        hashed, entries, limits = scene_hash(scene), resolved(scene), explain(scene)
+    return {"scene": str(path), "hash": hashed, "resolved": entries, "limits": limits}
+
+
+def compatibility_key(scene: Scene) -> str:
+    """All that is compiled into the kernels, and the check interval; equal for scenes of one ensemble.
+
+    Replicas with and without an attraction between grains, a change of the scene or an instrument run beside
+    each other and come out bit for bit as alone.
+    """
+    effective, effects = compiled_effects(scene)
+    clumped = effective.grains.clump is not None
+    choices = [scene.scene.kind, asdict(laws(effective)), scene.run.precision, clumped, effects]
+    return json.dumps([*choices, scene.run.check_interval, air_layer_key(effective)], sort_keys=True)
+
+
+def compiled_effects(scene: Scene) -> tuple[Scene, list[tuple[str, bool]]]:
+    """The scene changed by its effects, and (name, strength > 0) of the effects that are compiled in.
+
+    Where an effect is not in the library or refuses the scene, all count as compiled in: its replica then
+    fails by itself.
+    """
+    named = sorted((name, entry.get("strength", 1.0) > 0.0) for name, entry in scene.effects.items())
+    if not named:
+        return scene, named
+    from taichi_erosion.simulation.scene_setup import effective_scene
+
+    library = package_effects()
+    try:
+        compiled = [(name, acts) for name, acts in named if library[name].place not in MIXABLE_PLACES]
+        return effective_scene(scene, library), compiled
+    except (BadInput, KeyError):
+        return scene, named
+
+
+@cache
+def package_effects() -> dict[str, Any]:
+    """The library of the package, loaded only where a scene names effects."""
+    from taichi_erosion.effects import load_library
+
+    return load_library()
+
+
+def air_layer_key(scene: Scene) -> Any:
+    """Entries that fix the layers of the air, and whether air may rise; None without wind."""
+    if scene.wind is None:
+        return None
+    rising = any(stage.through_flow is not None for stage in scene.stages)
+    names = {"closure", "columns", "drive", "surface", "length", "width", "height", "cell", "growth"}
+    return [
+        scene.wind.model_dump(include=names),
+        rising,
+        scene.grains.count,
+        scene.grains.size.model_dump(),
+    ]

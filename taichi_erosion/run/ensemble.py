@@ -1,7 +1,7 @@
-"""Several scenes at once: replicas of one ensemble, each with its own scene and seed.
+"""Replicas of several scenes as one ensemble, each with a scene and a seed of its own.
 
-A replica gives the same bits here as alone. What is compiled into the kernels is shared by all, and so is the
-interval of the checks: `choices.shared_choices` names it.
+A replica gives the same bits here as alone. All replicas share what is compiled into the kernels, and the
+check interval; `checks.compatibility_key` is equal for scenes that may run together.
 """
 
 import json
@@ -17,172 +17,163 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
 from taichi_erosion.effects import load_library
-from taichi_erosion.run.ensemble_loop import Play, play
-from taichi_erosion.run.instrument_response import as_read
+from taichi_erosion.run.ensemble_loop import EnsembleRun, ProgressReporter, run_ensemble
 from taichi_erosion.run.options import Report
 from taichi_erosion.run.recorder import (
-    Camera,
     Properties,
-    Teller,
-    finish_or_warn,
-    open_camera,
-    watch_while_there_is_room,
+    Recorder,
+    finish_recording_or_warn,
+    open_ensemble_recorder,
+    record_while_disk_has_room,
 )
-from taichi_erosion.run.result import replica_record, versions
-from taichi_erosion.run.stages import Actor
+from taichi_erosion.run.result import apply_instruments, replica_record, versions
+from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.simulation import Simulation, effective_scene, prepare, reuse_or_assemble
 
-Told = Callable[[int, dict[str, Any]], None]  # (place in the list, what came out)
+OnResult = Callable[[int, dict[str, Any]], None]  # (index of the request, record of its replica)
 
 
 @dataclass(frozen=True)
-class Part:
-    """One replica that is asked for."""
+class ReplicaRequest:
+    """Scene, seed and outputs of one replica."""
 
     scene: Scene
     seed: int
-    record: Path | None = None  # where its recording goes
+    record: Path | None = None  # recording file
     properties: Properties | None = None  # further columns of rerun's table of runs
+
+    @property
+    def title(self) -> str:
+        """Name of the recording."""
+        return f"{self.scene.scene.title or self.scene.scene.kind}, seed {self.seed}"
 
 
 @dataclass(frozen=True)
-class Cast:
-    """The parts that can be played, with their places in the list that was asked for."""
+class PreparedReplicas:
+    """Replicas that can start, with the indices of their requests."""
 
     library: dict[str, Effect]  # empty where no scene names an effect
-    places: list[int] = field(default_factory=list)
-    parts: list[Part] = field(default_factory=list)
+    indices: list[int] = field(default_factory=list)
+    requests: list[ReplicaRequest] = field(default_factory=list)
     setups: list[Setup] = field(default_factory=list)
     scenes: list[Scene] = field(default_factory=list)  # after the effects that change them
 
 
-def play_ensemble(
-    parts: Sequence[Part], numerics: Numerics, tell: Told, progress: Report | None = None
+def run_replicas(
+    requests: Sequence[ReplicaRequest],
+    numerics: Numerics,
+    on_result: OnResult,
+    progress: Report | None = None,
 ) -> None:
-    """Play all parts together and tell what came out of each as soon as it has ended.
+    """Run all replicas in one ensemble; `on_result` receives the record of each as soon as it has ended.
 
-    What is told holds seed, measures, warnings, `stopped`, hash, versions, `wall_s` and `cpu_s` (equal
-    shares of the ensemble's) and `failure`: None, or why there is no result. A part that cannot start fails
+    A record holds seed, measures, warnings, `stopped`, hash, versions, `wall_s` and `cpu_s` (equal shares of
+    the ensemble's) and `failure`: None, or the reason of a missing result. A replica that cannot start fails
     alone.
     """
-    play_after(None, parts, numerics, tell, progress)
+    run_replicas_after(None, requests, numerics, on_result, progress)
     stop_device()
 
 
-def play_after(
-    before: Simulation | None,
-    parts: Sequence[Part],
+def run_replicas_after(
+    previous: Simulation | None,
+    requests: Sequence[ReplicaRequest],
     numerics: Numerics,
-    tell: Told,
+    on_result: OnResult,
     progress: Report | None = None,
 ) -> Simulation | None:
-    """The same, in the fields of an ensemble that has ended; returns what the next one may take over.
+    """The same in the buffers of an ensemble that has ended; returns the simulation for the next one.
 
-    Whoever wants no other ensemble stops the device.
+    The device keeps running: after the last ensemble the caller stops it.
     """
-    cast = able_to_start(parts, tell)
-    if not cast.parts:
-        return before
+    prepared = prepare_replicas(requests, on_result)
+    if not prepared.requests:
+        return previous
     try:
-        sim = reuse_or_assemble(before, cast.setups, laws(cast.scenes[0]), numerics)
+        sim = reuse_or_assemble(previous, prepared.setups, laws(prepared.scenes[0]), numerics)
     except BadInput as error:
-        if len(cast.parts) == 1:
-            tell(cast.places[0], refused(cast.parts[0], str(error)))
+        if len(prepared.requests) == 1:
+            on_result(prepared.indices[0], refusal_record(prepared.requests[0], str(error)))
             return None
-        for place, part in zip(cast.places, cast.parts, strict=True):
-            play_ensemble([part], numerics, lambda _, record, place=place: tell(place, record), progress)
+        for index, request in zip(prepared.indices, prepared.requests, strict=True):
+            run_replicas([request], numerics, lambda _, record, i=index: on_result(i, record), progress)
         return None
-    stage_play = Play(cast.scenes, sim, [Actor(part.seed) for part in cast.parts])
-    crier = Crier(cast, tell, time.perf_counter(), time.process_time(), cameras_of(cast, stage_play))
-    watchers = [partial(watch_while_there_is_room, camera) for camera in crier.cameras.values()]
-    teller = [Teller(progress).watch] if progress else []
-    play(stage_play, [*watchers, *teller, crier.watch])
+    states = [ReplicaState(request.seed) for request in prepared.requests]
+    ensemble = EnsembleRun(prepared.scenes, sim, states)
+    reporter = ResultReporter(prepared, on_result, recorders_of(prepared, ensemble))
+    recording = [partial(record_while_disk_has_room, recorder) for recorder in reporter.recorders.values()]
+    run_ensemble(ensemble, [*recording, *([ProgressReporter(progress)] if progress else []), reporter])
     return sim
 
 
-def able_to_start(parts: Sequence[Part], tell: Told) -> Cast:
-    """Build every replica; a part that cannot be built is told as failed."""
-    cast = Cast(load_library() if any(part.scene.effects for part in parts) else {})
-    for place, part in enumerate(parts):
+def prepare_replicas(requests: Sequence[ReplicaRequest], on_result: OnResult) -> PreparedReplicas:
+    """Build the set-up of every replica; one that cannot be built is reported as failed."""
+    prepared = PreparedReplicas(load_library() if any(r.scene.effects for r in requests) else {})
+    for index, request in enumerate(requests):
         try:
-            setup = prepare(part.scene, part.seed, cast.library)
+            setup = prepare(request.scene, request.seed, prepared.library)
         except BadInput as error:
-            tell(place, refused(part, str(error)))
+            on_result(index, refusal_record(request, str(error)))
             continue
-        cast.places.append(place)
-        cast.parts.append(part)
-        cast.setups.append(setup)
-        cast.scenes.append(effective_scene(part.scene, cast.library))
-    return cast
+        prepared.indices.append(index)
+        prepared.requests.append(request)
+        prepared.setups.append(setup)
+        prepared.scenes.append(effective_scene(request.scene, prepared.library))
+    return prepared
 
 
-def refused(part: Part, reason: str) -> dict[str, Any]:
-    """Record of a part that could not start."""
-    found = {"seed": part.seed, "measures": {}, "warnings": [], "stopped": "refused", "time": 0.0}
-    return found | {
-        "hash": scene_hash(part.scene),
-        "failure": reason,
-        "wall_s": 0.0,
-        "cpu_s": 0.0,
-        "versions": versions(),
-    }
+def refusal_record(request: ReplicaRequest, reason: str) -> dict[str, Any]:
+    """Record of a replica that could not start."""
+    empty = {"seed": request.seed, "measures": {}, "warnings": [], "stopped": "refused", "time": 0.0}
+    cost = {"wall_s": 0.0, "cpu_s": 0.0, "versions": versions()}
+    return empty | cost | {"hash": scene_hash(request.scene), "failure": reason}
 
 
-def cameras_of(cast: Cast, stage_play: Play) -> dict[int, Camera]:
-    """A camera for every replica that is to be recorded; one that cannot write costs no result."""
-    cameras = {}
-    for replica, part in enumerate(cast.parts):
-        if part.record is None:
+def recorders_of(prepared: PreparedReplicas, ensemble: EnsembleRun) -> dict[int, Recorder]:
+    """Recorders by replica; a recording that cannot be opened becomes a warning."""
+    recorders = {}
+    for replica, request in enumerate(prepared.requests):
+        if request.record is None:
             continue
+        text = json.dumps(resolved(request.scene), indent=1)  # a run of a campaign has no scene file
         try:
-            text = scene_text(part.scene)
-            cameras[replica] = open_camera(part.record, title_of(part), stage_play, text, replica)
+            recorder = open_ensemble_recorder(request.record, request.title, text, ensemble, replica)
         except BadInput as error:
-            stage_play.actors[replica].warnings.append(str(error))
-    return cameras
-
-
-def title_of(part: Part) -> str:
-    """Name of a recording."""
-    return f"{part.scene.scene.title or part.scene.scene.kind}, seed {part.seed}"
-
-
-def scene_text(scene: Scene) -> str:
-    """The resolved scene for the recording; a campaign has no scene file of its own for every run."""
-    return json.dumps(resolved(scene), indent=1)
+            ensemble.states[replica].warn(str(error))
+        else:
+            recorders[replica] = recorder
+    return recorders
 
 
 @dataclass
-class Crier:
-    """Tells what came out of every replica, once, at the check at which it ends."""
+class ResultReporter:
+    """Callback that reports the record of every replica once, at the check at which it ends."""
 
-    cast: Cast
-    tell: Told
-    started: float  # s, of the wall clock
-    spent: float  # s, of the processor
-    cameras: dict[int, Camera]
-    told: set[int] = field(default_factory=set)
+    prepared: PreparedReplicas
+    on_result: OnResult
+    recorders: dict[int, Recorder]
+    wall_start: float = field(default_factory=time.perf_counter)  # s
+    cpu_start: float = field(default_factory=time.process_time)  # s
+    reported: set[int] = field(default_factory=set)
 
-    def watch(self, stage_play: Play) -> None:
-        """Tell of replicas that have ended since the last check."""
-        for replica, actor in enumerate(stage_play.actors):
-            if not actor.active and replica not in self.told:
-                self.told.add(replica)
-                self.tell(self.cast.places[replica], self.record(stage_play, replica))
+    def __call__(self, ensemble: EnsembleRun) -> None:
+        for replica, state in enumerate(ensemble.states):
+            if not state.active and replica not in self.reported:
+                self.reported.add(replica)
+                self.on_result(self.prepared.indices[replica], self.record(ensemble, replica))
 
-    def record(self, stage_play: Play, replica: int) -> dict[str, Any]:
-        """What came out of one replica."""
-        part, actor = self.cast.parts[replica], stage_play.actors[replica]
-        actor.measurements = as_read(actor.measurements, part.scene, self.cast.library)
-        found = replica_record(stage_play, replica)
-        camera = self.cameras.get(replica)
-        hashed = scene_hash(part.scene)
-        if camera is not None:
-            properties = {"scene": {"hash": hashed}} | dict(part.properties or {})
-            found |= finish_or_warn(camera, stage_play, found, properties)
-        failed = found["stopped"] is not None
-        count = len(self.cast.parts)
-        seconds, spent = time.perf_counter() - self.started, time.process_time() - self.spent
-        cost = {"wall_s": seconds / count, "cpu_s": spent / count, "versions": versions()}
-        return found | cost | {"hash": hashed, "failure": found["warnings"][-1] if failed else None}
+    def record(self, ensemble: EnsembleRun, replica: int) -> dict[str, Any]:
+        """Record of one replica, its recording finished."""
+        request, state = self.prepared.requests[replica], ensemble.states[replica]
+        state.measurements = apply_instruments(state.measurements, request.scene, self.prepared.library)
+        record = replica_record(ensemble, replica)
+        recorder, hashed = self.recorders.get(replica), scene_hash(request.scene)
+        if recorder is not None:
+            properties = {"scene": {"hash": hashed}} | dict(request.properties or {})
+            record |= finish_recording_or_warn(recorder, ensemble, record, properties)
+        failure = record["warnings"][-1] if record["stopped"] is not None else None
+        count = len(self.prepared.requests)
+        wall, cpu = time.perf_counter() - self.wall_start, time.process_time() - self.cpu_start
+        cost = {"wall_s": wall / count, "cpu_s": cpu / count, "versions": versions()}
+        return record | cost | {"hash": hashed, "failure": failure}

@@ -1,7 +1,4 @@
-"""Which measure answers an observable of a scene, and what it is given.
-
-What a laboratory reads in place of the true value: effects of instruments, applied to measured values.
-"""
+"""Observables by name: the measure of each, and the input that measures receive."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -16,13 +13,15 @@ from taichi_erosion.scene.build.wind import surface_height
 from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Plane
 from taichi_erosion.scene.schema.scene import Measure
 
+AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
+
 
 @dataclass(frozen=True)
-class Evidence:
-    """What a measure may look at: the end of its stage, and what was kept on the way."""
+class MeasureInput:
+    """Input of a measure: the end of its stage, and the frames stored during the stage."""
 
     scene: Scene
-    order: Measure
+    request: Measure
     end: Snapshot
     frames: tuple[Snapshot, ...]
     tilts: tuple[float, ...]  # rad, of the frames
@@ -37,14 +36,14 @@ class Evidence:
 
     @property
     def tunnel(self) -> threshold.Tunnel:
-        """The tunnel that the patch stands for."""
+        """The tunnel in which the patch lies."""
         patch = self.patch
         return threshold.Tunnel(self.scene.threshold.fetch, patch.diameter, patch.viscosity)
 
     @property
     def base_height(self) -> float:
         """Height of the plate at the origin [m]."""
-        plate = self.scene.geometry.get(self.order.plate or "")
+        plate = self.scene.geometry.get(self.request.plate or "")
         if isinstance(plate, Plane):
             return plate.point[2]
         return plate.centre[2] if isinstance(plate, Disc) else 0.0
@@ -52,13 +51,18 @@ class Evidence:
     @property
     def plate_radius(self) -> float | None:
         """Radius of a round plate [m], None for one without an edge."""
-        plate = self.scene.geometry.get(self.order.plate or "")
+        plate = self.scene.geometry.get(self.request.plate or "")
         return plate.radius if isinstance(plate, Disc) else None
 
     @property
     def azimuths(self) -> int:
         """Number of silhouettes."""
-        return self.order.azimuths or AZIMUTHS
+        return self.request.azimuths or AZIMUTHS
+
+    @property
+    def landings(self) -> splash.Splash:
+        """Landings of grains in the frames."""
+        return splash.splash(self.frames, self.patch, self.scene.gravity.magnitude)
 
 
 def patch_of(scene: Scene) -> wind_bed.Patch:
@@ -69,28 +73,20 @@ def patch_of(scene: Scene) -> wind_bed.Patch:
     return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
 
 
-AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
-
-
-def turned_drum(evidence: Evidence) -> Measurement:
+def drum_angle(given: MeasureInput) -> Measurement:
     """Dynamic angle in the cylinder that the measure names as its plate."""
-    wall = evidence.scene.geometry.get(evidence.order.plate or "")
+    wall = given.scene.geometry.get(given.request.plate or "")
     if isinstance(wall, Cylinder):
-        return drum_and_incline.dynamic_angle(evidence.frames, wall.radius, wall.centre, wall.axis)
-    return drum_and_incline.dynamic_angle(evidence.frames, inf)
+        return drum_and_incline.dynamic_angle(given.frames, wall.radius, wall.centre, wall.axis)
+    return drum_and_incline.dynamic_angle(given.frames, inf)
 
 
-def found(name: str, kind: str, evidence: Evidence) -> Measurement:
-    """A threshold that the hunt has bracketed."""
-    return threshold.bracketed(name, evidence.thresholds.get(kind))
+def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
+    """Measure of a threshold that the search has bracketed."""
+    return lambda given: threshold.bracketed(name, given.thresholds.get(kind))
 
 
-def splashed(evidence: Evidence) -> splash.Splash:
-    """Landings in the frames."""
-    return splash.splash(evidence.frames, evidence.patch, evidence.scene.gravity.magnitude)
-
-
-OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
+OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "repose_angle": lambda e: repose.repose_angle(e.end, e.plate_radius, e.base_height, e.azimuths),
     "cone_angle": lambda e: repose.cone_angle(e.end, e.base_height),
     "angle_of_repose": lambda e: heap.angle_of_repose_outline(e.end, e.base_height),
@@ -99,7 +95,7 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
     "radius_90": lambda e: heap.radius_90(e.end),
     "runout_radius": lambda e: heap.runout_radius(e.end, e.base_height),
     "column_height": lambda e: heap.column_height(e.end, e.base_height),
-    "dynamic_angle": turned_drum,
+    "dynamic_angle": drum_angle,
     "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
     "settling_velocity": lambda e: wind_bed.settling_velocity(e.end),
     "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
@@ -108,13 +104,13 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
     "flux_height": lambda e: wind_bed.flux_height(e.frames, e.patch),
     "bed_stress": lambda e: wind_bed.bed_stress(e.airs, e.patch),
     "grain_stress": lambda e: wind_bed.grain_stress(e.airs, e.patch),
-    "rebound_share": lambda e: splash.rebound_share(splashed(e)),
-    "rebound_speed": lambda e: splash.rebound_speed(splashed(e)),
-    "ejecta_share": lambda e: splash.ejecta_share(splashed(e)),
-    "rolling_onset": lambda e: found("rolling_onset", "rolling_onset", e),
-    "fluid_threshold": lambda e: found("fluid_threshold", "fluid_threshold", e),
-    "threshold_u_star": lambda e: found("threshold_u_star", "fluid_threshold", e),
-    "impact_threshold": lambda e: found("impact_threshold", "impact_threshold", e),
+    "rebound_share": lambda e: splash.rebound_share(e.landings),
+    "rebound_speed": lambda e: splash.rebound_speed(e.landings),
+    "ejecta_share": lambda e: splash.ejecta_share(e.landings),
+    "rolling_onset": threshold_of("rolling_onset", "rolling_onset"),
+    "fluid_threshold": threshold_of("fluid_threshold", "fluid_threshold"),
+    "threshold_u_star": threshold_of("threshold_u_star", "fluid_threshold"),
+    "impact_threshold": threshold_of("impact_threshold", "impact_threshold"),
     "impact_threshold_linear": lambda e: threshold.extrapolated(
         "impact_threshold_linear", e.thresholds.get("impact_threshold_linear")
     ),
@@ -127,6 +123,6 @@ OBSERVABLES: dict[str, Callable[[Evidence], Measurement]] = {
 }
 
 
-def measure(name: str, evidence: Evidence) -> Measurement:
-    """Measure one observable by its name."""
-    return OBSERVABLES[name](evidence)
+def measure(name: str, given: MeasureInput) -> Measurement:
+    """Measurement of one observable."""
+    return OBSERVABLES[name](given)

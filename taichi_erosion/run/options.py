@@ -1,16 +1,19 @@
-"""What a user may ask of a run beside its scene."""
+"""Options of a run beside its scene; the words of `./erosion run` set them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Literal
+
+CHECKPOINT_INTERVAL = inf  # simulated s; infinite: one checkpoint, at the end or at an interruption
 
 Report = Callable[[float, str], None]  # (share done [1], words)
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Words of `run`; None leaves a choice to the scene."""
+    """Options of `run`; None leaves a choice to the scene."""
 
     overrides: tuple[str, ...] = ()
     seed: int | None = None
@@ -21,7 +24,7 @@ class RunOptions:
     record: Path | None = None
     no_record: bool = False
     checkpoint: Path | None = None
-    every: float | None = None  # simulated s between checkpoints
+    checkpoint_interval: float = CHECKPOINT_INTERVAL  # simulated s, --every
     resume: Path | None = None
     effect_files: tuple[Path, ...] = ()  # effects from outside the package
     progress: Report | None = None

@@ -1,29 +1,99 @@
-"""What a run leaves: the record of every replica, and the document as a file beside the recording."""
+"""Result of a run: the JSON document that `run --json` prints, and that lies beside the recording.
+
+    scene           path of the scene file
+    title, hash     title and hash of the scene
+    seed            of the first replica
+    replicas        [{seed, measures, warnings, stopped, time}]: `stopped` is null or the name of a Status in
+                    small letters, `time` is simulated [s], `warnings` end with the reason of a stop
+    measures        {observable: {name, value, sd, unit, n, notes, details}}, pooled over replicas; a replica
+                    has its own `measures` in the same form
+    measured        {observable: {value, sd, n, source}}: values of a laboratory that the scene states
+    grain_steps     released grains times steps; `cell_steps` for air alone
+    wall_s          wall time [s]
+    recording       path of the recording or null; where they were made also `silhouettes` and `film`
+    numerics        arch, threads, precision; `time_step` for air alone
+    limits          time-step limits and softening numbers (grains only), as `run --check` prints them
+    restitution     {pair: {stated, found}}, of the first impacts (grains only)
+    convention      of the surface energy (grains only)
+    resolved        the scene with all defaults
+    versions        of this package, Python and the libraries that a result depends on
+
+Numbers are SI; NaN and infinity become null. Exit codes: `core.errors.ExitCode`.
+"""
 
 import json
 import platform
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.measures.result import as_record, without_nan
-from taichi_erosion.run.ensemble_loop import Play
-from taichi_erosion.run.stages import sentence
+from taichi_erosion.measures.result import Measurement, as_record, without_nan
+from taichi_erosion.run.ensemble_loop import EnsembleRun
+from taichi_erosion.run.sanity_checks import failure_message
+from taichi_erosion.scene import Scene
+from taichi_erosion.scene.schema.air import AirScene
+from taichi_erosion.simulation.scene_setup import Library, checked_params, conditions_of
+
+RECORDINGS = Path("recordings")  # folder of results, unless the user names a file
 
 
-def replica_record(stage_play: Play, replica: int) -> dict[str, Any]:
-    """What came out of one replica, as JSON can hold it."""
-    actor, sim = stage_play.actors[replica], stage_play.sim
+def apply_instruments(
+    measurements: Mapping[str, Measurement], scene: Scene, library: Library
+) -> dict[str, Measurement]:
+    """Instrument response: measurements after the instrument effects of the scene, in order of name."""
+    read = dict(measurements)
+    for effect in (library[name] for name in sorted(scene.effects)):
+        params, strength = checked_params(scene, effect)
+        if effect.place != "instrument" or strength == 0.0:
+            continue
+        for name, true in read.items():
+            value = effect.act(params, strength, conditions_of(scene), name, true.value)
+            if isfinite(true.value) and value != true.value:
+                factor = abs(value / true.value) if true.value else 1.0
+                note = f"{true.value:.6g} {true.unit} before {effect.name}"
+                read[name] = replace(true, value=value, sd=true.sd * factor, notes=(*true.notes, note))
+    return read
+
+
+def replica_record(ensemble: EnsembleRun, replica: int) -> dict[str, Any]:
+    """Entry of `replicas` for one replica."""
+    state, sim = ensemble.states[replica], ensemble.sim
     step = int(sim.world.replicas.step[replica])
     return {
-        "seed": actor.seed,
-        "measures": {name: as_record(m) for name, m in actor.measurements.items()},
-        "warnings": actor.warnings + ([sentence(actor.failure, actor.seed)] if actor.failure else []),
-        "stopped": None if actor.failure is None else actor.failure.status.name.lower(),
+        "seed": state.seed,
+        "measures": {name: as_record(m) for name, m in state.measurements.items()},
+        "warnings": state.warnings + ([failure_message(state.failure, state.seed)] if state.failure else []),
+        "stopped": None if state.failure is None else state.failure.status.name.lower(),
         "time": step * sim.setups[replica].time_step,
+    }
+
+
+def run_document(
+    path: Path,
+    scene: Scene | AirScene,
+    replicas: list[dict[str, Any]],
+    pooled: Mapping[str, Measurement],
+    **entries: Any,
+) -> dict[str, Any]:
+    """The document of a run; `entries` are those that differ between grains and air alone."""
+    return {
+        "scene": str(path),
+        "title": scene.scene.title,
+        "hash": entries.pop("hash"),
+        "seed": replicas[0]["seed"],
+        "replicas": replicas,
+        "measures": {name: as_record(measurement) for name, measurement in pooled.items()},
+        "measured": {name: m.model_dump() for name, m in scene.measured.items()},
+        "recording": None,
+        **entries,
+        "versions": versions(),
     }
 
 
@@ -35,12 +105,15 @@ def versions() -> dict[str, str]:
     }
 
 
-def write_document(path: Path, document: dict[str, Any]) -> None:
-    """Write strict JSON; NaN, which JSON does not know, becomes null."""
+def write_document_or_warn(record: Path, document: dict[str, Any]) -> None:
+    """Write the document beside its recording as strict JSON; a refusal of the disk becomes a warning."""
     text = json.dumps(without_nan(document), indent=1, default=plain, allow_nan=False)
-    write_atomic(path, (text + "\n").encode())
+    try:
+        write_atomic(record.with_suffix(".json"), (text + "\n").encode())
+    except BadInput as error:
+        document["replicas"][0]["warnings"].insert(0, str(error))
 
 
 def plain(value: Any) -> Any:
-    """A NumPy scalar or a path as JSON can hold it."""
+    """Plain value of a NumPy scalar or a path, for JSON."""
     return str(value) if isinstance(value, Path) else value.item()

@@ -1,4 +1,7 @@
-"""What a play knows beside the state of the device, so that a resumed run ends as one that went through."""
+"""State of a run beside that of the device: written to checkpoints, restored by `--resume FILE`.
+
+A resumed run ends bit for bit as one that was never interrupted.
+"""
 
 import json
 from dataclasses import asdict
@@ -9,79 +12,81 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.snapshot import Failure, Snapshot, Status
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.run.ensemble_loop import Play
+from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.result import plain
-from taichi_erosion.run.stages import Actor
+from taichi_erosion.run.stages import ReplicaState
 
 Arrays = dict[str, NDArray[Any]]
 
-PLAIN = ("seed", "stage", "began", "finished", "energy", "released", "tilts", "warnings")
-GRAIN_ROWS = ("position", "velocity", "spin", "radius", "mass", "contacts", "ident")  # of a Snapshot
-MOMENT = ("time", "step", "waiting")  # of a Snapshot
+# the keys below and "actor" are part of the layout of a checkpoint
+PLAIN_FIELDS = ("seed", "stage", "began", "finished", "energy", "released", "tilts", "warnings")
+GRAIN_COLUMNS = ("position", "velocity", "spin", "radius", "mass", "contacts", "ident")  # of a Snapshot
+TIME_COLUMNS = ("time", "step", "waiting")  # of a Snapshot
 
 
-def remembered(stage_play: Play) -> tuple[Arrays, dict[str, Any]]:
-    """Frames as arrays, everything else as JSON can hold it."""
+def run_state(ensemble: EnsembleRun) -> tuple[Arrays, dict[str, Any]]:
+    """Frames as arrays, everything else as plain JSON values."""
     arrays = {
         f"actor{replica}_{name}": values
-        for replica, actor in enumerate(stage_play.actors)
-        for name, values in joined(actor.frames).items()
+        for replica, state in enumerate(ensemble.states)
+        for name, values in pack_frames(state.frames).items()
     }
-    actors = [json.loads(json.dumps(actor_record(actor), default=plain)) for actor in stage_play.actors]
-    return arrays, {"checks": stage_play.checks, "grain_steps": stage_play.grain_steps, "actors": actors}
+    records = [json.loads(json.dumps(state_record(state), default=plain)) for state in ensemble.states]
+    return arrays, {"checks": ensemble.checks, "grain_steps": ensemble.grain_steps, "actors": records}
 
 
-def recall(stage_play: Play, arrays: Arrays, meta: dict[str, Any]) -> None:
-    """Put the actors where the checkpoint left them."""
-    stage_play.checks, stage_play.grain_steps = meta["checks"], meta["grain_steps"]
-    for replica, (actor, record) in enumerate(zip(stage_play.actors, meta["actors"], strict=True)):
+def restore_run(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> None:
+    """Inverse of `run_state`, into an ensemble of the same scenes."""
+    ensemble.checks, ensemble.grain_steps = meta["checks"], meta["grain_steps"]
+    for replica, (state, record) in enumerate(zip(ensemble.states, meta["actors"], strict=True)):
         prefix = f"actor{replica}_"
-        frames = {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
-        restore(actor, record, split(frames))
+        columns = {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
+        restore_replica(state, record, unpack_frames(columns))
 
 
 def seeds_of(meta: dict[str, Any]) -> list[int]:
     """Seeds of the replicas in a checkpoint."""
-    return [actor["seed"] for actor in meta["actors"]]
+    return [record["seed"] for record in meta["actors"]]
 
 
-def actor_record(actor: Actor) -> dict[str, Any]:
-    """One actor without its frames."""
-    failed = None if actor.failure is None else asdict(actor.failure)
-    measured = {name: asdict(measurement) for name, measurement in actor.measurements.items()}
-    return {name: getattr(actor, name) for name in PLAIN} | {"failure": failed, "measurements": measured}
+def state_record(state: ReplicaState) -> dict[str, Any]:
+    """One replica without its frames."""
+    failed = None if state.failure is None else asdict(state.failure)
+    measured = {name: asdict(measurement) for name, measurement in state.measurements.items()}
+    plain_fields = {name: getattr(state, name) for name in PLAIN_FIELDS}
+    return plain_fields | {"failure": failed, "measurements": measured}
 
 
-def restore(actor: Actor, record: dict[str, Any], frames: list[Snapshot]) -> None:
-    """Give an actor back what `actor_record` noted."""
-    for name in PLAIN:
-        setattr(actor, name, record[name])
+def restore_replica(state_out: ReplicaState, record: dict[str, Any], frames: list[Snapshot]) -> None:
+    """Inverse of `state_record`."""
+    for name in PLAIN_FIELDS:
+        setattr(state_out, name, record[name])
     failed = record["failure"]
-    actor.failure = failed and Failure(**failed | {"status": Status(failed["status"])})
-    actor.measurements = {
-        name: Measurement(**noted | {"notes": tuple(noted["notes"])})
-        for name, noted in record["measurements"].items()
+    state_out.failure = failed and Failure(**failed | {"status": Status(failed["status"])})
+    state_out.measurements = {
+        name: Measurement(**fields | {"notes": tuple(fields["notes"])})
+        for name, fields in record["measurements"].items()
     }
-    actor.frames = frames
+    state_out.frames = frames
 
 
-def joined(frames: list[Snapshot]) -> Arrays:
-    """All frames in one array a column."""
+def pack_frames(frames: list[Snapshot]) -> Arrays:
+    """All frames end to end, one array a column, with the grain count of each."""
     if not frames:
         return {}
-    rows = {name: np.concatenate([getattr(frame, name) for frame in frames]) for name in GRAIN_ROWS}
-    moments = {name: np.array([getattr(frame, name) for frame in frames]) for name in MOMENT}
-    return rows | moments | {"grains": np.array([len(frame.radius) for frame in frames])}
+    rows = {name: np.concatenate([getattr(frame, name) for frame in frames]) for name in GRAIN_COLUMNS}
+    times = {name: np.array([getattr(frame, name) for frame in frames]) for name in TIME_COLUMNS}
+    return rows | times | {"grains": np.array([len(frame.radius) for frame in frames])}
 
 
-def split(columns: Arrays) -> list[Snapshot]:
-    """Frames from what `joined` made of them."""
+def unpack_frames(columns: Arrays) -> list[Snapshot]:
+    """Inverse of `pack_frames`."""
     if not columns:
         return []
     cuts = np.cumsum(columns["grains"])[:-1]
-    rows = zip(*(np.split(columns[name], cuts) for name in GRAIN_ROWS), strict=True)
-    moments = zip(*(columns[name].tolist() for name in MOMENT), strict=True)
+    rows = zip(*(np.split(columns[name], cuts) for name in GRAIN_COLUMNS), strict=True)
+    times = zip(*(columns[name].tolist() for name in TIME_COLUMNS), strict=True)
     return [
-        Snapshot(**dict(zip(GRAIN_ROWS, row, strict=True)), **dict(zip(MOMENT, moment, strict=True)))
-        for row, moment in zip(rows, moments, strict=True)
+        Snapshot(**dict(zip(GRAIN_COLUMNS, row, strict=True)), **dict(zip(TIME_COLUMNS, values, strict=True)))
+        for row, values in zip(rows, times, strict=True)
     ]

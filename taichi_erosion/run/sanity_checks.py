@@ -1,4 +1,4 @@
-"""What a run asks of itself: do contacts give back what is stated, are all grains and all momentum there?"""
+"""Sanity checks of a running replica: restitution, grain count, mass, momentum; messages of failures."""
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from taichi_erosion.simulation.self_checks import Impact, first_impacts
 RESTITUTION_ERROR = 0.1  # that stops a run: four times the largest of the shipped scenes, 0.024 [1]
 SPEED_LEAST = 1e-2  # m s-1, of an impact where nothing falls
 MOMENTUM_ERROR = 1e-5  # of the forces between grains: a dozen contacts, each rounded to 6e-8, ten times [1]
-MOMENTUM_AFTER = 1e8  # grain-steps: the question takes half a second to load, a tenth of that run
-MASS_ERROR = 1e-5  # of the sum of all masses; they are kept in single precision [1]
+MOMENTUM_AFTER = 1e8  # grain-steps: loading the check takes half a second, a tenth of that run
+MASS_ERROR = 1e-5  # of the sum of all masses; they are stored in single precision [1]
 
 
 def impacts_of(sim: Simulation, scenes: list[Scene]) -> list[Impact]:
@@ -21,13 +21,13 @@ def impacts_of(sim: Simulation, scenes: list[Scene]) -> list[Impact]:
 
 
 def restitution_error(impact: Impact) -> float:
-    """What an impact gave back too much or too little [1]; adhesion may take any share of it."""
+    """Coefficient of restitution found minus stated [1]; with adhesion only an excess counts."""
     error = impact.found - impact.stated
     return max(error, 0.0) if impact.adhesive else abs(error)
 
 
 def restitution_failure(impacts: list[Impact], replica: int, scene: Scene, time: float) -> Failure | None:
-    """A failure where a pair does not give back what is stated, and nobody insists on the time step."""
+    """Failure where a pair misses its coefficient of restitution and the time step is not forced."""
     wrong = [i for i in impacts if i.replica == replica and not restitution_error(i) <= RESTITUTION_ERROR]
     if not wrong or scene.run.force_time_step:
         return None
@@ -35,10 +35,10 @@ def restitution_failure(impacts: list[Impact], replica: int, scene: Scene, time:
 
 
 def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
-    """A failure where grains that came in are neither inside nor known to have left, or weigh otherwise.
+    """Failure where grains are missing or doubled, a coordinate is not finite, or mass was lost.
 
-    No grain may leave: one that does stops its replica. So those inside must be the released rows of the
-    GrainTable, each once, with their masses.
+    A grain that leaves the domain stops its replica at once, so the grains inside must be the released rows
+    of the GrainTable, each once, with their masses.
     """
     state, table = snapshot(sim, replica), sim.setups[replica].grains
     if not np.array_equal(state.ident, np.arange(len(state.ident))):
@@ -54,8 +54,38 @@ def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
 
 
 def momentum_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
-    """A failure where the forces between grains do not add up to nothing."""
-    astray = force_imbalance(sim, replica)
-    if astray <= MOMENTUM_ERROR:
-        return None
-    return Failure(Status.MOMENTUM, time, -1, -1, astray)
+    """Failure where the forces between grains do not cancel."""
+    residual = force_imbalance(sim, replica)
+    return None if residual <= MOMENTUM_ERROR else Failure(Status.MOMENTUM, time, -1, -1, residual)
+
+
+LIKELY_CAUSES = {
+    Status.OVERLAP: "the time step is too long, the material too soft for these speeds, "
+    "or grains start inside each other",
+    Status.LOST: "a grain passed a gap in the walls or was shot away by an overlap",
+    Status.NOT_FINITE: "a parameter is not a number, or forces grew without bound: shorten the time step",
+    Status.ENERGY: "the time step is too long for the stiffest contact",
+    Status.OVERFLOW: "lists could not grow: out of memory",
+    Status.RESTITUTION: "the time step is too long for impacts at this speed",
+    Status.COUNT: "an error of this program: please report it",
+    Status.MOMENTUM: "an error of this program: please report it",
+    Status.AIR: "the wind crosses more than a cell between two looks: lower wind.look_steps",
+    Status.RUNNING: "",
+}
+
+
+def failure_message(failure: Failure, seed: int) -> str:
+    """One line: seed, time, the violated check with its numbers, and the likely cause."""
+    partner = f"grain {failure.partner}" if failure.partner >= 0 else f"wall piece {-1 - failure.partner}"
+    finding = {
+        Status.OVERLAP: f"grain {failure.grain} overlaps {partner} by {failure.value:.3g} radii",
+        Status.LOST: f"grain {failure.grain} left the domain at a coordinate of {failure.value:.4g} m",
+        Status.AIR: "the pressure of the air was not found",
+        Status.NOT_FINITE: f"grain {failure.grain} has a coordinate that is not a number",
+        Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
+        Status.RESTITUTION: f"an impact gave back {failure.value:.3g} of its speed, not what is stated",
+        Status.MOMENTUM: f"forces between grains do not cancel ({failure.value:.3g} of them is left)",
+        Status.COUNT: f"grain {failure.grain} is missing, or not all mass is there ({failure.value:.3g})",
+    }.get(failure.status, failure.status.name.lower())
+    likely = LIKELY_CAUSES[failure.status]
+    return f"seed {seed} stopped at {failure.time:.6g} s: {finding}; likely cause: {likely}"

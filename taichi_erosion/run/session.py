@@ -1,4 +1,4 @@
-"""A session: a scene played by hand, with parameters changed on the way.
+"""Interactive session: one replica of a scene, advanced by calls, with entries changed on the way.
 
     from taichi_erosion.run.session import measure_now, open_session, run_for, set_entry
 
@@ -9,9 +9,7 @@
     print(measure_now(session))
 
 Contact parameters, gravity, wind and the strength of effects that the session began with change at once, with
-nothing compiled anew; an effect that was not there is built in, which takes seconds.
-
-What a session shows: pictures of its grains, a recording that grows, numbers in one line.
+nothing compiled anew; an effect that was not there is compiled in, which takes seconds.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,34 +17,32 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.core.setup import Motion, Numerics
+from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.pictures import SideView, write_png
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.observables import Evidence, measure
+from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
-    RESTING_SHARE,
     Image,
-    Scenery,
-    apparatus_box,
-    log_scenery,
-    log_transport,
-    scenery_of,
-    standing,
+    Recorder,
+    log_frame,
+    meshes_of,
+    open_recorder,
+    present_walls,
+    resting_speed,
+    side_view,
 )
+from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.scene_run import scene_text
-from taichi_erosion.run.stages import sentence
+from taichi_erosion.run.stages import ROUNDING, at_rest, change_boundaries, lifting_energy, whole_intervals
 from taichi_erosion.scene import Scene, laws
 from taichi_erosion.scene.build.contacts import contact_table
 from taichi_erosion.scene.schema.fields import unit_vector
-from taichi_erosion.scene.schema.scene import Stage
 from taichi_erosion.simulation import (
     Simulation,
     advance,
@@ -58,27 +54,25 @@ from taichi_erosion.simulation import (
     failure,
     import_state,
     ledger,
-    move_surface,
     prepare,
-    remove_surface,
     set_contacts,
     set_effects,
     set_gravity,
     set_through_flow,
-    share_touching,
     snapshot,
     spin_up_wind,
 )
 
-WITHOUT_EFFECT = ("measured", "record", "measure")  # sections that the running grains do not feel
-LIVE = ("contact", "gravity", "wind", "effects", "conditions", *WITHOUT_EFFECT)
+NO_PHYSICS = ("measured", "record", "measure")  # sections that do not act on grains
+LIVE = ("contact", "gravity", "wind", "effects", "conditions", *NO_PHYSICS)  # sections that may change
 LIVE_WIND = {"friction_velocity", "through_flow"}  # entries of the wind that may change
-Watch = Callable[["Session"], None]
+MARGIN = 0.01  # m, half the width of a window without grains
+WINDOW = (480, 240)  # px: a line of a terminal is twice as high as a character is wide
 
 
 @dataclass
 class Session:
-    """One replica and everything that was done to it."""
+    """One replica, the overrides that were set, and the states that were saved."""
 
     path: Path
     scene: Scene  # as changed so far
@@ -90,7 +84,7 @@ class Session:
     stage: int = 0
     history: list[str] = field(default_factory=list)
     saved: dict[str, tuple[dict[str, Any], float, int, tuple[str, ...]]] = field(default_factory=dict)
-    watchers: list[Watch] = field(default_factory=list)
+    callbacks: list[Callable[["Session"], None]] = field(default_factory=list)  # after each check interval
 
     @property
     def time_step(self) -> float:
@@ -99,58 +93,46 @@ class Session:
 
 
 def open_session(path: str | Path, overrides: tuple[str, ...] = (), seed: int | None = None) -> Session:
-    """Load a scene and put one replica of it on the device, before its first stage. Raises BadInput."""
+    """Load a scene and assemble one replica of it, at the beginning of its first stage. Raises BadInput."""
     scene = read_scene(Path(path), overrides)
     library = load_library() if scene.effects else {}
     chosen = scene.run.seed if seed is None else seed
-    sim = build(scene, chosen, library)
-    session = Session(Path(path), scene, overrides, chosen, library, sim)
-    begin(session, scene.stages[0])
+    session = Session(Path(path), scene, overrides, chosen, library, build(scene, chosen, library))
+    change_boundaries(session.sim, 0, scene.stages[0])
     return session
 
 
 def build(scene: Scene, seed: int, library: Mapping[str, Effect]) -> Simulation:
-    """A simulation of one replica."""
+    """Simulation of one replica."""
     numerics = Numerics(precision=scene.run.precision)
     return assemble([prepare(scene, seed, library)], laws(effective_scene(scene, library)), numerics)
 
 
-def begin(session: Session, stage: Stage) -> None:
-    """Do what a stage does at its beginning."""
-    for name in stage.remove:
-        remove_surface(session.sim, 0, name)
-    for name, order in stage.move.items():
-        move_surface(session.sim, 0, name, Motion(order.velocity, order.spin, order.centre))
-    if stage.friction_velocity is not None:
-        spin_up_wind(session.sim, 0, stage.friction_velocity)
-    if stage.through_flow is not None:
-        set_through_flow(session.sim, 0, stage.through_flow)
-
-
 def next_stage(session: Session) -> str:
     """Begin the next stage of the scene; returns its name. Raises BadInput after the last one."""
-    if session.stage + 1 == len(session.scene.stages):
-        raise BadInput(f"stage '{session.scene.stages[session.stage].name}' is the last one")
+    stages = session.scene.stages
+    if session.stage + 1 == len(stages):
+        raise BadInput(f"stage '{stages[session.stage].name}' is the last one")
     session.stage += 1
-    begin(session, session.scene.stages[session.stage])
-    return session.scene.stages[session.stage].name
+    change_boundaries(session.sim, 0, stages[session.stage])
+    return stages[session.stage].name
 
 
 def run_to(session: Session, time: float) -> None:
-    """Run until a time [s]; watchers see every check interval. Raises SimulationStopped."""
+    """Run until a time [s], with callbacks at every check interval. Raises SimulationStopped."""
     interval = session.scene.run.check_interval
     while session.time < time - 0.5 * session.time_step:
         session.time = min(session.time + interval, time)
         advance(session.sim, [session.time])
         stopped = failure(session.sim, 0)
         if stopped is not None:
-            raise SimulationStopped(sentence(stopped, session.seed))
-        for watch in session.watchers:
-            watch(session)
+            raise SimulationStopped(failure_message(stopped, session.seed))
+        for callback in session.callbacks:
+            callback(session)
 
 
 def run_for(session: Session, seconds: float) -> None:
-    """Run on for some simulated time [s]."""
+    """Run for some simulated time [s]."""
     run_to(session, session.time + seconds)
 
 
@@ -161,37 +143,31 @@ def step(session: Session, count: int = 1) -> None:
 
 def run_until_rest(session: Session) -> bool:
     """Run until the stage's criterion of rest holds or its time limit is over; returns whether it rests."""
-    stage = session.scene.stages[session.stage]
+    stage, setup = session.scene.stages[session.stage], session.sim.setups[0]
     limit = session.time + stage.duration_max
     while session.time < limit - 0.5 * session.time_step:
         run_for(session, session.scene.run.check_interval)
-        if at_rest(session, stage):
+        kinetic, *_, released = energies(session.sim)[0]
+        if at_rest(session.sim, 0, stage, int(released), float(kinetic / lifting_energy(setup))):
             return True
     return False
-
-
-def at_rest(session: Session, stage: Stage) -> bool:
-    """Whether all grains are released, slow, and in contact."""
-    setup = session.sim.setups[0]
-    sums = energies(session.sim)[0]
-    g = sum(c * c for c in setup.gravity) ** 0.5
-    scale = float((setup.grains.mass * 2.0 * setup.grains.radius).sum()) * g
-    calm = sums[5] == len(setup.grains.radius) and sums[0] <= stage.rest_energy * scale
-    return bool(calm and share_touching(session.sim, 0) >= stage.rest_contact_share)
 
 
 def set_entry(session: Session, path: str, value: str) -> str:
     """Change one entry of the scene while it runs; returns what was done. Raises BadInput."""
     overrides = (*session.overrides, f"{path}={value}")
     scene = read_scene(session.path, overrides)
-    changed = [
-        name for name in type(scene).model_fields if getattr(scene, name) != getattr(session.scene, name)
-    ]
+    changed = changed_fields(session.scene, scene)
     refuse_fixed(session.scene, scene, changed)
     library = session.library or (load_library() if scene.effects else {})
     done = apply_change(session, scene, library, set(changed))
     session.scene, session.overrides, session.library = scene, overrides, library
     return done if changed else f"{path} is {value} already"
+
+
+def changed_fields(before: Any, after: Any) -> list[str]:
+    """Names of the fields in which two models differ."""
+    return [name for name in type(after).model_fields if getattr(before, name) != getattr(after, name)]
 
 
 def refuse_fixed(before: Scene, after: Scene, changed: list[str]) -> None:
@@ -201,21 +177,20 @@ def refuse_fixed(before: Scene, after: Scene, changed: list[str]) -> None:
         if before.wind is None or after.wind is None:
             fixed.append("wind")
         else:
-            entries = type(after.wind).model_fields
-            moved = {name for name in entries if getattr(before.wind, name) != getattr(after.wind, name)}
-            fixed += [f"wind.{name}" for name in sorted(moved - LIVE_WIND)]
+            entries = set(changed_fields(before.wind, after.wind)) - LIVE_WIND
+            fixed += [f"wind.{name}" for name in sorted(entries)]
     if fixed:
         raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
 
 
 def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], changed: set[str]) -> str:
-    """Carry a changed scene over to the running simulation."""
-    sim, built = session.sim, effective_scene(scene, library)
-    if built.laws != effective_scene(session.scene, session.library or library).laws:
+    """Transfer a changed scene to the running simulation."""
+    sim, effective = session.sim, effective_scene(scene, library)
+    if effective.laws != effective_scene(session.scene, session.library or library).laws:
         raise BadInput("this effect changes a contact law, which is compiled in: begin the session with it")
-    set_contacts(sim, 0, contact_table(built))
-    x, y, z = unit_vector(built.gravity.direction)
-    g = built.gravity.magnitude
+    set_contacts(sim, 0, contact_table(effective))
+    x, y, z = unit_vector(effective.gravity.direction)
+    g = effective.gravity.magnitude
     set_gravity(sim, 0, (g * x, g * y, g * z))
     if "wind" in changed and scene.wind is not None:
         spin_up_wind(sim, 0, scene.wind.friction_velocity)
@@ -225,33 +200,28 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     effects = device_effects(scene, library, float(sim.setups[0].grains.radius.max()))
     if set_effects(sim, 0, effects):
         return "at once"
-    rebuild(session, scene, library)
+    state = export_state(sim)
+    session.sim = build(scene, session.seed, library)
+    import_state(session.sim, state)
     return "after building the effect in"
 
 
-def rebuild(session: Session, scene: Scene, library: Mapping[str, Effect]) -> None:
-    """Assemble anew with other effects and carry the state over."""
-    state = export_state(session.sim)
-    session.sim = build(scene, session.seed, library)
-    import_state(session.sim, state)
-
-
 def measure_now(session: Session) -> dict[str, Measurement]:
-    """All observables of the scene, read from the grains as they are."""
+    """All observables of the scene in the present state."""
     end: Snapshot = snapshot(session.sim, 0)
-    found = {}
-    for name, order in session.scene.measure.items():
-        found[name] = measure(name, Evidence(session.scene, order, end, (end,), (0.0,)))
-    return found
+    return {
+        name: measure(name, MeasureInput(session.scene, request, end, (end,), (0.0,)))
+        for name, request in session.scene.measure.items()
+    }
 
 
 def save(session: Session, name: str) -> None:
-    """Keep the state under a name."""
+    """Save the state under a name."""
     session.saved[name] = (export_state(session.sim), session.time, session.stage, session.overrides)
 
 
-def back(session: Session, name: str) -> None:
-    """Return to a saved state, parameters included. Raises BadInput for an unknown name."""
+def restore(session: Session, name: str) -> None:
+    """Restore a saved state, parameters included. Raises BadInput for an unknown name."""
     if name not in session.saved:
         raise BadInput(f"nothing is saved as '{name}'; there is {', '.join(session.saved) or 'nothing'}")
     state, session.time, session.stage, session.overrides = session.saved[name]
@@ -260,46 +230,8 @@ def back(session: Session, name: str) -> None:
     import_state(session.sim, state)
 
 
-MARGIN = 0.01  # m, half the width of a window without grains
-WINDOW = (480, 240)  # px: a line of a terminal is twice as high as a character is wide
-ROUNDING = 1e-9  # of an interval: a moment that lies on it counts as reached [1]
-
-
-def resting_speed(session: Session) -> float:
-    """Speed below which a grain is drawn as resting [m s-1]."""
-    setup = session.sim.setups[0]
-    diameter = 2.0 * float(np.median(setup.grains.radius))
-    return RESTING_SHARE * float(np.sqrt(np.linalg.norm(setup.gravity) * diameter))
-
-
-def side_picture(session: Session, is_lettered: bool) -> Image:
-    """The grains seen from the side, with time and scale if they can be read."""
-    box = apparatus_box(session.sim.setups[0])
-    walls = standing(scenery_of(session.scene, session.sim.setups[0], box), session.sim, 0)
-    speeds, state = (resting_speed(session), stream.FASTEST_COLOUR), snapshot(session.sim, 0)
-    if is_lettered:
-        view = SideView((box[0][0], box[0][2]), (box[1][0], box[1][2]))
-        return pictures.film_frame(state, view, walls, speeds)
-    return pictures.side_picture(state, close_view(state), walls, speeds)
-
-
-def close_view(state: Snapshot) -> SideView:
-    """Window around the grains alone, for pictures of few pixels; without grains a small one."""
-    if not len(state.position):
-        return SideView((-MARGIN, 0.0), (MARGIN, MARGIN), WINDOW)
-    places, margin = state.position[:, [0, 2]], 4.0 * float(state.radius.max())
-    low, high = places.min(axis=0) - margin, places.max(axis=0) + margin
-    floor = float(places[:, 1].min() - state.radius.max())
-    return SideView((float(low[0]), floor), (float(high[0]), float(high[1])), WINDOW)
-
-
-def write_picture(session: Session, path: Path) -> Path:
-    """Write the side picture as PNG."""
-    return write_png(path, side_picture(session, is_lettered=True))
-
-
-def numbers(session: Session) -> dict[str, float | int | str]:
-    """Where the session stands."""
+def session_status(session: Session) -> dict[str, float | int | str]:
+    """Time, stage and totals over the grains."""
     sums = ledger(session.sim, 0)
     return {
         "time_s": round(session.time, 9),
@@ -312,37 +244,45 @@ def numbers(session: Session) -> dict[str, float | int | str]:
     }
 
 
-@dataclass
-class Film:
-    """The recording of a session."""
+def side_picture(session: Session, is_lettered: bool) -> Image:
+    """The grains seen from the side, with time and scale if they can be read."""
+    setup, now = session.sim.setups[0], snapshot(session.sim, 0)
+    walls = present_walls(meshes_of(session.scene, setup), session.sim, 0)
+    speeds = (resting_speed(setup), stream.FASTEST_COLOUR)
+    if is_lettered:
+        return pictures.film_frame(now, side_view(setup), walls, speeds)
+    return pictures.side_picture(now, close_view(now), walls, speeds)
 
-    recording: stream.Recording
-    scenery: Scenery
-    interval: float  # s
-    shots: int = 0
+
+def close_view(state: Snapshot) -> SideView:
+    """Window around the grains alone, for pictures of few pixels; without grains a small one."""
+    if not len(state.position):
+        return SideView((-MARGIN, 0.0), (MARGIN, MARGIN), WINDOW)
+    points, margin = state.position[:, [0, 2]], 4.0 * float(state.radius.max())
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    floor = float(points[:, 1].min() - state.radius.max())
+    return SideView((float(low[0]), floor), (float(high[0]), float(high[1])), WINDOW)
 
 
-def open_film(session: Session, path: Path, viewer: str | None = None) -> Film:
-    """Begin a recording that a rerun viewer may follow; the session logs to it from now on."""
-    scene, setup = session.scene, session.sim.setups[0]
-    scenery = scenery_of(scene, setup, apparatus_box(setup))
+def write_picture(session: Session, path: Path) -> Path:
+    """Write the side picture as PNG."""
+    return write_png(path, side_picture(session, is_lettered=True))
+
+
+def record_session(session: Session, path: Path, viewer: str | None = None) -> Recorder:
+    """Begin a recording of the session; `viewer` is the address of one that follows. Raises BadInput."""
     text = scene_text(session.path, session.overrides)
-    name = f"{scene.scene.title or session.path.stem}, live"
-    header = stream.RunHeader(path.stem, name, scene.scene.kind, text, setup.grains.radius, scenery.walls)
-    film = Film(stream.open_recording(path, header, viewer), scenery, scene.record.every)
-    session.watchers.append(lambda now: shoot(film, now))
-    return film
+    title = f"{session.scene.scene.title or session.path.stem}, live"
+    recorder = open_recorder(path, title, text, session.sim, session.scene, 0, viewer)
+    session.callbacks.append(lambda now: log_session_frame(recorder, now))
+    return recorder
 
 
-def shoot(film: Film, session: Session) -> None:
-    """Log a frame when one is due; a session that went back writes its later frames anew."""
-    due = film.shots * film.interval * (1.0 - ROUNDING)
-    went_back = session.time < due - film.interval
-    film.scenery.is_rewritten |= went_back
-    if session.time >= due or went_back:
-        state = snapshot(session.sim, 0)
-        stream.log_frame(film.recording, state, resting_speed(session))
-        stream.log_ledger(film.recording, ledger(session.sim, 0))
-        log_scenery(film.recording, film.scenery, session.sim, 0)
-        log_transport(film.recording, session.scene, session.sim, 0, state)
-        film.shots = int(session.time / film.interval * (1.0 + ROUNDING)) + 1
+def log_session_frame(recorder: Recorder, session: Session) -> None:
+    """Write a frame when one is due; after `restore` the frames of later times are written anew."""
+    due = recorder.frames * recorder.interval * (1.0 - ROUNDING)
+    was_restored = session.time < due - recorder.interval
+    recorder.walls.is_rewritten |= was_restored
+    if session.time >= due or was_restored:
+        log_frame(recorder, session.sim, session.scene)
+        recorder.frames = whole_intervals(session.time, recorder.interval) + 1

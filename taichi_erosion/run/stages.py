@@ -1,4 +1,4 @@
-"""The acts of an experiment: when a stage ends, what the next one changes, what is measured on the way."""
+"""Stages of an experiment: state of each replica, start and end of a stage, frames and measurements in it."""
 
 from dataclasses import dataclass, field
 from math import radians
@@ -7,10 +7,10 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import Motion, Setup
-from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
+from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.run.observables import Evidence, measure
-from taichi_erosion.run.threshold_search import Hunt, begin_hunt, pursue
+from taichi_erosion.run.observables import MeasureInput, measure
+from taichi_erosion.run.threshold_search import ThresholdSearch, advance_search, begin_search
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.scene import Stage
 from taichi_erosion.simulation import (
@@ -25,13 +25,13 @@ from taichi_erosion.simulation import (
     spin_up_wind,
 )
 
-GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # what a stage waits for
-ROUNDING = 1e-9  # of an interval: a moment that lies on it counts as reached [1]
+GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # end of a stage by `until`
+ROUNDING = 1e-9  # of an interval: a time this close to its end counts as reached [1]
 
 
 @dataclass
-class Actor:
-    """Where one replica stands in the play."""
+class ReplicaState:
+    """Progress of one replica through the stages of its scene, and its measurements so far."""
 
     seed: int
     stage: int = -1  # before the first
@@ -45,34 +45,49 @@ class Actor:
     measurements: dict[str, Measurement] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     airs: list[AirProfile] = field(default_factory=list)  # with the frames, where there is air
-    hunt: Hunt | None = None  # while and after thresholds are looked for
+    search: ThresholdSearch | None = None  # from the begin of a threshold stage on
 
     @property
     def active(self) -> bool:
-        """Whether this replica still has steps to do."""
+        """Neither finished nor failed."""
         return not self.finished and self.failure is None
 
+    def warn(self, text: str) -> None:
+        """Add a warning, once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
 
-def begin_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float) -> None:
-    """Move on to the next stage: walls vanish or begin to move; after the last one the play is over."""
-    actor.stage += 1
-    actor.began = time
-    actor.energy = None
-    actor.frames, actor.tilts, actor.airs = [], [], []
-    if actor.stage == len(scene.stages):
-        actor.finished = True
+
+def whole_intervals(time: float, interval: float) -> int:
+    """Number of whole intervals in a time, up to rounding."""
+    return int(time / interval * (1.0 + ROUNDING))
+
+
+def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
+    """Begin the next stage at a time [s]; after the last one the replica is finished."""
+    state.stage += 1
+    state.began = time
+    state.energy = None
+    state.frames, state.tilts, state.airs = [], [], []
+    if state.stage == len(scene.stages):
+        state.finished = True
         return
-    stage = scene.stages[actor.stage]
+    stage = scene.stages[state.stage]
+    change_boundaries(sim, replica, stage)
+    if stage.until == "threshold":
+        state.search = begin_search(sim, scene, replica, time)
+
+
+def change_boundaries(sim: Simulation, replica: int, stage: Stage) -> None:
+    """Boundary conditions of a stage: walls removed or set in motion, friction velocity, through-flow."""
     for name in stage.remove:
         remove_surface(sim, replica, name)
-    for name, order in stage.move.items():
-        move_surface(sim, replica, name, Motion(order.velocity, order.spin, order.centre))
+    for name, motion in stage.move.items():
+        move_surface(sim, replica, name, Motion(motion.velocity, motion.spin, motion.centre))
     if stage.friction_velocity is not None:
         spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
         set_through_flow(sim, replica, stage.through_flow)
-    if stage.until == "threshold":
-        actor.hunt = begin_hunt(sim, scene, replica, time)
 
 
 def tilt_of(stage: Stage, elapsed: float) -> float:
@@ -80,113 +95,91 @@ def tilt_of(stage: Stage, elapsed: float) -> float:
     return radians(stage.tilt_rate) * elapsed
 
 
-def tilt_gravity(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float) -> None:
-    """Turn gravity against the tilt of the apparatus: seen from the plate, gravity turns."""
-    stage = scene.stages[actor.stage]
+def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
+    """Rotate gravity by minus the tilt of the apparatus: the frame of reference is that of the plate."""
+    stage = scene.stages[state.stage]
     if stage.tilt_rate == 0.0:
         return
     axis = np.asarray(stage.tilt_axis) / np.linalg.norm(stage.tilt_axis)
     upright = np.asarray(sim.setups[replica].gravity)
-    turn = scipy.spatial.transform.Rotation.from_rotvec(-tilt_of(stage, time - actor.began) * axis)
+    turn = scipy.spatial.transform.Rotation.from_rotvec(-tilt_of(stage, time - state.began) * axis)
     x, y, z = turn.apply(upright)
     set_gravity(sim, replica, (float(x), float(y), float(z)))
-    actor.energy = None
+    state.energy = None
 
 
-def keep_frame(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float) -> None:
-    """Keep a snapshot for the measures that look at the whole stage."""
-    stage = scene.stages[actor.stage]
-    orders = [order for name, order in scene.measure.items() if stage_of(scene, name) == actor.stage]
-    intervals = [order.every for order in orders if order.every]
-    if intervals and time - actor.began >= len(actor.frames) * min(intervals) * (1.0 - ROUNDING):
-        actor.frames.append(snapshot(sim, replica))
-        actor.tilts.append(tilt_of(stage, time - actor.began))
+def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
+    """Store a snapshot, once per interval, for the measures that use the whole stage."""
+    stage = scene.stages[state.stage]
+    intervals = [scene.measure[name].every for name in measured_in(scene, state.stage)]
+    shortest = min((interval for interval in intervals if interval), default=None)
+    if shortest and time - state.began >= len(state.frames) * shortest * (1.0 - ROUNDING):
+        state.frames.append(snapshot(sim, replica))
+        state.tilts.append(tilt_of(stage, time - state.began))
         if scene.wind is not None:
-            actor.airs.append(air_profile(sim, replica))
+            state.airs.append(air_profile(sim, replica))
 
 
-def stage_of(scene: Scene, observable: str) -> int:
-    """Index of the stage at whose end an observable is read."""
-    name = scene.measure[observable].stage
+def measured_in(scene: Scene, stage: int) -> list[str]:
+    """Observables that are measured at the end of a stage: of their own, or of the last one."""
     names = [stage.name for stage in scene.stages]
-    return names.index(name) if name else len(names) - 1
+    wanted = {name: request.stage or names[-1] for name, request in scene.measure.items()}
+    return [name for name, stage_name in wanted.items() if names.index(stage_name) == stage]
 
 
-def is_over(sim: Simulation, scene: Scene, replica: int, actor: Actor, time: float, kinetic: float) -> bool:
+def stage_is_over(
+    sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float, kinetic: float
+) -> bool:
     """Whether the stage ends now.
 
-    `kinetic` is the translational kinetic energy over what lifting each grain by its own diameter takes [1].
+    `kinetic` is the translational kinetic energy over the lifting energy of all grains [1].
     """
-    stage = scene.stages[actor.stage]
-    elapsed = time - actor.began
-    if stage.until == "threshold" and actor.hunt is not None and pursue(sim, replica, actor.hunt, time):
+    stage = scene.stages[state.stage]
+    elapsed = time - state.began
+    if state.search is not None and advance_search(sim, replica, state.search, time):
         return True
     if elapsed >= stage.duration_max * (1.0 - ROUNDING):
         if stage.until in GOALS:
             limit = f"its time limit of {stage.duration_max:g} s"
-            actor.warnings.append(f"stage {stage.name} reached {limit} before {GOALS[stage.until]}")
+            state.warnings.append(f"stage {stage.name} reached {limit} before {GOALS[stage.until]}")
         return True
     if stage.until != "rest" or elapsed < stage.duration_min:
         return False
-    if actor.released < len(sim.setups[replica].grains.radius):
-        return False
-    if kinetic > stage.rest_energy:
-        return False
-    return share_touching(sim, replica) >= stage.rest_contact_share
+    return at_rest(sim, replica, stage, state.released, kinetic)
 
 
-def weight_over_diameters(setup: Setup) -> float:
-    """Sum of m g d over all grains [J]: what lifting each by its own diameter takes."""
+def at_rest(sim: Simulation, replica: int, stage: Stage, released: int, kinetic: float) -> bool:
+    """Criterion of rest: all grains released, most in contact, `kinetic` (as in `stage_is_over`) small."""
+    return (
+        released == len(sim.setups[replica].grains.radius)
+        and kinetic <= stage.rest_energy
+        and share_touching(sim, replica) >= stage.rest_contact_share
+    )
+
+
+def lifting_energy(setup: Setup) -> float:
+    """Energy that lifts every grain by the mean diameter, sum of m g d [J]."""
     masses = setup.grains.mass if setup.clumps is None else setup.clumps.mass
     return float(masses.sum() * np.linalg.norm(setup.gravity) * 2.0 * setup.grains.radius.mean())
 
 
-def close_stage(sim: Simulation, scene: Scene, replica: int, actor: Actor) -> None:
-    """Read what is to be read at the end of the stage."""
-    due = [name for name in scene.measure if stage_of(scene, name) == actor.stage]
-    if not due:
+def measure_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState) -> None:
+    """Measure the observables that belong to the end of the stage."""
+    names = measured_in(scene, state.stage)
+    if not names:
         return
     end = snapshot(sim, replica)
-    for name in due:
-        evidence = Evidence(
+    air = air_profile(sim, replica) if scene.wind is not None else None
+    thresholds = {} if state.search is None else state.search.found
+    for name in names:
+        given = MeasureInput(
             scene,
             scene.measure[name],
             end,
-            tuple(actor.frames),
-            tuple(actor.tilts),
-            air_profile(sim, replica) if scene.wind is not None else None,
-            tuple(actor.airs),
-            {} if actor.hunt is None else actor.hunt.found,
+            tuple(state.frames),
+            tuple(state.tilts),
+            air,
+            tuple(state.airs),
+            thresholds,
         )
-        actor.measurements[name] = measure(name, evidence)
-
-
-CAUSES = {
-    Status.OVERLAP: "the time step is too long, the material too soft for these speeds, "
-    "or grains start inside each other",
-    Status.LOST: "a grain passed a gap in the walls or was shot away by an overlap",
-    Status.NOT_FINITE: "a parameter is not a number, or forces grew without bound: shorten the time step",
-    Status.ENERGY: "the time step is too long for the stiffest contact",
-    Status.OVERFLOW: "lists could not grow: out of memory",
-    Status.RESTITUTION: "the time step is too long for impacts at this speed",
-    Status.COUNT: "an error of this program: please report it",
-    Status.MOMENTUM: "an error of this program: please report it",
-    Status.AIR: "the wind crosses more than a cell between two looks: lower wind.look_steps",
-    Status.RUNNING: "",
-}
-
-
-def sentence(failure: Failure, seed: int) -> str:
-    """Why a replica stopped, in one line."""
-    partner = f"grain {failure.partner}" if failure.partner >= 0 else f"wall piece {-1 - failure.partner}"
-    said = {
-        Status.OVERLAP: f"grain {failure.grain} overlaps {partner} by {failure.value:.3g} radii",
-        Status.LOST: f"grain {failure.grain} left the domain at a coordinate of {failure.value:.4g} m",
-        Status.AIR: "the pressure of the air was not found",
-        Status.NOT_FINITE: f"grain {failure.grain} has a coordinate that is not a number",
-        Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
-        Status.RESTITUTION: f"an impact gave back {failure.value:.3g} of its speed, not what is stated",
-        Status.MOMENTUM: f"forces between grains do not cancel ({failure.value:.3g} of them is left)",
-        Status.COUNT: f"grain {failure.grain} is missing, or not all mass is there ({failure.value:.3g})",
-    }.get(failure.status, failure.status.name.lower())
-    return f"seed {seed} stopped at {failure.time:.6g} s: {said}; likely cause: {CAUSES[failure.status]}"
+        state.measurements[name] = measure(name, given)

@@ -1,4 +1,4 @@
-"""The hunt for thresholds in one bed: which wind blows next, and what the bed does in it.
+"""Search for the threshold winds of one bed: a sequence of trials, each with one friction velocity u*.
 
     ramp    u* grows in small steps over the bed as it is, until the first grains roll or leave
     hold    from rest, from that wind on: in such steps to the other side of the threshold, then bisected
@@ -6,10 +6,10 @@
     start   from rest, well above the fluid threshold, until transport has developed
     fall    u* falls in small steps over moving grains, until they come to rest
 
-Where the scene names the wind of the transport, the hunt begins with the start, over grains as they blow.
+Where the scene names the wind of the transport, the search begins with `start`, over the grains as they are.
 
 At every change of u* the air takes its steady profile at once. Below the threshold nothing happens for long:
-where the wind is steady, a bed that no longer stirs is called at rest before its time is up.
+in a steady wind a trial ends early once the bed is at rest.
 """
 
 from collections.abc import Callable
@@ -26,13 +26,13 @@ from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.simulation import Simulation, export_bed, import_bed, snapshot, spin_up_wind
 
-FIRST = 0.08  # of sqrt((s - 1) g d): below all thresholds of dry grains in air, with drag alone [1]
-LEAST = 0.02  # of the same: a bed that moves even in such a wind was not at rest, and has no threshold [1]
-QUIET = 1e-4  # of a diameter, between two checks: a bed that stirs less is at rest in a steady wind [1]
-STIR = 0.2  # of a trial that a bed is given before it may be called at rest [1]
+FIRST_WIND = 0.08  # of sqrt((s - 1) g d): below all thresholds of dry grains in air, with drag alone [1]
+LEAST_WIND = 0.02  # of the same: a bed that moves in such a wind was not at rest, and has no threshold [1]
+REST_MOTION = 1e-4  # of a diameter, between two checks: less motion is rest in a steady wind [1]
+REST_AFTER = 0.2  # of a trial, before which a bed does not count as at rest [1]
 ROUNDING = 1e-9  # of an interval: what lies on its end counts as reached [1]
 DURATION = {"ramp": "rise_hold", "hold": "hold", "start": "spin_up", "fall": "fall_hold"}  # by phase
-FROM_REST = ("hold", "start")  # phases whose winds find the bed as it was at rest
+FROM_REST = ("hold", "start")  # phases whose trials begin with the bed at rest
 # measures that ask for the start and the fall
 IMPACT = ("impact_threshold", "impact_threshold_linear", "threshold_ratio")
 
@@ -41,15 +41,15 @@ Phase = Literal["ramp", "hold", "start", "fall"]
 
 @dataclass
 class Trial:
-    """What the bed has done in the present wind."""
+    """One friction velocity over the bed, and the motion of the grains since it began."""
 
     friction_velocity: float  # m s-1
     began: float  # s
-    place: Floats  # [n, 3] m, of every grain when it began
-    before: Floats  # [n, 3] m, at the last check
-    rolled: Any  # [n] bool, over the bed by the distance
-    risen: Any  # [n] bool, above its place by the distance
-    stirred: float = np.inf  # m, largest way of a grain between the last two checks
+    start: Floats  # [n, 3] m, of every grain when it began
+    last: Floats  # [n, 3] m, at the last check
+    rolled: Any  # [n] bool, moved along the bed by the distance
+    risen: Any  # [n] bool, moved upwards by the distance
+    largest_motion: float = np.inf  # m, largest displacement of a grain between the last two checks
     flux: list[float] = field(default_factory=list)  # kg m-1 s-1, at every check
 
     @property
@@ -59,16 +59,16 @@ class Trial:
 
 
 @dataclass
-class Hunt:
-    """Where the hunt in one bed stands, and what it has found."""
+class ThresholdSearch:
+    """State of the search in one bed, and the brackets found."""
 
     scene: Scene
-    bed: dict[str, Any]  # grains at rest
+    bed: dict[str, Any]  # saved state of the grains at rest
     trial: Trial
     phase: Phase = "ramp"
     low: float | None = None  # m s-1, highest wind from rest that the bed withstood
     high: float | None = None  # m s-1, lowest wind from rest that moved it
-    full: float = 0.0  # kg m-1 s-1, flux from which the fall begins
+    flux_at_start: float = 0.0  # kg m-1 s-1, flux from which the fall begins
     found: dict[str, Bracket] = field(default_factory=dict)
     trials: list[dict[str, Any]] = field(default_factory=list)
 
@@ -84,19 +84,19 @@ class Hunt:
         return nominal_diameter(self.scene.grains.size)
 
     @property
-    def needed(self) -> int:
-        """Grains that must move."""
+    def grains_needed(self) -> int:
+        """Number of grains that must leave the bed for it to count as moved."""
         return max(1, ceil(self.scene.threshold.share * float(self.period.prod()) / self.diameter**2))
 
 
-def begin_hunt(sim: Simulation, scene: Scene, replica: int, time: float) -> Hunt:
-    """Start with the ramp, or with transport; the bed as it lies is what later winds from rest find."""
+def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> ThresholdSearch:
+    """First trial: of the ramp, or of transport; the bed as it is serves all later trials from rest."""
     transport = scene.threshold.transport
-    first = transport or scene.threshold.first or FIRST * weight_velocity(scene)
-    hunt = Hunt(scene, export_bed(sim, replica), new_trial(sim, replica, first, time))
-    hunt.phase = "start" if transport else "ramp"
+    first = transport or scene.threshold.first or FIRST_WIND * weight_velocity(scene)
+    search = ThresholdSearch(scene, export_bed(sim, replica), new_trial(sim, replica, first, time))
+    search.phase = "start" if transport else "ramp"
     spin_up_wind(sim, replica, first)
-    return hunt
+    return search
 
 
 def weight_velocity(scene: Scene) -> float:
@@ -107,78 +107,79 @@ def weight_velocity(scene: Scene) -> float:
 
 
 def new_trial(sim: Simulation, replica: int, friction_velocity: float, time: float) -> Trial:
-    """A trial that begins with the bed as it is."""
-    place = snapshot(sim, replica).position
-    nothing = np.zeros(len(place), dtype=bool)
-    return Trial(friction_velocity, time, place, place, nothing, nothing)
+    """Trial that begins with the grains as they are."""
+    start = snapshot(sim, replica).position
+    nothing = np.zeros(len(start), dtype=bool)
+    return Trial(friction_velocity, time, start, start, nothing, nothing)
 
 
-def pursue(sim: Simulation, replica: int, hunt: Hunt, time: float) -> bool:
-    """Look at the bed and choose the next wind; says whether the hunt is over."""
-    watch(hunt, snapshot(sim, replica))
-    outcome = judge(hunt, time, steady=is_steady(sim))
-    if outcome is None:
+def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time: float) -> bool:
+    """Record the motion since the last check; where a trial ends begin the next one. True after the last."""
+    record_motion(search, snapshot(sim, replica))
+    moved = trial_outcome(search, time, steady=is_steady(sim))
+    if moved is None:
         return False
-    note(hunt, outcome, time)
-    old = hunt.trial
-    order = NEXT[hunt.phase](hunt, outcome)
-    if order is None:
+    log_trial(search, moved, time)
+    old = search.trial
+    wind = NEXT_WIND[search.phase](search, moved)
+    if wind is None:
         return True
-    from_rest = hunt.phase in FROM_REST
+    from_rest = search.phase in FROM_REST
     if from_rest:
-        import_bed(sim, replica, hunt.bed)
-    spin_up_wind(sim, replica, order, anew=from_rest)
-    hunt.trial = new_trial(sim, replica, order, time)
-    if hunt.phase == "ramp":
-        hunt.trial.place, hunt.trial.rolled, hunt.trial.risen = old.place, old.rolled, old.risen
+        import_bed(sim, replica, search.bed)
+    spin_up_wind(sim, replica, wind, anew=from_rest)
+    search.trial = new_trial(sim, replica, wind, time)
+    if search.phase == "ramp":
+        search.trial.start, search.trial.rolled, search.trial.risen = old.start, old.rolled, old.risen
     return False
 
 
 def is_steady(sim: Simulation) -> bool:
-    """Whether the wind over grains at rest stays as it is: no effect and no eddy changes it."""
+    """Whether the wind over grains at rest is constant: neither an effect nor an eddy changes it."""
     return not sim.world.grain_effects.any and (sim.coupling.air is None or sim.coupling.air.is_column)
 
 
-def watch(hunt: Hunt, state: Snapshot) -> None:
-    """Which grains have rolled or risen, and the flux."""
-    trial, far = hunt.trial, hunt.scene.threshold.distance * hunt.diameter
-    moved = way(state.position, trial.place, hunt.period)
+def record_motion(search: ThresholdSearch, state: Snapshot) -> None:
+    """Update which grains have rolled or risen, the largest motion and the flux."""
+    trial, far = search.trial, search.scene.threshold.distance * search.diameter
+    moved = periodic_displacement(state.position, trial.start, search.period)
     trial.rolled = trial.rolled | (np.hypot(moved[:, 0], moved[:, 1]) > far)
     trial.risen = trial.risen | (moved[:, 2] > far)
-    trial.stirred = float(np.abs(way(state.position, trial.before, hunt.period)).max())
-    trial.before = state.position
-    trial.flux.append(float((state.mass * state.velocity[:, 0]).sum() / hunt.period.prod()))
+    step = periodic_displacement(state.position, trial.last, search.period)
+    trial.largest_motion = float(np.abs(step).max())
+    trial.last = state.position
+    trial.flux.append(float((state.mass * state.velocity[:, 0]).sum() / search.period.prod()))
 
 
-def way(after: Floats, before: Floats, period: Floats) -> Floats:
-    """Shortest ways between places of a periodic patch, [n, 3] m."""
+def periodic_displacement(after: Floats, before: Floats, period: Floats) -> Floats:
+    """Displacement to the nearest periodic image, [n, 3] m."""
     moved = after - before
     moved[:, :2] -= period * np.round(moved[:, :2] / period)
     return moved
 
 
-def judge(hunt: Hunt, time: float, steady: bool) -> bool | None:
+def trial_outcome(search: ThresholdSearch, time: float, steady: bool) -> bool | None:
     """Whether the bed moves in this wind; None while that is open."""
-    order, trial = hunt.scene.threshold, hunt.trial
-    duration = getattr(order, DURATION[hunt.phase])
+    settings, trial = search.scene.threshold, search.trial
+    duration = getattr(settings, DURATION[search.phase])
     elapsed = (time - trial.began) / duration
     over = elapsed >= 1.0 - ROUNDING
-    quiet = steady and elapsed > STIR and trial.stirred < QUIET * hunt.diameter
-    if hunt.phase in ("ramp", "hold"):
-        if np.count_nonzero(trial.risen) >= hunt.needed:
+    quiet = steady and elapsed > REST_AFTER and trial.largest_motion < REST_MOTION * search.diameter
+    if search.phase in ("ramp", "hold"):
+        if np.count_nonzero(trial.risen) >= search.grains_needed:
             return True
         return False if over or quiet else None
-    if hunt.phase == "fall" and (over or quiet):
-        return over and trial.late_flux > order.ceased * hunt.full
+    if search.phase == "fall" and (over or quiet):
+        return over and trial.late_flux > settings.ceased * search.flux_at_start
     return True if over else None
 
 
-def note(hunt: Hunt, outcome: bool, time: float) -> None:
-    """Write down how a trial ended."""
-    trial = hunt.trial
-    hunt.trials.append(
+def log_trial(search: ThresholdSearch, outcome: bool, time: float) -> None:
+    """Append the result of a trial to the log."""
+    trial = search.trial
+    search.trials.append(
         {
-            "phase": hunt.phase,
+            "phase": search.phase,
             "friction_velocity": trial.friction_velocity,
             "moved": outcome,
             "duration": time - trial.began,
@@ -189,65 +190,65 @@ def note(hunt: Hunt, outcome: bool, time: float) -> None:
     )
 
 
-def after_ramp(hunt: Hunt, moved: bool) -> float:
-    """A stronger wind; once grains roll, the same one from rest, and a weaker one once they leave the bed.
+def after_ramp(search: ThresholdSearch, moved: bool) -> float:
+    """A stronger wind; once grains roll the same one from rest, once they leave the bed a weaker one.
 
     Beds are moved from rest by about the wind in which their grains begin to roll: a ramp that goes on until
     grains leave the bed, for which a step is short, ends far above it.
     """
-    now, factor = hunt.trial.friction_velocity, 1.0 + hunt.scene.threshold.rise
-    rolled = np.count_nonzero(hunt.trial.rolled) >= hunt.needed
+    now, factor = search.trial.friction_velocity, 1.0 + search.scene.threshold.rise
+    rolled = np.count_nonzero(search.trial.rolled) >= search.grains_needed
     if not (rolled or moved):
         return now * factor
-    hunt.found["rolling_onset"] = Bracket(now / factor, now)
-    hunt.phase = "hold"
+    search.found["rolling_onset"] = Bracket(now / factor, now)
+    search.phase = "hold"
     return now / factor if moved else now
 
 
-def after_hold(hunt: Hunt, moved: bool) -> float | None:
-    """The next wind from rest: between the weakest that moved the bed and the strongest that did not."""
-    order, now = hunt.scene.threshold, hunt.trial.friction_velocity
+def after_hold(search: ThresholdSearch, moved: bool) -> float | None:
+    """Next wind from rest: between the weakest that moved the bed and the strongest that did not."""
+    settings, now = search.scene.threshold, search.trial.friction_velocity
     if moved:
-        hunt.high = now
+        search.high = now
     else:
-        hunt.low = now
-    if hunt.high is None:
-        return now * (1.0 + order.rise)
-    if hunt.low is None:
-        return now / (1.0 + order.rise) if now > LEAST * weight_velocity(hunt.scene) else None
-    bracket = Bracket(hunt.low, hunt.high)
-    if bracket.high > bracket.low * (1.0 + order.rise) ** (0.5**order.levels) * (1.0 + ROUNDING):
+        search.low = now
+    if search.high is None:
+        return now * (1.0 + settings.rise)
+    if search.low is None:
+        return now / (1.0 + settings.rise) if now > LEAST_WIND * weight_velocity(search.scene) else None
+    bracket = Bracket(search.low, search.high)
+    if bracket.high > bracket.low * (1.0 + settings.rise) ** (0.5**settings.levels) * (1.0 + ROUNDING):
         return bracket.middle
-    hunt.found["fluid_threshold"] = bracket
-    if not set(IMPACT) & set(hunt.scene.measure):
+    search.found["fluid_threshold"] = bracket
+    if not set(IMPACT) & set(search.scene.measure):
         return None
-    hunt.phase = "start"
-    return order.excess * bracket.middle
+    search.phase = "start"
+    return settings.excess * bracket.middle
 
 
-def after_start(hunt: Hunt, moved: bool) -> float | None:
-    """Remember the flux and let the wind fall."""
-    hunt.full = hunt.trial.late_flux
-    if hunt.full <= 0.0:
+def after_start(search: ThresholdSearch, moved: bool) -> float | None:
+    """First wind of the fall; the flux of developed transport is stored."""
+    search.flux_at_start = search.trial.late_flux
+    if search.flux_at_start <= 0.0:
         return None
-    hunt.phase = "fall"
-    return hunt.trial.friction_velocity * (1.0 - hunt.scene.threshold.fall)
+    search.phase = "fall"
+    return search.trial.friction_velocity * (1.0 - search.scene.threshold.fall)
 
 
-def after_fall(hunt: Hunt, moved: bool) -> float | None:
-    """A weaker wind while transport goes on."""
-    now, factor = hunt.trial.friction_velocity, 1.0 - hunt.scene.threshold.fall
+def after_fall(search: ThresholdSearch, moved: bool) -> float | None:
+    """A weaker wind while transport goes on; at its end the impact threshold."""
+    now, factor = search.trial.friction_velocity, 1.0 - search.scene.threshold.fall
     if moved:
         return now * factor
-    hunt.found["impact_threshold"] = Bracket(now, now / factor)
-    blown = [trial for trial in hunt.trials if trial["phase"] in ("start", "fall")]
+    search.found["impact_threshold"] = Bracket(now, now / factor)
+    blown = [trial for trial in search.trials if trial["phase"] in ("start", "fall")]
     line = flux_intercept([(trial["friction_velocity"], trial["flux"]) for trial in blown])
     if line is not None:
-        hunt.found["impact_threshold_linear"] = line
+        search.found["impact_threshold_linear"] = line
     return None
 
 
-NEXT: dict[str, Callable[[Hunt, bool], float | None]] = {
+NEXT_WIND: dict[str, Callable[[ThresholdSearch, bool], float | None]] = {
     "ramp": after_ramp,
     "hold": after_hold,
     "start": after_start,

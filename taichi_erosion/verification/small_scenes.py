@@ -21,8 +21,8 @@ from taichi_erosion.core.setup import (
     Surface,
 )
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.run.ensemble_loop import Play, play
-from taichi_erosion.run.stages import Actor
+from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
+from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, build_setup
 from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, snapshot
@@ -197,11 +197,11 @@ def bench(setups: Sequence[Setup], precision: Precision, laws: Laws = HERTZ, thr
     return assemble(setups, laws, Numerics(threads=threads, precision=precision))
 
 
-def played_out(scenes: Sequence[Scene], seed: int) -> Play:
+def played_out(scenes: Sequence[Scene], seed: int) -> EnsembleRun:
     """Scenes of one law, each a replica of the seed, played to their ends on the CPU in single precision."""
     sim = assemble([build_setup(scene, seed) for scene in scenes], laws_of(scenes[0]), Numerics())
-    whole = Play(list(scenes), sim, [Actor(seed) for _ in scenes])
-    play(whole, [])
+    whole = EnsembleRun(list(scenes), sim, [ReplicaState(seed) for _ in scenes])
+    run_ensemble(whole, [])
     return whole
 
 

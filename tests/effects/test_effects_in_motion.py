@@ -18,7 +18,7 @@ from taichi_erosion.core.setup import Laws, Numerics, Setup, pair_row
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.run.instrument_response import as_read
+from taichi_erosion.run.result import apply_instruments
 from taichi_erosion.scene import parse_scene
 from taichi_erosion.scene.change import SAMPLE
 from taichi_erosion.simulation import advance, assemble, prepare, snapshot
@@ -209,7 +209,7 @@ def test_a_file_from_outside_the_package_acts_in_a_run(scene_file, capsys):
 def test_what_an_instrument_shows_replaces_the_value_and_names_the_true_one():
     scene = parse_scene(SAMPLE | {"effects": {"repose_method": {"strength": 0.5, "ratio": 0.8}}})
     true = {"repose_angle": Measurement("repose_angle", 30.0, 1.0, "deg"), "pile_height": NO_HEAP}
-    shown = as_read(true, scene, LIBRARY)
+    shown = apply_instruments(true, scene, LIBRARY)
     assert (shown["repose_angle"].value, shown["repose_angle"].sd) == pytest.approx((27.0, 0.9))
     assert shown["repose_angle"].notes == ("30 deg before repose_method",)
     assert shown["pile_height"] is NO_HEAP

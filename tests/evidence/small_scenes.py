@@ -14,7 +14,7 @@ from typing import Literal
 
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.ensemble import Part, play_ensemble
+from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
 
 ROOT = Path(__file__).parents[2]
 # 100 grains ten times as soft: a run takes half a second
@@ -107,8 +107,8 @@ def measured(
         assert record["failure"] is None
         found[place] = {name: measure["value"] for name, measure in record["measures"].items()}
 
-    parts = [Part(read_scene(scene, orders), seed) for orders, seed in asked]
-    play_ensemble(parts, Numerics("cpu", 1, precision), tell)
+    parts = [ReplicaRequest(read_scene(scene, orders), seed) for orders, seed in asked]
+    run_replicas(parts, Numerics("cpu", 1, precision), tell)
     return [found[place] for place in range(len(parts))]
 
 

@@ -6,7 +6,7 @@ import pytest
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.measures import boundary_layer
 from taichi_erosion.measures.boundary_layer import (
-    AirEvidence,
+    AirMeasureInput,
     Profile,
     displacement,
     flat_plate_friction,
@@ -38,7 +38,7 @@ def test_a_log_layer_gives_its_friction_velocity_and_roughness():
 
 def test_a_profile_with_too_few_points_gives_no_fit_and_says_so():
     state = snapshot(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
-    found = boundary_layer.friction_velocity_fit(AirEvidence([state], None, 0.4))
+    found = boundary_layer.friction_velocity_fit(AirMeasureInput([state], None, 0.4))
     assert found.n == 0
     assert "fewer than 3 points" in found.notes[0]
 
@@ -68,7 +68,7 @@ def test_repeats_over_time_give_the_spread():
     states = [
         snapshot(np.array([0.1, 0.2, 0.3]), factor * np.array([1.0, 2.0, 3.0])) for factor in (1.0, 1.1)
     ]
-    found = boundary_layer.wind_aloft(AirEvidence(states, 1.0, 0.4))
+    found = boundary_layer.wind_aloft(AirMeasureInput(states, 1.0, 0.4))
     assert found.value == pytest.approx(3.15)
     assert found.sd == pytest.approx(0.3 / np.sqrt(2.0))
 

@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 from recorded_heaps import FLOOR, heap_snapshot, pyramid
 
-from taichi_erosion.recording import drawing
-from taichi_erosion.recording.drawing import blank, distance_to_segment, draw_line, lettering
+from taichi_erosion.recording import pictures as drawing
 from taichi_erosion.recording.pictures import (
     HEADROOM,
     SideView,
+    blank,
+    distance_to_segment,
+    draw_line,
     film_frame,
     flank_ends,
+    lettering,
     render_side,
     silhouette_grid,
     silhouette_picture,

@@ -22,7 +22,7 @@ from taichi_erosion.recording.readback import (
     read_series,
     whole_size,
 )
-from taichi_erosion.recording.static_grains import CREEP, FRAMES_BETWEEN
+from taichi_erosion.recording.static_grains import CREEP, REWRITE_INTERVAL
 from taichi_erosion.recording.stream import (
     close,
     flush,
@@ -90,7 +90,7 @@ def test_what_effects_remember_is_recorded_beside_the_grains(tmp_path: Path):
 def test_every_grain_is_either_in_the_bed_or_mobile(tmp_path: Path):
     path = tmp_path / "heap.rrd"
     with recorded(path, header()) as recording:
-        for frame in range(2 * FRAMES_BETWEEN):
+        for frame in range(2 * REWRITE_INTERVAL):
             restless = moved(heap_snapshot(frame), frame, speed=3.0 * MOVING)
             log_frame(recording, restless, MOVING)
     for frame in read_grains(path):

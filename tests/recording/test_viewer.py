@@ -7,7 +7,8 @@ import pytest
 from recorded_heaps import MOVING, header, heap_snapshot, ledger
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording import drawing, viewer
+from taichi_erosion.recording import pictures as drawing
+from taichi_erosion.recording import viewer
 from taichi_erosion.recording.air_recording import log_profile
 from taichi_erosion.recording.blueprint import WIND_KINDS
 from taichi_erosion.recording.pictures import silhouette_picture

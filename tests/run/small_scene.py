@@ -1,11 +1,15 @@
-"""A scene file of a few grains that is played in a second."""
+"""A scene file of a few grains that runs in a second, and a run of it in a process of its own."""
 
+import os
+import subprocess
+import sys
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
+PATIENCE = 600.0  # s; the cores may be busy
 SCENE: dict[str, Any] = {
     "scene": {"kind": "repose", "title": "few grains"},
     "run": {"replicas": 2, "seed": 3},
@@ -50,3 +54,12 @@ def write_scene(folder: Path, **sections: dict[str, Any]) -> Path:
     path = folder / "few.toml"
     path.write_text(tomli_w.dumps(table), encoding="utf-8")
     return path
+
+
+def start(scene: Path, *words: str) -> subprocess.Popen[str]:
+    """A run in a process of its own."""
+    program = [sys.executable, "-m", "taichi_erosion", "run", str(scene), *words]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen(
+        program, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=scene.parent
+    )

@@ -132,7 +132,7 @@ def steady(size: float, patch: Patch) -> Scene:
 
 def played(scenes: Sequence[Scene]) -> list[dict[str, float]]:
     """All scenes as one ensemble, to their ends: what was measured, by name."""
-    actors = played_out(scenes, SEED).actors
+    actors = played_out(scenes, SEED).states
     return [{name: m.value for name, m in actor.measurements.items()} for actor in actors]
 
 

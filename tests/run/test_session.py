@@ -1,4 +1,4 @@
-"""A session plays a scene by hand; what is set acts on the grains at once."""
+"""Interactive sessions: what is set acts on the grains at once."""
 
 import os
 import pty
@@ -13,15 +13,16 @@ from taichi_erosion.cli import live as prompt
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Motion
 from taichi_erosion.recording.pictures import in_colour, in_shades
-from taichi_erosion.recording.readback import read_rows
+from taichi_erosion.recording.readback import read_rows, read_series
 from taichi_erosion.recording.stream import close
-from taichi_erosion.run.recorder import standing
+from taichi_erosion.run.observables import patch_of
+from taichi_erosion.run.recorder import present_walls, transport_values
 from taichi_erosion.run.session import (
-    back,
     measure_now,
     next_stage,
-    open_film,
     open_session,
+    record_session,
+    restore,
     run_for,
     run_until_rest,
     save,
@@ -29,7 +30,7 @@ from taichi_erosion.run.session import (
     step,
 )
 from taichi_erosion.scene.paths import meaning_of
-from taichi_erosion.simulation import move_surface, snapshot
+from taichi_erosion.simulation import friction_velocity, move_surface, snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
 FEW = ("grains.count=60",)
@@ -71,7 +72,7 @@ def test_going_back_restores_the_bits_and_the_parameters(session) -> None:
     run_for(session, 5e-3)
     once = snapshot(session.sim, 0).position
     set_entry(session, "contact.grain-grain.friction_sliding", "0.0")
-    back(session, "there")
+    restore(session, "there")
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
     run_for(session, 5e-3)
     assert np.array_equal(snapshot(session.sim, 0).position, once)
@@ -96,21 +97,21 @@ def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
 
 
 def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp_path: Path) -> None:
-    film = open_film(session, tmp_path / "walls.rrd")
+    recorder = record_session(session, tmp_path / "walls.rrd")
     run_for(session, 0.002)
     save(session, "tube stands")
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     run_for(session, 0.006)
-    (tube,) = [wall for wall in standing(film.scenery, session.sim, 0) if wall.name == "tube"]
-    before = next(wall for wall in film.scenery.walls if wall.name == "tube")
+    (tube,) = [wall for wall in present_walls(recorder.walls.walls, session.sim, 0) if wall.name == "tube"]
+    before = next(wall for wall in recorder.walls.walls if wall.name == "tube")
     rise = tube.vertices[:, 2] - before.vertices[:, 2]
     np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
     next_stage(session)
     run_for(session, 0.006)
-    assert "tube" not in {wall.name for wall in standing(film.scenery, session.sim, 0)}
-    back(session, "tube stands")
+    assert "tube" not in {wall.name for wall in present_walls(recorder.walls.walls, session.sim, 0)}
+    restore(session, "tube stands")
     run_for(session, 0.006)
-    path, entity = close(film.recording), "world/walls/tube"
+    path, entity = close(recorder.recording), "world/walls/tube"
     assert len(read_rows(path, entity, "Clear:is_recursive")) == 1
     assert len(read_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
     heights = {place[0][2]: time for time, place in read_rows(path, entity, "Transform3D:translation")}
@@ -184,3 +185,34 @@ def test_a_session_on_a_terminal_prompts_says_mistakes_and_goes_on(tmp_path: Pat
     assert "contact.grain-grain.friction_rolling = 0.12" in text  # and the dotted path
     assert "time_s 0.001" in text
     assert prompt.PROMPT in text
+
+
+SMALL_PATCH = (
+    "grains.count=160",
+    "wind.length_d=10",
+    "wind.width_d=8",
+    "wind.height=0.02",
+    "run.check_interval=2e-3",
+    "record.every=2e-3",
+)
+
+
+def flux(session) -> float:
+    return transport_values(snapshot(session.sim, 0), patch_of(session.scene))["flux"]
+
+
+def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
+    session = open_session(SCENES / "saltation.toml", SMALL_PATCH)
+    recorder = record_session(session, tmp_path / "wind.rrd")
+    set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
+    run_for(session, 0.004)
+    world, calm = session.sim.world, flux(session)
+    assert set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
+    assert friction_velocity(session.sim, 0) == pytest.approx(1.0, rel=1e-6)  # kept in single precision
+    run_for(session, 0.004)
+    assert session.sim.world is world
+    # what moves in the calm are grains that still settle, which dies away; the wind pulls on
+    assert flux(session) > 3.0 * abs(calm)
+    times, recorded = read_series(close(recorder.recording), "transport/flux")
+    assert recorded[-1] == recorded.max() > 0.0
+    assert times[-1] == pytest.approx(0.008, abs=2.0 * session.time_step)

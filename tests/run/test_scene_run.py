@@ -1,0 +1,159 @@
+"""A scene from file to document, recording and pictures; stopped by a check or a signal."""
+
+import json
+import os
+import random
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_scene import PATIENCE, start, write_scene
+
+from taichi_erosion.cli.main import ExitCode, main
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.recording.readback import read_grains
+from taichi_erosion.run import RunOptions, run_scene
+from taichi_erosion.run.scene_run import deferred_signals
+
+DURATION = 0.12  # s, of both stages
+CUT = 0.08  # s, within the second stage: measures of the first are known by then
+COLOURS = 3  # channels of a film
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("runs")
+
+
+@pytest.fixture(scope="module")
+def scene(folder) -> Path:
+    """Two replicas, seeds 3 and 4."""
+    return write_scene(folder)
+
+
+@pytest.fixture(scope="module")
+def whole(folder) -> dict[str, Any]:
+    """The document of a run that went through."""
+    document = run_scene(write_scene(folder), RunOptions(threads=1, record=folder / "whole.rrd"))
+    stop_device()
+    return document
+
+
+def test_a_run_leaves_document_recording_and_film(whole, folder):
+    import imageio.v3 as imageio
+
+    assert json.loads((folder / "whole.json").read_text(encoding="utf-8"))["hash"] == whole["hash"]
+    assert (folder / "whole.rrd").stat().st_size > 1000
+    frames = imageio.imread(folder / "whole.gif", index=None)
+    assert frames.ndim == COLOURS + 1
+    assert np.ptp(frames) > 0  # something is drawn
+
+
+def test_the_document_holds_every_replica_and_the_pool(whole):
+    assert [replica["seed"] for replica in whole["replicas"]] == [3, 4]
+    assert all(replica["stopped"] is None for replica in whole["replicas"])
+    assert all(replica["time"] == pytest.approx(DURATION, rel=1e-3) for replica in whole["replicas"])
+    heights = [replica["measures"]["pile_height"]["value"] for replica in whole["replicas"]]
+    pooled = whole["measures"]["pile_height"]
+    assert heights[0] != heights[1]
+    assert pooled["value"] == pytest.approx(np.mean(heights), rel=1e-12)
+    assert pooled["sd"] == pytest.approx(np.std(heights, ddof=1), rel=1e-9)
+    assert pooled["n"] == 2
+
+
+def test_the_column_is_read_before_the_tube_goes_and_the_pile_after(whole):
+    for replica in whole["replicas"]:
+        measures = replica["measures"]
+        assert measures["column_height"]["value"] > measures["pile_height"]["value"] > 1e-3
+        assert measures["runout_radius"]["value"] > 5e-3  # the tube has a radius of 6 mm, a grain one of 1 mm
+
+
+def test_grain_steps_count_grains_times_steps(whole):
+    steps = DURATION / whole["limits"]["time_step"]
+    assert whole["grain_steps"] == pytest.approx(2 * 30 * steps, rel=0.01)  # all grains start at once
+
+
+OVERLAPPING = {"law": "positions", "grains": [{"position": [0, 0, 2e-3]}, {"position": [0, 0, 3e-3]}]}
+ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
+
+
+def test_grains_that_start_inside_each_other_are_refused_at_the_door(tmp_path, capsys):
+    scene = write_scene(tmp_path, grains={"count": 2}, fill=OVERLAPPING)
+    assert main(["run", str(scene), "--record", str(tmp_path / "kept.rrd")]) == ExitCode.BAD_INPUT
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+    assert not (tmp_path / "kept.rrd").exists()
+
+
+def test_a_time_step_beyond_all_limits_is_stopped_with_one_sentence(tmp_path, capsys):
+    scene = write_scene(tmp_path, run=ABSURD_STEP)
+    code = main(["run", str(scene), "--threads", "1", "--record", str(tmp_path / "kept.rrd")])
+    stop_device()
+    said = capsys.readouterr().err.strip().splitlines()
+    assert code == ExitCode.STOPPED
+    assert "likely cause" in said[-1]
+    assert (tmp_path / "kept.rrd").stat().st_size > 0
+
+
+def test_an_output_folder_that_cannot_be_written_is_told_before_the_device_starts(
+    scene, unwritable, capsys, monkeypatch
+):
+    monkeypatch.setattr("taichi_erosion.run.scene_run.assemble", lambda *_: pytest.fail("too late"))
+    for option in ("--record", "--checkpoint"):
+        record = ["--no-record"] if option == "--checkpoint" else []
+        assert main(["run", str(scene), option, str(unwritable / "few"), *record]) == ExitCode.BAD_INPUT
+        said = capsys.readouterr().err
+        assert "few: cannot be written (" in said
+        assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("number", "end"),
+    [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit)],
+)
+def test_a_signal_is_heard_at_the_next_check(number, end):
+    before = signal.signal(number, signal.SIG_DFL)  # the tests themselves may have been started to ignore it
+    try:
+        with deferred_signals() as pending:
+            os.kill(os.getpid(), number)
+            done = True  # it has not struck in the middle of something
+            with pytest.raises(end):
+                pending.raise_pending()
+        assert done
+    finally:
+        signal.signal(number, before)
+
+
+def test_a_signal_that_was_to_be_ignored_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with deferred_signals() as pending:
+            os.kill(os.getpid(), signal.SIGHUP)
+            pending.raise_pending()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_in_any_phase_leaves_whole_files_and_no_traceback(scene, folder, number):
+    chance = random.Random(int(number))
+    began = time.monotonic()
+    start(scene, "--record", str(folder / "undisturbed.rrd")).communicate()
+    lasts = time.monotonic() - began
+    for place in range(6):
+        record = folder / f"{number.name}-{place}.rrd"
+        run = start(scene, "--record", str(record))
+        time.sleep((place + chance.random()) / 6.0 * lasts)
+        run.send_signal(number)
+        _, said = run.communicate(timeout=PATIENCE)
+        assert run.returncode in (0, 128 + number, -number)
+        assert "unexpected" not in said
+        for left in (record, record.with_name(record.name + ".part")):
+            if left.exists() and left.stat().st_size > 0:
+                read_grains(left)
+        if record.with_suffix(".json").exists():
+            json.loads(record.with_suffix(".json").read_text(encoding="utf-8"))
