@@ -11,7 +11,8 @@ from taichi_erosion.air.step import STAGES, advance_air
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, log_profile, stretched_faces
 from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.scene.air_scene import build_air, parse_air_scene
+from taichi_erosion.scene.build.air import build_air
+from taichi_erosion.scene.load import parse_air_scene
 
 AIR = {  # of the box of wind, SI units
     "height": 0.4,

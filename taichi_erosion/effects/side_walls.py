@@ -20,7 +20,6 @@ from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.build.contacts import contact_of
 from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.geometry import Plane
@@ -42,7 +41,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if scene.wind is not None:
         raise BadInput("effects.side_walls: a patch under wind is periodic across and has no sides")
     grain = scene.grains.material
-    contact = contact_of(scene, grain, grain)
+    contact = scene.contact_of(grain, grain)
     if contact is None or PANE in scene.materials:
         raise BadInput(f"effects.side_walls: needs contact.{grain}-{grain} and no material named '{PANE}'")
     friction = strength * params.friction * contact.friction_sliding

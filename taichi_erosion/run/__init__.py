@@ -5,7 +5,7 @@ from typing import Any
 
 from taichi_erosion.run.checks import check_scene
 from taichi_erosion.run.options import RunOptions
-from taichi_erosion.scene.air_scene import is_air_scene
+from taichi_erosion.scene.load import is_air_scene
 
 __all__ = ["RunOptions", "check_scene", "run_scene"]
 

@@ -23,8 +23,10 @@ from taichi_erosion.run.checks import AIR_OBSERVABLES, read_air_scene
 from taichi_erosion.run.options import RunOptions
 from taichi_erosion.run.result import RECORDINGS, run_document, write_document_or_warn
 from taichi_erosion.run.scene_run import deferred_signals
-from taichi_erosion.scene.air_scene import air_hash, build_air, resolved_air
+from taichi_erosion.scene.build.air import build_air
+from taichi_erosion.scene.load import scene_hash
 from taichi_erosion.scene.schema.air import AirScene
+from taichi_erosion.scene.schema.fields import resolved
 
 CURVES = {
     "speed_largest": "largest speed, m/s",
@@ -59,7 +61,7 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     setups = [build_air(scene, seed) for seed in seeds]
     threads = start_device(Numerics(options.arch, options.threads, "f64"))
     run = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step)
-    record = options.record or RECORDINGS / f"{path.stem}-{air_hash(scene)}-{first}.rrd"
+    record = options.record or RECORDINGS / f"{path.stem}-{scene_hash(scene)}-{first}.rrd"
     recording = None if options.no_record else open_recording(path, record, scene)
     try:
         with deferred_signals() as pending:
@@ -149,13 +151,13 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
         scene,
         replicas,
         {name: pool([measurements[name] for measurements in measured]) for name in scene.measure},
-        hash=air_hash(scene),
+        hash=scene_hash(scene),
         grain_steps=0,
         cell_steps=len(run.seeds) * cells * run.steps,
         pressure_iterations_per_step=run.iterations / max(run.steps, 1),
         wall_s=seconds,
         numerics={"threads": threads, "precision": "f64", "time_step": run.step_length},
-        resolved=resolved_air(scene),
+        resolved=resolved(scene),
     )
 
 

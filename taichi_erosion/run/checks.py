@@ -13,14 +13,8 @@ from taichi_erosion.measures.boundary_layer import AirMeasureInput
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
-from taichi_erosion.scene.air_scene import (
-    air_hash,
-    is_air_scene,
-    load_air_scene,
-    longest_step,
-    resolved_air,
-    time_step,
-)
+from taichi_erosion.scene.build.air import longest_step
+from taichi_erosion.scene.load import is_air_scene, load_air_scene
 from taichi_erosion.scene.schema.air import AirScene
 
 AIR_OBSERVABLES: dict[str, Callable[[AirMeasureInput], Measurement]] = {
@@ -65,7 +59,7 @@ def check_scene(
     if is_air_scene(path):
         air_scene = read_air_scene(path, overrides)
         steps = {"time_step": time_step(air_scene), "time_step_longest": longest_step(air_scene)}
-        hashed, entries, limits = air_hash(air_scene), resolved_air(air_scene), steps | {"warnings": []}
+        hashed, entries, limits = scene_hash(air_scene), resolved(air_scene), steps | {"warnings": []}
     else:
         scene = read_scene(path, overrides, effect_files)
         hashed, entries, limits = scene_hash(scene), resolved(scene), explain(scene)

@@ -1,25 +1,34 @@
-"""Reading a scene file: TOML, overrides, validation, and one clear line when something is wrong."""
+"""Reading a scene file: TOML, overrides, validation, hash; any problem raises BadInput with one line."""
 
 import json
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import deepcopy
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.checks import cross_checks
-from taichi_erosion.scene.entries import apply_override, expand_diameters
+from taichi_erosion.scene.checks import air_checks, cross_checks
+from taichi_erosion.scene.diameters import expand_diameters
+from taichi_erosion.scene.paths import apply_override
+from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.geometry import Mesh
 from taichi_erosion.scene.schema.scene import Scene
 from taichi_erosion.scene.validation_messages import problem_lines
 
-LARGEST_FILE = 4_000_000  # a scene is text written by people; more is some other file [bytes]
+S = TypeVar("S", Scene, AirScene)
+
+LARGEST_FILE = 4_000_000  # larger than any scene written by people [bytes]
 HASH_LENGTH = 12  # hexadecimal digits
-NOT_HASHED = {"scene": {"title", "notes"}, "run": {"replicas", "seed"}, "record": True, "measured": True}
+NOT_HASHED = {
+    "scene": {"title", "notes"},
+    "run": {"replicas", "seed", "frames"},
+    "record": True,
+    "measured": True,
+}
 
 
 def load_scene(
@@ -29,17 +38,43 @@ def load_scene(
     effects: Mapping[str, Collection[str]] | None = None,
     observables: Collection[str] | None = None,
 ) -> Scene:
-    """Validated scene of a TOML file; raises BadInput with one line.
+    """Validated scene of a TOML file.
 
-    `overrides` are PATH=VALUE. `effects` (name -> its parameters) and `observables` are what the other rooms
-    know; left out, those names are not checked.
+    `overrides` are PATH=VALUE. `effects` (name -> its entries) and `observables` are those of the program;
+    None: those names are not checked.
     """
-    name = str(path).replace("\n", "?")
+    table, name, folder = toml_table(path), one_line_name(path), Path(path).parent
+    return parse_scene(table, name, folder, overrides, effects=effects, observables=observables)
+
+
+def load_air_scene(
+    path: str | Path, overrides: Sequence[str] = (), observables: Collection[str] | None = None
+) -> AirScene:
+    """Validated scene of air alone of a TOML file."""
+    return parse_air_scene(toml_table(path), one_line_name(path), overrides, observables)
+
+
+def is_air_scene(path: Path) -> bool:
+    """Whether a file describes air alone; an unreadable file does not."""
     try:
-        table = tomllib.loads(file_text(Path(path), name))
+        table = toml_table(path)
+    except BadInput:
+        return False
+    return "air" in table and "grains" not in table
+
+
+def toml_table(path: str | Path) -> dict[str, Any]:
+    """Raw table of a TOML file."""
+    name = one_line_name(path)
+    try:
+        return tomllib.loads(file_text(Path(path), name))
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
-    return parse_scene(table, name, Path(path).parent, overrides, effects=effects, observables=observables)
+
+
+def one_line_name(path: str | Path) -> str:
+    """Path as messages show it."""
+    return str(path).replace("\n", "?")
 
 
 def file_text(path: Path, name: str) -> str:
@@ -67,11 +102,36 @@ def parse_scene(
     observables: Collection[str] | None = None,
 ) -> Scene:
     """Validated scene of a raw table, as TOML or `resolved` gives it."""
-    try:
-        scene = validated(deepcopy(dict(table)), overrides)
+
+    def problems(scene: Scene) -> Iterator[str]:
         scene._folder = folder
+        return cross_checks(scene, effects, observables)
+
+    return parsed(Scene, table, name, overrides, problems)
+
+
+def parse_air_scene(
+    table: Mapping[str, Any],
+    name: str = "scene",
+    overrides: Sequence[str] = (),
+    observables: Collection[str] | None = None,
+) -> AirScene:
+    """Validated scene of air alone of a raw table."""
+    return parsed(AirScene, table, name, overrides, lambda scene: air_checks(scene, observables))
+
+
+def parsed(
+    kind: type[S],
+    table: Mapping[str, Any],
+    name: str,
+    overrides: Sequence[str],
+    problems: Callable[[S], Iterator[str]],
+) -> S:
+    """Scene without problems, of a raw table."""
+    try:
+        scene = validated(kind, deepcopy(dict(table)), overrides)
         scene._file = name
-        lines = list(cross_checks(scene, effects, observables))
+        lines = list(problems(scene))
     except BadInput as error:
         raise BadInput(f"{name}: {first_line(error)}") from None
     if lines:
@@ -79,14 +139,14 @@ def parse_scene(
     return scene
 
 
-def validated(table: dict[str, Any], overrides: Sequence[str]) -> Scene:
+def validated(kind: type[S], table: dict[str, Any], overrides: Sequence[str]) -> S:
     """Scene whose every entry is right by itself."""
-    for order in overrides:
-        apply_override(table, order)
+    for override in overrides:
+        apply_override(table, override)
     frozen = with_tuples(table)
-    given = expand_diameters(frozen)
+    given = expand_diameters(frozen) if kind is Scene else {}
     try:
-        return Scene.model_validate(frozen)
+        return kind.model_validate(frozen)
     except ValidationError as error:
         raise BadInput(summary(problem_lines(error, frozen, given))) from None
     except (OverflowError, RecursionError) as error:
@@ -103,35 +163,31 @@ def with_tuples(value: Any) -> Any:
 
 
 def summary(lines: Sequence[str]) -> str:
-    """The first problem, and how many more there are."""
+    """The first problem, and the number of others."""
     return lines[0] if len(lines) == 1 else f"{lines[0]} (and {len(lines) - 1} more)"
 
 
 def first_line(error: Exception) -> str:
-    """What an exception says, on one line."""
+    """First line of an exception's message."""
     lines = str(error).splitlines()
     return lines[0] if lines else type(error).__name__
 
 
-def resolved(scene: Scene) -> dict[str, Any]:
-    """The scene with all defaults filled, as plain lists, tables and numbers; `parse_scene` reads it back."""
-    return scene.model_dump(mode="json", exclude_none=True)
-
-
-def scene_hash(scene: Scene) -> str:
+def scene_hash(scene: Scene | AirScene) -> str:
     """Name of the physical situation: 12 hexadecimal digits of a SHA-256.
 
     Independent of seeds, number of replicas, recording, titles, measured values, comments, order of keys.
     """
     table = scene.model_dump(mode="json", exclude_none=True, exclude=NOT_HASHED)
-    table["contact"] = {"-".join(sorted(pair.split("-"))): row for pair, row in table["contact"].items()}
-    table["meshes"] = {
-        name: mesh_digest(scene, wall) for name, wall in scene.geometry.items() if isinstance(wall, Mesh)
-    }
+    if isinstance(scene, Scene):
+        table["contact"] = {"-".join(sorted(pair.split("-"))): row for pair, row in table["contact"].items()}
+        meshes = {name: wall for name, wall in scene.geometry.items() if isinstance(wall, Mesh)}
+        # the content of a mesh file counts, not its name
+        table["meshes"] = {name: mesh_digest(scene, wall) for name, wall in meshes.items()}
     canonical = json.dumps(table, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return sha256(canonical.encode()).hexdigest()[:HASH_LENGTH]
 
 
 def mesh_digest(scene: Scene, wall: Mesh) -> str:
-    """Digest of a mesh file's bytes, so that the hash follows the content and not the name."""
+    """SHA-256 of the bytes of a mesh file."""
     return sha256((scene.folder / wall.file).read_bytes()).hexdigest()

@@ -1,12 +1,64 @@
-"""Dotted paths of a scene: which there are, and what an entry means."""
+"""Dotted paths of a scene: those it has, the JSON schema that documents them, and `--set PATH=VALUE`."""
 
+import json
+import re
+import tomllib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.json_schema import scene_schema
-from taichi_erosion.scene.load import resolved
+from taichi_erosion.scene.diameters import DIAMETERS, SCALING_UNITS
+from taichi_erosion.scene.schema import air
+from taichi_erosion.scene.schema.air import AirScene
+from taichi_erosion.scene.schema.fields import resolved
 from taichi_erosion.scene.schema.scene import Scene
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+# parts that define the diameter, or that are those of a laboratory
+IN_METRES_ONLY = {"Monodisperse", "Lognormal", "Sieve", "GrainStart", "Conditions"}
+BARE_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def scene_schema() -> dict[str, Any]:
+    """Schema of a scene file, every number with its unit and range."""
+    schema = TypeAdapter[Scene | AirScene](Scene | AirScene).json_schema()
+    parts = (part for part in vars(air).values() if isinstance(part, type))
+    air_alone = {part.__name__ for part in parts if part.__module__ == air.__name__}
+    for name, part in schema["$defs"].items():
+        if name not in IN_METRES_ONLY | air_alone:
+            allow_diameters(part)
+    whole = [schema["$defs"].pop(option["$ref"].rpartition("/")[2]) for option in schema["anyOf"]]
+    return {"$schema": DIALECT, "title": "taichi_erosion scene", "anyOf": whole, "$defs": schema["$defs"]}
+
+
+def allow_diameters(part: dict[str, Any]) -> None:
+    """Let every length and time of a section also be given in nominal diameters, as `NAME_d`."""
+    either = []
+    for name, entry in list(part.get("properties", {}).items()):
+        if entry.get("unit") not in SCALING_UNITS:
+            continue
+        unit = "1" if entry["unit"] == "m" else "s m-1"
+        unbounded = {k: v for k, v in entry.items() if k not in ("minimum", "maximum", "default")}
+        meaning = f"{entry['description'].rpartition(' [')[0]}, over the nominal grain diameter [{unit}]"
+        part["properties"][name + DIAMETERS] = unbounded | {"description": meaning, "unit": unit}
+        if name in part.get("required", []):
+            part["required"] = [required for required in part["required"] if required != name]
+            either.append({"oneOf": [{"required": [name]}, {"required": [name + DIAMETERS]}]})
+    if either:
+        part["allOf"] = either
+
+
+def schema_text() -> str:
+    """The schema as `write_schema` writes it."""
+    return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def write_schema(path: str | Path) -> None:
+    """Write the schema file that scene files name on their first line."""
+    Path(path).write_text(schema_text(), encoding="utf-8")
 
 
 def scene_paths(scene: Scene) -> list[str]:
@@ -64,3 +116,63 @@ def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, 
     for word in ("anyOf", "oneOf", "allOf"):
         for other in node.get(word, ()):
             yield from options(schema, other)
+
+
+def apply_override(table: dict[str, Any], order: str) -> None:
+    """Set one value of a raw scene; `order` is PATH=VALUE, VALUE as TOML writes it or a bare word."""
+    path, equals, text = order.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        raise BadInput(f"--set {order[:80]}: write it as PATH=VALUE, for example grains.count=3000")
+    value = parsed(order, text.strip())
+    holder: Any = table
+    for depth, key in enumerate(keys[:-1]):
+        holder = child(holder, spelled(keys[:depth], holder, key), order)
+    put(holder, spelled(keys[:-1], holder, keys[-1]), value, order)
+
+
+def parsed(order: str, text: str) -> Any:
+    """Value of a TOML expression, or the word itself."""
+    try:
+        table = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        table = {}
+    if set(table) == {"value"}:
+        return table["value"]
+    if BARE_WORD.fullmatch(text):
+        return text
+    raise BadInput(f"--set {order[:80]!r}: the value is not a TOML value; text needs quotes")
+
+
+def spelled(above: list[str], holder: Any, key: str) -> str:
+    """The key as the scene writes it: a contact pair may be named in either order."""
+    if above == ["contact"] and isinstance(holder, dict) and key not in holder:
+        other = "-".join(reversed(key.split("-")))
+        return other if other in holder else key
+    return key
+
+
+def child(holder: Any, key: str, order: str) -> Any:
+    """The table or list under a key, made when missing."""
+    if isinstance(holder, dict):
+        return holder.setdefault(key, {})
+    return holder[index(holder, key, order)]
+
+
+def put(holder: Any, key: str, value: Any, order: str) -> None:
+    """Write a value; it replaces the same quantity given in metres or in diameters."""
+    if isinstance(holder, dict):
+        twin = key.removesuffix(DIAMETERS) if key.endswith(DIAMETERS) else key + DIAMETERS
+        holder.pop(twin, None)
+        holder[key] = value
+    else:
+        holder[index(holder, key, order)] = value
+
+
+def index(holder: Any, key: str, order: str) -> int:
+    """Position in a list, counted from 0."""
+    if not isinstance(holder, list):
+        raise BadInput(f"--set {order[:80]}: '{key}' lies below a value that is not a table")
+    if not key.isascii() or not key.isdigit() or len(key) > 9 or int(key) >= len(holder):
+        raise BadInput(f"--set {order[:80]}: '{key}' is not a place in a list of {len(holder)}")
+    return int(key)

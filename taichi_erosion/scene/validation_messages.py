@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from taichi_erosion.scene.entries import Given, Path
+from taichi_erosion.scene.diameters import Given, Path
 
 DISCRIMINATORS = ("law", "shape")
 KEY_MARK = "[key]"

@@ -7,8 +7,8 @@ from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_p
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
+from taichi_erosion.scene.build.air import surface_height
 from taichi_erosion.scene.build.sizes import nominal_diameter
-from taichi_erosion.scene.build.wind import surface_height
 
 ON_DEVICE = ("pair", "first_contact", "grain")
 

@@ -8,7 +8,7 @@ from taichi_erosion.benchmark.air import TUNNEL
 from taichi_erosion.benchmark.patch import PATCH
 from taichi_erosion.benchmark.threshold import BED
 from taichi_erosion.scene import load_scene, parse_scene
-from taichi_erosion.scene.air_scene import load_air_scene, parse_air_scene
+from taichi_erosion.scene.load import load_air_scene, parse_air_scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SAND = ("grains", "materials", "laws", "contact", "geometry", "wind", "fill")

@@ -9,15 +9,8 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run.checks import AIR_OBSERVABLES
-from taichi_erosion.scene.air_scene import (
-    air_hash,
-    build_air,
-    inlet_speed,
-    is_air_scene,
-    load_air_scene,
-    longest_step,
-    parse_air_scene,
-)
+from taichi_erosion.scene.build.air import build_air, inlet_speed, longest_step
+from taichi_erosion.scene.load import is_air_scene, load_air_scene, parse_air_scene, scene_hash
 from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -78,7 +71,7 @@ def test_a_side_that_is_left_out_is_named():
 def test_the_hash_follows_the_flow_and_not_its_title():
     plain, titled = parse_air_scene(table()), parse_air_scene(table(), overrides=["scene.title='other'"])
     faster = parse_air_scene(table(), overrides=["air.inlet.speed=7.0"])
-    assert air_hash(plain) == air_hash(titled) != air_hash(faster)
+    assert scene_hash(plain) == scene_hash(titled) != scene_hash(faster)
 
 
 def test_inlet_profiles_follow_their_laws():

@@ -10,8 +10,8 @@ from scene_tables import changed, good_table
 
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.scene import build_setup, explain, load_scene, parse_scene
-from taichi_erosion.scene.entries import parts_of, scaling_names
-from taichi_erosion.scene.json_schema import schema_text
+from taichi_erosion.scene.diameters import parts_of, scaling_names
+from taichi_erosion.scene.paths import schema_text
 from taichi_erosion.scene.schema.fields import unit_of
 from taichi_erosion.scene.schema.scene import Scene
 

@@ -7,8 +7,8 @@ import pytest
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run import check_scene
 from taichi_erosion.scene import build_setup, load_scene
+from taichi_erosion.scene.build.air import surface_height
 from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter
-from taichi_erosion.scene.build.wind import surface_height
 
 SCENES = Path(__file__).parents[2] / "scenes"
 NAMES = ("gusty_patch", "impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")

@@ -12,11 +12,10 @@ import scipy
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.fields import Vector
-from taichi_erosion.scene.schema.grains import Clump
+from taichi_erosion.scene.schema.grains import Clump, Grains
 
-VOXELS_ACROSS = (
-    160  # cells along the longest side of the body; the volume of a sphere is then right to 1e-4 [1]
-)
+VOXELS_ACROSS = 160  # cells along the longest side of a body: the volume of a sphere is right to 1e-4 [1]
+SPHERE_REACH = 0.5  # radius of a sphere over its diameter [1]
 
 TETRAHEDRON: tuple[Vector, ...] = ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0))
 TRIANGLE: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (-0.5, sqrt(0.75), 0.0), (-0.5, -sqrt(0.75), 0.0))
@@ -50,6 +49,11 @@ def template_spheres(clump: Clump) -> tuple[Sphere, ...]:
     radius = 0.5 * len(corners) ** (-1.0 / 3.0)
     stretch = 2.0 * radius / float(np.linalg.norm(corners[0] - corners[1]))
     return tuple(((x, y, z), radius) for x, y, z in (corners * stretch).tolist())
+
+
+def reach_over_diameter(grains: Grains) -> float:
+    """Bounding radius of a grain over its nominal diameter [1]."""
+    return body_of(grains.clump).reach if grains.clump else SPHERE_REACH
 
 
 def body_of(clump: Clump) -> Body:

@@ -15,11 +15,6 @@ def materials_used(scene: Scene) -> list[str]:
     return sorted({scene.grains.material} | {wall.material for wall in scene.geometry.values()})
 
 
-def contact_of(scene: Scene, a: str, b: str) -> Contact | None:
-    """Parameters of a pair, whichever way the scene spells it."""
-    return scene.contact.get(f"{a}-{b}") or scene.contact.get(f"{b}-{a}")
-
-
 def shear_modulus(material: Material) -> float:
     """G [Pa] as given, or E / (2 (1 + nu))."""
     if material.shear_modulus is not None:
@@ -76,7 +71,7 @@ def contact_table(scene: Scene) -> ContactTable:
     rows = {}
     for i, a in enumerate(names):
         for j, b in enumerate(names[i:], start=i):
-            contact = contact_of(scene, a, b) or NEVER_READ
+            contact = scene.contact_of(a, b) or NEVER_READ
             rows[pair_row(i, j, len(names))] = contact_row(contact, scene.materials[a], scene.materials[b])
     columns = np.array([rows[row] for row in range(len(rows))]).T
     return ContactTable(*columns)

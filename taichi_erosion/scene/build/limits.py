@@ -10,7 +10,6 @@ from typing import Any
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.build.clump import template_spheres
 from taichi_erosion.scene.build.contacts import (
-    contact_of,
     materials_used,
     shear_modulus,
     surface_energy,
@@ -78,7 +77,7 @@ def adhesion(scene: Scene) -> Adhesion | None:
     Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force).
     """
     name = scene.grains.material
-    material, contact = scene.materials[name], contact_of(scene, name, name)
+    material, contact = scene.materials[name], scene.contact_of(name, name)
     energy = surface_energy(contact, material, material) if contact and scene.laws.normal == "jkr" else 0.0
     if energy <= 0.0:
         return None
@@ -257,7 +256,7 @@ def neck_limit(scene: Scene, radius: float, speed: float) -> float | None:
     walls = {wall.material for wall in scene.geometry.values()}
     times = []
     for other in materials_used(scene) if scene.laws.normal == "jkr" else []:
-        contact = contact_of(scene, grain, other)
+        contact = scene.contact_of(grain, other)
         a, b = scene.materials[grain], scene.materials[other]
         energy = surface_energy(contact, a, b) if contact else 0.0
         shares = [

@@ -6,19 +6,18 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Laws, Setup, Surface
-from taichi_erosion.scene.build.clump import Body, body_of
+from taichi_erosion.scene.build.air import patch_air, patch_box, patch_coupling
+from taichi_erosion.scene.build.clump import Body, body_of, reach_over_diameter
 from taichi_erosion.scene.build.contacts import contact_table, materials_used
 from taichi_erosion.scene.build.fill import Start, start_grains, stream
 from taichi_erosion.scene.build.limits import time_step
 from taichi_erosion.scene.build.walls import domain_box, primitive_table
-from taichi_erosion.scene.build.wind import air_setup, coupling, patch_box
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Positions
 from taichi_erosion.scene.schema.scene import Scene
 from taichi_erosion.scene.schema.wind import Wind
 
 SPHERE_IN_CUBE = np.pi / 6.0  # volume of a sphere over d^3 [1]
-SPHERE_REACH = 0.5  # radius of a sphere over its diameter [1]
 
 
 def laws(scene: Scene) -> Laws:
@@ -30,7 +29,7 @@ def laws(scene: Scene) -> Laws:
 def build_setup(scene: Scene, seed: int) -> Setup:
     """Everything that defines one replica; the same scene and seed give the same bits."""
     body = body_of(scene.grains.clump) if scene.grains.clump else None
-    start = start_grains(scene, seed, body.reach if body else SPHERE_REACH)
+    start = start_grains(scene, seed, reach_over_diameter(scene.grains))
     names = materials_used(scene)
     material = names.index(scene.grains.material)
     density = scene.materials[scene.grains.material].density
@@ -63,8 +62,8 @@ def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
         setup,
         domain=patch_box(wind, setup.grains),
         period=(wind.length, wind.width, 0.0),
-        air=air_setup(scene, wind, setup.time_step, seed),
-        coupling=coupling(scene, wind, seed),
+        air=patch_air(scene, wind, setup.time_step, seed),
+        coupling=patch_coupling(scene, wind, seed),
     )
 
 

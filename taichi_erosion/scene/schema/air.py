@@ -1,11 +1,22 @@
-"""Scenes of air alone: a box of cells, what its sides do, what blows in, and what is measured."""
+"""Scenes of air alone: a box of cells, its sides, the wind at its inlet, and measures."""
 
+from collections.abc import Iterator
+from math import prod
 from typing import Annotated, Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, model_validator
 
-from taichi_erosion.core.air_setup import AirModel, AirSetup, ClosureConstants, InletTurbulence
-from taichi_erosion.scene.schema.fields import FASTEST, Name, Part, Vector, contradiction, extent, number
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, ClosureConstants, InletTurbulence
+from taichi_erosion.scene.schema.fields import (
+    FASTEST,
+    Name,
+    Part,
+    SceneFile,
+    Vector,
+    contradiction,
+    extent,
+    number,
+)
 from taichi_erosion.scene.schema.scene import Conditions, Measured
 
 MOST_CELLS = 20_000_000  # about 8 GB of state
@@ -138,7 +149,7 @@ class AirMeasure(Part):
     place: float | None = extent(None, "position along x; left out: the mean along x", 0.0)
 
 
-class AirScene(Part):
+class AirScene(SceneFile):
     """One flow of air without grains."""
 
     scene: AirHead
@@ -148,9 +159,61 @@ class AirScene(Part):
     measure: dict[Name, AirMeasure] = Field({})
     measured: dict[Name, Measured] = Field({})
 
-    _file: str = PrivateAttr(default="scene")
 
-    @property
-    def file(self) -> str:
-        """Name of the scene file as the user wrote it, for messages."""
-        return self._file
+def box_problems(air: AirBox) -> Iterator[str]:
+    """Contradictions between entries of a box, one line each, beginning with a dotted path."""
+    sides = list(side_problems(air))
+    yield from sides
+    if not sides:
+        yield from inlet_problems(air)
+        yield from cell_problems(air)
+
+
+def side_problems(air: AirBox) -> Iterator[str]:
+    """All sides are there, and each kind stands where it can."""
+    yield from (f"air.sides.{name} is missing" for name in SIDES if name not in air.sides)
+    unknown = [name for name in air.sides if name not in SIDES]
+    yield from (f"air.sides.{name} is unknown; allowed: {', '.join(SIDES)}" for name in unknown)
+    if set(air.sides) == set(SIDES):
+        yield from place_problems(air)
+
+
+def place_problems(air: AirBox) -> Iterator[str]:
+    """Each kind of side stands where it can."""
+    allowed = {"inlet": ("x_low", "z_low"), "outlet": ("x_high", "z_high"), "stress": ("z_high",)}
+    for name, side in air.sides.items():
+        if side.kind in allowed and name not in allowed[side.kind]:
+            yield f"air.sides.{name}.kind = '{side.kind}' may stand at {' or '.join(allowed[side.kind])} only"
+    for axis in "xyz":
+        low, high = air.sides[f"{axis}_low"].kind, air.sides[f"{axis}_high"].kind
+        if (low == "periodic") != (high == "periodic"):
+            yield f"air.sides.{axis}_low and air.sides.{axis}_high: both are periodic or none"
+        if axis == "z" and low == "periodic":
+            yield "air.sides.z_low.kind = 'periodic': the air has a floor and a lid"
+
+
+def inlet_problems(air: AirBox) -> Iterator[str]:
+    """What enters can leave, and is stated."""
+    kinds = [side.kind for side in air.sides.values()]
+    if "inlet" in kinds and "outlet" not in kinds:
+        yield "air.sides: an inlet needs an outlet, or the air has nowhere to go"
+    if air.sides["x_low"].kind == "inlet" and air.inlet is None:
+        yield "air.inlet is missing: air.sides.x_low is an inlet"
+    if air.turbulence is not None and air.sides["x_low"].kind != "inlet":
+        yield "air.turbulence: air.sides.x_low must be an inlet"
+    if air.sides["z_high"].kind == "stress" and air.friction_velocity == 0.0:
+        yield "air.friction_velocity = 0.0, but air.sides.z_high is under stress"
+
+
+def cell_problems(air: AirBox) -> Iterator[str]:
+    """Numbers of cells that fit into memory and suit the pressure solve."""
+    if prod(air.cells) > MOST_CELLS:
+        yield f"air.cells = {list(air.cells)}: {prod(air.cells)} cells; at most {MOST_CELLS} fit"
+    if air.lowest is not None and air.lowest * air.cells[2] > air.extents[2]:
+        yield f"air.lowest = {air.lowest:g} m: {air.cells[2]} cells of it are higher than the box"
+    if air.both_ends and air.cells[2] % 2:
+        yield f"air.cells.2 = {air.cells[2]}: an even number is needed for cells fine at both ends"
+    for axis, name in enumerate("xy"):
+        periodic = air.sides[f"{name}_low"].kind == "periodic"
+        if periodic and air.cells[axis] > 1 and air.cells[axis] % 2:
+            yield f"air.cells.{axis} = {air.cells[axis]}: 1 or an even number is needed along a period"

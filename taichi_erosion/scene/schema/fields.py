@@ -1,4 +1,4 @@
-"""Numbers of a scene file: each with its unit, its meaning and its range.
+"""Fields of a scene file: every number with its unit, meaning and range.
 
 Every section of a scene is a `Part`: frozen, strict about types, closed to unknown keys.
 """
@@ -6,12 +6,15 @@ Every section of a scene is a `Part`: frozen, strict about types, closed to unkn
 from collections.abc import Iterator
 from difflib import get_close_matches
 from math import inf, isfinite
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
+    PrivateAttr,
     StringConstraints,
     ValidationInfo,
     field_validator,
@@ -25,8 +28,23 @@ PairName = Annotated[
     str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}-[A-Za-z][A-Za-z0-9_]{0,59}$")
 ]
 
-FARTHEST = 1e4  # coordinates beyond it are taken for a slip of units [m]
+FARTHEST = 1e4  # coordinates beyond it are taken for a wrong unit [m]
 FASTEST = 1e3  # likewise speeds [m s-1]
+
+
+def contradiction(message: str) -> PydanticCustomError:
+    """Error of a section whose entries do not fit together."""
+    return PydanticCustomError("contradiction", "{message}", {"message": message})
+
+
+def has_direction(vector: Vector) -> Vector:
+    """The vector itself. Raises a contradiction for the null vector."""
+    if sum(c * c for c in vector) < 1e-24:
+        raise contradiction(f"{list(vector)} has no direction")
+    return vector
+
+
+Direction = Annotated[Vector, AfterValidator(has_direction)]
 
 
 def number(default: Any, unit: str, meaning: str, low: float = -inf, high: float = inf) -> Any:
@@ -39,7 +57,7 @@ def number(default: Any, unit: str, meaning: str, low: float = -inf, high: float
 
 
 def unit_of(field: Any) -> str | None:
-    """Unit that `number` gave to a field, None for words and sections."""
+    """Unit of a field declared by `number`, None for text and sections."""
     extra = field.json_schema_extra
     return extra.get("unit") if isinstance(extra, dict) else None
 
@@ -81,11 +99,6 @@ class Part(BaseModel):
         return value
 
 
-def contradiction(message: str) -> PydanticCustomError:
-    """Error of a section whose entries do not fit together."""
-    return PydanticCustomError("contradiction", "{message}", {"message": message})
-
-
 def position(default: Any, meaning: str) -> Any:
     """Declare a point or a shift [m]."""
     return number(default, "m", meaning, -FARTHEST, FARTHEST)
@@ -97,7 +110,7 @@ def extent(default: Any, meaning: str, low: float = 1e-7) -> Any:
 
 
 def direction(default: Any, meaning: str) -> Any:
-    """Declare a direction; its length does not matter, but it must have one."""
+    """Declare a direction vector of any length above 0."""
     return number(default, "1", meaning, -FARTHEST, FARTHEST)
 
 
@@ -107,7 +120,23 @@ def unit_vector(vector: Vector) -> Vector:
     return (vector[0] / size, vector[1] / size, vector[2] / size)
 
 
-def check_direction(vector: Vector, name: str) -> None:
-    """Refuse the null vector as a direction."""
-    if sum(c * c for c in vector) < 1e-24:
-        raise contradiction(f"{name} = {list(vector)} has no direction")
+class SceneFile(Part):
+    """A whole scene file."""
+
+    _folder: Path = PrivateAttr(default=Path())
+    _file: str = PrivateAttr(default="scene")
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the scene file, where meshes are looked for."""
+        return self._folder
+
+    @property
+    def file(self) -> str:
+        """Name of the scene file as the user wrote it, for messages."""
+        return self._file
+
+
+def resolved(scene: SceneFile) -> dict[str, Any]:
+    """The scene with all defaults filled, as plain lists, tables and numbers; `parse_scene` reads it back."""
+    return scene.model_dump(mode="json", exclude_none=True)

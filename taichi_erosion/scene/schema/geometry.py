@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from taichi_erosion.scene.schema.fields import (
+    Direction,
     Name,
     Part,
     Vector,
-    check_direction,
     contradiction,
     direction,
     extent,
@@ -29,12 +29,7 @@ class Plane(Part):
     shape: Literal["plane"]
     material: Name
     point: Vector = position(ORIGIN, "a point of the plane")
-    normal: Vector = direction(UPWARDS, "normal into the free side")
-
-    @model_validator(mode="after")
-    def _has_direction(self) -> "Plane":
-        check_direction(self.normal, "normal")
-        return self
+    normal: Direction = direction(UPWARDS, "normal into the free side")
 
 
 class Disc(Part):
@@ -43,13 +38,8 @@ class Disc(Part):
     shape: Literal["disc"]
     material: Name
     centre: Vector = position(ORIGIN, "centre")
-    axis: Vector = direction(UPWARDS, "normal of the disc")
+    axis: Direction = direction(UPWARDS, "normal of the disc")
     radius: float = extent(..., "radius")
-
-    @model_validator(mode="after")
-    def _has_direction(self) -> "Disc":
-        check_direction(self.axis, "axis")
-        return self
 
 
 class Cylinder(Part):
@@ -58,14 +48,9 @@ class Cylinder(Part):
     shape: Literal["cylinder"]
     material: Name
     centre: Vector = position(ORIGIN, "middle of the end where the axis starts")
-    axis: Vector = direction(UPWARDS, "direction of the axis")
+    axis: Direction = direction(UPWARDS, "direction of the axis")
     radius: float = extent(..., "inner radius")
     length: float = extent(..., "length along the axis")
-
-    @model_validator(mode="after")
-    def _has_direction(self) -> "Cylinder":
-        check_direction(self.axis, "axis")
-        return self
 
 
 class Cone(Part):
@@ -74,14 +59,13 @@ class Cone(Part):
     shape: Literal["cone"]
     material: Name
     centre: Vector = position(ORIGIN, "middle of the end where the axis starts")
-    axis: Vector = direction(UPWARDS, "direction of the axis")
+    axis: Direction = direction(UPWARDS, "direction of the axis")
     radius_low: float = extent(..., "radius where the axis starts", low=0.0)
     radius_high: float = extent(..., "radius at the other end", low=0.0)
     length: float = extent(..., "length along the axis")
 
     @model_validator(mode="after")
-    def _has_direction(self) -> "Cone":
-        check_direction(self.axis, "axis")
+    def _has_width(self) -> "Cone":
         if self.radius_low + self.radius_high == 0.0:
             raise contradiction("radius_low and radius_high are both 0")
         return self

@@ -1,18 +1,20 @@
 """A scene file as typed, frozen records: the only place where defaults stand."""
 
-from pathlib import Path
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from math import isfinite
 from typing import Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, model_validator
 
 from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.scene.schema.fields import (
     FASTEST,
+    Direction,
     Name,
     PairName,
     Part,
+    SceneFile,
     Vector,
-    check_direction,
     contradiction,
     direction,
     number,
@@ -20,11 +22,33 @@ from taichi_erosion.scene.schema.fields import (
 )
 from taichi_erosion.scene.schema.geometry import ORIGIN, Wall
 from taichi_erosion.scene.schema.grains import Contact, Fill, Grains, Material
-from taichi_erosion.scene.schema.wind import FASTEST_FRICTION, Threshold, Wind
+from taichi_erosion.scene.schema.wind import (
+    FASTEST_FRICTION,
+    Threshold,
+    Wind,
+    column_problems,
+    count_problems,
+)
 
+FROM_THRESHOLDS = (
+    *("rolling_onset", "fluid_threshold", "threshold_u_star", "threshold_wind_speed"),
+    *("impact_threshold", "impact_threshold_linear", "threshold_ratio"),
+)
+SPLASH = ("rebound_share", "rebound_speed", "ejecta_share")
+UNDER_WIND = (
+    "pressure_drop",
+    "flux",
+    "flux_height",
+    "bed_stress",
+    "grain_stress",
+    *SPLASH,
+)  # means over a stage
+OF_ONE_COLUMN = ("bed_stress", "pressure_drop")  # measures that read its mixing length or its rising air
 SHORTEST = 1e-12  # shortest time that a scene may name [s]
 LONGEST = 1e5  # longest [s]
 MOST_REPLICAS = 100_000
+
+Known = Mapping[str, Collection[str]]
 
 
 class Head(Part):
@@ -92,12 +116,7 @@ class Gravity(Part):
     """Weight."""
 
     magnitude: float = number(9.81, "m s-2", "acceleration of gravity", 0.0, 1e4)
-    direction: Vector = direction((0.0, 0.0, -1.0), "direction of gravity at the start")
-
-    @model_validator(mode="after")
-    def _has_direction(self) -> "Gravity":
-        check_direction(self.direction, "direction")
-        return self
+    direction: Direction = direction((0.0, 0.0, -1.0), "direction of gravity at the start")
 
 
 class LawChoice(Part):
@@ -141,7 +160,7 @@ class Stage(Part):
     remove: tuple[Name, ...] = Field((), description="surfaces that vanish when the stage begins")
     move: dict[Name, Movement] = Field({}, description="motion of surfaces by name, until the next order")
     tilt_rate: float = number(0.0, "deg s-1", "rate at which gravity turns about tilt_axis", -1e4, 1e4)
-    tilt_axis: Vector = direction((0.0, 1.0, 0.0), "axis about which the apparatus is tilted")
+    tilt_axis: Direction = direction((0.0, 1.0, 0.0), "axis about which the apparatus is tilted")
     friction_velocity: float | None = number(
         None,
         "m s-1",
@@ -155,7 +174,6 @@ class Stage(Part):
 
     @model_validator(mode="after")
     def _in_order(self) -> "Stage":
-        check_direction(self.tilt_axis, "tilt_axis")
         if self.duration_min > self.duration_max:
             raise contradiction("duration_min exceeds duration_max")
         return self
@@ -186,7 +204,7 @@ class Record(Part):
     bed_every: float = number(0.1, "s", "interval of frames of the whole bed", 1e-9, LONGEST)
 
 
-class Scene(Part):
+class Scene(SceneFile):
     """One physical situation."""
 
     scene: Head
@@ -207,15 +225,177 @@ class Scene(Part):
     record: Record = Record()
     effects: dict[Name, dict[Name, float]] = Field({}, description="optional physics: parameters by effect")
 
-    _folder: Path = PrivateAttr(default=Path())
-    _file: str = PrivateAttr(default="scene")
+    def contact_of(self, a: str, b: str) -> Contact | None:
+        """Parameters of a pair of materials, in whichever order the scene names it."""
+        return self.contact.get(f"{a}-{b}") or self.contact.get(f"{b}-{a}")
 
-    @property
-    def folder(self) -> Path:
-        """Folder of the scene file, where meshes are looked for."""
-        return self._folder
 
-    @property
-    def file(self) -> str:
-        """Name of the scene file as the user wrote it, for messages."""
-        return self._file
+def reference_problems(
+    scene: Scene, effects: Known | None, observables: Collection[str] | None
+) -> Iterator[str]:
+    """Contradictions between sections, one line each, beginning with a dotted path.
+
+    `effects` (name -> its entries) and `observables` are those of the program; None: not checked.
+    """
+    unknown = list(material_problems(scene))
+    yield from unknown
+    if not unknown:
+        yield from contact_problems(scene)
+        yield from softening_problems(scene)
+        yield from surface_problems(scene)
+        yield from stage_problems(scene)
+        yield from threshold_problems(scene)
+        yield from wind_problems(scene)
+        yield from measure_problems(scene)
+    yield from effect_problems(scene, effects)
+    yield from observable_problems(scene.measure, observables)
+
+
+def material_problems(scene: Scene) -> Iterator[str]:
+    """Materials that are named but not there."""
+    used = {"grains.material": scene.grains.material}
+    used |= {f"geometry.{name}.material": wall.material for name, wall in scene.geometry.items()}
+    known = ", ".join(scene.materials)
+    for path, name in used.items():
+        if name not in scene.materials:
+            yield f"{path} = '{name}' is not among [materials]: {known}"
+
+
+def contact_problems(scene: Scene) -> Iterator[str]:
+    """Pairs of materials that are missing, doubled or without effect."""
+    grain = scene.grains.material
+    for name in sorted({grain} | {wall.material for wall in scene.geometry.values()}):
+        if scene.contact_of(grain, name) is None:
+            yield f"contact.{grain}-{name} is missing"
+    for pair, contact in scene.contact.items():
+        a, b = pair.split("-")
+        if a != b and f"{b}-{a}" in scene.contact and a < b:
+            yield f"contact.{pair} and contact.{b}-{a} name the same pair"
+        yield from (
+            f"contact.{pair}: '{name}' is not among [materials]" for name in {a, b} - set(scene.materials)
+        )
+        if contact.surface_energy > 0.0 and scene.laws.normal == "hertz":
+            energy = contact.surface_energy
+            yield f"contact.{pair}.surface_energy = {energy:g} acts only with laws.normal = 'jkr'"
+
+
+def softening_problems(scene: Scene) -> Iterator[str]:
+    """More than one rule of softening."""
+    rules = {name: m.softening.rule for name, m in scene.materials.items() if m.softening is not None}
+    if len(set(rules.values())) > 1:
+        stated = ", ".join(f"{name} '{rule}'" for name, rule in rules.items())
+        yield f"materials: all softened materials must name the same rule, not {stated}"
+
+
+def surface_problems(scene: Scene) -> Iterator[str]:
+    """Surfaces of stages and measures that do not exist at that time."""
+    standing = set(scene.geometry)
+    for place, stage in enumerate(scene.stages):
+        for name in stage.remove:
+            if name not in standing:
+                yield f"stages.{place}.remove: '{name}' is not standing: {', '.join(sorted(standing))}"
+        standing -= set(stage.remove)
+        for name in stage.move:
+            if name not in standing:
+                yield f"stages.{place}.move.{name} is not standing: {', '.join(sorted(standing))}"
+    for name, measure in scene.measure.items():
+        if measure.plate is not None and measure.plate not in scene.geometry:
+            yield f"measure.{name}.plate = '{measure.plate}' is not among [geometry]"
+
+
+def stage_problems(scene: Scene) -> Iterator[str]:
+    """Stage names that are used twice, and measures of unknown stages."""
+    names = [stage.name for stage in scene.stages]
+    for place, name in enumerate(names):
+        if name in names[:place]:
+            yield f"stages.{place}.name = '{name}' is taken by an earlier stage"
+    for name, measure in scene.measure.items():
+        if measure.stage is not None and measure.stage not in names:
+            yield f"measure.{name}.stage = '{measure.stage}' is not among the stages: {', '.join(names)}"
+
+
+def effect_problems(scene: Scene, known: Known | None) -> Iterator[str]:
+    """Effects and parameters that the library does not have."""
+    for name, values in scene.effects.items():
+        yield from (
+            f"effects.{name}.{key} must be a finite number" for key, v in values.items() if not isfinite(v)
+        )
+        if known is None:
+            continue
+        if name not in known:
+            yield f"effects.{name} is unknown; known effects: {', '.join(sorted(known)) or 'none'}"
+            continue
+        for key in values:
+            if key not in known[name]:
+                yield f"effects.{name}.{key} is unknown; allowed: {', '.join(known[name])}"
+
+
+def observable_problems(measures: Iterable[str], known: Collection[str] | None) -> Iterator[str]:
+    """Observables that the program cannot measure."""
+    for name in measures if known is not None else ():
+        if name not in (known or ()):
+            yield f"measure.{name} is unknown; known observables: {', '.join(sorted(known or ()))}"
+
+
+def measure_problems(scene: Scene) -> Iterator[str]:
+    """Measures that lack the stage, the wind or the interval that they need."""
+    searched = any(stage.until == "threshold" for stage in scene.stages)
+    for name, order in scene.measure.items():
+        if name in FROM_THRESHOLDS and not searched:
+            yield f"measure.{name} needs a stage with until = 'threshold'"
+        if name in UNDER_WIND and scene.wind is None:
+            yield f"measure.{name} needs a [wind] section"
+        elif name in UNDER_WIND and order.every is None:
+            yield f"measure.{name}.every is missing: it is a mean over the stage"
+
+
+def threshold_problems(scene: Scene) -> Iterator[str]:
+    """A search for thresholds needs wind, is the last stage, and checks each trial at least twice."""
+    places = [place for place, stage in enumerate(scene.stages) if stage.until == "threshold"]
+    if not places:
+        return
+    place, last = places[0], len(scene.stages) - 1
+    if scene.wind is None:
+        yield f"stages.{place}.until = 'threshold' needs a [wind] section"
+    if place != last:
+        yield f"stages.{place}.until = 'threshold' must be the last stage"
+    order, interval = scene.threshold, scene.run.check_interval
+    for name in ("rise_hold", "hold", "spin_up", "fall_hold"):
+        if getattr(order, name) < 2.0 * interval:
+            shown = f"threshold.{name} = {getattr(order, name):g} s"
+            yield f"{shown} is shorter than two run.check_interval of {interval:g} s"
+
+
+def wind_problems(scene: Scene) -> Iterator[str]:
+    """Stages, clumps and moving walls that do not go with the air, or with none."""
+    wind = scene.wind
+    if wind is None:
+        for name in ("friction_velocity", "through_flow"):
+            yield from (f"{path} needs a [wind] section" for path in stages_with(scene, name))
+        return
+    if scene.grains.clump is not None:
+        yield "wind: drag acts on single spheres; grains.clump must be left out"
+    if wind.sleep_after is not None:
+        for path in stages_with(scene, "move"):
+            yield f"{path}: no grain may sleep where walls move; leave wind.sleep_after out"
+    yield from column_problems(wind) if wind.columns == (1, 1) else grid_problems(scene, wind)
+
+
+def stages_with(scene: Scene, name: str) -> list[str]:
+    """Paths of an entry in the stages that state it."""
+    return [
+        f"stages.{k}.{name}" for k, stage in enumerate(scene.stages) if getattr(stage, name) not in (None, {})
+    ]
+
+
+def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
+    """Whatever needs a single column of air, stated for a grid."""
+    yield from count_problems(wind)
+    paths = [] if wind.through_flow == 0.0 else ["wind.through_flow"]
+    for path in paths + stages_with(scene, "through_flow"):
+        yield f"{path} needs a single column of air; leave wind.columns out"
+    for name in OF_ONE_COLUMN:
+        if name in scene.measure:
+            yield f"measure.{name} reads a single column of air; leave wind.columns out"
+    if "turbulent_gusts" in scene.effects and wind.closure != "mixing_length":
+        yield "effects.turbulent_gusts: the grid has gusts of its own; leave the effect or the eddies out"

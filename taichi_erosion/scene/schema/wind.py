@@ -1,8 +1,6 @@
-"""The air over and between the grains of a periodic patch: one column of cells, or a grid of them.
+"""Wind over a periodic patch of grains: one column of cells, or a grid; and the search for thresholds."""
 
-How the thresholds of motion of a bed under wind are looked for.
-"""
-
+from collections.abc import Iterator
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -12,6 +10,8 @@ from taichi_erosion.scene.schema.fields import Part, contradiction, extent, numb
 
 Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
+COLUMNS_LEAST = 4  # in each direction of a grid: fewer carry no wave
+LONGEST_HOLD = 1e3  # longest time that a search for thresholds may hold a wind [s]
 FASTEST_FRICTION = 10.0  # largest friction velocity that a scene may name [m s-1]
 
 
@@ -78,7 +78,19 @@ class Wind(Part):
         return self
 
 
-LONGEST_HOLD = 1e3  # s
+def column_problems(wind: Wind) -> Iterator[str]:
+    """Entries of a single column that need a grid."""
+    if wind.closure == "smagorinsky":
+        yield "wind.closure = 'smagorinsky': one column has no eddies; state wind.columns"
+    if wind.drive == "gradient":
+        yield "wind.drive = 'gradient': one column is driven by its lid; state wind.columns"
+
+
+def count_problems(wind: Wind) -> Iterator[str]:
+    """Numbers of columns that the pressure solve cannot pair."""
+    for place, count in enumerate(wind.columns):
+        if count < COLUMNS_LEAST or count % 2:
+            yield f"wind.columns.{place} = {count}: an even number is needed, at least {COLUMNS_LEAST}"
 
 
 class Threshold(Part):

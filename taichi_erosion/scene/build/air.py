@@ -1,0 +1,247 @@
+"""Air of one replica: over a periodic patch of grains, or in a box of air alone."""
+
+from dataclasses import replace
+from math import ceil, pi
+
+import numpy as np
+
+from taichi_erosion.core.air_setup import (
+    SIDES,
+    AirModel,
+    AirSetup,
+    AirSide,
+    ClosureConstants,
+    InletTurbulence,
+    Stir,
+    bed_faces,
+    bed_gradient,
+    both_faces,
+    even_faces,
+    log_profile,
+    stretched_faces,
+)
+from taichi_erosion.core.initial_turbulence import stirred_wind
+from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Triple
+from taichi_erosion.scene.build.limits import time_step
+from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter
+from taichi_erosion.scene.schema.air import (
+    COURANT_MOST,
+    AirBox,
+    AirScene,
+    LogProfile,
+    PowerProfile,
+    Profile,
+    UniformProfile,
+)
+from taichi_erosion.scene.schema.scene import Scene
+from taichi_erosion.scene.schema.wind import Wind
+
+SOLID_SHARE = 0.6  # of a settled bed [1]
+CELL_SHARE = 0.25  # finest layer of air over the nominal diameter [1]
+ABOVE_BED = 2.0  # diameters above the bed up to which layers stay fine [1]
+CENTRED = 0.5  # implicitness that is of second order: eddies are followed in time [1]
+GRAIN_ROUGHNESS = 1.0 / 30.0  # roughness length of a bed at rest over its diameter (Nikuradse) [1]
+HEADROOM = 10.0  # heights of the patch that grains may fly before they count as lost [1]
+
+
+DIFFUSION = 0.5  # explicit diffusion along x and y: largest step over width^2 / nu in all directions [1]
+TURBULENT = 30.0  # largest speed of a driven turbulent flow over its friction velocity [1]
+GUST = 3.0  # standard deviations that a gust may exceed the mean wind by [1]
+COLUMN_SHARE = 1e-3  # time step of air that nothing limits over the run [1]
+
+
+def surface_height(scene: Scene, wind: Wind) -> float:
+    """Height of the undisturbed bed of a patch [m]."""
+    if wind.surface is not None:
+        return wind.surface
+    volume = scene.grains.count * pi / 6.0 * mean_cube(scene.grains.size)
+    return volume / (SOLID_SHARE * wind.length * wind.width)
+
+
+def patch_air(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup:
+    """Air over a periodic patch of grains: one column of cells, or a grid."""
+    diameter = nominal_diameter(scene.grains.size)
+    fine_until = min(surface_height(scene, wind) + ABOVE_BED * diameter, 0.5 * wind.height)
+    faces = bed_faces(0.0, fine_until, wind.height, wind.cell or CELL_SHARE * diameter, wind.growth)
+    ends = {"z_low": AirSide("wall"), "z_high": AirSide("stress" if wind.drive == "lid" else "symmetry")}
+    made = AirSetup(
+        cells=(*wind.columns, len(faces) - 1),
+        low=(0.0, 0.0, 0.0),
+        high=(wind.length, wind.width, wind.height),
+        faces_z=faces,
+        sides={name: ends.get(name, AirSide("periodic")) for name in SIDES},
+        density=wind.density,
+        viscosity=wind.viscosity,
+        time_step=time_step * wind.look_steps,
+        model=AirModel(closure=wind.closure, advection="none", scheme="euler", exchange=True),
+        friction_velocity=wind.partition * wind.friction_velocity,
+        ground=surface_height(scene, wind),
+    )
+    return made if wind.columns == (1, 1) else on_grid(made, wind, diameter, seed)
+
+
+def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetup:
+    """The same air on several columns: with advection, and random fluctuations when the wind sets in."""
+    eddies = wind.closure != "mixing_length"
+    grid = replace(
+        column,
+        model=AirModel(closure=wind.closure, exchange=True),
+        implicitness=CENTRED if eddies else column.implicitness,
+        driving_gradient=(bed_gradient(column, column.friction_velocity), 0.0, 0.0),
+        stir=Stir(wind.stir if eddies else 0.0, wind.turnovers, GRAIN_ROUGHNESS * diameter, seed),
+    )
+    blows = grid.friction_velocity > 0.0
+    return replace(grid, start=stirred_wind(grid, grid.friction_velocity)) if blows else grid
+
+
+def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
+    """Intervals and constants of the exchange between grains and air."""
+    rising = any(stage.through_flow is not None for stage in scene.stages)
+    return Coupling(
+        look_steps=wind.look_steps,
+        surface=surface_height(scene, wind),
+        through_flow=wind.through_flow,
+        rising=rising,
+        seed=seed % 2**31,
+        partition=wind.partition,
+        sleep_exchanges=sleep_exchanges(scene, wind),
+        sleep_share=wind.sleep_share,
+    )
+
+
+def sleep_exchanges(scene: Scene, wind: Wind) -> int:
+    """Exchanges, the first included, that last no less than the time at rest; 0 where no grain sleeps."""
+    if not wind.sleep_after:
+        return 0
+    return 1 + ceil(wind.sleep_after / (wind.look_steps * time_step(scene)))
+
+
+def patch_box(wind: Wind, grains: GrainTable) -> tuple[Triple, Triple]:
+    """Domain of a periodic patch [m]."""
+    below = -10.0 * float(grains.radius.max())
+    return (0.0, 0.0, below), (wind.length, wind.width, HEADROOM * wind.height)
+
+
+def box_faces(air: AirBox) -> Floats:
+    """Faces of the cells of a box along z [m]."""
+    high, count = air.extents[2], air.cells[2]
+    if air.lowest is None:
+        return even_faces(0.0, high, count)
+    return (both_faces if air.both_ends else stretched_faces)(0.0, high, count, air.lowest)
+
+
+def inlet_speed(profile: Profile, height: Floats, karman: float) -> Floats:
+    """Wind at the inlet at some heights [m s-1]."""
+    if isinstance(profile, UniformProfile):
+        return np.full(len(height), profile.speed)
+    if isinstance(profile, LogProfile):
+        return log_profile(height, profile.friction_velocity, profile.roughness_length, karman)
+    if isinstance(profile, PowerProfile):
+        return profile.speed * np.minimum(height / profile.thickness, 1.0) ** profile.exponent
+    return np.interp(height, profile.heights, profile.speeds)
+
+
+def inlet_shape(air: AirBox) -> Floats | None:
+    """Wind at the inlet over 1 m s-1 by layer, None where none is stated."""
+    height = box_faces(air)
+    return None if air.inlet is None else inlet_speed(air.inlet, 0.5 * (height[1:] + height[:-1]), air.karman)
+
+
+def fastest_wind(air: AirBox) -> float:
+    """Speed that no air is expected to exceed by much [m s-1]."""
+    shape, moving = inlet_shape(air), max(max(map(abs, side.velocity)) for side in air.sides.values())
+    gust = GUST * max(air.turbulence.deviation) if air.turbulence else 0.0
+    blowing = 0.0 if shape is None else float(shape.max())
+    return max(blowing + gust, moving, driven_speed(air))
+
+
+def driven_speed(air: AirBox) -> float:
+    """Speed scale of air that a pressure gradient drives [m s-1]: laminar, or 30 u* with a closure."""
+    gradient, height = max(map(abs, air.driving_gradient)), air.extents[2]
+    laminar = gradient * height**2 / (8.0 * air.density * air.viscosity)
+    turbulent = TURBULENT * max((gradient * height / air.density) ** 0.5, air.friction_velocity)
+    return laminar if air.closure == "none" else min(laminar, turbulent) if gradient else turbulent
+
+
+def longest_step(scene: AirScene) -> float:
+    """Longest stable time step [s]."""
+    return min(step_limits(scene.air, COURANT_MOST))
+
+
+def step_limits(air: AirBox, courant: float) -> tuple[float, float]:
+    """Time steps [s] that advection and explicit diffusion allow; one cell along an axis allows any."""
+    widths = [size / n for size, n in zip(air.extents[:2], air.cells[:2], strict=True) if n > 1]
+    speed = fastest_wind(air)
+    advective = courant * min(widths) / speed if widths and speed and air.advection != "none" else np.inf
+    diffusive = DIFFUSION / (air.viscosity * sum(2.0 / w**2 for w in widths)) if widths else np.inf
+    return advective, diffusive
+
+
+def air_time_step(scene: AirScene) -> float:
+    """Time step of a run [s]; what nothing limits takes COLUMN_SHARE of the run."""
+    if scene.run.time_step is not None:
+        return scene.run.time_step
+    limit = min(step_limits(scene.air, scene.run.courant))
+    return float(limit) if np.isfinite(limit) else COLUMN_SHARE * scene.run.duration
+
+
+def build_air(scene: AirScene, seed: int) -> AirSetup:
+    """Air of one replica of a scene of air alone."""
+    air = scene.air
+    shape = inlet_shape(air)
+    start = shape if shape is not None else first_guess(air)
+    return AirSetup(
+        cells=air.cells,
+        low=(0.0, 0.0, 0.0),
+        high=air.extents,
+        faces_z=box_faces(air),
+        sides={name: air_side(air, name) for name in SIDES},
+        density=air.density,
+        viscosity=air.viscosity,
+        time_step=air_time_step(scene),
+        model=air_model(air),
+        constants=ClosureConstants(
+            karman=air.karman, smagorinsky=air.smagorinsky, length_share=air.length_share
+        ),
+        friction_velocity=air.friction_velocity,
+        driving_gradient=air.driving_gradient,
+        implicitness=air.implicitness,
+        inlet_shape=shape,
+        turbulence=inlet_turbulence(air, seed),
+        start=start,
+    )
+
+
+def air_model(air: AirBox) -> AirModel:
+    """Choices compiled in; a column has no advection, so that one implicit stage does."""
+    if air.cells[:2] == (1, 1) and air.closure != "smagorinsky":
+        return AirModel(air.closure, advection="none", scheme="euler")
+    return AirModel(air.closure, air.advection)
+
+
+def air_side(air: AirBox, name: str) -> AirSide:
+    """One side of the box; wind along x comes as a profile of 1 m/s times `inlet_shape`."""
+    side = air.sides[name]
+    velocity: Triple = (1.0, 0.0, 0.0) if (name, side.kind) == ("x_low", "inlet") else side.velocity
+    return AirSide(side.kind, velocity, side.roughness_length)
+
+
+def first_guess(air: AirBox) -> Floats | None:
+    """Initial wind of a driven flow with a closure [m s-1]; from rest it would take long to develop."""
+    if air.closure == "none":
+        return None
+    gradient = max(-air.driving_gradient[0], 0.0) * air.extents[2] / air.density
+    friction = max(gradient**0.5, air.friction_velocity)
+    height = box_faces(air)
+    smooth = 0.11 * air.viscosity / max(friction, 1e-12)  # roughness length of a smooth wall
+    roughness = max(air.sides["z_low"].roughness_length, smooth)
+    return log_profile(0.5 * (height[1:] + height[:-1]), friction, roughness, air.karman)
+
+
+def inlet_turbulence(air: AirBox, seed: int) -> InletTurbulence | None:
+    """Fluctuations at the inlet."""
+    if air.turbulence is None:
+        return None
+    return InletTurbulence(
+        air.turbulence.deviation, air.turbulence.integral_length, seed, air.turbulence.waves
+    )
