@@ -13,7 +13,7 @@ from taichi_erosion.measures.boundary_layer import AirMeasureInput
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
-from taichi_erosion.scene.build.air import longest_step
+from taichi_erosion.scene.build.air import air_time_step, longest_step
 from taichi_erosion.scene.load import is_air_scene, load_air_scene
 from taichi_erosion.scene.schema.air import AirScene
 
@@ -57,13 +57,12 @@ def check_scene(
 ) -> dict[str, Any]:
     """Hash, resolved scene, time-step limits and warnings; starts no device. Raises BadInput."""
     if is_air_scene(path):
-        air_scene = read_air_scene(path, overrides)
-        steps = {"time_step": time_step(air_scene), "time_step_longest": longest_step(air_scene)}
-        hashed, entries, limits = scene_hash(air_scene), resolved(air_scene), steps | {"warnings": []}
+        scene = read_air_scene(path, overrides)
+        limits = {"time_step": air_time_step(scene), "time_step_longest": longest_step(scene), "warnings": []}
     else:
         scene = read_scene(path, overrides, effect_files)
-        hashed, entries, limits = scene_hash(scene), resolved(scene), explain(scene)
-    return {"scene": str(path), "hash": hashed, "resolved": entries, "limits": limits}
+        limits = explain(scene)
+    return {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": limits}
 
 
 def compatibility_key(scene: Scene) -> str:
