@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_erosion.air.assemble import allocate_air
+from taichi_erosion.air.grid import allocate_air
 from taichi_erosion.air.readback import air_snapshot
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.air_setup import AirSetup

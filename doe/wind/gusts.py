@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.air.readback import face_velocities
-from taichi_erosion.air.replica_step import advance_moving
+from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.coupling.grid_exchange import match_air_to_grains
 from taichi_erosion.run.threshold_search import periodic_displacement
@@ -70,7 +70,7 @@ def eddies(label: str, orders: Sequence[str]) -> Iterator[dict[str, Any]]:
         found = []
         for _ in range(SAMPLES):
             for _ in range(every):
-                advance_moving(air, 1, sim.chunk)
+                advance_active(air, 1, sim.chunk)
             match_air_to_grains(sim.world, sim.coupling, 1, sim.chunk)
             found.append(profiles(sim))
         mean, *deviation, stress = np.mean(found, axis=0)

@@ -1,1 +1,12 @@
-"""The flow grid: wind above and inside the bed."""
+"""The flow grid: wind above and inside the bed.
+
+`momentum` holds the balance term by term, `implicit_z` its solve along z, `pressure/` the projection,
+`turbulence` and `wall_law` the closure, `boundary` the sides. Each formula is a device function of one
+cell, column or line and stands once. `step` launches them in two styles: `parallel_*` kernels over the
+cells of all replicas, and `serial_*` loops of one thread over the grid of one replica.
+
+`column` is the grid with one column of cells: it shares conductances, sources, wall law, mixing length
+over the floor and elimination. It keeps one solve for both velocities, where the grid needs one for each,
+and the strain du/dz alone, where the grid takes all components: a column of the grid would cost twice as
+much and needs ghost cells beside it.
+"""

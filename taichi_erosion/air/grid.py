@@ -1,155 +1,62 @@
-"""Fields of the grids on which the pressure is solved, all grids in one set of fields.
+"""State of the air of all replicas on the device: a staggered grid with one layer of ghost cells.
 
-The pressure equation is  sum over faces of c (psi_neighbour - psi) - drain psi = right,  with conductances c
-[m], area over distance times the share of the face that is air, and a drain [m] beside outlets. Coarser grids
-have half as many cells along x, y or both and all layers along z, where lines are solved exactly. The columns
-of cells of all grids are numbered on, finest grid first, so that one kernel serves every grid.
-
-Device state of the air of all replicas: a staggered grid with one layer of ghost cells.
-
-Cell (i, j, k) of replica r counts from 0; places -1 and n are ghosts, which `ghosts.py` fills. Pressure,
+Cell (i, j, k) of replica r counts from 0; indices -1 and n are ghosts, filled by `boundary.py`. Pressure,
 void fraction and exchange live in cells, each velocity component on the faces that it is normal to:
 `velocity_x[r, i, j, k]` on the face towards low x of cell (i, j, k), likewise y and z. The air keeps double
 precision whatever the grains do: in a step of theirs it may change by a millionth of itself.
 
-Who couples grains to the air fills, in cells 0 ... n - 1 and before each step:
+The coupling to grains sets, in cells 0 ... n - 1 and before each step:
 
-    void_fraction         eps, share of the cell that is air                     [1]
-    exchange_force        explicit part f of the force on the air, a volume      [N m-3]
-    exchange_coefficient  implicit part beta: the air also feels  - beta u       [N s m-4]
+    void_fraction         eps, share of the cell that is air                            [1]
+    exchange_force        explicit part f of the force on the air, per volume           [N m-3]
+    exchange_coefficient  implicit part beta: the force on the air is  f - beta u       [N s m-4]
 
 so that grains of velocity v with drag  beta (u - v)  give  f = beta v.  All are over the whole volume.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from taichi_erosion.air.inlet_turbulence import Waves
+from taichi_erosion.air.inlet_turbulence import InletWaves, allocate_waves
+from taichi_erosion.air.pressure.multigrid import MultigridLevels, allocate_levels
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import write
+from taichi_erosion.core.transfer import upload, write
 
 real = ti.f64
 
-EVEN = 1.5  # cells along the other axis may be so much wider and still be merged with these [1]
-
-
-@dataclass(frozen=True, eq=False)
-class Grids:
-    """Conductances, right-hand sides and solutions by replica, column and layer; `across_*` of low faces."""
-
-    number: int  # of grids
-    columns: tuple[int, ...]  # cells along the longer of x and y of every grid
-    round_x: bool  # whether x is periodic
-    round_y: bool  # whether y is periodic
-    shape: Any  # i32 by grid: first column, cells along x and y, cells that merge in the next along x and y
-    across_x: Any  # [m]
-    across_y: Any  # [m]
-    across_z: Any  # [m], one layer more than the cells
-    drain: Any  # [m]
-    pivot: Any  # inverse pivots of the lines along z [m-1]
-    right: Any  # [m3 s-1]
-    solution: Any  # [m2 s-1]
-    rest: Any  # what the solution leaves of the right-hand side [m3 s-1]
-
-
-@dataclass(frozen=True, eq=False)
-class Krylov:
-    """Fields of the conjugate gradients on the finest grid, by replica, column and layer."""
-
-    found: Any  # psi [m2 s-1]
-    search: Any  # direction
-    image: Any  # of the direction
-    partial: Any  # sums over single columns, by replica and column
-    worst: Any  # air that appears in a cell in one step over its volume [1], largest by replica and column
-    product: Any  # rest times preconditioned rest, by replica
-    step: Any  # length of the last step, by replica
-    ratio: Any  # new product over old one, by replica
-
-
-@ti.func
-def column_of(grids: ti.template(), level, i, j):
-    """Number of a column of a grid; beyond an end that of the opposite one, where conductances are zero."""
-    nx, ny = grids.shape[level, 1], grids.shape[level, 2]
-    return grids.shape[level, 0] + ((i + nx) % nx) * ny + (j + ny) % ny
-
-
-@ti.func
-def around(grids: ti.template(), level, i, j):
-    """Columns to the west, east, south and north."""
-    west, east = column_of(grids, level, i - 1, j), column_of(grids, level, i + 1, j)
-    return ti.Vector([west, east, column_of(grids, level, i, j - 1), column_of(grids, level, i, j + 1)])
-
-
-def grid_shapes(setup: AirSetup) -> list[tuple[int, int, int, int]]:
-    """Cells along x and y of every grid, and how many merge along x and y in the next; the last: 1, 1."""
-    nx, ny, _ = setup.cells
-    width_x, width_y = ((setup.high[axis] - setup.low[axis]) / setup.cells[axis] for axis in range(2))
-    round_x, round_y = (setup.sides[name].kind == "periodic" for name in ("x_low", "y_low"))
-    shapes = []
-    while True:
-        by_x, by_y = merging(nx, ny, width_x, width_y)
-        if (round_x and nx > 1 and nx % 2) or (round_y and ny > 1 and ny % 2):
-            by_x, by_y = 1, 1  # two colours do not go round an odd number of columns
-        shapes.append((nx, ny, by_x, by_y))
-        if by_x == by_y == 1:
-            return shapes
-        nx, ny, width_x, width_y = nx // by_x, ny // by_y, width_x * by_x, width_y * by_y
-
-
-def merging(nx: int, ny: int, width_x: float, width_y: float) -> tuple[int, int]:
-    """Cells that merge along x and y: two where their number is even and they are not already the wider."""
-    can_x, can_y = nx % 2 == 0, ny % 2 == 0
-    by_x = can_x and (width_x <= EVEN * width_y or ny == 1)
-    by_y = can_y and (width_y <= EVEN * width_x or nx == 1)
-    if not (by_x or by_y):
-        by_x, by_y = can_x, can_y
-    return (2 if by_x else 1), (2 if by_y else 1)
-
-
-def allocate_grids(setup: AirSetup, replicas: int) -> Grids:
-    """Fields of all grids, and where each begins."""
-    shapes = np.array(grid_shapes(setup))
-    sizes = shapes[:, 0] * shapes[:, 1]
-    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    layers = setup.cells[2]
-    names = ("across_x", "across_y", "drain", "pivot", "right", "solution", "rest")
-    grids = Grids(
-        number=len(shapes),
-        columns=tuple(int(n) for n in shapes[:, :2].max(axis=1)),
-        round_x=setup.sides["x_low"].kind == "periodic",
-        round_y=setup.sides["y_low"].kind == "periodic",
-        shape=ti.field(ti.i32, shape=(len(shapes), 5)),
-        across_z=ti.field(real, shape=(replicas, int(sizes.sum()), layers + 1)),
-        **{name: ti.field(real, shape=(replicas, int(sizes.sum()), layers)) for name in names},
-    )
-    write(grids.shape, np.column_stack([first, shapes]))
-    return grids
-
-
-def allocate_krylov(setup: AirSetup, replicas: int) -> Krylov:
-    """Fields of the conjugate gradients."""
-    columns = setup.cells[0] * setup.cells[1]
-    cells = (replicas, columns, setup.cells[2])
-    blocks = {name: ti.field(real, shape=cells) for name in ("found", "search", "image")}
-    sums = {name: ti.field(real, shape=(replicas, columns)) for name in ("partial", "worst")}
-    scalars = {name: ti.field(real, shape=replicas) for name in ("product", "step", "ratio")}
-    return Krylov(**blocks, **sums, **scalars)
-
-
-GRIDS = (
+CELL_SCALARS = (
     *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
     *("exchange_coefficient", "eddy_cell", "eddy_face", "length", "elimination"),
-    *("rate_x", "rate_y", "rate_z", "past_x", "past_y", "past_z"),
+    *("rate_x", "rate_y", "rate_z", "previous_rate_x", "previous_rate_y", "previous_rate_z"),
 )
-VECTORS = ("exchange_force", "impulse", "gradient")
+CELL_VECTORS = ("exchange_force", "impulse", "gradient")
+FROM_SETUP = ("time_step", "density", "viscosity", "friction_velocity", "implicitness", "ground")
+FROM_CONSTANTS = ("karman", "sublayer", "van_driest", "smagorinsky", "length_most", "length_share")
+
+
+@dataclass(frozen=True, eq=False)
+class KrylovFields:
+    """Fields of the conjugate gradients on the finest level, by replica, column and layer."""
+
+    psi: Any  # [m2 s-1]
+    direction: Any  # search direction
+    laplacian: Any  # negative Laplacian of the search direction
+    column_sum: Any  # sums over single columns, by replica and column
+    column_worst: Any  # largest divergence of a cell times the time step [1], by replica and column
+    residual_product: Any  # residual times preconditioned residual, by replica
+    step_length: Any  # by replica
+    direction_weight: Any  # new residual product over old one, by replica
 
 
 @dataclass(frozen=True, eq=False)
 class AirNumbers:
-    """One row a replica: clock, box, fluid and closure constants."""
+    """Clock, box, fluid and closure constants by replica."""
 
     time: Any  # [s]
     time_step: Any  # [s]
@@ -184,7 +91,7 @@ class Air:
     centre: Any  # z of the centre of cell k [m], k = -1 ... nz; ghosts lie on the outer faces
     height: Any  # thickness of cell k [m], k = -1 ... nz; ghosts have the thickness of their neighbour
     inlet_shape: Any  # speed at an inlet along x over that of the side [1] by replica and k
-    gust: Any  # fluctuation at an inlet along x [m s-1], vec3 by replica, j and k
+    inlet_fluctuation: Any  # at an inlet along x [m s-1], vec3 by replica, j and k
     velocity_x: Any  # [m s-1]
     velocity_y: Any  # [m s-1]
     velocity_z: Any  # [m s-1]
@@ -193,23 +100,23 @@ class Air:
     void_before: Any  # [1], of the step before
     exchange_force: Any  # vec3 [N m-3]
     exchange_coefficient: Any  # [N s m-4]
-    impulse: Any  # vec3, momentum that grains have given in the last step, a volume [N s m-3]
-    gradient: Any  # vec3, mean gradient of the pressure in the last step, its driving part included [Pa m-1]
+    impulse: Any  # vec3, momentum from grains in the last step per volume [N s m-3]
+    gradient: Any  # vec3, mean pressure gradient in the last step, its driving part included [Pa m-1]
     eddy_cell: Any  # eddy viscosity in cells [m2 s-1]
     eddy_face: Any  # eddy viscosity on the lower faces of cells [m2 s-1]
     length: Any  # mixing length on the lower faces of cells [m]
     rate_x: Any  # explicit rate of change [m s-2]
     rate_y: Any
     rate_z: Any
-    past_x: Any  # explicit rate of the stage before [m s-2]
-    past_y: Any
-    past_z: Any
-    elimination: Any  # upper factors of a sweep along z [1]
-    moving: Any  # i32 by replica: whether it takes part in the coming step of `replica.py`
-    left: Any  # air that appeared in the worst cell in that step over its volume [1], by replica
-    grids: Grids  # of the pressure solve
-    krylov: Krylov
-    waves: Waves
+    previous_rate_x: Any  # explicit rate of the stage before [m s-2]
+    previous_rate_y: Any
+    previous_rate_z: Any
+    elimination: Any  # upper factors of a tridiagonal solve along z [1]
+    active: Any  # i32 by replica: whether `advance_active` advances it
+    mass_residual: Any  # largest divergence that this left in a cell, times the time step [1], by replica
+    levels: MultigridLevels  # of the pressure solve
+    krylov: KrylovFields
+    waves: InletWaves
 
     @property
     def is_column(self) -> bool:
@@ -222,64 +129,218 @@ class Air:
         return self.cells[0] * self.cells[1] * self.cells[2]
 
     @property
-    def sharers(self) -> int:
-        """Columns of cells that share a grain: those whose middles enclose it."""
+    def columns_per_grain(self) -> int:
+        """Columns of cells among which a grain is divided: those whose centres enclose it."""
         return 1 if self.is_column else 4
 
     @property
     def velocities(self) -> tuple[Any, Any, Any]:
-        """The three components of the velocity."""
         return self.velocity_x, self.velocity_y, self.velocity_z
 
     @property
     def rates(self) -> tuple[Any, Any, Any]:
-        """Explicit rates of the three components."""
         return self.rate_x, self.rate_y, self.rate_z
 
     @property
-    def pasts(self) -> tuple[Any, Any, Any]:
-        """Explicit rates of the stage before."""
-        return self.past_x, self.past_y, self.past_z
+    def previous_rates(self) -> tuple[Any, Any, Any]:
+        return self.previous_rate_x, self.previous_rate_y, self.previous_rate_z
 
 
-def padded(cells: tuple[int, int, int], replicas: int, vector: bool = False) -> Any:
-    """Field over cells and ghosts, by replica."""
+def ghosted(shape: tuple[int, ...], replicas: int, vector: bool = False) -> Any:
+    """Field over cells and one layer of ghosts at each end, by replica."""
     made = ti.Vector.field(3, real) if vector else ti.field(real)
-    shape = (replicas, *(n + 2 for n in cells))
-    ti.root.dense(ti.ijkl, shape).place(made, offset=(0, -1, -1, -1))
+    axes = (ti.i, ti.ij, ti.ijk, ti.ijkl)[len(shape)]
+    ti.root.dense(axes, (replicas, *(n + 2 for n in shape))).place(made, offset=(0, *(-1 for _ in shape)))
     return made
 
 
-def layered(replicas: int, layers: int) -> Any:
-    """Field over cells along z and ghosts, by replica."""
-    made = ti.field(real)
-    ti.root.dense(ti.ij, (replicas, layers + 2)).place(made, offset=(0, -1))
-    return made
-
-
-def inlet_plane(replicas: int, cells: tuple[int, int, int]) -> Any:
-    """Field of vectors over cells along y and z and ghosts, by replica."""
-    made = ti.Vector.field(3, real)
-    ti.root.dense(ti.ijk, (replicas, cells[1] + 2, cells[2] + 2)).place(made, offset=(0, -1, -1))
-    return made
+def allocate_krylov(cells: tuple[int, int, int], replicas: int) -> KrylovFields:
+    """Fields of the conjugate gradients."""
+    columns = cells[0] * cells[1]
+    blocks = {
+        name: ti.field(real, shape=(replicas, columns, cells[2]))
+        for name in ("psi", "direction", "laplacian")
+    }
+    sums = {name: ti.field(real, shape=(replicas, columns)) for name in ("column_sum", "column_worst")}
+    scalars = ("residual_product", "step_length", "direction_weight")
+    return KrylovFields(**blocks, **sums, **{name: ti.field(real, shape=replicas) for name in scalars})
 
 
 def allocate_numbers(replicas: int) -> AirNumbers:
     """Fields of clocks and constants."""
-    scalars = (
-        "time",
-        "time_step",
-        "density",
-        "viscosity",
-        "friction_velocity",
-        "implicitness",
-        "karman",
-        "ground",
+    scalars = {name: ti.field(real, shape=replicas) for name in ("time", *FROM_SETUP, *FROM_CONSTANTS)}
+    vectors = {n: ti.Vector.field(3, real, shape=replicas) for n in ("low", "width", "driving_gradient")}
+    return AirNumbers(
+        **scalars,
+        **vectors,
+        side_velocity=ti.Vector.field(3, real, shape=(replicas, len(SIDES))),
+        side_roughness=ti.field(real, shape=(replicas, len(SIDES))),
     )
-    closures = ("sublayer", "van_driest", "smagorinsky", "length_most", "length_share")
-    table: dict[str, Any] = {name: ti.field(real, shape=replicas) for name in scalars + closures}
-    vectors = ("low", "width", "driving_gradient")
-    table |= {name: ti.Vector.field(3, real, shape=replicas) for name in vectors}
-    table["side_velocity"] = ti.Vector.field(3, real, shape=(replicas, len(SIDES)))
-    table["side_roughness"] = ti.field(real, shape=(replicas, len(SIDES)))
-    return AirNumbers(**table)
+
+
+def allocate_air(setups: Sequence[AirSetup]) -> Air:
+    """Air for an ensemble, as its setups describe it; the device must have been started.
+
+    All setups share the numbers of cells, the kinds of sides and the model. Raises BadInput otherwise.
+    """
+    first, count = setups[0], len(setups)
+    for setup in setups:
+        refuse_mixture(first, setup)
+    cells, layers = first.cells, first.cells[2:]
+    air = Air(
+        count=count,
+        cells=cells,
+        model=first.model,
+        kinds={name: first.sides[name].kind for name in SIDES},
+        numbers=allocate_numbers(count),
+        inlet_fluctuation=ghosted(cells[1:], count, vector=True),
+        active=ti.field(ti.i32, shape=count),
+        mass_residual=ti.field(real, shape=count),
+        levels=allocate_levels(first, count),
+        krylov=allocate_krylov(cells, count),
+        waves=allocate_waves(setups),
+        **{name: ghosted(cells, count) for name in CELL_SCALARS},
+        **{name: ghosted(cells, count, vector=True) for name in CELL_VECTORS},
+        **{name: ghosted(layers, count) for name in ("face", "centre", "height", "inlet_shape")},
+    )
+    write_numbers(air, setups)
+    write_layers(air, setups)
+    write_initial_state(air, setups)
+    return air
+
+
+def refuse_mixture(first: AirSetup, setup: AirSetup) -> None:
+    """Raise BadInput where an ensemble differs in what is compiled in."""
+    if (setup.cells, setup.model) != (first.cells, first.model):
+        raise BadInput("air: replicas of an ensemble share the numbers of cells and the model")
+    if any(setup.sides[name].kind != first.sides[name].kind for name in SIDES):
+        raise BadInput("air: replicas of an ensemble share the kinds of sides")
+
+
+def write_numbers(air: Air, setups: Sequence[AirSetup]) -> None:
+    """Upload clock, box, fluid and closure constants."""
+    numbers = air.numbers
+    pairs = [(getattr(numbers, name), [getattr(s, name) for s in setups]) for name in FROM_SETUP]
+    pairs += [
+        (getattr(numbers, name), [getattr(s.constants, name) for s in setups]) for name in FROM_CONSTANTS
+    ]
+    widths = [[(high - low) / n for low, high, n in zip(s.low, s.high, s.cells, strict=True)] for s in setups]
+    pairs += [(numbers.width, widths), (numbers.low, [s.low for s in setups])]
+    upload([*pairs, (numbers.driving_gradient, [s.driving_gradient for s in setups])])
+    velocities = [[s.sides[name].velocity for name in SIDES] for s in setups]
+    roughness = [[s.sides[name].roughness for name in SIDES] for s in setups]
+    write(numbers.side_velocity, np.array(velocities, np.float64))
+    write(numbers.side_roughness, np.array(roughness, np.float64))
+
+
+def write_layers(air: Air, setups: Sequence[AirSetup]) -> None:
+    """Upload heights of faces, centres and cells, and the shape of the inlet, ghosts included."""
+    faces = np.stack([np.asarray(s.faces_z, np.float64) for s in setups])
+    height = np.diff(faces, axis=1)
+    centre = 0.5 * (faces[:, 1:] + faces[:, :-1])
+    low, high = faces[:, :1], faces[:, -1:]
+    write(air.face, np.concatenate([low, faces], axis=1))
+    write(air.centre, np.concatenate([low, centre, high], axis=1))
+    write(air.height, np.pad(height, ((0, 0), (1, 1)), mode="edge"))
+    ones = np.ones(air.cells[2])
+    shapes = [ones if s.inlet_shape is None else s.inlet_shape for s in setups]
+    write(air.inlet_shape, np.pad(np.stack(shapes), ((0, 0), (1, 1)), mode="edge"))
+
+
+def write_initial_state(air: Air, setups: Sequence[AirSetup]) -> None:
+    """Upload the initial velocities; all cells are air."""
+    starts = np.stack([initial_velocity(setup) for setup in setups])
+    ghosts = ((0, 0), (1, 1), (1, 1), (1, 1))
+    for axis, velocity in enumerate(air.velocities):
+        write(velocity, np.pad(starts[:, axis], ghosts, mode="edge"))
+    for full in (air.void_fraction, air.void_before):
+        write(full, 1.0)
+
+
+def initial_velocity(setup: AirSetup) -> Floats:
+    """Initial velocities [3, nx, ny, nz] in m s-1."""
+    whole = np.zeros((3, *setup.cells))
+    if setup.start is None:
+        return whole
+    start = np.asarray(setup.start, np.float64)
+    if start.ndim == 1:
+        whole[0] = start
+        return whole
+    return start
+
+
+@ti.func
+def layer_of(air: ti.template(), r, z):
+    """Index k of the layer of cells that holds a height [m], by bisection; the nearest one outside."""
+    low, high = 0, air.cells[2]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if air.face[r, middle] <= z:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@ti.func
+def cell_volume(air: ti.template(), r, k):
+    """Volume of a cell of layer k [m3]."""
+    width = air.numbers.width[r]
+    return width[0] * width[1] * air.height[r, k]
+
+
+@ti.func
+def cell_velocity(air: ti.template(), r, i, j, k):
+    """Mean velocity of the air in a cell [m s-1]: of its two faces along each axis."""
+    u = air.velocity_x[r, i, j, k] + air.velocity_x[r, i + 1, j, k]
+    v = air.velocity_y[r, i, j, k] + air.velocity_y[r, i, j + 1, k]
+    w = air.velocity_z[r, i, j, k] + air.velocity_z[r, i, j, k + 1]
+    return 0.5 * ti.Vector([u, v, w])
+
+
+@ti.func
+def store_void_fraction(air_out: ti.template(), r, i, j):
+    """Void fraction of one column as it stands, kept as that of the step before."""
+    for k in range(air_out.cells[2]):
+        air_out.void_before[r, i, j, k] = air_out.void_fraction[r, i, j, k]
+
+
+@ti.func
+def serial_columns(task: ti.template(), air_out: ti.template(), r):
+    """One device function applied to every column of cells of one replica, in order."""
+    for i in range(air_out.cells[0]):
+        for j in range(air_out.cells[1]):
+            task(air_out, r, i, j)
+
+
+@ti.func
+def serial_stage_columns(task: ti.template(), air_out: ti.template(), r, share):
+    """Likewise for a stage that takes so large a share of the step."""
+    for i in range(air_out.cells[0]):
+        for j in range(air_out.cells[1]):
+            task(air_out, r, i, j, share)
+
+
+@ti.kernel
+def parallel_columns(
+    # parameters
+    task: ti.template(),
+    # out
+    air_out: ti.template(),
+):
+    """One device function applied to every column of cells of all replicas, in parallel."""
+    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
+        task(air_out, r, i, j)
+
+
+@ti.kernel
+def parallel_stage_columns(
+    # parameters
+    task: ti.template(),
+    share: ti.f64,
+    # out
+    air_out: ti.template(),
+):
+    """Likewise for a stage that takes so large a share of the step."""
+    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
+        task(air_out, r, i, j, share)

@@ -30,7 +30,7 @@ LONGEST, SHORTEST = 0.05, 50.0  # wave numbers times L_e between which waves are
 
 
 @dataclass(frozen=True, eq=False)
-class Waves:
+class InletWaves:
     """Random waves of all replicas, by replica and wave."""
 
     number: int
@@ -57,12 +57,12 @@ def draw_waves(turbulence: InletTurbulence) -> tuple[Floats, Floats, Floats]:
     return drawn[:, None] * direction, amplitude, random.uniform(0.0, 2.0 * np.pi, count)
 
 
-def allocate_waves(setups: Sequence[AirSetup]) -> Waves:
+def allocate_waves(setups: Sequence[AirSetup]) -> InletWaves:
     """Fields of the waves; without turbulence there is none."""
     drawn = [None if s.turbulence is None else draw_waves(s.turbulence) for s in setups]
     number = max((0 if waves is None else len(waves[2]) for waves in drawn), default=0)
     shape = (len(setups), max(number, 1))
-    made = Waves(
+    made = InletWaves(
         number,
         vector=ti.Vector.field(3, real, shape=shape),
         amplitude=ti.Vector.field(3, real, shape=shape),
@@ -81,7 +81,7 @@ def allocate_waves(setups: Sequence[AirSetup]) -> Waves:
 
 
 @ti.kernel
-def blow_gusts(
+def update_inlet_fluctuation(
     # out
     air_out: ti.template(),
 ):
@@ -95,4 +95,4 @@ def blow_gusts(
         for n in range(waves.number):
             angle = waves.vector[r, n].dot(place) + waves.phase[r, n]
             total += ti.cos(angle) * waves.amplitude[r, n]
-        air_out.gust[r, j, k] = total
+        air_out.inlet_fluctuation[r, j, k] = total

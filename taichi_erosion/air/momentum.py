@@ -1,38 +1,52 @@
-"""Explicit part of the momentum balance on the staggered grid: advection, and diffusion across.
+"""Momentum balance of the air on the staggered grid, term by term.
 
-    eps du/dt = - eps u . grad u + div(eps (nu + nu_t) grad u) + ...
+    eps du/dt =
+      - q . grad u                      explicit    advection, with the flux q = eps u
+      + div_xy(eps (nu + nu_t) grad u)  explicit    horizontal_diffusion
+      + d/dz(eps (nu + nu_t) du/dz)     theta       conductance_below, in implicit_z.py
+      - (eps / rho) (grad p + G)        explicit    pressure_gradient and driving; see pressure/
+      + f / rho                         explicit    grain_force
+      - beta u / rho                    implicit    drag_rate
+      + u*^2 / h                        explicit    stress on a lid, in the layer of height h below it
 
-Advection is written with the flux q = eps u through the faces of a velocity's control volume,
+`explicit_rate` sums the first two, `body_force` the sources. Advection is written with the flux through
+the faces of a velocity's control volume,
 
     advection = sum q (u_face - u_centre) / width,
 
-which vanishes for uniform u whatever the void fraction does. With the central u_face it takes no kinetic
-energy from the flow and gives none; `limited` takes the upwind value and van Leer's share of the slope.
-Transport of momentum by the transposed gradient (div of nu_t grad u^T) is left out.
+which vanishes for uniform u whatever the void fraction does. With the central u_face it conserves kinetic
+energy; `limited` takes the upwind value and van Leer's share of the slope. Transport of momentum by the
+transposed gradient (div of nu_t grad u^T) is left out.
 
 Reference: Harlow & Welch (1965), Phys. Fluids 8, 2182; Verstappen & Veldman (2003), J. Comput. Phys. 187,
 343; van Leer (1974), J. Comput. Phys. 14, 361.
 """
 
+from taichi_erosion.air.wall_law import wall_conductance
+from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
 
 UNIT = ((1, 0, 0), (0, 1, 0), (0, 0, 1))  # step to the next cell along each axis
 PERIOD_SIDES = ("x_low", "y_low")
+FLOOR, LID = SIDES.index("z_low"), SIDES.index("z_high")
 TINY = 2.0**-100  # keeps a ratio of slopes finite
 
 
 @ti.func
-def face_share(values: ti.template(), r, i, j, k, axis: ti.template()):
+def face_mean(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.template()):
     """Mean of a cell quantity over the two cells that share the low face along an axis."""
     a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
-    return 0.5 * (values[r, i, j, k] + values[r, i - a0, j - a1, k - a2])
+    value = values[r, i, j, k]
+    if ti.static(axis == 2 or not air.is_column):
+        value = 0.5 * (values[r, i, j, k] + values[r, i - a0, j - a1, k - a2])
+    return value
 
 
 @ti.func
-def held(air: ti.template(), index, axis: ti.template()):
-    """Place along x or y that holds what lies one below the ghosts: round the period, or the ghost."""
+def index_below(air: ti.template(), index, axis: ti.template()):
+    """Index along x or y of what lies one below the ghosts: round the period, or the ghost."""
     found = ti.max(index, -1)
     if ti.static(air.kinds[PERIOD_SIDES[axis]] == "periodic"):
         found = ti.select(index < -1, index + air.cells[axis], index)
@@ -44,15 +58,17 @@ def face_void(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Void fraction on the low face along an axis [1]."""
     share = real(1.0)
     if ti.static(air.model.exchange):
-        a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
-        low = air.void_fraction[r, held(air, i - a0, 0), held(air, j - a1, 1), k - a2]
-        share = 0.5 * (air.void_fraction[r, i, j, k] + low)
+        share = air.void_fraction[r, i, j, k]
+        if ti.static(axis == 2 or not air.is_column):
+            a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
+            low = air.void_fraction[r, index_below(air, i - a0, 0), index_below(air, j - a1, 1), k - a2]
+            share = 0.5 * (share + low)
     return share
 
 
 @ti.func
-def flux(air: ti.template(), r, i, j, k, axis: ti.template()):
-    """Flux of air through the low face along an axis [m s-1]."""
+def volume_flux(air: ti.template(), r, i, j, k, axis: ti.template()):
+    """Flux of air through the low face of a cell along an axis [m s-1]."""
     return face_void(air, r, i, j, k, axis) * air.velocities[axis][r, i, j, k]
 
 
@@ -66,25 +82,35 @@ def cell_viscosity(air: ti.template(), r, i, j, k):
 
 
 @ti.func
-def volume_width(air: ti.template(), r, k, axis: ti.template(), direction: ti.template()):
+def spacing_below(air: ti.template(), r, k, axis: ti.template()):
+    """Distance to the next velocity below [m]."""
+    return air.height[r, k - 1] if ti.static(axis == 2) else air.centre[r, k] - air.centre[r, k - 1]
+
+
+@ti.func
+def control_height(air: ti.template(), r, k, axis: ti.template()):
+    """Height of the control volume of a velocity [m]."""
+    return air.centre[r, k] - air.centre[r, k - 1] if ti.static(axis == 2) else air.height[r, k]
+
+
+@ti.func
+def control_width(air: ti.template(), r, k, axis: ti.template(), direction: ti.template()):
     """Width of the control volume of a velocity along a direction [m]."""
     width = real(0.0)
     if ti.static(direction < 2):
         width = air.numbers.width[r][direction]
-    elif ti.static(axis == 2):
-        width = air.centre[r, k] - air.centre[r, k - 1]
     else:
-        width = air.height[r, k]
+        width = control_height(air, r, k, axis)
     return width
 
 
 @ti.func
-def through(air: ti.template(), r, place, axis: ti.template(), direction: ti.template()):
+def control_volume_flux(air: ti.template(), r, at, axis: ti.template(), direction: ti.template()):
     """Flux through the low face, along a direction, of the control volume of a velocity [m s-1]."""
     a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
-    i, j, k = place[0], place[1], place[2]
-    here = flux(air, r, i, j, k, direction)
-    there = flux(air, r, i - a0, j - a1, k - a2, direction)
+    i, j, k = at[0], at[1], at[2]
+    here = volume_flux(air, r, i, j, k, direction)
+    there = volume_flux(air, r, i - a0, j - a1, k - a2, direction)
     value = 0.5 * (here + there)
     if ti.static(axis == 2 and direction < 2):
         lower, upper = air.height[r, k - 1], air.height[r, k]
@@ -93,23 +119,8 @@ def through(air: ti.template(), r, place, axis: ti.template(), direction: ti.tem
 
 
 @ti.func
-def stress_viscosity(air: ti.template(), r, place, axis: ti.template(), direction: ti.template()):
-    """Viscosity eps (nu + nu_t) on the low face, along x or y, of a control volume [m2 s-1]."""
-    a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
-    d0, d1 = ti.static(UNIT[direction][0], UNIT[direction][1])
-    i, j, k = place[0], place[1], place[2]
-    value = cell_viscosity(air, r, i - a0, j - a1, k - a2)
-    if ti.static(axis != direction):
-        value += cell_viscosity(air, r, i, j, k)
-        value += cell_viscosity(air, r, i - d0, j - d1, k)
-        value += cell_viscosity(air, r, i - a0 - d0, j - a1 - d1, k - a2)
-        value *= 0.25
-    return value
-
-
-@ti.func
-def outside(air: ti.template(), index, axis: ti.template()):
-    """Place two beyond along an axis: round the period, or the last ghost."""
+def index_two_beyond(air: ti.template(), index, axis: ti.template()):
+    """Index along an axis of a value two beyond a side: round the period, or the last ghost."""
     n = ti.static(air.cells[axis])
     found = ti.min(ti.max(index, -1), n)
     if ti.static(axis < 2):
@@ -119,15 +130,15 @@ def outside(air: ti.template(), index, axis: ti.template()):
 
 
 @ti.func
-def second_upwind(air: ti.template(), r, place, axis: ti.template(), direction: ti.template()):
-    """Velocity at a place that may lie one beyond the ghosts [m s-1]."""
-    i, j, k = place[0], place[1], place[2]
+def far_upwind_velocity(air: ti.template(), r, at, axis: ti.template(), direction: ti.template()):
+    """Velocity at indices that may lie one beyond the ghosts [m s-1]."""
+    i, j, k = at[0], at[1], at[2]
     if ti.static(direction == 0):
-        i = outside(air, i, 0)
+        i = index_two_beyond(air, i, 0)
     if ti.static(direction == 1):
-        j = outside(air, j, 1)
+        j = index_two_beyond(air, j, 1)
     if ti.static(direction == 2):
-        k = outside(air, k, 2)
+        k = index_two_beyond(air, k, 2)
     return air.velocities[axis][r, i, j, k]
 
 
@@ -139,8 +150,8 @@ def van_leer(behind, ahead):
 
 
 @ti.func
-def carried(air: ti.template(), r, low, axis: ti.template(), direction: ti.template(), speed):
-    """Velocity that a flux carries through the face above place `low` [m s-1]."""
+def face_value(air: ti.template(), r, low, axis: ti.template(), direction: ti.template(), speed):
+    """Velocity u_face that a flux carries through the face above indices `low` [m s-1]."""
     step = ti.Vector([UNIT[direction][0], UNIT[direction][1], UNIT[direction][2]])
     high = low + step
     values = ti.static(air.velocities[axis])
@@ -148,47 +159,178 @@ def carried(air: ti.template(), r, low, axis: ti.template(), direction: ti.templ
     value = 0.5 * (first + last)
     if ti.static(air.model.advection == "limited"):
         if speed > 0.0:
-            behind = second_upwind(air, r, low - step, axis, direction)
+            behind = far_upwind_velocity(air, r, low - step, axis, direction)
             value = first + van_leer(first - behind, last - first)
         else:
-            behind = second_upwind(air, r, high + step, axis, direction)
+            behind = far_upwind_velocity(air, r, high + step, axis, direction)
             value = last + van_leer(last - behind, first - last)
     return value
 
 
 @ti.func
-def advection(air: ti.template(), r, place, axis: ti.template()):
-    """Rate at which the flow carries a velocity away, times eps [m s-2]."""
-    here = air.velocities[axis][r, place[0], place[1], place[2]]
+def advection(air: ti.template(), r, at, axis: ti.template()):
+    """Advection term q . grad u of a velocity [m s-2]."""
+    here = air.velocities[axis][r, at[0], at[1], at[2]]
     total = real(0.0)
     for direction in ti.static(range(3)):
         step = ti.Vector([UNIT[direction][0], UNIT[direction][1], UNIT[direction][2]])
-        into = through(air, r, place, axis, direction)
-        out = through(air, r, place + step, axis, direction)
-        taken = out * (carried(air, r, place, axis, direction, out) - here)
-        taken -= into * (carried(air, r, place - step, axis, direction, into) - here)
-        total += taken / volume_width(air, r, place[2], axis, direction)
+        into = control_volume_flux(air, r, at, axis, direction)
+        out = control_volume_flux(air, r, at + step, axis, direction)
+        net_flux = out * (face_value(air, r, at, axis, direction, out) - here)
+        net_flux -= into * (face_value(air, r, at - step, axis, direction, into) - here)
+        total += net_flux / control_width(air, r, at[2], axis, direction)
     return total
 
 
 @ti.func
-def diffusion_across(air: ti.template(), r, place, axis: ti.template()):
-    """Diffusion along x and y, times eps [m s-2]."""
+def stress_viscosity(air: ti.template(), r, at, axis: ti.template(), direction: ti.template()):
+    """Viscosity eps (nu + nu_t) on the low face, along x or y, of a control volume [m2 s-1]."""
+    a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
+    d0, d1 = ti.static(UNIT[direction][0], UNIT[direction][1])
+    i, j, k = at[0], at[1], at[2]
+    value = cell_viscosity(air, r, i - a0, j - a1, k - a2)
+    if ti.static(axis != direction):
+        value += cell_viscosity(air, r, i, j, k)
+        value += cell_viscosity(air, r, i - d0, j - d1, k)
+        value += cell_viscosity(air, r, i - a0 - d0, j - a1 - d1, k - a2)
+        value *= 0.25
+    return value
+
+
+@ti.func
+def horizontal_diffusion(air: ti.template(), r, at, axis: ti.template()):
+    """Diffusion term along x and y [m s-2]."""
     values = ti.static(air.velocities[axis])
-    here = values[r, place[0], place[1], place[2]]
+    here = values[r, at[0], at[1], at[2]]
     total = real(0.0)
     for direction in ti.static(range(2)):
         step = ti.Vector([UNIT[direction][0], UNIT[direction][1], UNIT[direction][2]])
-        low, high = place - step, place + step
+        low, high = at - step, at + step
         width = air.numbers.width[r][direction]
         rise = stress_viscosity(air, r, high, axis, direction) * (values[r, high[0], high[1], high[2]] - here)
-        fall = stress_viscosity(air, r, place, axis, direction) * (here - values[r, low[0], low[1], low[2]])
+        fall = stress_viscosity(air, r, at, axis, direction) * (here - values[r, low[0], low[1], low[2]])
         total += (rise - fall) / (width * width)
     return total
 
 
 @ti.func
-def first_unknown(air: ti.template(), axis: ti.template()):
+def explicit_rate(air: ti.template(), r, at, axis: ti.template()):
+    """Horizontal diffusion less advection of a velocity [m s-2]."""
+    rate = horizontal_diffusion(air, r, at, axis)
+    if ti.static(air.model.advection != "none"):
+        rate -= advection(air, r, at, axis)
+    return rate
+
+
+@ti.func
+def grain_share(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.template()):
+    """Exchange with grains in the control volume of a velocity: mean of its two cells by their volumes.
+
+    The sum over all velocities then is the sum over all cells, whatever their heights.
+    """
+    share = face_mean(air, values, r, i, j, k, axis)
+    if ti.static(axis == 2):
+        above, below = air.height[r, k], air.height[r, k - 1]
+        share = (above * values[r, i, j, k] + below * values[r, i, j, k - 1]) / (above + below)
+    return share
+
+
+@ti.func
+def drag_rate(air: ti.template(), r, i, j, k, axis: ti.template()):
+    """Implicit drag beta / rho on a face [s-1]."""
+    value = real(0.0)
+    if ti.static(air.model.exchange):
+        value = grain_share(air, air.exchange_coefficient, r, i, j, k, axis) / air.numbers.density[r]
+    return value
+
+
+@ti.func
+def grain_force(air: ti.template(), r, i, j, k, axis: ti.template()):
+    """Explicit force f of the grains along an axis, per volume [N m-3]."""
+    return grain_share(air, air.exchange_force, r, i, j, k, axis)[axis]
+
+
+@ti.func
+def pressure_gradient(air: ti.template(), r, i, j, k, axis: ti.template()):
+    """Gradient of the pressure across the low face, without its driving part [Pa m-1]."""
+    slope = real(0.0)
+    if ti.static(axis == 2 or not air.is_column):
+        a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
+        rise = air.pressure[r, i, j, k] - air.pressure[r, i - a0, j - a1, k - a2]
+        slope = rise / control_width(air, r, k, axis, axis)
+    return slope
+
+
+@ti.func
+def body_force(air: ti.template(), r, i, j, k, axis: ti.template()):
+    """Acceleration by pressure, its driving gradient, grains and a lid under stress, times eps [m s-2]."""
+    (numbers,) = ti.static((air.numbers,))
+    slope = pressure_gradient(air, r, i, j, k, axis) + numbers.driving_gradient[r][axis]
+    value = -face_void(air, r, i, j, k, axis) * slope
+    if ti.static(air.model.exchange):
+        value += grain_force(air, r, i, j, k, axis)
+    value /= numbers.density[r]
+    if ti.static(axis == 0 and air.kinds["z_high"] == "stress"):
+        if k == air.cells[2] - 1:
+            value += numbers.friction_velocity[r] ** 2 / air.height[r, k]
+    return value
+
+
+@ti.func
+def inner_conductance(air: ti.template(), r, i, j, k, axis: ti.template()):
+    """Eps (nu + nu_t) over the distance to the next velocity below [m s-1]."""
+    value = real(0.0)
+    if ti.static(axis == 2):
+        value = cell_viscosity(air, r, i, j, k - 1)
+    else:
+        value = air.numbers.viscosity[r] + face_mean(air, air.eddy_face, r, i, j, k, axis)
+        if ti.static(air.model.exchange):
+            void = face_mean(air, air.void_fraction, r, i, j, k, axis)
+            value *= 0.5 * (void + face_mean(air, air.void_fraction, r, i, j, k - 1, axis))
+    return value / spacing_below(air, r, k, axis)
+
+
+@ti.func
+def face_velocity(air: ti.template(), r, i, j, k, axis: ti.template()):
+    """Both horizontal velocities at a face normal to x or y [m s-1]; the other one is a mean of four."""
+    u, v = air.velocity_x[r, i, j, k], air.velocity_y[r, i, j, k]
+    if ti.static(axis == 0 and not air.is_column):
+        before = air.velocity_y[r, i - 1, j, k] + air.velocity_y[r, i - 1, j + 1, k]
+        v = 0.25 * (before + v + air.velocity_y[r, i, j + 1, k])
+    elif ti.static(not air.is_column):
+        before = air.velocity_x[r, i, j - 1, k] + air.velocity_x[r, i + 1, j - 1, k]
+        u = 0.25 * (before + u + air.velocity_x[r, i + 1, j, k])
+    return u, v
+
+
+@ti.func
+def side_conductance(air: ti.template(), kind: ti.template(), r, i, j, k, axis: ti.template(), side):
+    """Stress over density and velocity of an end cell, relative to floor or lid [m s-1]."""
+    wall = air.numbers.side_velocity[r, side]
+    u, v = face_velocity(air, r, i, j, k, axis)
+    speed = ti.sqrt((u - wall[0]) ** 2 + (v - wall[1]) ** 2)
+    value = wall_conductance(air, kind, r, side, speed, 0.5 * air.height[r, k])
+    return value * face_void(air, r, i, j, k, axis)
+
+
+@ti.func
+def conductance_below(air: ti.template(), r, i, j, k, axis: ti.template()):
+    """Conductance towards what lies below a velocity: the next one, floor, or for k = nz the lid [m s-1]."""
+    n = ti.static(air.cells[2])
+    value = real(0.0)
+    if ti.static(axis == 2):
+        value = inner_conductance(air, r, i, j, k, axis)
+    elif k == 0:
+        value = side_conductance(air, air.kinds["z_low"], r, i, j, 0, axis, FLOOR)
+    elif k == n:
+        value = side_conductance(air, air.kinds["z_high"], r, i, j, n - 1, axis, LID)
+    else:
+        value = inner_conductance(air, r, i, j, k, axis)
+    return value
+
+
+@ti.func
+def first_solved_face(air: ti.template(), axis: ti.template()):
     """Index of the first face along an axis whose velocity is not given by a side."""
     first = 1
     if ti.static(axis < 2):
@@ -198,38 +340,22 @@ def first_unknown(air: ti.template(), axis: ti.template()):
 
 
 @ti.func
-def is_unknown(air: ti.template(), i, j, axis: ti.template()):
-    """Whether the velocities along an axis in a column of cells are found, not given."""
-    known = True
+def is_solved(air: ti.template(), i, j, axis: ti.template()):
+    """Whether the velocities along an axis in a column of cells are unknowns, not given by a side."""
+    given = False
     if ti.static(axis == 0):
-        known = i < first_unknown(air, 0)
+        given = i < first_solved_face(air, 0)
     elif ti.static(axis == 1):
-        known = j < first_unknown(air, 1)
-    else:
-        known = False
-    return not known
+        given = j < first_solved_face(air, 1)
+    return not given
 
 
 @ti.func
-def rates_of_column(air_out: ti.template(), r, i, j):
-    """Explicit rates of the velocities of one column of cells [m s-2]."""
+def set_explicit_rates(air_out: ti.template(), r, i, j):
+    """Explicit rates of the velocities of one column of cells [m s-2]; those of the stage before are kept."""
     for axis in ti.static(range(3)):
-        rate_out, past_out = ti.static(air_out.rates[axis], air_out.pasts[axis])
-        if is_unknown(air_out, i, j, axis):
+        rate_out, previous_out = ti.static(air_out.rates[axis], air_out.previous_rates[axis])
+        if is_solved(air_out, i, j, axis):
             for k in range(ti.static(1 if axis == 2 else 0), air_out.cells[2]):
-                past_out[r, i, j, k] = rate_out[r, i, j, k]
-                place = ti.Vector([i, j, k])
-                rate = diffusion_across(air_out, r, place, axis)
-                if ti.static(air_out.model.advection != "none"):
-                    rate -= advection(air_out, r, place, axis)
-                rate_out[r, i, j, k] = rate
-
-
-@ti.kernel
-def find_rates(
-    # out
-    air_out: ti.template(),
-):
-    """Explicit rates of all velocities [m s-2]; what the stage before found is kept as the past."""
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        rates_of_column(air_out, r, i, j)
+                previous_out[r, i, j, k] = rate_out[r, i, j, k]
+                rate_out[r, i, j, k] = explicit_rate(air_out, r, ti.Vector([i, j, k]), axis)

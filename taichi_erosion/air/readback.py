@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taichi_erosion.air.boundary import close_velocities
+from taichi_erosion.air.boundary import fill_velocity_ghosts
 from taichi_erosion.air.grid import Air
 from taichi_erosion.air.turbulence import floor_friction
 from taichi_erosion.core.setup import Floats
@@ -41,7 +41,7 @@ def face_velocities(air: Air, replica: int) -> tuple[Floats, Floats, Floats]:
 
 def whole_table(air: Air, replica: int) -> Floats:
     """What `copy_replica` writes."""
-    close_velocities(air)  # a column leaves its neighbours beside it as they were
+    fill_velocity_ghosts(air)  # a column leaves its neighbours beside it as they were
     table = np.zeros((6, *(n + 1 for n in air.cells)))
     copy_replica(replica, air, table)
     return table

@@ -1,24 +1,57 @@
-"""One time step of the air on a whole grid: a table of contents.
+"""One time step of the air on a whole grid: a table of contents, in two launch styles of the same formulas.
 
 runge_kutta: three stages, explicit terms to third order, diffusion along z and pressure to second
              (implicitness 1/2); stable up to u dt / dx = 1.7
 euler:       one stage; for columns, where nothing is advected
+
+`advance_air` launches each formula over the cells of all replicas in parallel. `advance_active` gives each
+replica to one thread, which visits column after column in order: a small grid costs little arithmetic and,
+kernel by kernel, hundreds of launches a step, of which this needs a dozen. There every replica iterates its
+pressure until its own has converged, so that its bits do not depend on the others. It serves boxes that are
+periodic along x and y.
 
 Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A.
 """
 
 from dataclasses import dataclass
 
-from taichi_erosion.air.boundary import close_cells, close_eddies, close_velocities
-from taichi_erosion.air.exchange_budget import remember_void_of
-from taichi_erosion.air.grid import Air
-from taichi_erosion.air.implicit_z import predict
-from taichi_erosion.air.inlet_turbulence import blow_gusts
-from taichi_erosion.air.momentum import find_rates
-from taichi_erosion.air.pressure.conjugate_gradient import TOLERANCE, solve
-from taichi_erosion.air.pressure.projection import correct, find_excess, set_conductances, spread_excess
-from taichi_erosion.air.turbulence import spread_eddies
+from taichi_erosion.air.boundary import (
+    fill_cell_ghosts,
+    fill_velocity_ghosts,
+    fill_wall_viscosity,
+    serial_cell_ghosts,
+    serial_velocity_ghosts,
+)
+from taichi_erosion.air.exchange_budget import add_stage_exchange, reset_exchange
+from taichi_erosion.air.grid import (
+    Air,
+    parallel_columns,
+    parallel_stage_columns,
+    serial_columns,
+    serial_stage_columns,
+    store_void_fraction,
+)
+from taichi_erosion.air.implicit_z import predict, predict_column
+from taichi_erosion.air.inlet_turbulence import update_inlet_fluctuation
+from taichi_erosion.air.momentum import set_explicit_rates
+from taichi_erosion.air.pressure.conjugate_gradient import (
+    TOLERANCE,
+    max_or_nan,
+    parallel_replicas,
+    solve,
+    solve_replica,
+)
+from taichi_erosion.air.pressure.projection import (
+    correct_column,
+    set_conductances,
+    set_replica_conductances,
+    set_right_side,
+    subtract_mean_divergence,
+)
+from taichi_erosion.air.turbulence import set_eddy_viscosity
 from taichi_erosion.core.ti import ti
+
+real = ti.f64
 
 
 @dataclass(frozen=True)
@@ -40,32 +73,18 @@ STAGES = {
 }
 
 
-@ti.kernel
-def tick(
-    # out
-    air_out: ti.template(),
-):
-    """Advance the clocks."""
-    for r in range(air_out.count):
-        air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
+@ti.func
+def tick(air_out: ti.template(), r):
+    """Clock of one replica, advanced by a step."""
+    air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
 
 
 @ti.kernel
-def remember_void(
+def extrapolate_outlets(
     # out
     air_out: ti.template(),
 ):
-    """Take the void fraction as it stands for that of the step before; once grains have been placed."""
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        remember_void_of(air_out, r, i, j)
-
-
-@ti.kernel
-def open_outlets(
-    # out
-    air_out: ti.template(),
-):
-    """Let the velocity on an outlet be that of the last face inside, until the pressure corrects it."""
+    """Velocity on an outlet from the last face inside, until the pressure corrects it."""
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     if ti.static(air_out.kinds["x_high"] == "outlet"):
         for r, j, k in ti.ndrange(air_out.count, ny, nz):
@@ -75,55 +94,142 @@ def open_outlets(
             air_out.velocity_z[r, i, j, nz] = air_out.velocity_z[r, i, j, nz - 1]
 
 
-def close_all(air: Air) -> None:
-    """Fill all ghosts from what the grid holds now."""
-    close_velocities(air)
-    close_cells(-1, air, air.pressure)
-    if air.model.exchange:
-        close_cells(1, air, air.void_fraction)
-        close_cells(1, air, air.exchange_coefficient)
-        close_cells(1, air, air.exchange_force)
-
-
 def advance_stage(air: Air, stage: Stage, tolerance: float) -> int:
-    """Advance by one stage; returns the iterations of its pressure solve."""
+    """One stage of all replicas in parallel; returns the iterations of its pressure solve."""
     if air.model.closure != "none":
-        spread_eddies(air)
-        close_cells(1, air, air.eddy_cell)
-        close_cells(1, air, air.eddy_face)
-        close_eddies(air)
-    find_rates(air)
+        parallel_columns(set_eddy_viscosity, air)
+        fill_cell_ghosts(1, air, air.eddy_cell)
+        fill_cell_ghosts(1, air, air.eddy_face)
+        fill_wall_viscosity(air)
+    parallel_columns(set_explicit_rates, air)
     for axis in range(3):
         predict(axis, stage.share, stage.now, stage.before, air)
-    open_outlets(air)
-    close_velocities(air)
+    extrapolate_outlets(air)
+    fill_velocity_ghosts(air)
     if air.model.exchange:
         set_conductances(air, stage.share)
-    find_excess(air)
+    parallel_columns(set_right_side, air)
     if air.model.exchange and "outlet" not in air.kinds.values():
-        spread_excess(air)
+        parallel_replicas(subtract_mean_divergence, air)
     iterations = solve(air, tolerance)
-    correct(stage.share, air)
-    close_velocities(air)
-    close_cells(-1, air, air.pressure)
+    parallel_stage_columns(correct_column, stage.share, air)
+    fill_velocity_ghosts(air)
+    fill_cell_ghosts(-1, air, air.pressure)
     return iterations
 
 
 def advance_air(air: Air, steps: int = 1, tolerance: float = TOLERANCE) -> int:
-    """Advance the air of all replicas by so many of their own time steps.
+    """The air of all replicas after so many of their own time steps, in parallel.
 
     Returns the iterations of all pressure solves. Raises SimulationStopped where the flow blows up.
     """
-    close_all(air)
-    if not air.model.exchange:
+    fill_velocity_ghosts(air)
+    fill_cell_ghosts(-1, air, air.pressure)
+    if air.model.exchange:
+        for values in (air.void_fraction, air.exchange_coefficient, air.exchange_force):
+            fill_cell_ghosts(1, air, values)
+    else:
         set_conductances(air, 1.0)
     iterations = 0
     for _ in range(steps):
         if air.waves.number:
-            blow_gusts(air)
+            update_inlet_fluctuation(air)
         for stage in STAGES[air.model.scheme]:
             iterations += advance_stage(air, stage, tolerance)
         if air.model.exchange:
-            remember_void(air)
-        tick(air)
+            parallel_columns(store_void_fraction, air)
+        parallel_replicas(tick, air)
     return iterations
+
+
+@ti.func
+def stage_weights(air: ti.template(), number):
+    """Share of the step, and weights of the explicit rates now and before, of one stage [1]."""
+    share, now, before = real(0.0), real(0.0), real(0.0)
+    for n in ti.static(range(len(STAGES[air.model.scheme]))):
+        (stage,) = ti.static((STAGES[air.model.scheme][n],))
+        if n == number:
+            share, now, before = real(stage.share), real(stage.now), real(stage.before)
+    return share, now, before
+
+
+@ti.func
+def open_step(air_out: ti.template(), r):
+    """Ghosts from the state of the grid, and a zero exchange budget."""
+    for values_out in ti.static(
+        (air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force)
+    ):
+        serial_cell_ghosts(air_out, values_out, r)
+    serial_cell_ghosts(air_out, air_out.pressure, r)
+    serial_velocity_ghosts(air_out, r)
+    serial_columns(reset_exchange, air_out, r)
+    air_out.mass_residual[r] = 0.0
+
+
+@ti.func
+def predict_stage(air_out: ti.template(), r, stage):
+    """Velocities at the end of a stage, before the pressure has corrected them; the first opens the step."""
+    if stage == 0:
+        open_step(air_out, r)
+    if ti.static(air_out.model.closure != "none"):
+        serial_columns(set_eddy_viscosity, air_out, r)
+        serial_cell_ghosts(air_out, air_out.eddy_cell, r)
+        serial_cell_ghosts(air_out, air_out.eddy_face, r)
+    serial_columns(set_explicit_rates, air_out, r)
+    share, now, before = stage_weights(air_out, stage)
+    for axis in ti.static(range(3)):
+        for i in range(air_out.cells[0]):
+            for j in range(air_out.cells[1]):
+                predict_column(air_out, r, i, j, axis, share, now, before)
+    serial_velocity_ghosts(air_out, r)
+
+
+@ti.func
+def solve_stage(air_out: ti.template(), r, stage):
+    """Change of pressure that makes the predicted velocities conserve air, and the worst divergence left."""
+    share, _, _ = stage_weights(air_out, stage)
+    set_replica_conductances(air_out, r, share)
+    serial_columns(set_right_side, air_out, r)
+    subtract_mean_divergence(air_out, r)
+    worst = solve_replica(air_out, r)
+    air_out.mass_residual[r] = max_or_nan(air_out.mass_residual[r], worst)
+
+
+@ti.func
+def correct_stage(air_out: ti.template(), r, stage):
+    """Velocities corrected by the pressure, and the exchange budget; the last closes the step."""
+    share, _, _ = stage_weights(air_out, stage)
+    serial_stage_columns(correct_column, air_out, r, share)
+    serial_velocity_ghosts(air_out, r)
+    serial_cell_ghosts(air_out, air_out.pressure, r)
+    serial_stage_columns(add_stage_exchange, air_out, r, share)
+    if stage == ti.static(len(STAGES[air_out.model.scheme]) - 1):
+        serial_columns(store_void_fraction, air_out, r)
+        tick(air_out, r)
+
+
+@ti.kernel
+def parallel_active(
+    # parameters
+    task: ti.template(),
+    count: ti.i32,
+    chunk: ti.i32,
+    stage: ti.i32,
+    # out
+    air_out: ti.template(),
+):
+    """One task of a stage applied to every active replica, each on one thread."""
+    for lane in range(count * chunk):
+        if lane % chunk == 0 and air_out.active[lane // chunk] == 1:
+            task(air_out, lane // chunk, stage)
+
+
+def advance_active(air: Air, count: int, chunk: int) -> None:
+    """The active among the first `count` replicas after one of their own time steps, one thread a replica.
+
+    `chunk` iterations of a parallel loop go to one thread. The largest divergence left is in
+    `air.mass_residual`.
+    """
+    for stage in range(len(STAGES[air.model.scheme])):
+        for task in (predict_stage, solve_stage, correct_stage):
+            parallel_active(task, count, chunk, stage, air)

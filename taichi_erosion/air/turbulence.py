@@ -1,9 +1,9 @@
 """Eddy viscosity: the turbulence closure, one of three chosen at assembly.
 
-mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor as `laws.risen_root`
-                says (over a rough floor as `laws.rough_length`), and never exceeds kappa times the distance
-                to another wall, the stated largest length, or the stated share of the layer's thickness
-                (Escudier: 0.09)
+mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor by `wall_law.root_slope`
+                (over a rough floor `wall_law.rough_length`), and never exceeds kappa times the
+                distance to another wall, the stated largest length, or the stated share of the layer's
+                thickness (Escudier: 0.09)
 smagorinsky:    nu_t = l^2 |S| in cells,  1/l^2 = 1/(C_s D)^2 + 1/(kappa d (1 - exp(-d u*/(A+ nu))))^2, with
                 D the cube root of the cell's volume, d the height over the floor, u* its friction velocity;
                 over grains, those of bed and wind: in the bed nu_t is 0
@@ -12,7 +12,7 @@ Reference: Escudier (1966), Imperial College report TWF/TN/1; Mason & Thomson (1
 van Driest (1956), J. Aeronaut. Sci. 23, 1007.
 """
 
-from taichi_erosion.air.wall_law import SMALLEST, risen_root, rough_floor_length, wall_friction_velocity
+from taichi_erosion.air.wall_law import SMALLEST, floor_length, rough_side_friction
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
@@ -23,7 +23,7 @@ FLOOR, LID = SIDES.index("z_low"), SIDES.index("z_high")
 
 
 @ti.func
-def cell_velocity(air: ti.template(), r, i, j, k):
+def horizontal_velocity(air: ti.template(), r, i, j, k):
     """Horizontal velocity at the centre of a cell [m s-1]."""
     u = 0.5 * (air.velocity_x[r, i, j, k] + air.velocity_x[r, i + 1, j, k])
     v = 0.5 * (air.velocity_y[r, i, j, k] + air.velocity_y[r, i, j + 1, k])
@@ -31,7 +31,7 @@ def cell_velocity(air: ti.template(), r, i, j, k):
 
 
 @ti.func
-def strain_across(air: ti.template(), r, i, j, k):
+def strain_in_cell(air: ti.template(), r, i, j, k):
     """Share of 2 S_ij S_ij that lies in cells [s-2]: all but du/dz + dw/dx and dv/dz + dw/dy."""
     width = air.numbers.width[r]
     ux = (air.velocity_x[r, i + 1, j, k] - air.velocity_x[r, i, j, k]) / width[0]
@@ -45,13 +45,13 @@ def strain_across(air: ti.template(), r, i, j, k):
 
 
 @ti.func
-def strain_upwards(air: ti.template(), r, i, j, k):
+def strain_on_face(air: ti.template(), r, i, j, k):
     """(du/dz + dw/dx)^2 + (dv/dz + dw/dy)^2 on the lower face of a cell [s-2]; 0 on floor and lid."""
     value = real(0.0)
     if 0 < k < air.cells[2]:
         width = air.numbers.width[r]
         gap = air.centre[r, k] - air.centre[r, k - 1]
-        slope = (cell_velocity(air, r, i, j, k) - cell_velocity(air, r, i, j, k - 1)) / gap
+        slope = (horizontal_velocity(air, r, i, j, k) - horizontal_velocity(air, r, i, j, k - 1)) / gap
         w = ti.static(air.velocity_z)
         slope[0] += 0.5 * (w[r, i + 1, j, k] - w[r, i - 1, j, k]) / width[0]
         slope[1] += 0.5 * (w[r, i, j + 1, k] - w[r, i, j - 1, k]) / width[1]
@@ -60,15 +60,15 @@ def strain_upwards(air: ti.template(), r, i, j, k):
 
 
 @ti.func
-def layer_limit(air: ti.template(), r, i, j):
+def layer_length_limit(air: ti.template(), r, i, j):
     """Largest mixing length [m] that the thickness of the layer over the floor allows."""
     limit = air.numbers.length_most[r]
     if air.numbers.length_share[r] > 0.0:
         fastest = real(0.0)
         for k in range(air.cells[2]):
-            fastest = ti.max(fastest, cell_velocity(air, r, i, j, k).norm())
+            fastest = ti.max(fastest, horizontal_velocity(air, r, i, j, k).norm())
         k = 0
-        while k < air.cells[2] - 1 and cell_velocity(air, r, i, j, k).norm() < EDGE * fastest:
+        while k < air.cells[2] - 1 and horizontal_velocity(air, r, i, j, k).norm() < EDGE * fastest:
             k += 1
         thickness = air.centre[r, k] - air.face[r, 0]
         limit = ti.min(limit, air.numbers.length_share[r] * thickness)
@@ -76,7 +76,7 @@ def layer_limit(air: ti.template(), r, i, j):
 
 
 @ti.func
-def wall_limit(air: ti.template(), r, j, k):
+def wall_length_limit(air: ti.template(), r, j, k):
     """Largest mixing length [m] that walls beside and above allow."""
     (numbers,) = ti.static((air.numbers,))
     limit = numbers.length_most[r]
@@ -91,27 +91,20 @@ def wall_limit(air: ti.template(), r, j, k):
 
 
 @ti.func
-def mix_column(air_out: ti.template(), r, i, j):
+def set_mixing_length_viscosity(air_out: ti.template(), r, i, j):
     """Mixing length and eddy viscosity on the inner faces of a column of cells."""
-    (numbers,) = ti.static((air_out.numbers,))
     root = real(0.0)
-    most = layer_limit(air_out, r, i, j)
-    across = strain_across(air_out, r, i, j, 0)
+    most = layer_length_limit(air_out, r, i, j)
+    below = strain_in_cell(air_out, r, i, j, 0)
     for k in range(1, air_out.cells[2]):
-        length = real(0.0)
-        if ti.static(air_out.kinds["z_low"] == "rough"):
-            length = rough_floor_length(air_out, r, k)
-        else:
-            speed = cell_velocity(air_out, r, i, j, k - 1).norm()
-            rise, nu = air_out.height[r, k - 1], numbers.viscosity[r]
-            root = risen_root(root, speed, rise, nu, numbers.sublayer[r], numbers.karman[r])
-            length = root * root
-        length = ti.min(ti.min(length, most), wall_limit(air_out, r, j, k))
-        here = strain_across(air_out, r, i, j, k)
-        strain = strain_upwards(air_out, r, i, j, k) + 0.5 * (across + here)
+        speed = horizontal_velocity(air_out, r, i, j, k - 1).norm()
+        length, root_here = floor_length(air_out, r, k, root, speed)
+        length, root = ti.min(ti.min(length, most), wall_length_limit(air_out, r, j, k)), root_here
+        here = strain_in_cell(air_out, r, i, j, k)
+        strain = strain_on_face(air_out, r, i, j, k) + 0.5 * (below + here)
         air_out.length[r, i, j, k] = length
         air_out.eddy_face[r, i, j, k] = length * length * ti.sqrt(strain)
-        across = here
+        below = here
 
 
 @ti.func
@@ -120,18 +113,17 @@ def floor_friction(air: ti.template(), r, i, j):
     friction = real(0.0)
     if ti.static(air.kinds["z_low"] in ("wall", "rough")):
         wall = air.numbers.side_velocity[r, FLOOR]
-        relative = cell_velocity(air, r, i, j, 0) - ti.Vector([wall[0], wall[1]])
+        relative = horizontal_velocity(air, r, i, j, 0) - ti.Vector([wall[0], wall[1]])
         distance, nu = 0.5 * air.height[r, 0], air.numbers.viscosity[r]
         speed = ti.sqrt(relative[0] * relative[0] + relative[1] * relative[1])
         friction = ti.sqrt(nu * speed / distance)
         if ti.static(air.kinds["z_low"] == "rough"):
-            roughness = air.numbers.side_roughness[r, FLOOR]
-            friction = wall_friction_velocity(speed, distance, roughness, nu, air.numbers.karman[r])
+            friction = rough_side_friction(air, r, FLOOR, speed, distance)
     return friction
 
 
 @ti.func
-def filter_column(air_out: ti.template(), r, i, j):
+def set_smagorinsky_viscosity(air_out: ti.template(), r, i, j):
     """Eddy viscosity of scales below the grid, in cells."""
     (numbers,) = ti.static((air_out.numbers,))
     friction, ground = floor_friction(air_out, r, i, j), air_out.face[r, 0]
@@ -147,13 +139,13 @@ def filter_column(air_out: ti.template(), r, i, j):
             damping = 1.0 - ti.exp(-distance * friction / (numbers.van_driest[r] * numbers.viscosity[r]))
             near = numbers.karman[r] * distance * ti.max(damping, SMALLEST)
             squares += 1.0 / (near * near)
-        upwards = strain_upwards(air_out, r, i, j, k) + strain_upwards(air_out, r, i, j, k + 1)
-        strain = strain_across(air_out, r, i, j, k) + 0.5 * upwards
+        upwards = strain_on_face(air_out, r, i, j, k) + strain_on_face(air_out, r, i, j, k + 1)
+        strain = strain_in_cell(air_out, r, i, j, k) + 0.5 * upwards
         air_out.eddy_cell[r, i, j, k] = ti.sqrt(strain) / squares
 
 
 @ti.func
-def share_eddies(air_out: ti.template(), r, i, j):
+def interpolate_viscosity(air_out: ti.template(), r, i, j):
     """Cells take the mean of their faces, or faces of their cells, whichever the closure does not give."""
     n = air_out.cells[2]
     if ti.static(air_out.model.closure == "mixing_length"):
@@ -171,20 +163,10 @@ def share_eddies(air_out: ti.template(), r, i, j):
 
 
 @ti.func
-def spread_over_column(air_out: ti.template(), r, i, j):
+def set_eddy_viscosity(air_out: ti.template(), r, i, j):
     """Eddy viscosity of one column of cells."""
     if ti.static(air_out.model.closure == "mixing_length"):
-        mix_column(air_out, r, i, j)
+        set_mixing_length_viscosity(air_out, r, i, j)
     else:
-        filter_column(air_out, r, i, j)
-    share_eddies(air_out, r, i, j)
-
-
-@ti.kernel
-def spread_eddies(
-    # out
-    air_out: ti.template(),
-):
-    """Eddy viscosity in cells and on their lower faces, from the velocities as they stand."""
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        spread_over_column(air_out, r, i, j)
+        set_smagorinsky_viscosity(air_out, r, i, j)
+    interpolate_viscosity(air_out, r, i, j)

@@ -1,4 +1,4 @@
-"""Laws of the air that a column and a whole grid share: wall stress, mixing length.
+"""Laws near walls, shared by every launch style and grid: wall stress, and mixing length over a floor.
 
 Reference for the numbers behind smooth walls: Schlichting & Gersten (2017), Boundary-Layer Theory, 17.1.2.
 """
@@ -16,7 +16,7 @@ SMALLEST = 2.0**-60  # keeps divisions by a speed or a length finite; binary, so
 
 @ti.func
 def wall_friction_velocity(speed, distance, roughness, viscosity, karman):
-    """Friction velocity u* [m s-1] of a wall seen from the nearest cell.
+    """Friction velocity u* [m s-1] of a wall, from the speed in the nearest cell.
 
     U = (u* / kappa) ln(1 + z / z0e),   z0e = z0 + 0.11 nu / u*
 
@@ -29,6 +29,27 @@ def wall_friction_velocity(speed, distance, roughness, viscosity, karman):
         effective = roughness + SMOOTH * viscosity / friction
         friction = ti.max(karman * speed / ti.log(1.0 + distance / effective), SMALLEST)
     return ti.max(friction, laminar)
+
+
+@ti.func
+def rough_side_friction(air: ti.template(), r, side, speed, distance):
+    """Friction velocity of a rough side [m s-1] by `wall_friction_velocity`."""
+    (numbers,) = ti.static((air.numbers,))
+    roughness, nu = numbers.side_roughness[r, side], numbers.viscosity[r]
+    return wall_friction_velocity(speed, distance, roughness, nu, numbers.karman[r])
+
+
+@ti.func
+def wall_conductance(air: ti.template(), kind: ti.template(), r, side, speed, distance):
+    """Stress over density and speed [m s-1]: nu / z at a wall, u*^2 / U at a rough one, else 0."""
+    value = real(0.0)
+    if ti.static(kind in ("wall", "inlet")):
+        value = air.numbers.viscosity[r] / distance
+    if ti.static(kind == "rough"):
+        moving = ti.max(speed, SMALLEST)
+        friction = rough_side_friction(air, r, side, moving, distance)
+        value = friction * friction / moving
+    return value
 
 
 @ti.func
@@ -61,7 +82,7 @@ def root_slope(root, rate, karman):
 
 
 @ti.func
-def risen_root(root, speed, rise, viscosity, sublayer, karman):
+def integrate_root(root, speed, rise, viscosity, sublayer, karman):
     """sqrt(l) [m1/2] after a rise [m] through air of a speed [m s-1]; midpoint rule."""
     rate = ti.sqrt(speed / (sublayer * viscosity))
     middle = root + 0.5 * rise * root_slope(root, rate, karman)
@@ -69,9 +90,19 @@ def risen_root(root, speed, rise, viscosity, sublayer, karman):
 
 
 @ti.func
-def rough_floor_length(air: ti.template(), r, k):
-    """Mixing length on the lower face of layer k over a rough floor [m]."""
-    below = air.centre[r, k - 1] - air.face[r, 0]
-    above = air.centre[r, k] - air.face[r, 0]
-    roughness = air.numbers.side_roughness[r, FLOOR]
-    return rough_length(below, above, roughness, air.numbers.karman[r])
+def floor_length(air: ti.template(), r, k, root_below, speed):
+    """Mixing length [m] on the lower face of layer k over the floor, and its root [m1/2].
+
+    Over a rough floor that of `rough_length`; else grown from `root_below` on the face below through layer k
+    - 1, where the air has `speed` [m s-1].
+    """
+    (numbers,) = ti.static((air.numbers,))
+    root, length = root_below, real(0.0)
+    if ti.static(air.kinds["z_low"] == "rough"):
+        below, above = air.centre[r, k - 1] - air.face[r, 0], air.centre[r, k] - air.face[r, 0]
+        length = rough_length(below, above, numbers.side_roughness[r, FLOOR], numbers.karman[r])
+    else:
+        rise, nu = air.height[r, k - 1], numbers.viscosity[r]
+        root = integrate_root(root_below, speed, rise, nu, numbers.sublayer[r], numbers.karman[r])
+        length = root * root
+    return length, root

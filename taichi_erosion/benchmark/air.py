@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.air.assemble import allocate_air
+from taichi_erosion.air.grid import allocate_air
 from taichi_erosion.air.step import STAGES, advance_air
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, log_profile, stretched_faces
 from taichi_erosion.core.device import start_device

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from math import prod
 from typing import Any
 
-from taichi_erosion.air.assemble import allocate_air
-from taichi_erosion.air.grid import Air
+from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.effect import compile_grain_type
 from taichi_erosion.core.setup import Laws, Setup

@@ -32,7 +32,7 @@ def mean_wind(air: ti.template(), r, position, radius):
     """Mean velocity of the air over the volume of a sphere [m s-1]."""
     first, last = layer_range(air, r, position[2], radius)
     mean = ti.Vector([real(0.0), real(0.0), real(0.0)])
-    for corner in range(air.sharers):
+    for corner in range(air.columns_per_grain):
         column, across = column_share(air, r, position, corner)
         below = real(0.0)
         for k in range(first, last + 1):
@@ -73,7 +73,7 @@ def deposit_grain(world_out: ti.template(), coupling_out: ti.template(), r, row,
     grain = (SPHERE_VOLUME * radius**3, mass, rate, velocity)
     mean = mean_wind(air, r, position, radius)
     first, last = layer_range(air, r, position[2], radius)
-    for corner in range(air.sharers):
+    for corner in range(air.columns_per_grain):
         column, across = column_share(air, r, position, corner)
         below = real(0.0)
         for k in range(first, last + 1):

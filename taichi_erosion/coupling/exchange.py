@@ -26,7 +26,7 @@ continuity and the balance of drag and pressure give, layer by layer,
 """
 
 from taichi_erosion.air.column import advance_column
-from taichi_erosion.air.interpolation import cell_volume
+from taichi_erosion.air.grid import cell_volume
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import buffer_row, cell_index, deposit_partition, exchange_interval
 from taichi_erosion.coupling.gather import gather_partition

@@ -89,7 +89,7 @@ def gather_flow(coupling: ti.template(), r, position, radius):
     """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain."""
     velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
     pull, void, shear = 0.0 * velocity, real(0.0), real(0.0)
-    for corner in range(coupling.air.sharers):
+    for corner in range(coupling.air.columns_per_grain):
         column, share = column_share(coupling.air, r, position, corner)
         wind, open_share, gradient, slope = gather_column(coupling, r, column, position[2], radius)
         velocity += share * wind

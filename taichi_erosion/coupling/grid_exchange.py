@@ -9,9 +9,9 @@ Each replica looks in its own time: those are `moving` that do so now. Looks com
 are renewed, and `looked` remembers the step of the last, so that none is taken twice.
 """
 
-from taichi_erosion.air.exchange_budget import remember_void_of
-from taichi_erosion.air.interpolation import cell_volume
-from taichi_erosion.air.replica_step import TOLERANCE, advance_moving, each_column
+from taichi_erosion.air.grid import cell_volume, serial_columns, store_void_fraction
+from taichi_erosion.air.pressure.conjugate_gradient import REPLICA_TOLERANCE
+from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.coupling_state import CouplingState
@@ -71,7 +71,7 @@ def gather_all(world_out: ti.template(), coupling: ti.template(), r, counts):
 def match_air(world_out: ti.template(), coupling_out: ti.template(), r):
     """Let grains and air of replica r know each other."""
     count_grains(world_out, coupling_out, r)
-    each_column(remember_void_of, coupling_out.air, r)
+    serial_columns(store_void_fraction, coupling_out.air, r)
     gather_all(world_out, coupling_out, r, False)
 
 
@@ -97,7 +97,7 @@ def end_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
     if ti.static(world_out.sleeps):
         update_sleep(world_out, r, 0, 1, 1)
     coupling_out.exchange.looked[r] = world_out.replicas.step[r]
-    if not coupling_out.air.left[r] <= TOLERANCE:
+    if not coupling_out.air.mass_residual[r] <= REPLICA_TOLERANCE:
         world_out.replicas.status[r] = AIR
 
 
@@ -113,7 +113,7 @@ def each_selected_replica(
 ):
     """Do one task for every moving replica."""
     for lane in range(count * chunk):
-        if lane % chunk == 0 and coupling_out.air.moving[lane // chunk] == 1:
+        if lane % chunk == 0 and coupling_out.air.active[lane // chunk] == 1:
             task(world_out, coupling_out, lane // chunk)
 
 
@@ -131,5 +131,5 @@ def exchange_with_grids(world: World, coupling: CouplingState, count: int, chunk
     """One look of all grains of the moving replicas."""
     assert coupling.air is not None
     each_selected_replica(begin_exchange, count, chunk, world, coupling)
-    advance_moving(coupling.air, count, chunk)
+    advance_active(coupling.air, count, chunk)
     each_selected_replica(end_exchange, count, chunk, world, coupling)

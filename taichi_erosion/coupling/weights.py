@@ -11,8 +11,7 @@ it, each in proportion to how near it is along x and along y, round the period. 
 same shares with which they give, so that the drag on a grain is the sum of what its cells lose.
 """
 
-from taichi_erosion.air.exchange_budget import cell_air
-from taichi_erosion.air.interpolation import layer_of
+from taichi_erosion.air.grid import cell_velocity, layer_of
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
@@ -61,5 +60,5 @@ def wind_of(air: ti.template(), r, column, k):
     i, j = column[0], column[1]
     wind = ti.Vector([air.velocity_x[r, i, j, k], air.velocity_y[r, i, j, k], real(0.0)])
     if ti.static(not air.is_column):
-        wind = cell_air(air, r, i, j, k)
+        wind = cell_velocity(air, r, i, j, k)
     return wind

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.air.readback import set_velocities
-from taichi_erosion.air.replica_step import advance_moving
+from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.air_setup import bed_gradient
 from taichi_erosion.core.initial_turbulence import stirred_wind
 from taichi_erosion.core.setup import Floats, Integers
@@ -41,7 +41,7 @@ def exchange_when_due(sim: Simulation, going: Any) -> Integers:
 def select_replicas(sim: Simulation, moving: Any) -> None:
     """Say which replicas take part."""
     assert sim.coupling.air is not None
-    upload([(sim.coupling.air.moving, moving)])
+    upload([(sim.coupling.air.active, moving)])
 
 
 def change_grid_wind(sim: Simulation, replica: int, before: float, after: float, anew: bool) -> None:
@@ -79,7 +79,7 @@ def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> 
     time = setup.stir.turnovers * (setup.high[2] - setup.ground) / friction_velocity
     count = len(sim.setups)
     for _ in range(ceil(time / setup.time_step)):
-        advance_moving(sim.coupling.air, count, sim.chunk)
+        advance_active(sim.coupling.air, count, sim.chunk)
         match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from flows import BED, DENSITY, FRICTION, column, put_grains, wind
 
-from taichi_erosion.air.assemble import allocate_air
 from taichi_erosion.air.column import advance_columns
-from taichi_erosion.air.step import advance_air, remember_void
+from taichi_erosion.air.grid import allocate_air, parallel_columns, store_void_fraction
+from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.air_setup import AirModel, bed_faces, stretched_faces
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
@@ -21,7 +21,7 @@ def test_the_column_is_the_grid_of_one_column(floor, start_device):
     grid, alone = allocate_air([setup]), allocate_air([setup])
     for air in (grid, alone):
         put_grains(air, setup, coefficient=1e3, force=5.0)
-    remember_void(grid)
+    parallel_columns(store_void_fraction, grid)
     advance_air(grid, STEPS)
     advance_columns(STEPS, alone)
     # the same sums in another order; explicit halves of stiff layers magnify rounding

@@ -1,1 +1,1 @@
-"""Pressure."""
+"""Pressure of the air: projection, conjugate gradients, multigrid."""

@@ -1,184 +1,169 @@
-"""Conjugate gradients on the finest grid, preconditioned by one multigrid cycle; every replica its own.
+"""Preconditioned conjugate gradients on the finest level; one multigrid cycle is the preconditioner.
 
-All replicas iterate together until the last has converged; one that has nothing left to do stays as it is.
+    A psi = b,    p = z + (r.z / r_before.z_before) p,    a = r.z / p.A p,    psi += a p,    r -= a A p
+
+with A the negative Laplacian of `multigrid`, b and then the residual r in `levels.right_side`, the
+preconditioned residual z in `levels.solution`, p the search direction. `solve` iterates all replicas in
+parallel until the last has converged; a converged one does not change. `solve_replica` does the same for one
+replica on one thread.
 
 Reference: Saad (2003), Iterative Methods for Sparse Linear Systems, 2nd ed., algorithm 9.1.
 """
 
-from taichi_erosion.air.grid import Air, around
-from taichi_erosion.air.pressure.multigrid import applied, cycle
-from taichi_erosion.air.pressure.projection import share_of_cell, total_of
+from taichi_erosion.air.grid import Air, parallel_columns, serial_columns
+from taichi_erosion.air.pressure.multigrid import cycle, cycle_replica, negative_laplacian, neighbour_columns
+from taichi_erosion.air.pressure.projection import relative_divergence, sum_over_columns
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
 
-TOLERANCE = 1e-9  # air that may appear in a cell in one step over its volume [1]
+TOLERANCE = 1e-9  # largest divergence of a cell times the time step [1]
+REPLICA_TOLERANCE = 1e-7  # of grids over grains, likewise [1]
 ITERATIONS_MOST = 100
 
 
 @ti.func
-def product_of_column(air_out: ti.template(), r, i, j):
-    """Product of rest and preconditioned rest in one column."""
+def sum_residual_product(air_out: ti.template(), r, i, j):
+    """Product r.z of residual and preconditioned residual in one column."""
     total, c = real(0.0), i * air_out.cells[1] + j
     for k in range(air_out.cells[2]):
-        total += air_out.grids.right[r, c, k] * air_out.grids.solution[r, c, k]
-    air_out.krylov.partial[r, c] = total
+        total += air_out.levels.right_side[r, c, k] * air_out.levels.solution[r, c, k]
+    air_out.krylov.column_sum[r, c] = total
 
 
 @ti.func
-def product_of_replica(air_out: ti.template(), r):
-    """Product of rest and preconditioned rest, and its ratio to the one before."""
+def set_direction_weight(air_out: ti.template(), r):
+    """Product r.z of a replica, and its ratio to the one before."""
     (krylov_out,) = ti.static((air_out.krylov,))
-    product, before = total_of(air_out, r), krylov_out.product[r]
-    krylov_out.ratio[r] = ti.select(before > 0.0, product / ti.max(before, ti.f64(1e-300)), 0.0)
-    krylov_out.product[r] = product
+    product, before = sum_over_columns(air_out, r), krylov_out.residual_product[r]
+    krylov_out.direction_weight[r] = ti.select(before > 0.0, product / ti.max(before, ti.f64(1e-300)), 0.0)
+    krylov_out.residual_product[r] = product
 
 
 @ti.func
-def step_of_replica(air_out: ti.template(), r):
-    """Length of the step along the search direction."""
+def set_step_length(air_out: ti.template(), r):
+    """Step length of a replica along the search direction."""
     (krylov_out,) = ti.static((air_out.krylov,))
-    bend = total_of(air_out, r)
-    krylov_out.step[r] = ti.select(bend > 0.0, krylov_out.product[r] / ti.max(bend, ti.f64(1e-300)), 0.0)
+    curvature, product = sum_over_columns(air_out, r), krylov_out.residual_product[r]
+    krylov_out.step_length[r] = ti.select(curvature > 0.0, product / ti.max(curvature, ti.f64(1e-300)), 0.0)
 
 
 @ti.func
-def turn_column(air_out: ti.template(), r, i, j):
+def set_direction(air_out: ti.template(), r, i, j):
     """Next search direction in one column."""
     (krylov_out,) = ti.static((air_out.krylov,))
     c = i * air_out.cells[1] + j
     for k in range(air_out.cells[2]):
-        kept = krylov_out.ratio[r] * krylov_out.search[r, c, k]
-        krylov_out.search[r, c, k] = air_out.grids.solution[r, c, k] + kept
+        kept = krylov_out.direction_weight[r] * krylov_out.direction[r, c, k]
+        krylov_out.direction[r, c, k] = air_out.levels.solution[r, c, k] + kept
 
 
 @ti.func
-def image_of_column(air_out: ti.template(), r, i, j):
-    """Image of the search direction in one column, and its product with it."""
+def set_curvature(air_out: ti.template(), r, i, j):
+    """A p in one column, and its product with p."""
     (krylov_out,) = ti.static((air_out.krylov,))
     total, c = real(0.0), i * air_out.cells[1] + j
-    beside = around(air_out.grids, 0, i, j)
+    beside = neighbour_columns(air_out.levels, 0, i, j)
     for k in range(air_out.cells[2]):
-        image = applied(air_out.grids, krylov_out.search, r, c, beside, k)
-        krylov_out.image[r, c, k] = image
-        total += image * krylov_out.search[r, c, k]
-    krylov_out.partial[r, c] = total
+        product = negative_laplacian(air_out.levels, krylov_out.direction, r, c, beside, k)
+        krylov_out.laplacian[r, c, k] = product
+        total += product * krylov_out.direction[r, c, k]
+    krylov_out.column_sum[r, c] = total
 
 
 @ti.func
-def move_column(air_out: ti.template(), r, i, j):
-    """Step along the search direction in one column; note its worst cell."""
+def update_solution(air_out: ti.template(), r, i, j):
+    """Psi and residual of one column after the step along the search direction, and its worst cell."""
     (krylov_out,) = ti.static((air_out.krylov,))
-    worst, length, c = real(0.0), krylov_out.step[r], i * air_out.cells[1] + j
+    worst, length, c = real(0.0), krylov_out.step_length[r], i * air_out.cells[1] + j
     for k in range(air_out.cells[2]):
-        moved = length * krylov_out.search[r, c, k]
-        krylov_out.found[r, c, k] = krylov_out.found[r, c, k] + moved
-        rest = air_out.grids.right[r, c, k] - length * krylov_out.image[r, c, k]
-        air_out.grids.right[r, c, k] = rest
-        worst = ti.max(worst, share_of_cell(air_out, r, k, rest))
-    krylov_out.worst[r, c] = worst
+        moved = length * krylov_out.direction[r, c, k]
+        krylov_out.psi[r, c, k] = krylov_out.psi[r, c, k] + moved
+        residual = air_out.levels.right_side[r, c, k] - length * krylov_out.laplacian[r, c, k]
+        air_out.levels.right_side[r, c, k] = residual
+        worst = ti.max(worst, relative_divergence(air_out, r, k, residual))
+    krylov_out.column_worst[r, c] = worst
 
 
 @ti.func
-def worse_of(found, value):
+def max_or_nan(largest, value):
     """The larger of two; NaN where the second is, and it stays."""
-    return value if not value <= found else found
+    return value if not value <= largest else largest
+
+
+@ti.func
+def worst_cell(air: ti.template(), r):
+    """Largest divergence of a cell of one replica times the time step [1], or NaN."""
+    worst = real(0.0)
+    for c in range(ti.static(air.cells[0] * air.cells[1])):
+        worst = max_or_nan(worst, air.krylov.column_worst[r, c])
+    return worst
+
+
+@ti.func
+def solve_replica(air_out: ti.template(), r):
+    """The solve of one replica on one thread; returns its worst cell [1]."""
+    air_out.krylov.residual_product[r] = 0.0
+    worst, done = worst_cell(air_out, r), 0
+    while worst > REPLICA_TOLERANCE and done < ITERATIONS_MOST:
+        cycle_replica(air_out.levels, r)
+        serial_columns(sum_residual_product, air_out, r)
+        set_direction_weight(air_out, r)
+        serial_columns(set_direction, air_out, r)
+        serial_columns(set_curvature, air_out, r)
+        set_step_length(air_out, r)
+        serial_columns(update_solution, air_out, r)
+        worst = worst_cell(air_out, r)
+        done += 1
+    return worst
 
 
 @ti.kernel
-def multiply(
+def parallel_replicas(
+    # parameters
+    task: ti.template(),
     # out
     air_out: ti.template(),
 ):
-    """Product of rest and preconditioned rest, column by column."""
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        product_of_column(air_out, r, i, j)
-
-
-@ti.kernel
-def renew_product(
-    # out
-    air_out: ti.template(),
-):
-    """Product of rest and preconditioned rest, and its ratio to the one before."""
+    """One device function applied to every replica, in parallel."""
     for r in range(air_out.count):
-        product_of_replica(air_out, r)
+        task(air_out, r)
 
 
 @ti.kernel
-def turn(
-    # out
-    air_out: ti.template(),
-):
-    """Next search direction."""
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        turn_column(air_out, r, i, j)
-
-
-@ti.kernel
-def look_ahead(
-    # out
-    air_out: ti.template(),
-):
-    """Image of the search direction, and its product with it."""
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        image_of_column(air_out, r, i, j)
-
-
-@ti.kernel
-def renew_step(
-    # out
-    air_out: ti.template(),
-):
-    """Length of the step along the search direction."""
-    for r in range(air_out.count):
-        step_of_replica(air_out, r)
-
-
-@ti.kernel
-def move(
-    # out
-    air_out: ti.template(),
-):
-    """Step along the search direction; note the worst cell of every column."""
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        move_column(air_out, r, i, j)
-
-
-@ti.kernel
-def largest(
+def worst_of_all(
     # in
     worst: ti.template(),
 ) -> ti.f64:
     """Largest of all columns of all replicas; NaN where one is NaN."""
-    found = real(0.0)
+    largest = real(0.0)
     ti.loop_config(serialize=True)
     for r, column in ti.ndrange(worst.shape[0], worst.shape[1]):
-        found = worse_of(found, worst[r, column])
-    return found
+        largest = max_or_nan(largest, worst[r, column])
+    return largest
 
 
 def solve(air: Air, tolerance: float = TOLERANCE) -> int:
-    """Find psi for the right-hand side on the finest grid; returns the iterations.
+    """Psi of all replicas for the right-hand side on the finest level; returns the iterations.
 
-    Raises SimulationStopped where the flow has blown up or the solve stands still.
+    Raises SimulationStopped where the flow has blown up or the solve does not converge.
     """
-    air.krylov.product.fill(0.0)
-    worst = largest(air.krylov.worst)
+    air.krylov.residual_product.fill(0.0)
+    worst = worst_of_all(air.krylov.column_worst)
     for iteration in range(ITERATIONS_MOST):
         if worst <= tolerance:
             return iteration
         if worst != worst:
             break
-        cycle(air.grids)
-        multiply(air)
-        renew_product(air)
-        turn(air)
-        look_ahead(air)
-        renew_step(air)
-        move(air)
-        worst = largest(air.krylov.worst)
+        cycle(air.levels)
+        parallel_columns(sum_residual_product, air)
+        parallel_replicas(set_direction_weight, air)
+        parallel_columns(set_direction, air)
+        parallel_columns(set_curvature, air)
+        parallel_replicas(set_step_length, air)
+        parallel_columns(update_solution, air)
+        worst = worst_of_all(air.krylov.column_worst)
     raise SimulationStopped(
         f"the pressure of the air was not found (air appears: {worst:.3g} of a cell in a step); "
         "likely cause: the time step is too long for the wind and the cells"

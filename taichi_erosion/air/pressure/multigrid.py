@@ -1,249 +1,375 @@
-"""Between a grid of the pressure and the next coarser one.
+"""Multigrid cycle for the pressure: lines along z are solved exactly, x and y are coarsened.
 
-Corrections are interpolated linearly, 3/4 and 1/4; restriction is the transpose of that.
+The pressure equation is  sum over faces of c (psi_neighbour - psi) - c_out psi = right side,  with c the
+conductance of a face [m], area over distance times mobility, and c_out that to outlets. Coarser levels
+have half as many cells along x, y or both and all layers along z. The columns of all levels are numbered on,
+finest level first, so that one field holds all levels.
 
-Reference: Trottenberg, Oosterlee & Schueller (2001), Multigrid, section 2.8.
+Line solves make the cycle indifferent to how cells are stretched along z. On each level columns are relaxed
+in two colours, (i + j) even and odd, downwards even first and upwards odd first, so that the cycle is a
+symmetric operator, as conjugate gradients need. The coarsest level, whose numbers of columns are odd, gets
+symmetric Gauss-Seidel sweeps, one thread a replica. Corrections are interpolated linearly, 3/4 and 1/4;
+restriction is the transpose of that.
 
-One multigrid cycle for the pressure: lines along z solved exactly, x and y coarsened.
-
-Lines make the cycle indifferent to how cells are stretched along z. On each grid columns are relaxed in two
-colours, (i + j) even and odd, downwards even first and upwards odd first, so that the cycle is a symmetric
-operator, as conjugate gradients need. The coarsest grid, whose numbers of columns are odd, is swept to and
-fro by one worker a replica.
-
-Reference: Trottenberg, Oosterlee & Schueller (2001), Multigrid, sections 4.7 and 5.1.
+Reference: Trottenberg, Oosterlee & Schueller (2001), Multigrid, sections 2.8, 4.7 and 5.1.
 """
 
-from taichi_erosion.air.grid import Grids, around, column_of
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import write
 
 real = ti.f64
 
+WIDTH_RATIO_MOST = 1.5  # cells along the other axis may be so much wider and still be merged with these [1]
+SHIFT = 2.0**-24  # of the diagonal of a line: a closed box fixes pressure up to a constant only [1]
+SWEEPS_PER_COLUMN = 2  # symmetric sweeps on the coarsest level, over the longer side of it
+SWEEPS_MOST = 12
+
+
+@dataclass(frozen=True, eq=False)
+class MultigridLevels:
+    """Conductances of low faces, right-hand sides and solutions by replica, column and layer."""
+
+    number: int  # of levels
+    columns: tuple[int, ...]  # cells along the longer of x and y of every level
+    periodic_x: bool
+    periodic_y: bool
+    shape: Any  # i32 by level: first column, cells along x and y, cells that merge in the next along x and y
+    conductance_x: Any  # [m]
+    conductance_y: Any  # [m]
+    conductance_z: Any  # [m], one layer more than the cells
+    outlet_conductance: Any  # [m]
+    inverse_pivot: Any  # of the lines along z [m-1]
+    right_side: Any  # [m3 s-1]
+    solution: Any  # [m2 s-1]
+    residual: Any  # [m3 s-1]
+
+
+def level_shapes(setup: AirSetup) -> list[tuple[int, int, int, int]]:
+    """Cells along x and y of every level, and how many merge along x and y in the next; the last: 1, 1."""
+    nx, ny, _ = setup.cells
+    width_x, width_y = ((setup.high[axis] - setup.low[axis]) / setup.cells[axis] for axis in range(2))
+    periodic_x, periodic_y = (setup.sides[name].kind == "periodic" for name in ("x_low", "y_low"))
+    shapes = []
+    while True:
+        by_x, by_y = merged_cells(nx, ny, width_x, width_y)
+        if (periodic_x and nx > 1 and nx % 2) or (periodic_y and ny > 1 and ny % 2):
+            by_x, by_y = 1, 1  # two colours do not fit an odd period
+        shapes.append((nx, ny, by_x, by_y))
+        if by_x == by_y == 1:
+            return shapes
+        nx, ny, width_x, width_y = nx // by_x, ny // by_y, width_x * by_x, width_y * by_y
+
+
+def merged_cells(nx: int, ny: int, width_x: float, width_y: float) -> tuple[int, int]:
+    """Cells that merge along x and y: two where their number is even and they are not already the wider."""
+    can_x, can_y = nx % 2 == 0, ny % 2 == 0
+    by_x = can_x and (width_x <= WIDTH_RATIO_MOST * width_y or ny == 1)
+    by_y = can_y and (width_y <= WIDTH_RATIO_MOST * width_x or nx == 1)
+    if not (by_x or by_y):
+        by_x, by_y = can_x, can_y
+    return (2 if by_x else 1), (2 if by_y else 1)
+
+
+def allocate_levels(setup: AirSetup, replicas: int) -> MultigridLevels:
+    """Fields of all levels, and the first column of each."""
+    shapes = np.array(level_shapes(setup))
+    sizes = shapes[:, 0] * shapes[:, 1]
+    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    cells = (replicas, int(sizes.sum()), setup.cells[2])
+    names = ("conductance_x", "conductance_y", "outlet_conductance", "inverse_pivot")
+    levels = MultigridLevels(
+        number=len(shapes),
+        columns=tuple(int(n) for n in shapes[:, :2].max(axis=1)),
+        periodic_x=setup.sides["x_low"].kind == "periodic",
+        periodic_y=setup.sides["y_low"].kind == "periodic",
+        shape=ti.field(ti.i32, shape=(len(shapes), 5)),
+        conductance_z=ti.field(real, shape=(*cells[:2], cells[2] + 1)),
+        **{name: ti.field(real, shape=cells) for name in (*names, "right_side", "solution", "residual")},
+    )
+    write(levels.shape, np.column_stack([first, shapes]))
+    return levels
+
 
 @ti.func
-def share(place, coarse, fine_cells, merged, is_round: ti.template()):
-    """Weight of a coarse cell in the interpolation to the fine cell at a place [1].
+def column_of(levels: ti.template(), level, i, j):
+    """Number of a column of a level; beyond an end that of the opposite one, where conductances are zero."""
+    nx, ny = levels.shape[level, 1], levels.shape[level, 2]
+    return levels.shape[level, 0] + ((i + nx) % nx) * ny + (j + ny) % ny
 
-    The fine cell may lie beyond an end: round a period it is another one, else it is none.
+
+@ti.func
+def neighbour_columns(levels: ti.template(), level, i, j):
+    """Columns to the west, east, south and north."""
+    west, east = column_of(levels, level, i - 1, j), column_of(levels, level, i + 1, j)
+    return ti.Vector([west, east, column_of(levels, level, i, j - 1), column_of(levels, level, i, j + 1)])
+
+
+@ti.func
+def neighbour_sum(levels: ti.template(), values: ti.template(), r, c, beside, k):
+    """Sum of conductance times value over the four neighbours beside a cell."""
+    total = levels.conductance_x[r, c, k] * values[r, beside[0], k]
+    total += levels.conductance_x[r, beside[1], k] * values[r, beside[1], k]
+    total += levels.conductance_y[r, c, k] * values[r, beside[2], k]
+    return total + levels.conductance_y[r, beside[3], k] * values[r, beside[3], k]
+
+
+@ti.func
+def diagonal(levels: ti.template(), r, c, beside, k):
+    """Sum of all conductances of a cell [m]."""
+    total = levels.conductance_x[r, c, k] + levels.conductance_x[r, beside[1], k]
+    total += levels.conductance_y[r, c, k] + levels.conductance_y[r, beside[3], k]
+    total = total + levels.conductance_z[r, c, k] + levels.conductance_z[r, c, k + 1]
+    return total + levels.outlet_conductance[r, c, k]
+
+
+@ti.func
+def negative_laplacian(levels: ti.template(), values: ti.template(), r, c, beside, k):
+    """Minus the left-hand side of the pressure equation: positive definite."""
+    total = diagonal(levels, r, c, beside, k) * values[r, c, k]
+    total -= neighbour_sum(levels, values, r, c, beside, k)
+    if k > 0:
+        total -= levels.conductance_z[r, c, k] * values[r, c, k - 1]
+    if k < values.shape[2] - 1:
+        total -= levels.conductance_z[r, c, k + 1] * values[r, c, k + 1]
+    return total
+
+
+@ti.func
+def coarsen_conductances(levels_out: ti.template(), level, r, i, j):
+    """Conductances of one column of a coarser level: parallel faces add, doubled distances halve."""
+    by_x, by_y = levels_out.shape[level - 1, 3], levels_out.shape[level - 1, 4]
+    nx, ny, c = levels_out.shape[level, 1], levels_out.shape[level, 2], column_of(levels_out, level, i, j)
+    for k in range(levels_out.right_side.shape[2]):
+        along_x, along_y, along_z, to_outlet = real(0.0), real(0.0), real(0.0), real(0.0)
+        for part in range(by_x * by_y):
+            a, b = part // by_y, part % by_y
+            fine = column_of(levels_out, level - 1, by_x * i + a, by_y * j + b)
+            along_x += ti.select(a == 0, levels_out.conductance_x[r, fine, k], 0.0)
+            along_y += ti.select(b == 0, levels_out.conductance_y[r, fine, k], 0.0)
+            along_z += levels_out.conductance_z[r, fine, k]
+            to_outlet += levels_out.outlet_conductance[r, fine, k]
+        # a single column of a period is its own neighbour: no difference of pressure across its faces
+        levels_out.conductance_x[r, c, k] = ti.select(nx > 1, along_x / by_x, 0.0)
+        levels_out.conductance_y[r, c, k] = ti.select(ny > 1, along_y / by_y, 0.0)
+        levels_out.conductance_z[r, c, k] = along_z
+        levels_out.outlet_conductance[r, c, k] = to_outlet
+
+
+@ti.func
+def factor_line(levels_out: ti.template(), level, r, i, j):
+    """Inverse pivots of one line."""
+    c, beside = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
+    below = real(0.0)
+    for k in range(levels_out.right_side.shape[2]):
+        here = diagonal(levels_out, r, c, beside, k)
+        here += SHIFT * here  # not times 1 + SHIFT, which single precision rounds to 1
+        lower = levels_out.conductance_z[r, c, k]
+        below = 1.0 / (here - lower * lower * below)
+        levels_out.inverse_pivot[r, c, k] = below
+
+
+@ti.func
+def clear_line(levels_out: ti.template(), level, r, i, j):
+    """Zero initial guess of one line."""
+    c = column_of(levels_out, level, i, j)
+    for k in range(levels_out.right_side.shape[2]):
+        levels_out.solution[r, c, k] = 0.0
+
+
+@ti.func
+def relax_line(levels_out: ti.template(), r, c, beside):
+    """Exact solution of one line with its neighbours as they stand."""
+    n = ti.static(levels_out.right_side.shape[2])
+    below = real(0.0)
+    for k in range(n):
+        right = levels_out.right_side[r, c, k]
+        right += neighbour_sum(levels_out, levels_out.solution, r, c, beside, k)
+        below = (right + levels_out.conductance_z[r, c, k] * below) * levels_out.inverse_pivot[r, c, k]
+        levels_out.solution[r, c, k] = below
+    above = real(0.0)
+    for down in range(n):
+        k = n - 1 - down
+        back = levels_out.conductance_z[r, c, k + 1] * levels_out.inverse_pivot[r, c, k] * above
+        above = levels_out.solution[r, c, k] + back
+        levels_out.solution[r, c, k] = above
+
+
+@ti.func
+def relax_colour(levels_out: ti.template(), level, colour, r, i, j):
+    """Relaxation of one line where it has this colour."""
+    if (i + j) % 2 == colour:
+        relax_line(
+            levels_out, r, column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
+        )
+
+
+@ti.func
+def set_residual(levels_out: ti.template(), level, r, i, j):
+    """Residual of one line."""
+    c, beside = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
+    for k in range(levels_out.right_side.shape[2]):
+        left = negative_laplacian(levels_out, levels_out.solution, r, c, beside, k)
+        levels_out.residual[r, c, k] = levels_out.right_side[r, c, k] - left
+
+
+@ti.func
+def interpolation_weight(fine, coarse, fine_cells, merged, is_periodic: ti.template()):
+    """Weight of a coarse cell in the interpolation to a fine cell [1].
+
+    A fine cell beyond an end has weight 0 unless the axis is periodic.
     """
     weight = real(1.0)
     if merged == 2:
-        inside = place // 2 == coarse
+        inside = fine // 2 == coarse
         weight = ti.select(inside, real(0.75), real(0.25))
-        if ti.static(not is_round):
-            if place < 0 or place >= fine_cells:
+        if ti.static(not is_periodic):
+            if fine < 0 or fine >= fine_cells:
                 weight = 0.0
-            elif inside and (place == 0 or place == fine_cells - 1):
+            elif inside and (fine == 0 or fine == fine_cells - 1):
                 weight = 1.0
     return weight
 
 
 @ti.func
-def restrict_to_line(grids_out: ti.template(), level, r, i, j):
-    """Gather the rest of a grid in one line of the next coarser one."""
-    layers = ti.static(grids_out.right.shape[2])
-    fine_x, fine_y = grids_out.shape[level, 1], grids_out.shape[level, 2]
-    by_x, by_y = grids_out.shape[level, 3], grids_out.shape[level, 4]
-    c = column_of(grids_out, level + 1, i, j)
+def restrict_line(levels_out: ti.template(), level, r, i, j):
+    """Right-hand side of one line of a coarser level: the restricted residual of the next finer one."""
+    layers = ti.static(levels_out.right_side.shape[2])
+    fine_x, fine_y = levels_out.shape[level - 1, 1], levels_out.shape[level - 1, 2]
+    by_x, by_y = levels_out.shape[level - 1, 3], levels_out.shape[level - 1, 4]
+    c = column_of(levels_out, level, i, j)
     for k in range(layers):
-        grids_out.right[r, c, k] = 0.0
+        levels_out.right_side[r, c, k] = 0.0
     # a coarse cell reaches the fine cells inside it and one beyond each of its ends
     for a in range(3 * by_x - 2):
         for b in range(3 * by_y - 2):
             x, y = by_x * i + 1 - by_x + a, by_y * j + 1 - by_y + b
-            weight = share(x, i, fine_x, by_x, grids_out.round_x)
-            weight *= share(y, j, fine_y, by_y, grids_out.round_y)
-            fine = column_of(grids_out, level, x, y)
+            weight = interpolation_weight(x, i, fine_x, by_x, levels_out.periodic_x)
+            weight *= interpolation_weight(y, j, fine_y, by_y, levels_out.periodic_y)
+            fine = column_of(levels_out, level - 1, x, y)
             for k in range(layers):
-                more = weight * grids_out.rest[r, fine, k]
-                grids_out.right[r, c, k] = grids_out.right[r, c, k] + more
-
-
-@ti.kernel
-def restrict(
-    # parameters
-    level: ti.i32,
-    # out
-    grids_out: ti.template(),
-):
-    """Hand the rest of a grid to the next coarser one."""
-    nx, ny = grids_out.shape[level + 1, 1], grids_out.shape[level + 1, 2]
-    for r, i, j in ti.ndrange(grids_out.right.shape[0], nx, ny):
-        restrict_to_line(grids_out, level, r, i, j)
+                more = weight * levels_out.residual[r, fine, k]
+                levels_out.right_side[r, c, k] = levels_out.right_side[r, c, k] + more
 
 
 @ti.func
-def partner(place, cells, merged, is_round: ti.template()):
+def second_parent(fine, coarse_cells, merged, is_periodic: ti.template()):
     """The second coarse cell that a fine cell is interpolated from; at a closed end the first again."""
-    other = place // merged
+    other = fine // merged
     if merged == 2:
-        other += 2 * (place % 2) - 1
-        if ti.static(is_round):
-            other = (other + cells) % cells
+        other += 2 * (fine % 2) - 1
+        if ti.static(is_periodic):
+            other = (other + coarse_cells) % coarse_cells
         else:
-            other = ti.min(ti.max(other, 0), cells - 1)
+            other = ti.min(ti.max(other, 0), coarse_cells - 1)
     return other
 
 
 @ti.func
-def prolong_to_line(grids_out: ti.template(), level, r, i, j):
-    """Add to one line of a grid the solution of the next coarser one, interpolated linearly."""
-    fine_x, fine_y = grids_out.shape[level, 1], grids_out.shape[level, 2]
-    by_x, by_y = grids_out.shape[level, 3], grids_out.shape[level, 4]
-    c = column_of(grids_out, level, i, j)
-    east = partner(i, fine_x // by_x, by_x, grids_out.round_x)
-    north = partner(j, fine_y // by_y, by_y, grids_out.round_y)
+def prolong_line(levels_out: ti.template(), level, r, i, j):
+    """Coarse-grid correction of one line: plus the interpolated solution of the next level."""
+    fine_x, fine_y = levels_out.shape[level, 1], levels_out.shape[level, 2]
+    by_x, by_y = levels_out.shape[level, 3], levels_out.shape[level, 4]
+    c = column_of(levels_out, level, i, j)
+    east = second_parent(i, fine_x // by_x, by_x, levels_out.periodic_x)
+    north = second_parent(j, fine_y // by_y, by_y, levels_out.periodic_y)
     west, south = i // by_x, j // by_y
-    own = column_of(grids_out, level + 1, west, south)
-    beside = column_of(grids_out, level + 1, east, south)
-    ahead = column_of(grids_out, level + 1, west, north)
-    corner = column_of(grids_out, level + 1, east, north)
-    for k in range(grids_out.right.shape[2]):
-        near = 0.75 * grids_out.solution[r, own, k] + 0.25 * grids_out.solution[r, beside, k]
-        far = 0.75 * grids_out.solution[r, ahead, k] + 0.25 * grids_out.solution[r, corner, k]
-        grids_out.solution[r, c, k] = grids_out.solution[r, c, k] + 0.75 * near + 0.25 * far
-
-
-@ti.kernel
-def prolong(
-    # parameters
-    level: ti.i32,
-    # out
-    grids_out: ti.template(),
-):
-    """Add to a grid the solution of the next coarser one, interpolated linearly."""
-    for r, i, j in ti.ndrange(grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]):
-        prolong_to_line(grids_out, level, r, i, j)
-
-
-SHIFT = 2.0**-24  # of the diagonal of a line: a closed box fixes pressure up to a constant only [1]
-SWEEPS_PER_COLUMN = 2  # to-and-fro sweeps on the coarsest grid, over the longer side of it
-SWEEPS_MOST = 12
+    own = column_of(levels_out, level + 1, west, south)
+    beside = column_of(levels_out, level + 1, east, south)
+    ahead = column_of(levels_out, level + 1, west, north)
+    corner = column_of(levels_out, level + 1, east, north)
+    for k in range(levels_out.right_side.shape[2]):
+        near = 0.75 * levels_out.solution[r, own, k] + 0.25 * levels_out.solution[r, beside, k]
+        far = 0.75 * levels_out.solution[r, ahead, k] + 0.25 * levels_out.solution[r, corner, k]
+        levels_out.solution[r, c, k] = levels_out.solution[r, c, k] + 0.75 * near + 0.25 * far
 
 
 @ti.func
-def pull_beside(grids: ti.template(), values: ti.template(), r, c, beside, k):
-    """Sum of conductance times value over the four neighbours beside a cell."""
-    pulled = grids.across_x[r, c, k] * values[r, beside[0], k]
-    pulled += grids.across_x[r, beside[1], k] * values[r, beside[1], k]
-    pulled += grids.across_y[r, c, k] * values[r, beside[2], k]
-    return pulled + grids.across_y[r, beside[3], k] * values[r, beside[3], k]
-
-
-@ti.func
-def diagonal(grids: ti.template(), r, c, beside, k):
-    """Sum of all conductances of a cell, its drain included [m]."""
-    across = grids.across_x[r, c, k] + grids.across_x[r, beside[1], k]
-    across += grids.across_y[r, c, k] + grids.across_y[r, beside[3], k]
-    return across + grids.across_z[r, c, k] + grids.across_z[r, c, k + 1] + grids.drain[r, c, k]
-
-
-@ti.func
-def applied(grids: ti.template(), values: ti.template(), r, c, beside, k):
-    """Minus the left-hand side of the pressure equation: positive definite."""
-    total = diagonal(grids, r, c, beside, k) * values[r, c, k] - pull_beside(grids, values, r, c, beside, k)
-    if k > 0:
-        total -= grids.across_z[r, c, k] * values[r, c, k - 1]
-    if k < values.shape[2] - 1:
-        total -= grids.across_z[r, c, k + 1] * values[r, c, k + 1]
-    return total
-
-
-@ti.func
-def relax_line(grids_out: ti.template(), r, c, beside):
-    """Solve one line exactly with its neighbours as they stand."""
-    n = ti.static(grids_out.right.shape[2])
-    below = real(0.0)
-    for k in range(n):
-        right = grids_out.right[r, c, k] + pull_beside(grids_out, grids_out.solution, r, c, beside, k)
-        below = (right + grids_out.across_z[r, c, k] * below) * grids_out.pivot[r, c, k]
-        grids_out.solution[r, c, k] = below
-    above = real(0.0)
-    for upside in range(n):
-        k = n - 1 - upside
-        back = grids_out.across_z[r, c, k + 1] * grids_out.pivot[r, c, k] * above
-        above = grids_out.solution[r, c, k] + back
-        grids_out.solution[r, c, k] = above
-
-
-@ti.func
-def factor_line(grids_out: ti.template(), level, r, i, j):
-    """Inverse pivots of one line."""
-    c, beside = column_of(grids_out, level, i, j), around(grids_out, level, i, j)
-    below = real(0.0)
-    for k in range(grids_out.right.shape[2]):
-        here = diagonal(grids_out, r, c, beside, k)
-        here += SHIFT * here  # not times 1 + SHIFT, which single precision rounds to 1
-        lower = grids_out.across_z[r, c, k]
-        below = 1.0 / (here - lower * lower * below)
-        grids_out.pivot[r, c, k] = below
-
-
-@ti.kernel
-def factor_lines(
-    # parameters
-    level: ti.i32,
-    # out
-    grids_out: ti.template(),
-):
-    """Inverse pivots of all lines of one grid."""
-    for r, i, j in ti.ndrange(grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]):
-        factor_line(grids_out, level, r, i, j)
-
-
-@ti.func
-def clear_line(grids_out: ti.template(), level, r, i, j):
-    """Start one line from zero."""
-    c = column_of(grids_out, level, i, j)
-    for k in range(grids_out.right.shape[2]):
-        grids_out.solution[r, c, k] = 0.0
-
-
-@ti.kernel
-def clear_solution(
-    # parameters
-    level: ti.i32,
-    # out
-    grids_out: ti.template(),
-):
-    """Start a grid from zero."""
-    for r, i, j in ti.ndrange(grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]):
-        clear_line(grids_out, level, r, i, j)
-
-
-@ti.func
-def relax_colour(grids_out: ti.template(), level, colour, r, i, j):
-    """Relax one line where it has this colour."""
-    if (i + j) % 2 == colour:
-        relax_line(grids_out, r, column_of(grids_out, level, i, j), around(grids_out, level, i, j))
-
-
-@ti.kernel
-def relax(
-    # parameters
-    level: ti.i32,
-    first: ti.i32,
-    # out
-    grids_out: ti.template(),
-):
-    """Relax the columns of both colours, `first` (0 or 1) before the other."""
-    replicas, nx, ny = grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]
-    for r, i, j in ti.ndrange(replicas, nx, ny):
-        relax_colour(grids_out, level, first, r, i, j)
-    for r, i, j in ti.ndrange(replicas, nx, ny):
-        relax_colour(grids_out, level, 1 - first, r, i, j)
-
-
-@ti.func
-def sweep_to_and_fro(grids_out: ti.template(), level, sweeps, r):
-    """Relax all columns of one replica in order, then in reverse order, so many times."""
-    nx, ny = grids_out.shape[level, 1], grids_out.shape[level, 2]
+def sweep_symmetrically(levels_out: ti.template(), level, sweeps, r):
+    """Gauss-Seidel over all columns of one replica in order, then in reverse order, so many times."""
+    nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
     for turn in range(sweeps * 2 * nx * ny):
         column = turn % (2 * nx * ny)
         if column >= nx * ny:
             column = 2 * nx * ny - 1 - column
         i, j = column // ny, column % ny
-        relax_line(grids_out, r, column_of(grids_out, level, i, j), around(grids_out, level, i, j))
+        relax_line(
+            levels_out, r, column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
+        )
+
+
+def coarsest_sweeps(levels: MultigridLevels) -> int:
+    """Number of symmetric sweeps on the coarsest level."""
+    longer = levels.columns[-1]
+    return 1 if longer == 1 else min(SWEEPS_PER_COLUMN * longer, SWEEPS_MOST)
+
+
+@ti.func
+def serial_lines(task: ti.template(), levels_out: ti.template(), level, r):
+    """One device function applied to every line of one level of one replica, in order."""
+    for i in range(levels_out.shape[level, 1]):
+        for j in range(levels_out.shape[level, 2]):
+            task(levels_out, level, r, i, j)
+
+
+@ti.func
+def serial_relax(levels_out: ti.template(), level, first, r):
+    """Relaxation of one level of one replica in order, colour `first` before the other."""
+    for turn in range(2):
+        for i in range(levels_out.shape[level, 1]):
+            for j in range(levels_out.shape[level, 2]):
+                relax_colour(levels_out, level, (first + turn) % 2, r, i, j)
+
+
+@ti.func
+def cycle_replica(levels_out: ti.template(), r):
+    """One V-cycle of one replica on one thread, from a zero solution."""
+    last = ti.static(levels_out.number - 1)
+    for level in range(last):
+        serial_lines(clear_line, levels_out, level, r)
+        serial_relax(levels_out, level, 0, r)
+        serial_lines(set_residual, levels_out, level, r)
+        serial_lines(restrict_line, levels_out, level + 1, r)
+    serial_lines(clear_line, levels_out, last, r)
+    sweep_symmetrically(levels_out, last, ti.static(coarsest_sweeps(levels_out)), r)
+    for up in range(last):
+        serial_lines(prolong_line, levels_out, last - 1 - up, r)
+        serial_relax(levels_out, last - 1 - up, 1, r)
+
+
+@ti.kernel
+def parallel_lines(
+    # parameters
+    task: ti.template(),
+    level: ti.i32,
+    # out
+    levels_out: ti.template(),
+):
+    """One device function applied to every line of one level of all replicas, in parallel."""
+    nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
+    for r, i, j in ti.ndrange(levels_out.right_side.shape[0], nx, ny):
+        task(levels_out, level, r, i, j)
+
+
+@ti.kernel
+def parallel_relax(
+    # parameters
+    level: ti.i32,
+    first: ti.i32,
+    # out
+    levels_out: ti.template(),
+):
+    """Relaxation of one level of all replicas in parallel, colour `first` (0 or 1) before the other."""
+    replicas, nx, ny = levels_out.right_side.shape[0], levels_out.shape[level, 1], levels_out.shape[level, 2]
+    for r, i, j in ti.ndrange(replicas, nx, ny):
+        relax_colour(levels_out, level, first, r, i, j)
+    for r, i, j in ti.ndrange(replicas, nx, ny):
+        relax_colour(levels_out, level, 1 - first, r, i, j)
 
 
 @ti.kernel
@@ -252,49 +378,23 @@ def sweep_coarsest(
     level: ti.i32,
     sweeps: ti.i32,
     # out
-    grids_out: ti.template(),
+    levels_out: ti.template(),
 ):
-    """Relax all columns in order, then in reverse order, so many times."""
-    for r in range(grids_out.right.shape[0]):
-        sweep_to_and_fro(grids_out, level, sweeps, r)
+    """Symmetric Gauss-Seidel on the coarsest level, one thread a replica."""
+    for r in range(levels_out.right_side.shape[0]):
+        sweep_symmetrically(levels_out, level, sweeps, r)
 
 
-@ti.func
-def rest_of_line(grids_out: ti.template(), level, r, i, j):
-    """What the solution leaves of the right-hand side in one line."""
-    c, beside = column_of(grids_out, level, i, j), around(grids_out, level, i, j)
-    for k in range(grids_out.right.shape[2]):
-        left = applied(grids_out, grids_out.solution, r, c, beside, k)
-        grids_out.rest[r, c, k] = grids_out.right[r, c, k] - left
-
-
-@ti.kernel
-def find_rest(
-    # parameters
-    level: ti.i32,
-    # out
-    grids_out: ti.template(),
-):
-    """What the solution leaves of the right-hand side."""
-    for r, i, j in ti.ndrange(grids_out.right.shape[0], grids_out.shape[level, 1], grids_out.shape[level, 2]):
-        rest_of_line(grids_out, level, r, i, j)
-
-
-def coarsest_sweeps(grids: Grids) -> int:
-    """To-and-fro sweeps over the coarsest grid."""
-    longer = grids.columns[-1]
-    return 1 if longer == 1 else min(SWEEPS_PER_COLUMN * longer, SWEEPS_MOST)
-
-
-def cycle(grids: Grids, level: int = 0) -> None:
-    """Improve the solution of a grid from 0, given its right-hand side."""
-    clear_solution(level, grids)
-    if level == grids.number - 1:
-        sweep_coarsest(level, coarsest_sweeps(grids), grids)
-        return
-    relax(level, 0, grids)
-    find_rest(level, grids)
-    restrict(level, grids)
-    cycle(grids, level + 1)
-    prolong(level, grids)
-    relax(level, 1, grids)
+def cycle(levels: MultigridLevels) -> None:
+    """One V-cycle of all replicas in parallel, from a zero solution."""
+    last = levels.number - 1
+    for level in range(last):
+        parallel_lines(clear_line, level, levels)
+        parallel_relax(level, 0, levels)
+        parallel_lines(set_residual, level, levels)
+        parallel_lines(restrict_line, level + 1, levels)
+    parallel_lines(clear_line, last, levels)
+    sweep_coarsest(last, coarsest_sweeps(levels), levels)
+    for level in reversed(range(last)):
+        parallel_lines(prolong_line, level, levels)
+        parallel_relax(level, 1, levels)

@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.air.assemble import allocate_air
-from taichi_erosion.air.grid import Air
+from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, even_faces
 from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import Floats, Numerics
