@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 from docs.verification_curves import draw_curves, markdown_table
-from taichi_erosion.verification import Claim, verify
+from taichi_erosion.verification.claim import Claim
+from taichi_erosion.verification.claims import verify
 
 DOCS = Path(__file__).resolve().parent
 HEAD = """# Verification: do we solve the equations right?

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.verification import Claim
+from taichi_erosion.verification.claim import Claim
 from taichi_erosion.verification.contact import adhesion
 from taichi_erosion.verification.contact.oblique_impact import (
     SOLIDS,
@@ -53,10 +53,10 @@ def test4_curves() -> dict[str, Any]:
         "spin_fine_step_rad_s": fine.spin,
         "patch_deg": patch_angle(impact, after),
         "patch_fine_step_deg": patch_angle(impact, fine),
-        "literature_angle_deg": published.TEST4_ANGLE,
-        "literature_restitution": published.TEST4_LITERATURE_RESTITUTION,
-        "literature_spin_rad_s": published.TEST4_LITERATURE_SPIN,
-        "literature_patch_deg": published.TEST4_LITERATURE_PATCH,
+        "literature_angle_deg": published.OBLIQUE_ANGLE,
+        "literature_restitution": published.OBLIQUE_LITERATURE_RESTITUTION,
+        "literature_spin_rad_s": published.OBLIQUE_LITERATURE_SPIN,
+        "literature_patch_deg": published.OBLIQUE_LITERATURE_PATCH,
     }
 
 
@@ -73,8 +73,8 @@ def test6_curves() -> dict[str, Any]:
         "beta_fine_step": tangential_restitution(impacts[0], rebound(impacts[0])),
         "sliding_ratio": ratio[ratio < 1.0],
         "sliding_beta": ratio[ratio < 1.0] - 1.0,
-        "literature_ratio": published.TEST6_X,
-        "literature_beta": published.TEST6_BETA,
+        "literature_ratio": published.SPINNING_X,
+        "literature_beta": published.SPINNING_BETA,
     }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from taichi_erosion.experiments.effects import effect_limits, effects, half_normal_scores
+from taichi_erosion.experiments.anova import effect_limits, effects, half_normal_scores
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.report.design_figures import LINE, NEUTRAL, POINT, Names, label, panels
 

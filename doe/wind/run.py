@@ -16,8 +16,7 @@ from doe.wind.page import publish
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects.dry_adhesion import Params
 from taichi_erosion.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
-from taichi_erosion.verification.wind.resting_bed import roughness, winds_over_beds
-from taichi_erosion.verification.wind.saltation import SMALLEST, at_rest
+from taichi_erosion.verification.wind.saltation import SMALLEST, at_rest, roughness, winds_over_beds
 
 FOLDER = Path(__file__).parent
 TABLES = {

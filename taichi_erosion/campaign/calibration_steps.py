@@ -29,11 +29,19 @@ from scipy import stats
 from taichi_erosion.campaign.design_runs import DesignRunner, run_design
 from taichi_erosion.campaign.study_file import CalibrationStudy
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.anova import Curvature, curvature, reduced
+from taichi_erosion.experiments.anova import (
+    CONFIDENCE,
+    Curvature,
+    Effect,
+    EffectLimits,
+    curvature,
+    effect_limits,
+    effects,
+    reduced,
+)
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
 from taichi_erosion.experiments.design import box_behnken, plackett_burman, steepest_path
 from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, Floats, arranged
-from taichi_erosion.experiments.effects import CONFIDENCE, Effect, EffectLimits, effect_limits, effects
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.optimise import Goal, Optimisation, Optimum, optimise
 from taichi_erosion.experiments.terms import linear_terms

@@ -22,7 +22,7 @@ from taichi_erosion.cli.view import export, snapshot, view
 from taichi_erosion.core.errors import BadInput, ExitCode
 
 if TYPE_CHECKING:
-    from taichi_erosion.verification import Claim
+    from taichi_erosion.verification.claim import Claim
 
 INTERRUPTED = 130  # exit code of a program ended by Ctrl-C, 128 + SIGINT
 STOPPED = 3  # exit code where the simulation of a replica failed; the others are printed
@@ -219,7 +219,7 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Climb the verification ladder: claim, got, want, tolerance; exit code 1 if a claim fails."""
-    from taichi_erosion.verification import verify as verify_claims
+    from taichi_erosion.verification.claims import verify as verify_claims
 
     claims = [asdict(claim) for claim in verify_claims(tuple(ids or ()), on_claim=announce)]
     if as_json:

@@ -1,17 +1,18 @@
-"""One row of the ladder: a sentence, a number, the number wanted, and the largest admissible difference."""
+"""One claim: a sentence, the value found, the value expected, and the largest admissible difference."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 Precision = Literal["f32", "f64"]
+PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a check found; it passes where |got - want| <= tolerance."""
+    """Result of a check; it passes where |got - want| <= tolerance."""
 
     claim: str
     got: float
@@ -22,7 +23,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Claim:
-    """One outcome as it is printed."""
+    """One outcome as it is printed, with its verdict and the wall time that it took [s]."""
 
     id: str
     claim: str
@@ -53,13 +54,4 @@ def holds(claim: str, truth: bool, precision: Precision) -> Outcome:
 def as_claim(ident: str, outcome: Outcome, wall_s: float) -> Claim:
     """The outcome judged; got = NaN fails."""
     passed = bool(abs(outcome.got - outcome.want) <= outcome.tolerance)
-    return Claim(
-        id=ident,
-        claim=outcome.claim,
-        got=outcome.got,
-        want=outcome.want,
-        tolerance=outcome.tolerance,
-        precision=outcome.precision,
-        passed=passed,
-        wall_s=wall_s,
-    )
+    return Claim(ident, **asdict(outcome), passed=passed, wall_s=wall_s)

@@ -1,17 +1,23 @@
-"""Small scenes made by hand: a few spheres, two materials (grain 0, wall 1), planes.
+"""Scenes of the claims: spheres, planes and boxes of air made by hand, run on the CPU and sampled.
 
-Running small scenes and sampling them.
+Materials are grain (0) and wall (1); surfaces are named wall0, wall1, ... in the order of their table.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from taichi_erosion.air.grid import Air, allocate_air
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, even_faces
+from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import (
     SHAPE_NUMBERS,
     ContactTable,
+    Coupling,
+    Floats,
     GrainTable,
     Laws,
     Numerics,
@@ -36,22 +42,23 @@ from taichi_erosion.verification.reference.contact import (
     young_effective,
 )
 
-Floats = NDArray[np.float64]
-
-GRAIN, WALL = 0, 1
+WALL = 1  # material
 NO_GRAVITY = (0.0, 0.0, 0.0)
 FLOOR = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # plane through the origin, free side up
 OVERLAP_LIMIT = 0.5  # of the radius; the references have no limit, soft test grains dip far [1]
+HERTZ = Laws()  # Hertz, Mindlin, no rolling resistance
+LAMINAR = AirModel()
+LINEAR = AirModel(advection="none", scheme="euler")  # nothing is carried: parallel flow, any step
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Contact parameters of one pair of materials, as in ContactTable."""
+    """Contact parameters of one pair of materials, named as in ContactTable."""
 
-    young: float  # E*, Pa
-    shear: float  # G*, Pa
+    young_effective: float  # E*, Pa
+    shear_effective: float  # G*, Pa
     restitution: float = 1.0
-    friction: float = 0.0
+    friction_sliding: float = 0.0
     friction_rolling: float = 0.0
     rolling_damping: float = 0.0
     surface_energy: float = 0.0  # J m-2
@@ -63,37 +70,22 @@ def touch_of(first: Solid, second: Solid | None, restitution: float = 1.0, frict
     return Touch(young_effective(first, second), shear_effective(first, second), restitution, friction)
 
 
-def contact_table(grain_grain: Touch, grain_wall: Touch) -> ContactTable:
-    """Rows grain-grain, grain-wall, wall-wall; walls never meet, their row repeats the second."""
-    rows = (grain_grain, grain_wall, grain_wall)
-
-    def column(name: str) -> Floats:
-        return np.array([getattr(row, name) for row in rows], dtype=float)
-
-    return ContactTable(
-        young_effective=column("young"),
-        shear_effective=column("shear"),
-        restitution=column("restitution"),
-        friction_sliding=column("friction"),
-        friction_rolling=column("friction_rolling"),
-        rolling_damping=column("rolling_damping"),
-        surface_energy=column("surface_energy"),
-        effects=column("effects"),
-    )
-
-
 def spheres(
     position: ArrayLike, velocity: ArrayLike, spin: ArrayLike, radius: ArrayLike, mass: ArrayLike
 ) -> GrainTable:
     """Grains present from the start; vectors [n, 3], radius and mass one number or [n]."""
     place = np.atleast_2d(np.asarray(position, dtype=float))
     count = len(place)
+
+    def filled(values: ArrayLike, *shape: int) -> Floats:
+        return np.array(np.broadcast_to(np.asarray(values, dtype=float), shape))
+
     return GrainTable(
         position=place,
-        velocity=np.array(np.broadcast_to(np.asarray(velocity, dtype=float), (count, 3))),
-        spin=np.array(np.broadcast_to(np.asarray(spin, dtype=float), (count, 3))),
-        radius=np.array(np.broadcast_to(np.asarray(radius, dtype=float), count)),
-        mass=np.array(np.broadcast_to(np.asarray(mass, dtype=float), count)),
+        velocity=filled(velocity, count, 3),
+        spin=filled(spin, count, 3),
+        radius=filled(radius, count),
+        mass=filled(mass, count),
         material=np.zeros(count, dtype=np.int32),
         release_time=np.zeros(count),
     )
@@ -133,18 +125,19 @@ def joined(*tables: PrimitiveTable) -> PrimitiveTable:
 
 def sphere_setup(
     grains: GrainTable,
-    contacts: ContactTable,
+    touch: Touch,
     time_step: float,
     walls: PrimitiveTable | None = None,
     gravity: tuple[float, float, float] = NO_GRAVITY,
 ) -> Setup:
-    """One replica; surfaces are named wall0, wall1, ... in the order of the table."""
+    """One replica in which grains meet each other and walls with the same contact parameters."""
     table = planes() if walls is None else walls
     count = int(table.surface.max()) + 1 if len(table.surface) else 0
+    rows = {name: np.full(3, value, dtype=float) for name, value in vars(touch).items()}
     return Setup(
         grains=grains,
         materials=("grain", "wall"),
-        contacts=contacts,
+        contacts=ContactTable(**rows),
         primitives=table,
         surfaces=tuple(Surface(f"wall{k}", WALL) for k in range(count)),
         time_step=time_step,
@@ -153,29 +146,93 @@ def sphere_setup(
     )
 
 
-def on_plane(touch: Touch, grain: GrainTable, time_step: float, **changes: object) -> Setup:
+def on_plane(touch: Touch, grain: GrainTable, time_step: float, **changes: Any) -> Setup:
     """Grains above the floor z = 0."""
-    setup = sphere_setup(grain, contact_table(touch, touch), time_step, planes(FLOOR))
-    return replace(setup, **changes)  # pyright: ignore[reportArgumentType]
+    return replace(sphere_setup(grain, touch, time_step, planes(FLOOR)), **changes)
 
 
 def wall_impact(touch: Touch, radius: float, density: float, speed: float) -> HeadOn:
     """A sphere that meets a rigid plane head-on."""
-    return HeadOn(touch.young, radius, sphere_mass(radius, density), speed)
+    return HeadOn(touch.young_effective, radius, sphere_mass(radius, density), speed)
 
 
 def pair_impact(touch: Touch, radii: tuple[float, float], density: float, speed: float) -> HeadOn:
     """Two spheres that meet head-on with relative speed `speed`."""
     masses = [sphere_mass(radius, density) for radius in radii]
-    return HeadOn(touch.young, series(*radii), series(masses[0], masses[1]), speed)
+    return HeadOn(touch.young_effective, series(*radii), series(masses[0], masses[1]), speed)
 
 
-def resting_overlap(touch: Touch, radius: float, weight: float) -> float:
-    """Overlap at which the Hertz spring carries `weight` [m]."""
-    return (weight / (4.0 / 3.0 * touch.young * np.sqrt(radius))) ** (2.0 / 3.0)
+def still_air(faces: Floats, patch: tuple[float, float], density: float, viscosity: float) -> AirSetup:
+    """A column of air at rest that only grains can move; `viscosity` is dynamic [Pa s].
+
+    `patch` holds the periods downwind and across [m]. The floor is smooth and the lid without stress: what
+    the air gains, grains have lost.
+    """
+    ends = {"z_low": AirSide("symmetry"), "z_high": AirSide("stress")}
+    return AirSetup(
+        cells=(1, 1, len(faces) - 1),
+        low=(0.0, 0.0, float(faces[0])),
+        high=(*patch, float(faces[-1])),
+        faces_z=faces,
+        sides={name: ends.get(name, AirSide("periodic")) for name in SIDES},
+        density=density,
+        viscosity=viscosity / density,
+        time_step=1.0,
+        model=AirModel(closure="none", advection="none", scheme="euler", exchange=True),
+    )
 
 
-HERTZ = Laws()  # Hertz, Mindlin, no rolling resistance
+def in_air(setup: Setup, air: AirSetup, coupling: Coupling, headroom: float) -> Setup:
+    """The same grains in a periodic patch; they may rise `headroom` [m] above the lid."""
+    low = (0.0, 0.0, air.faces_z[0] - headroom)
+    high = (air.high[0], air.high[1], air.high[2] + headroom)
+    period = (air.high[0], air.high[1], 0.0)
+    return replace(setup, air=air, coupling=coupling, domain=(low, high), period=period)
+
+
+def regular_bed(diameter: float, density: float, void: float, cells: tuple[int, int, int]) -> GrainTable:
+    """A face-centred cubic lattice of spheres from the origin that leaves `void` of its volume free."""
+    edge = lattice_edge(diameter, void)
+    base = edge * np.array([(0.25, 0.25, 0.25), (0.75, 0.75, 0.25), (0.25, 0.75, 0.75), (0.75, 0.25, 0.75)])
+    corner = edge * np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1).reshape(-1, 1, 3)
+    place = (corner + base).reshape(-1, 3)
+    return spheres(place, 0.0, 0.0, diameter / 2.0, density * np.pi / 6.0 * diameter**3)
+
+
+def lattice_edge(diameter: float, void: float) -> float:
+    """Edge of a face-centred cubic cell, which holds four spheres [m]."""
+    return float((4.0 * np.pi / 6.0 / (1.0 - void)) ** (1.0 / 3.0) * diameter)
+
+
+def sides(**given: AirSide) -> dict[str, AirSide]:
+    """The named sides, symmetry along z, and periods elsewhere."""
+    flat = {name: AirSide("symmetry") for name in ("z_low", "z_high")}
+    return {name: AirSide() for name in SIDES} | flat | given
+
+
+def box(cells: tuple[int, int, int], size: tuple[float, float, float], **words: Any) -> AirSetup:
+    """A box of air from the origin, of density 1 and equal cells unless stated otherwise."""
+    usual: dict[str, Any] = {
+        "faces_z": even_faces(0.0, size[2], cells[2]),
+        "sides": sides(),
+        "density": 1.0,
+        "viscosity": 1.0,
+        "time_step": 1.0,
+        "model": LAMINAR,
+        "implicitness": 0.5,
+    }
+    return AirSetup(cells=cells, low=(0.0, 0.0, 0.0), high=size, **usual | words)
+
+
+def air_of(setups: Sequence[AirSetup], threads: int = 0) -> Air:
+    """The boxes of air on the CPU."""
+    start_device(Numerics(threads=threads))
+    return allocate_air(setups)
+
+
+def centres(faces: Floats) -> Floats:
+    """Middles between faces."""
+    return 0.5 * (faces[1:] + faces[:-1])
 
 
 class Stopped(Exception):
@@ -192,43 +249,50 @@ class Trace:
     spin: Floats  # [samples, replicas, grains, 3] rad s-1
 
 
-def bench(setups: Sequence[Setup], precision: Precision, laws: Laws = HERTZ, threads: int = 0) -> Simulation:
+def simulation_of(
+    setups: Sequence[Setup], precision: Precision, laws: Laws = HERTZ, threads: int = 0
+) -> Simulation:
     """The scenes on the CPU."""
     return assemble(setups, laws, Numerics(threads=threads, precision=precision))
 
 
-def played_out(scenes: Sequence[Scene], seed: int) -> EnsembleRun:
-    """Scenes of one law, each a replica of the seed, played to their ends on the CPU in single precision."""
+def run_to_end(scenes: Sequence[Scene], seed: int) -> EnsembleRun:
+    """Scenes of one law, each a replica of the seed, run to their ends on the CPU in single precision."""
     sim = assemble([build_setup(scene, seed) for scene in scenes], laws_of(scenes[0]), Numerics())
     whole = EnsembleRun(list(scenes), sim, [ReplicaState(seed) for _ in scenes])
     run_ensemble(whole, [])
     return whole
 
 
-def states(sim: Simulation, replicas: int) -> list[Snapshot]:
+def states(sim: Simulation) -> list[Snapshot]:
     """Snapshots of all replicas; raises Stopped where one has failed."""
-    for replica in range(replicas):
+    for replica in range(len(sim.setups)):
         if fault := failure(sim, replica):
             raise Stopped(f"replica {replica} stopped: {fault}")
-    return [snapshot(sim, replica) for replica in range(replicas)]
+    return [snapshot(sim, replica) for replica in range(len(sim.setups))]
+
+
+def advance_all(sim: Simulation, time: float) -> None:
+    """Advance every replica to one time [s]."""
+    advance(sim, [float(time)] * len(sim.setups))
 
 
 def final_states(
     setups: Sequence[Setup], durations: ArrayLike, precision: Precision, laws: Laws = HERTZ
 ) -> list[Snapshot]:
     """Snapshots after `durations` [s], one number or one per replica."""
-    sim = bench(setups, precision, laws)
+    sim = simulation_of(setups, precision, laws)
     ends = np.broadcast_to(np.asarray(durations, dtype=float), len(setups))
     advance(sim, [float(end) for end in ends])
-    return states(sim, len(setups))
+    return states(sim)
 
 
 def sample(sim: Simulation, times: Floats) -> Trace:
-    """Samples at `times` [samples, replicas] in s."""
+    """Samples at `times` [samples, replicas] in s, or [samples] for all replicas alike."""
     rows = []
-    for row in times:
+    for row in np.broadcast_to(times if times.ndim == 2 else times[:, None], (len(times), len(sim.setups))):
         advance(sim, [float(time) for time in row])
-        rows.append(states(sim, times.shape[1]))
+        rows.append(states(sim))
     return Trace(
         time=np.array([[state.time for state in row] for row in rows]),
         position=stacked(rows, "position"),
@@ -253,6 +317,16 @@ def every_step(setups: Sequence[Setup], steps: int) -> Floats:
     return counts[:, None] * np.array([setup.time_step for setup in setups])[None, :]
 
 
+def acceleration(trace: Trace) -> Floats:
+    """Central second difference of the positions [samples - 2, replicas, grains, 3] in m s-2.
+
+    With samples one step apart a leapfrog step makes this exactly force over mass at the middle sample.
+    """
+    step = np.diff(trace.time, axis=0)[:-1, :, None, None]
+    second = trace.position[2:] - 2.0 * trace.position[1:-1] + trace.position[:-2]
+    return second / step**2
+
+
 def crossing(time: Floats, value: Floats, level: float = 0.0) -> float:
     """First time at which a sampled value falls through `level`, interpolated; NaN if it never does."""
     falls = np.flatnonzero((value[:-1] > level) & (value[1:] <= level))
@@ -263,11 +337,6 @@ def crossing(time: Floats, value: Floats, level: float = 0.0) -> float:
     return float(time[k] + share * (time[k + 1] - time[k]))
 
 
-def acceleration(trace: Trace) -> Floats:
-    """Central second difference of the positions [samples - 2, replicas, grains, 3] in m s-2.
-
-    With samples one step apart a leapfrog step makes this exactly force over mass at the middle sample.
-    """
-    step = np.diff(trace.time, axis=0)[:-1, :, None, None]
-    second = trace.position[2:] - 2.0 * trace.position[1:-1] + trace.position[:-2]
-    return second / step**2
+def order(errors: Sequence[float]) -> float:
+    """Observed order of convergence from the last two of a series of errors, each grid twice as fine [1]."""
+    return float(np.log(errors[-2] / errors[-1]) / np.log(2.0))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from taichi_erosion.campaign.calibration_steps import centre_value, screened_effects
+from taichi_erosion.experiments.anova import effects
 from taichi_erosion.experiments.design import plackett_burman
 from taichi_erosion.experiments.design_table import Factor
-from taichi_erosion.experiments.effects import effects
 from taichi_erosion.experiments.fit import fit_model
 from taichi_erosion.experiments.terms import linear_terms
 

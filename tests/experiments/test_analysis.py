@@ -20,11 +20,14 @@ from taichi_erosion.experiments.anova import (
     Row,
     anova,
     curvature,
+    effect_limits,
+    effects,
+    half_normal_scores,
+    lenth_limits,
     reduced,
     replicate_error,
     seed_error,
 )
-from taichi_erosion.experiments.effects import effect_limits, effects, half_normal_scores, lenth_limits
 from taichi_erosion.experiments.fit import (
     Fit,
     coded_polynomial,

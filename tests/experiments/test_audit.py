@@ -10,8 +10,8 @@ from textbook import unit_factors
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.audit.claims import parse_printed
 from taichi_erosion.experiments.audit.examine import as_document, audit
+from taichi_erosion.experiments.audit.published import parse_printed
 from taichi_erosion.experiments.design_table import Factor
 
 LAW = np.array([3.0, -8.0, 0.5, 1.0, -2.0, 0.1, 4.0])

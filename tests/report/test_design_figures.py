@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from doe.hao2022 import tables as hao2022
 from doe.hao2022.figures import half_normal, pareto
+from taichi_erosion.experiments.anova import effect_limits
 from taichi_erosion.experiments.audit.examine import Audit, audit
 from taichi_erosion.experiments.design import full_factorial
 from taichi_erosion.experiments.design_table import Factor
-from taichi_erosion.experiments.effects import effect_limits
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.terms import model_terms
 from taichi_erosion.report import design_figures as figures

@@ -50,16 +50,18 @@ def test_hertz_impacts_reach_the_tabulated_peaks(row) -> None:
 
 
 def test_the_oblique_integrator_gives_the_table_with_the_sliding_rule_of_the_table() -> None:
-    impact = impact_at(SOLIDS["aluminium oxide"], published.TEST4_ANGLE, Sliding.TABLE)
+    impact = impact_at(SOLIDS["aluminium oxide"], published.OBLIQUE_ANGLE, Sliding.TABLE)
     after = rebound(impact, 10_000)
     # four digits are printed; the spin at 5 deg is a small difference, 16.7 out of 650 rad/s
-    assert after.tangential / impact.tangential == pytest.approx(published.TEST4_OXIDE_RESTITUTION, abs=3e-4)
-    assert after.spin == pytest.approx(published.TEST4_OXIDE_SPIN, abs=0.2)
-    assert patch_angle(impact, after) == pytest.approx(published.TEST4_OXIDE_PATCH, abs=0.01)
+    assert after.tangential / impact.tangential == pytest.approx(
+        published.OBLIQUE_OXIDE_RESTITUTION, abs=3e-4
+    )
+    assert after.spin == pytest.approx(published.OBLIQUE_OXIDE_SPIN, abs=0.2)
+    assert patch_angle(impact, after) == pytest.approx(published.OBLIQUE_OXIDE_PATCH, abs=0.01)
 
 
 def test_all_sliding_rules_agree_where_a_nearly_elastic_contact_slides_throughout() -> None:
-    steep = published.TEST4_ANGLE[published.TEST4_ANGLE > 33.0]
+    steep = published.OBLIQUE_ANGLE[published.OBLIQUE_ANGLE > 33.0]
     solid = SOLIDS["aluminium oxide"]
     ends = [rebound(impact_at(solid, steep, rule), 4000).tangential for rule in Sliding]
     assert ends[1] == pytest.approx(ends[0], rel=2e-4)

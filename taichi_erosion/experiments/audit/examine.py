@@ -7,18 +7,24 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.anova import anova
-from taichi_erosion.experiments.audit.claims import Claims, Finding, claims_of
-from taichi_erosion.experiments.audit.numbers import (
+from taichi_erosion.experiments.audit.comparisons import (
     Comparison,
     compare_anova,
     compare_equation,
     compare_quality,
+    examine_surface,
     fit_findings,
     number_findings,
+    test_findings,
 )
-from taichi_erosion.experiments.audit.reading import PublishedTable, read_published
+from taichi_erosion.experiments.audit.published import (
+    Claims,
+    Finding,
+    PublishedTable,
+    claims_of,
+    read_published,
+)
 from taichi_erosion.experiments.audit.structure import Structure, examine_structure, structure_findings
-from taichi_erosion.experiments.audit.surface import examine_surface, test_findings
 from taichi_erosion.experiments.design_table import Floats
 from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model
 from taichi_erosion.experiments.quality import quality

@@ -13,8 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from taichi_erosion.experiments.audit.claims import Finding
-from taichi_erosion.experiments.audit.reading import PublishedTable
+from taichi_erosion.experiments.audit.published import Finding, PublishedTable
 from taichi_erosion.experiments.design import (
     CYCLES,
     TOGETHER,

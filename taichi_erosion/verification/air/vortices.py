@@ -25,9 +25,9 @@ from taichi_erosion.air.readback import face_velocities, set_velocities
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.air_setup import AirSetup, AirSide, both_faces, even_faces
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.verification.air.boxes import aired, box, centres, order, sides
 from taichi_erosion.verification.claim import Outcome, below
 from taichi_erosion.verification.reference import published
+from taichi_erosion.verification.small_scenes import air_of, box, centres, order, sides
 
 LIMITS = {100: 0.01, 400: 0.01, 1000: 0.02}  # of the lid's speed
 STAGES = ((32, 60.0), (64, 12.0), (128, 4.0))  # cells along a side, and time spent there [side / lid speed]
@@ -69,7 +69,7 @@ def settled() -> list[Faces]:
     found: list[Faces] = []
     for cells, duration in STAGES:
         setups = [cavity(reynolds, cells) for reynolds in LIMITS]
-        air = aired(setups)
+        air = air_of(setups)
         for replica, (u, _, w) in enumerate(found):
             across = np.zeros((cells, 2, cells))
             finer = refined(u[:, 0, :], 0)[:, None, :], across, refined(w[:, 0, :], 1)[:, None, :]
@@ -130,7 +130,7 @@ def vortices(cells: int, steps: int, viscosity: float, squeezed: float = 1.0) ->
 
 def horizontal(setup: AirSetup, steps: int, tolerance: float = TOLERANCE) -> Floats:
     """Horizontal velocity after so many steps [m s-1]."""
-    air = aired([setup])
+    air = air_of([setup])
     advance_air(air, steps, tolerance)
     return face_velocities(air, 0)[0][:-1, 0, :]
 
@@ -157,7 +157,7 @@ def energy_rise() -> float:
     """Largest rise of the kinetic energy from step to step over the first energy, without viscosity."""
     cells = GRIDS[-1]
     steps = round(DURATION / (COURANT * SIDE / cells))
-    air = aired([vortices(cells, steps, 0.0)])
+    air = air_of([vortices(cells, steps, 0.0)])
     sums = []
     for _ in range(ENERGY_STEPS + 1):
         sums.append(sum(float((v[: 2 * cells, :, :cells] ** 2).sum()) for v in face_velocities(air, 0)))

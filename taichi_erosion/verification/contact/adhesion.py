@@ -9,37 +9,32 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.setup import Laws, Setup
+from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
-from taichi_erosion.verification.claim import Outcome, Precision, below, holds, relative
+from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, holds, relative
 from taichi_erosion.verification.reference import contact as jkr
 from taichi_erosion.verification.reference.contact import sphere_mass
 from taichi_erosion.verification.small_scenes import (
     Touch,
     acceleration,
-    bench,
-    contact_table,
     every_step,
     final_states,
     on_plane,
     sample,
+    simulation_of,
     sphere_setup,
     spheres,
     states,
     wall_impact,
 )
 
-Floats = NDArray[np.float64]
-
 RADIUS, DENSITY = 0.5e-3, 2500.0  # m, kg m-3
 MASS = sphere_mass(RADIUS, DENSITY)
 TOUCH = Touch(1e8, 2.5e7, surface_energy=0.5)
-PAIR = jkr.Sticky(TOUCH.young, RADIUS / 2.0, MASS / 2.0, TOUCH.surface_energy)
+PAIR = jkr.Sticky(TOUCH.young_effective, RADIUS / 2.0, MASS / 2.0, TOUCH.surface_energy)
 JKR = Laws(normal="jkr")
 EDEM = Laws(normal="jkr", adhesion_branch="edem", friction_cap="edem")
-PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
 SPEED_SHARE = 1.1  # of the sticking speed: slow where the neck tears
 PULL_OFF_AT, TEAR_AT = jkr.overlap_at(jkr.CUBE_PULL_OFF), jkr.overlap_at(jkr.CUBE_TEAR)
 BALANCE_AT = jkr.overlap_at(jkr.CUBE_BALANCE)
@@ -63,19 +58,19 @@ def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> 
     grains = spheres(
         [[-half, 0, 0], [half, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]], 0.0, RADIUS, MASS
     )
-    return sphere_setup(grains, contact_table(TOUCH, TOUCH), step)
+    return sphere_setup(grains, TOUCH, step)
 
 
 def bounce() -> Bounce:
     """One bounce until after the tear, sampled at every step near landmarks and sparsely between."""
     speed = SPEED_SHARE * PAIR.speed_sticking
     setup = pair_scene(speed, STEPS_PER_DEPTH)
-    sim = bench([setup], "f64", JKR)
+    sim = simulation_of([setup], "f64", JKR)
     found: list[tuple[int, float]] = []
     step = 1
     while step < LONGEST_BOUNCE * STEPS_PER_DEPTH:
         advance(sim, [step * setup.time_step])
-        state = states(sim, 1)[0]
+        state = states(sim)[0]
         gap = state.position[1, 0] - state.position[0, 0]
         found.append((state.step, gap))
         dense = is_near_landmark((2.0 * RADIUS - gap) / PAIR.depth)
@@ -164,7 +159,7 @@ def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
     speed = SPEED_SHARE * PAIR.speed_sticking
     for laws in (JKR, EDEM):
         setup = pair_scene(speed, STEPS_PER_DEPTH, apart)
-        trace = sample(bench([setup], precision, laws), every_step([setup], 3))
+        trace = sample(simulation_of([setup], precision, laws), every_step([setup], 3))
         force = -MASS * acceleration(trace)[0, 0, 1, 0] / PAIR.force_scale
         at = (2.0 * RADIUS - trace.position[1, 0, 1, 0] + trace.position[1, 0, 0, 0]) / PAIR.depth
         wanted = -jkr.branch_force(at) if laws is EDEM else 0.0
@@ -196,15 +191,15 @@ def sticking_speed() -> Iterator[Outcome]:
 def vanishing_adhesion() -> Iterator[Outcome]:
     """V19: with gamma -> 0 an oblique, damped impact under the JKR law is the one under Hertz, 1e-6."""
     energies = (0.0, 1e-15, 1e-12)
-    bare = replace(TOUCH, restitution=0.7, friction=0.4, surface_energy=0.0)
+    bare = replace(TOUCH, restitution=0.7, friction_sliding=0.4, surface_energy=0.0)
     impact = wall_impact(bare, RADIUS, DENSITY, 1.0)
     step = impact.duration / 500.0
     grain = spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
     setups = [on_plane(replace(bare, surface_energy=energy), grain, step) for energy in energies]
     times = np.linspace(0.0, 2.0 * impact.duration, 101)[1:][:, None] * np.ones(len(setups))
     for precision in PRECISIONS:
-        with_law = sample(bench(setups, precision, JKR), times)
-        hertz = sample(bench(setups[:1], precision), times[:, :1])
+        with_law = sample(simulation_of(setups, precision, JKR), times)
+        hertz = sample(simulation_of(setups[:1], precision), times[:, :1])
         for k, energy in enumerate(energies):
             error = (with_law.velocity[:, k] - hertz.velocity[:, 0]) / impact.speed
             name = f"JKR with gamma = {energy:g} J/m2 against Hertz: velocity along an impact, over its speed"
@@ -214,8 +209,8 @@ def vanishing_adhesion() -> Iterator[Outcome]:
 def friction_caps() -> Iterator[Outcome]:
     """V20: at F = 0 friction slides at mu 6 pi gamma R* (`thornton`) or mu 12 pi gamma R* (`edem`), 0.1 %."""
     friction = 0.3
-    touch = replace(TOUCH, friction=friction, restitution=0.5)
-    stuck = jkr.Sticky(touch.young, RADIUS, MASS, touch.surface_energy)
+    touch = replace(TOUCH, friction_sliding=friction, restitution=0.5)
+    stuck = jkr.Sticky(touch.young_effective, RADIUS, MASS, touch.surface_energy)
     for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
         wanted = friction * factor * stuck.force_scale
         speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
@@ -223,7 +218,7 @@ def friction_caps() -> Iterator[Outcome]:
         height = RADIUS - BALANCE_AT * stuck.depth
         setup = on_plane(touch, spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS), step)
         for precision in PRECISIONS:
-            trace = sample(bench([setup], precision, laws), np.array([[0.5e-3], [1.5e-3]]))
+            trace = sample(simulation_of([setup], precision, laws), np.array([[0.5e-3], [1.5e-3]]))
             loss = trace.velocity[0, 0, 0, 0] - trace.velocity[1, 0, 0, 0]
             force = MASS * loss / (trace.time[1, 0] - trace.time[0, 0])
             name = f"friction at F = 0, cap {laws.friction_cap}, over mu pi gamma R*"

@@ -36,9 +36,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.setup import GrainTable, Laws, Motion, PrimitiveKind, PrimitiveTable, Setup
+from taichi_erosion.core.setup import Floats, GrainTable, Laws, Motion, PrimitiveKind, PrimitiveTable, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.simulation import Simulation, advance, move_surface, remove_surface, snapshot
@@ -49,18 +48,15 @@ from taichi_erosion.verification.reference.contact import Solid, sphere_mass
 from taichi_erosion.verification.small_scenes import (
     FLOOR,
     Touch,
-    bench,
-    contact_table,
     joined,
     planes,
     primitive_table,
+    simulation_of,
     sphere_setup,
     spheres,
     states,
     touch_of,
 )
-
-Floats = NDArray[np.float64]
 
 DIAMETER = 2e-3  # m
 SOFT_GLASS = Solid(1.25e7, 0.25, 2500.0)
@@ -114,7 +110,7 @@ def column_scene(touch: Touch, count: int, radius: float, seed: int) -> Setup:
     """Grains in a tube on a floor: surface wall0 is the floor, wall1 the tube."""
     grains = loose_grains(count, (radius, radius), True, seed)
     walls = joined(planes(FLOOR), tube(radius, 0.0, 60.0 * DIAMETER))
-    return sphere_setup(grains, contact_table(touch, touch), TIME_STEP, walls, GRAVITY)
+    return sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY)
 
 
 def silo_scene(touch: Touch, count: int, width: float, hole: float, seed: int) -> Setup:
@@ -130,7 +126,7 @@ def silo_scene(touch: Touch, count: int, width: float, hole: float, seed: int) -
         revolved_segment((0.0, 0.0), (reach, 0.0)),
         planes(TRAY),
     )
-    return sphere_setup(grains, contact_table(touch, touch), TIME_STEP, walls, GRAVITY)
+    return sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY)
 
 
 def slot_scene(touch: Touch, count: int, width: float, slot: float, seed: int) -> Setup:
@@ -146,7 +142,7 @@ def slot_scene(touch: Touch, count: int, width: float, slot: float, seed: int) -
         planes(TRAY),
     )
     grains = loose_grains(count, (half, SLOT_LENGTH / 2.0), False, seed)
-    setup = sphere_setup(grains, contact_table(touch, touch), TIME_STEP, walls, GRAVITY)
+    setup = sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY)
     return replace(setup, domain=endless(SLOT_LENGTH), period=(0.0, SLOT_LENGTH, 0.0))
 
 
@@ -180,7 +176,7 @@ def plate_scene(grain: Touch, plate: Touch, count: int, half_length: float, seed
         ),
     )
     grains = loose_grains(count, (x, width / 2.0), False, seed)
-    setup = sphere_setup(grains, contact_table(grain, plate), TIME_STEP, walls, GRAVITY)
+    setup = sphere_setup(grains, grain, TIME_STEP, walls, GRAVITY)
     return replace(setup, domain=endless(width), period=(0.0, width, 0.0))
 
 
@@ -219,7 +215,7 @@ def heap_scene(setting: Setting, seed: int) -> Setup:
 
 def heap_angles(runs: Sequence[tuple[Setting, int]], precision: Precision) -> Floats:
     """Angle of repose of each (setting, seed) [deg]."""
-    sim = bench([heap_scene(setting, seed) for setting, seed in runs], precision, HEAP_LAWS)
+    sim = simulation_of([heap_scene(setting, seed) for setting, seed in runs], precision, HEAP_LAWS)
     count = len(runs)
     advance(sim, [HEAP_SETTLE] * count)
     for replica in range(count):
@@ -228,7 +224,7 @@ def heap_angles(runs: Sequence[tuple[Setting, int]], precision: Precision) -> Fl
     for replica in range(count):
         remove_surface(sim, replica, "wall1")
     advance(sim, [HEAP_SETTLE + LIFTED + REST] * count)
-    return np.array([repose_angle(state).value for state in states(sim, count)])
+    return np.array([repose_angle(state).value for state in states(sim)])
 
 
 def repose_trends() -> Iterator[Outcome]:
@@ -250,13 +246,13 @@ def plate_outcomes() -> Iterator[Outcome]:
     """Plate heap of 2 mm glass against Zhou's formula, 3 deg."""
     grain = soft_touch(PLATE_FRICTION, PLATE_ROLLING)
     setups = [plate_scene(grain, grain, PLATE_COUNT, PLATE_HALF, seed) for seed in PLATE_SEEDS]
-    sim = bench(setups, "f32", Laws(rolling="elastic_plastic"))
+    sim = simulation_of(setups, "f32", Laws(rolling="elastic_plastic"))
     advance(sim, [HEAP_SETTLE] * len(setups))
     for replica in range(len(setups)):
         remove_surface(sim, replica, "wall1")
         remove_surface(sim, replica, "wall2")
     advance(sim, [HEAP_SETTLE + 0.9] * len(setups))
-    angles = np.array([plate_angle(state) for state in states(sim, len(setups))])
+    angles = np.array([plate_angle(state) for state in states(sim)])
     # the torque mu_r R* F is a length times F: R* is a quarter of the diameter between grains, half of it
     # at the plate
     lengths = PLATE_ROLLING * DIAMETER / 4.0, PLATE_ROLLING * DIAMETER / 2.0
@@ -354,7 +350,7 @@ def filled(silos: Silos) -> Simulation:
     touch = soft_touch(FRICTION, FRICTION_ROLLING)
     rows = zip(silos.stock, silos.widths * DIAMETER, silos.openings * DIAMETER, strict=True)
     setups = [silos.scene(touch, int(n), width, opening, k) for k, (n, width, opening) in enumerate(rows)]
-    sim = bench(setups, "f32", SILO_LAWS)
+    sim = simulation_of(setups, "f32", SILO_LAWS)
     advance(sim, [SILO_SETTLE] * len(setups))
     return sim
 
@@ -382,7 +378,7 @@ def bulk_density(sim: Simulation, silos: Silos) -> Floats:
     """Density of every settled filling between two and twelve diameters above the bottom [kg m-3]."""
     low, high = 2.0, 12.0
     masses = []
-    for state in states(sim, len(sim.setups)):
+    for state in states(sim):
         height = state.position[:, 2] / DIAMETER
         masses.append(MASS * np.count_nonzero((height > low) & (height < high)))
     return np.array(masses) / (silos.sections * (high - low) * DIAMETER**3)
@@ -404,7 +400,7 @@ def discharge_rates(sim: Simulation, silos: Silos) -> Floats:
             break
         ends = ends + SAMPLE * flowing
         advance(sim, [float(end) for end in ends])
-    states(sim, replicas)
+    states(sim)
     series = zip(np.array(times).T, np.array(passed).T, silos.before, silos.until, strict=True)
     return np.array([steady_slope(*silo) for silo in series])
 

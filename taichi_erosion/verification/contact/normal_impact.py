@@ -9,30 +9,27 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.setup import Setup
-from taichi_erosion.verification.claim import Outcome, Precision, below, relative
+from taichi_erosion.core.setup import Floats, Setup
+from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, relative
 from taichi_erosion.verification.reference.contact import HeadOn, Solid, sphere_mass
 from taichi_erosion.verification.reference.motion import hertz_motion
 from taichi_erosion.verification.small_scenes import (
     Touch,
+    Trace,
     acceleration,
-    bench,
-    contact_table,
     crossing,
     every_step,
     final_states,
     on_plane,
     pair_impact,
     sample,
+    simulation_of,
     sphere_setup,
     spheres,
     touch_of,
     wall_impact,
 )
-
-Floats = NDArray[np.float64]
 
 GLASS = Solid(4.8e10, 0.20, 2800.0)
 LIMESTONE = Solid(2.0e10, 0.25, 2500.0)
@@ -43,75 +40,69 @@ CAST_IRON = Solid(1.0e11, 0.25, 7000.0)
 
 PER_CONTACT = 200  # steps in one elastic contact time [1]
 AHEAD = 3.5  # steps of free flight before the touch [1]
-PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
 
 
 @dataclass(frozen=True)
 class Case:
     """A head-on impact and its closed form."""
 
-    name: str
     setup: Setup
     impact: HeadOn
     mass: float  # kg, of the first grain
     contact_distance: float  # m, between centres, or of the centre from the wall
+    name: str = ""
 
 
-def pair_case(name: str, touch: Touch, radii: tuple[float, float], density: float, speed: float) -> Case:
+def pair_case(touch: Touch, radii: tuple[float, float], density: float, speed: float, name: str = "") -> Case:
     """Two spheres along x; each carries half the relative speed."""
     impact = pair_impact(touch, radii, density, speed)
     step = impact.duration / PER_CONTACT
     apart = sum(radii) + AHEAD * speed * step
     masses = [sphere_mass(radius, density) for radius in radii]
-    grains = spheres(
-        [[-apart / 2, 0, 0], [apart / 2, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]], 0.0, radii, masses
-    )
-    setup = sphere_setup(grains, contact_table(touch, touch), step)
-    return Case(name, setup, impact, masses[0], sum(radii))
+    velocity = [[speed / 2, 0, 0], [-speed / 2, 0, 0]]
+    grains = spheres([[-apart / 2, 0, 0], [apart / 2, 0, 0]], velocity, 0.0, radii, masses)
+    return Case(sphere_setup(grains, touch, step), impact, masses[0], sum(radii), name)
 
 
-def wall_case(name: str, touch: Touch, radius: float, density: float, speed: float) -> Case:
+def wall_case(touch: Touch, radius: float, density: float, speed: float, name: str = "") -> Case:
     """A sphere that falls on the rigid floor without gravity."""
     impact = wall_impact(touch, radius, density, speed)
     step = impact.duration / PER_CONTACT
-    height = radius + AHEAD * speed * step
-    grains = spheres([[0, 0, height]], [[0, 0, -speed]], 0.0, radius, impact.mass)
-    return Case(name, on_plane(touch, grains, step), impact, impact.mass, radius)
-
-
-def overlaps(case: Case, position: Floats) -> Floats:
-    """Overlap [m] from positions [samples, grains, 3]."""
-    if case.setup.grains.radius.size == 2:
-        return case.contact_distance - (position[:, 1, 0] - position[:, 0, 0])
-    return case.contact_distance - position[:, 0, 2]
+    start = [[0, 0, radius + AHEAD * speed * step]]
+    grains = spheres(start, [[0, 0, -speed]], 0.0, radius, impact.mass)
+    return Case(on_plane(touch, grains, step), impact, impact.mass, radius, name)
 
 
 def hertz_cases() -> list[Case]:
     """Tests 1 and 2 of Chung & Ooi (2011)."""
+    glass, limestone = (touch_of(solid, solid) for solid in (GLASS, LIMESTONE))
     return [
-        pair_case("T1 glass", touch_of(GLASS, GLASS), (0.01, 0.01), 2800.0, 20.0),
-        pair_case("T1 limestone", touch_of(LIMESTONE, LIMESTONE), (0.01, 0.01), 2500.0, 20.0),
-        wall_case("T2 aluminium alloy", touch_of(ALUMINIUM_ALLOY, None), 0.1, 2699.0, 0.2),
-        wall_case("T2 magnesium alloy", touch_of(MAGNESIUM_ALLOY, None), 0.1, 1800.0, 0.2),
+        pair_case(glass, (0.01, 0.01), 2800.0, 20.0, "T1 glass"),
+        pair_case(limestone, (0.01, 0.01), 2500.0, 20.0, "T1 limestone"),
+        wall_case(touch_of(ALUMINIUM_ALLOY, None), 0.1, 2699.0, 0.2, "T2 aluminium alloy"),
+        wall_case(touch_of(MAGNESIUM_ALLOY, None), 0.1, 1800.0, 0.2, "T2 magnesium alloy"),
     ]
 
 
 def hertz_peaks() -> Iterator[Outcome]:
     """V02."""
     cases = hertz_cases()
+    setups = [case.setup for case in cases]
     for precision in PRECISIONS:
-        setups = [case.setup for case in cases]
-        trace = sample(bench(setups, precision), every_step(setups, PER_CONTACT + 12))
+        trace = sample(simulation_of(setups, precision), every_step(setups, PER_CONTACT + 12))
         pull = acceleration(trace)
         for k, case in enumerate(cases):
-            yield from peak_outcomes(case, trace.time[:, k], trace.position[:, k], pull[:, k], precision)
+            yield from peak_outcomes(case, trace, k, pull[:, k], precision)
 
 
 def peak_outcomes(
-    case: Case, time: Floats, position: Floats, pull: Floats, precision: Precision
+    case: Case, trace: Trace, replica: int, pull: Floats, precision: Precision
 ) -> Iterator[Outcome]:
     """Deepest overlap, largest force, force along the path, contact time."""
-    overlap, impact = overlaps(case, position), case.impact
+    time, position, impact = trace.time[:, replica], trace.position[:, replica], case.impact
+    paired = case.setup.grains.radius.size == 2
+    apart = position[:, 1, 0] - position[:, 0, 0] if paired else position[:, 0, 2]
+    overlap = case.contact_distance - apart
     force = case.mass * np.abs(pull[:, 0]).max(axis=-1)
     law = impact.stiffness * np.maximum(overlap[1:-1], 0.0) ** 1.5
     yield relative(f"{case.name}: deepest overlap [m]", overlap.max(), impact.overlap_peak, 1e-3, precision)
@@ -144,21 +135,14 @@ def step_order() -> Iterator[Outcome]:
 def restitution() -> Iterator[Outcome]:
     """V04: e out of an impact is the e that was asked for."""
     wanted = np.round(np.arange(0.1, 1.01, 0.1), 1)
-    oxide, iron = touch_of(ALUMINIUM_OXIDE, None), touch_of(CAST_IRON, CAST_IRON)
+    oxide = [replace(touch_of(ALUMINIUM_OXIDE, None), restitution=e) for e in (*wanted, 0.5)]
+    iron = [replace(touch_of(CAST_IRON, CAST_IRON), restitution=e) for e in wanted]
+    speeds = np.geomspace(0.01, 10.0, 10)
     groups = {
-        "T3 aluminium oxide on a wall": [
-            wall_case("", replace(oxide, restitution=e), 0.0025, 4000.0, 3.9) for e in wanted
-        ],
-        "equal spheres": [
-            pair_case("", replace(iron, restitution=e), (0.0025, 0.0025), 7000.0, 3.9) for e in wanted
-        ],
-        "spheres of 1 and 4 mm": [
-            pair_case("", replace(iron, restitution=e), (0.001, 0.004), 7000.0, 3.9) for e in wanted
-        ],
-        "e = 0.5 at 0.01 to 10 m/s": [
-            wall_case("", replace(oxide, restitution=0.5), 0.0025, 4000.0, v)
-            for v in np.geomspace(0.01, 10.0, 10)
-        ],
+        "T3 aluminium oxide on a wall": [wall_case(e, 0.0025, 4000.0, 3.9) for e in oxide[:-1]],
+        "equal spheres": [pair_case(e, (0.0025, 0.0025), 7000.0, 3.9) for e in iron],
+        "spheres of 1 and 4 mm": [pair_case(e, (0.001, 0.004), 7000.0, 3.9) for e in iron],
+        "e = 0.5 at 0.01 to 10 m/s": [wall_case(oxide[-1], 0.0025, 4000.0, speed) for speed in speeds],
     }
     cases = [case for group in groups.values() for case in group]
     for precision in PRECISIONS:

@@ -1,30 +1,27 @@
-"""V05, V06: oblique and spinning impacts on a plane (tests 4 and 6 of Chung & Ooi).
+"""V05-V08: oblique and spinning impacts on a plane and between two spheres (tests 4 and 6-8 of Chung & Ooi).
 
 Angles are of incidence, from the normal. The patch angle is that of the contact point's velocity after the
 impact, atan((v_t' + R omega')/v_n'). While the contact slides throughout,
 
-    v_t' = v_t - mu (1 + e) v_n,    R omega' = -(5/2) mu (1 + e) v_n,    beta = -(1 - X),  X = 3.5 mu (1 +
-    e) v_n / v_s,
+    v_t' = v_t - mu (1 + e) v_n,    R omega' = -(5/2) mu (1 + e) v_n,
+    beta = -(1 - X),    X = 3.5 mu (1 + e) v_n / v_s,
 
 exactly, where v_s is the speed of the contact point before and beta = -v_s'/v_s.
 
-V07, V08: impacts of two spinning spheres (tests 7 and 8 of Chung & Ooi).
-
-Two equal spheres with opposite spins have no slip where they touch: spins and tangential speeds must come
-out as they went in. Two unequal spheres exchange equal and opposite forces along one line, so linear and
-angular momentum stay. While such a pair slides, its slip falls by 3.5 mu (1 + e) v_n as in test 6, whatever
-the masses.
+V07: two equal spheres with opposite spins have no slip where they touch: spins and tangential speeds must
+come out as they went in. V08: two unequal spheres exchange equal and opposite forces along one line, so
+linear and angular momentum stay. While such a pair slides, its slip falls by 3.5 mu (1 + e) v_n as in test 6,
+whatever the masses.
 """
 
 from collections.abc import Iterator
 from math import atan, degrees
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.setup import GrainTable, Setup
+from taichi_erosion.core.setup import Floats, GrainTable, Setup
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.verification.claim import Outcome, Precision, below, relative
+from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, relative
 from taichi_erosion.verification.reference import published
 from taichi_erosion.verification.reference.contact import (
     OWN_LAW,
@@ -39,7 +36,6 @@ from taichi_erosion.verification.reference.contact import (
 )
 from taichi_erosion.verification.small_scenes import (
     Touch,
-    contact_table,
     final_states,
     on_plane,
     pair_impact,
@@ -48,23 +44,24 @@ from taichi_erosion.verification.small_scenes import (
     touch_of,
 )
 
-Floats = NDArray[np.float64]
-
+OXIDE = Solid(3.8e11, 0.23, 4000.0)
+ALLOY = Solid(7.0e10, 0.33, 2700.0)
+COPPER = Solid(1.2e11, 0.35, 8900.0)
+NYLON = Solid(2.5e9, 0.40, 1000.0)
+SOLIDS = {"aluminium oxide": OXIDE, "aluminium alloy": ALLOY}  # test 4
+SPINNING = {"aluminium alloy": ALLOY, "nylon": NYLON}  # test 6
 SPEED, RADIUS, FRICTION, RESTITUTION = 3.9, 0.0025, 0.092, 0.98  # test 4: m s-1, m, 1, 1
-SOLIDS = {"aluminium oxide": Solid(3.8e11, 0.23, 4000.0), "aluminium alloy": Solid(7.0e10, 0.33, 2700.0)}
-SPINNING = {"aluminium alloy": Solid(7.0e10, 0.33, 2700.0), "nylon": Solid(2.5e9, 0.40, 1000.0)}  # test 6
 ONSET_ANGLES = np.array([31.0, 32.0, 33.0, 34.0])  # deg
 PER_CONTACT = 2000  # steps in one elastic contact time [1]
 FINE = 20_000  # the same where damping is strong: its half-step lag is of first order in the step
-PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
 
 
 def impact_at(solid: Solid, angle: Floats, sliding: Sliding = OWN_LAW) -> Impact:
     """Test 4 at angles of incidence [deg]."""
     touch = touch_of(solid, None, RESTITUTION, FRICTION)
     return Impact(
-        young=touch.young,
-        shear=touch.shear,
+        young=touch.young_effective,
+        shear=touch.shear_effective,
         restitution=RESTITUTION,
         friction=FRICTION,
         radius=RADIUS,
@@ -89,7 +86,7 @@ def scenes(impact: Impact, per_contact: int = PER_CONTACT) -> list[Setup]:
 
 
 def simulated(impacts: list[Impact], precision: Precision, per_contact: int = PER_CONTACT) -> list[Rebound]:
-    """What the simulator makes of the impacts, in one ensemble."""
+    """The impacts simulated in one ensemble."""
     setups = [setup for impact in impacts for setup in scenes(impact, per_contact)]
     # with e = 0.5 the damped contact outlasts the elastic one by less than half of it
     ends = final_states(setups, [1.8 * per_contact * setup.time_step for setup in setups], precision)
@@ -105,9 +102,9 @@ def patch_angle(impact: Impact, after: Rebound) -> Floats:
     return np.degrees(np.arctan((after.tangential + impact.radius * after.spin) / after.normal))
 
 
-def test4() -> Iterator[Outcome]:
+def oblique_impacts() -> Iterator[Outcome]:
     """V05."""
-    angles = np.concatenate([published.TEST4_ANGLE, ONSET_ANGLES])
+    angles = np.concatenate([published.OBLIQUE_ANGLE, ONSET_ANGLES])
     impacts = [impact_at(solid, angles) for solid in SOLIDS.values()]
     references = [rebound(impact) for impact in impacts]
     yield from reference_outcomes()
@@ -120,15 +117,14 @@ def test4() -> Iterator[Outcome]:
 
 
 def reference_outcomes() -> Iterator[Outcome]:
-    """The judge judged: with the table's way of sliding, the fine-step integrator gives the table."""
-    impact = impact_at(SOLIDS["aluminium oxide"], published.TEST4_ANGLE, Sliding.TABLE)
+    """Check of the reference: with the table's way of sliding, the fine-step integrator gives the table."""
+    impact = impact_at(OXIDE, published.OBLIQUE_ANGLE, Sliding.TABLE)
     after = rebound(impact)
     ratio = after.tangential / impact.tangential
     name = "T4 reference integrator against the printed table, aluminium oxide"
-    error = ratio / published.TEST4_OXIDE_RESTITUTION - 1.0
+    error = ratio / published.OBLIQUE_OXIDE_RESTITUTION - 1.0
     yield below(f"{name}: tangential restitution, relative", error, 5e-3, "f64")
-    error = after.spin / published.TEST4_OXIDE_SPIN - 1.0
-    yield below(f"{name}: spin, relative", error, 5e-3, "f64")
+    yield below(f"{name}: spin, relative", after.spin / published.OBLIQUE_OXIDE_SPIN - 1.0, 5e-3, "f64")
 
 
 def own_law_outcomes(
@@ -140,7 +136,7 @@ def own_law_outcomes(
     yield below(f"{head}: tangential restitution, relative", error, 5e-3, precision)
     yield below(f"{head}: spin, relative", after.spin / reference.spin - 1.0, 5e-3, precision)
     found, wanted = patch_angle(impact, after), patch_angle(impact, reference)
-    error = (found - wanted) / np.maximum(np.abs(wanted), published.TEST4_ANGLE[0])
+    error = (found - wanted) / np.maximum(np.abs(wanted), published.OBLIQUE_ANGLE[0])
     yield below(f"{head}: patch angle, relative", error, 5e-3, precision)
 
 
@@ -153,9 +149,8 @@ def sliding_outcomes(name: str, impact: Impact, after: Rebound, precision: Preci
     yield below(f"{head}: tangential speed, relative", error[slides], 2e-3, precision)
     error = impact.radius * after.spin / (-2.5 * lost) - 1.0
     yield below(f"{head}: spin, relative", error[slides], 2e-3, precision)
-    yield below(
-        f"{head}: e_n minus 0.98", after.normal / impact.normal - RESTITUTION, 2e-3 * RESTITUTION, precision
-    )
+    error = after.normal / impact.normal - RESTITUTION
+    yield below(f"{head}: e_n minus 0.98", error, 2e-3 * RESTITUTION, precision)
     order = np.argsort(impact.tangential)
     angle = np.degrees(np.arctan2(impact.tangential, impact.normal))[order]
     patch = patch_angle(impact, after)[order]
@@ -169,37 +164,40 @@ def published_outcomes(
     impacts: list[Impact], found: list[Rebound], precision: Precision
 ) -> Iterator[Outcome]:
     """Against the printed table of own values (0.5 %) and against Chung & Ooi from 15 deg (3 %)."""
-    count = len(published.TEST4_ANGLE)
+    count, few = len(published.OBLIQUE_ANGLE), len(published.OBLIQUE_ALLOY_RESTITUTION)
     oxide, alloy = (
         after.tangential / impact.tangential for impact, after in zip(impacts, found, strict=True)
     )
-    error = oxide[:count] / published.TEST4_OXIDE_RESTITUTION - 1.0
+    error = oxide[:count] / published.OBLIQUE_OXIDE_RESTITUTION - 1.0
     yield below("T4 printed table, aluminium oxide: tangential restitution, relative", error, 5e-3, precision)
-    few = len(published.TEST4_ALLOY_RESTITUTION)
-    error = alloy[:few] / published.TEST4_ALLOY_RESTITUTION - 1.0
+    error = alloy[:few] / published.OBLIQUE_ALLOY_RESTITUTION - 1.0
     yield below("T4 printed table, aluminium alloy: tangential restitution, relative", error, 5e-3, precision)
-    steep = published.TEST4_ANGLE >= 15.0
-    error = (oxide[:count] / published.TEST4_LITERATURE_RESTITUTION - 1.0)[steep]
+    steep = published.OBLIQUE_ANGLE >= 15.0
+    error = (oxide[:count] / published.OBLIQUE_LITERATURE_RESTITUTION - 1.0)[steep]
     yield below("T4 Chung & Ooi from 15 deg: tangential restitution, relative", error, 0.03, precision)
-    error = (found[0].spin[:count] / published.TEST4_LITERATURE_SPIN - 1.0)[steep]
+    error = (found[0].spin[:count] / published.OBLIQUE_LITERATURE_SPIN - 1.0)[steep]
     yield below("T4 Chung & Ooi from 15 deg: spin, relative", error, 0.03, precision)
 
 
+SPHERE_RADIUS, APPROACH = 0.1, 0.2  # tests 6-8: m, m s-1
+SPHERE_RESTITUTION, SPHERE_FRICTION = 0.5, 0.4
+
+
 def spinning_impact(solid: Solid, ratios: Floats) -> Impact:
-    """Test 6: a spinning sphere of 0.1 m meets the plane at 0.2 m/s; `ratios` are values of X."""
-    touch = touch_of(solid, None, 0.5, 0.4)
-    radius, normal = 0.1, np.full(len(ratios), 0.2)
-    slip = 3.5 * 0.4 * 1.5 * normal / ratios
+    """Test 6: a spinning sphere meets the plane; `ratios` are values of X."""
+    touch = touch_of(solid, None, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    normal = np.full(len(ratios), APPROACH)
+    slip = 3.5 * SPHERE_FRICTION * 1.5 * normal / ratios
     return Impact(
-        young=touch.young,
-        shear=touch.shear,
-        restitution=0.5,
-        friction=0.4,
-        radius=radius,
-        mass=sphere_mass(radius, solid.density),
+        young=touch.young_effective,
+        shear=touch.shear_effective,
+        restitution=SPHERE_RESTITUTION,
+        friction=SPHERE_FRICTION,
+        radius=SPHERE_RADIUS,
+        mass=sphere_mass(SPHERE_RADIUS, solid.density),
         normal=normal,
         tangential=np.zeros(len(ratios)),
-        spin=slip / radius,
+        spin=slip / SPHERE_RADIUS,
     )
 
 
@@ -209,9 +207,9 @@ def tangential_restitution(impact: Impact, after: Rebound) -> Floats:
     return -(after.tangential + impact.radius * after.spin) / before
 
 
-def test6() -> Iterator[Outcome]:
+def spinning_impacts() -> Iterator[Outcome]:
     """V06: the sliding branch X < 1, 0.5 % of beta."""
-    ratios = published.TEST6_X[published.TEST6_X < 1.0]
+    ratios = published.SPINNING_X[published.SPINNING_X < 1.0]
     impacts = [spinning_impact(solid, ratios) for solid in SPINNING.values()]
     for precision in PRECISIONS:
         found = simulated(impacts, precision, FINE)
@@ -220,11 +218,6 @@ def test6() -> Iterator[Outcome]:
                 yield relative(f"T6 {name}: beta at X = {ratio:g}", beta, ratio - 1.0, 5e-3, precision)
 
 
-ALLOY = Solid(7.0e10, 0.33, 2700.0)
-COPPER = Solid(1.2e11, 0.35, 8900.0)
-NYLON = Solid(2.5e9, 0.40, 1000.0)
-PAIR_RESTITUTION, PAIR_FRICTION = 0.5, 0.4
-PAIR_RADIUS, PAIR_SPEED = 0.1, 0.2  # m, m s-1 of each sphere
 SPINS = np.array([0.175, 1.0, 5.0, 22.86])  # rad s-1, the range of the published line
 PARTNER_RADIUS = 0.5  # m, test 8
 # directions of the line of centres: along an axis, and one along none
@@ -232,7 +225,6 @@ DIRECTIONS = (np.array([1.0, 0.0, 0.0]), np.array([0.48, -0.6, 0.64]))
 # rounding of 1e-16 or 6e-8 per step, at random over the thousands of steps of a contact
 LIMIT_SPIN: dict[Precision, float] = {"f64": 1e-10, "f32": 1e-4}
 LIMIT_LINEAR: dict[Precision, float] = {"f64": 1e-12, "f32": 1e-5}
-LIMIT_ANGULAR: dict[Precision, float] = {"f64": 1e-10, "f32": 1e-4}
 
 
 def across(direction: Floats) -> Floats:
@@ -243,19 +235,13 @@ def across(direction: Floats) -> Floats:
 
 def equal_pair(solid: Solid, direction: Floats, spin: float) -> Setup:
     """Test 7: equal spheres, equal and opposite spins about a line at right angles to their centres."""
-    touch = touch_of(solid, solid, PAIR_RESTITUTION, PAIR_FRICTION)
-    impact = pair_impact(touch, (PAIR_RADIUS, PAIR_RADIUS), solid.density, 2.0 * PAIR_SPEED)
+    touch = touch_of(solid, solid, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    impact = pair_impact(touch, (SPHERE_RADIUS, SPHERE_RADIUS), solid.density, 2.0 * APPROACH)
     step = impact.duration / 200.0
-    half = (PAIR_RADIUS + 3.5 * PAIR_SPEED * step) * direction
-    turn = spin * across(direction)
-    grains = spheres(
-        [-half, half],
-        [PAIR_SPEED * direction, -PAIR_SPEED * direction],
-        [turn, -turn],
-        PAIR_RADIUS,
-        2.0 * impact.mass,
-    )
-    return sphere_setup(grains, contact_table(touch, touch), step)
+    half = (SPHERE_RADIUS + 3.5 * APPROACH * step) * direction
+    ahead, turn = APPROACH * direction, spin * across(direction)
+    grains = spheres([-half, half], [ahead, -ahead], [turn, -turn], SPHERE_RADIUS, 2.0 * impact.mass)
+    return sphere_setup(grains, touch, step)
 
 
 def equal_spins() -> Iterator[Outcome]:
@@ -275,21 +261,19 @@ def equal_spins() -> Iterator[Outcome]:
 
 def unequal_pair(solid: Solid, partner: Solid, direction: Floats, slip: float) -> Setup:
     """Test 8: a small sphere whose surface turns with `slip` [m s-1] meets a large one at rest."""
-    touch = touch_of(solid, partner, PAIR_RESTITUTION, PAIR_FRICTION)
-    masses = [sphere_mass(PAIR_RADIUS, solid.density), sphere_mass(PARTNER_RADIUS, partner.density)]
-    impact = HeadOn(
-        touch.young, series(PAIR_RADIUS, PARTNER_RADIUS), series(masses[0], masses[1]), PAIR_SPEED
-    )
-    step = impact.duration / 4000.0
-    apart = PAIR_RADIUS + PARTNER_RADIUS + 3.5 * PAIR_SPEED * step
+    touch = touch_of(solid, partner, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    masses = [sphere_mass(SPHERE_RADIUS, solid.density), sphere_mass(PARTNER_RADIUS, partner.density)]
+    radius, mass = series(SPHERE_RADIUS, PARTNER_RADIUS), series(masses[0], masses[1])
+    step = HeadOn(touch.young_effective, radius, mass, APPROACH).duration / 4000.0
+    apart = SPHERE_RADIUS + PARTNER_RADIUS + 3.5 * APPROACH * step
     grains = spheres(
         [-apart * direction, 0.0 * direction],
-        [PAIR_SPEED * direction, 0.0 * direction],
-        [slip / PAIR_RADIUS * across(direction), 0.0 * direction],
-        [PAIR_RADIUS, PARTNER_RADIUS],
+        [APPROACH * direction, 0.0 * direction],
+        [slip / SPHERE_RADIUS * across(direction), 0.0 * direction],
+        [SPHERE_RADIUS, PARTNER_RADIUS],
         masses,
     )
-    return sphere_setup(grains, contact_table(touch, touch), step)
+    return sphere_setup(grains, touch, step)
 
 
 def linear(grains: GrainTable | Snapshot) -> Floats:
@@ -307,16 +291,15 @@ def angular(grains: GrainTable | Snapshot) -> Floats:
 def momentum() -> Iterator[Outcome]:
     """V08."""
     ratios = np.array([0.3, 0.6, 0.9, 2.0])  # X of test 6; the last one sticks
-    slips = 3.5 * PAIR_FRICTION * (1.0 + PAIR_RESTITUTION) * PAIR_SPEED / ratios
+    slips = 3.5 * SPHERE_FRICTION * (1.0 + SPHERE_RESTITUTION) * APPROACH / ratios
     partners = ((ALLOY, NYLON), (NYLON, ALLOY), (ALLOY, ALLOY))
     setups = [unequal_pair(a, b, d, slip) for a, b in partners for d in DIRECTIONS for slip in slips]
-    for precision in LIMIT_LINEAR:
+    for precision in PRECISIONS:
         ends = final_states(setups, [8000.0 * setup.time_step for setup in setups], precision)
         pairs = [(setup.grains, end) for setup, end in zip(setups, ends, strict=True)]
-        lost = [np.linalg.norm(linear(b) - linear(a)) / np.linalg.norm(linear(a)) for a, b in pairs]
-        yield below("T8: change of linear momentum, relative", lost, LIMIT_LINEAR[precision], precision)
-        lost = [np.linalg.norm(angular(b) - angular(a)) / np.linalg.norm(angular(a)) for a, b in pairs]
-        yield below("T8: change of angular momentum, relative", lost, LIMIT_ANGULAR[precision], precision)
+        for kind, sums, limits in (("linear", linear, LIMIT_LINEAR), ("angular", angular, LIMIT_SPIN)):
+            lost = [np.linalg.norm(sums(b) - sums(a)) / np.linalg.norm(sums(a)) for a, b in pairs]
+            yield below(f"T8: change of {kind} momentum, relative", lost, limits[precision], precision)
         for ratio, slip, (before, after) in zip(ratios[:3], slips, pairs[:3], strict=False):
             beta = -slip_speed(before, after) / slip
             name = f"T8 alloy on nylon: beta at X = {ratio:g}"

@@ -11,24 +11,20 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.setup import Laws, PrimitiveKind, PrimitiveTable, Setup
+from taichi_erosion.core.setup import Floats, Laws, PrimitiveKind, PrimitiveTable, Setup
 from taichi_erosion.verification.claim import Outcome, Precision, below
 from taichi_erosion.verification.small_scenes import (
     FLOOR,
     Touch,
-    bench,
-    contact_table,
     planes,
     primitive_table,
     sample,
+    simulation_of,
     sphere_setup,
     spheres,
     wall_impact,
 )
-
-Floats = NDArray[np.float64]
 
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 0.5  # m, kg m-3, m s-1
 TOUCH = Touch(1e8, 2.5e7, 0.7, 0.4, friction_rolling=0.1, rolling_damping=0.3)
@@ -81,7 +77,7 @@ def thrown(walls: PrimitiveTable, place: tuple[float, float], sideways: float) -
     start = [[*place, RADIUS + 1e-6]]
     velocity = [[sideways, 0.37 * sideways, -SPEED]]
     grain = spheres(start, velocity, [[0.0, 0.0, 100.0]], RADIUS, impact.mass)
-    return sphere_setup(grain, contact_table(TOUCH, TOUCH), impact.duration / 100.0, walls, GRAVITY)
+    return sphere_setup(grain, TOUCH, impact.duration / 100.0, walls, GRAVITY)
 
 
 def mesh_and_plane() -> Iterator[Outcome]:
@@ -95,7 +91,7 @@ def mesh_and_plane() -> Iterator[Outcome]:
     setups = meshes + flat + inside
     times = np.linspace(0.001, 0.03, 30)[:, None] * np.ones(len(setups))
     for precision in LIMIT:
-        path = sample(bench(setups, precision, LAWS), times).position[:, :, 0, :]
+        path = sample(simulation_of(setups, precision, LAWS), times).position[:, :, 0, :]
         on_mesh, on_plane, within = np.split(path, [len(places), 2 * len(places)], axis=1)
         error = np.abs(on_mesh - on_plane).max(axis=(0, 2)) / RADIUS
         for name, largest in zip(names, error, strict=True):
@@ -136,7 +132,7 @@ def rolling_inside(frustum: Frustum, walls: PrimitiveTable) -> Setup:
     aside = 0.05 * np.array([[-sin(TURN), cos(TURN), 0.0]])  # m s-1, around the axis
     grain = spheres(start, aside, 0.0, RADIUS, impact.mass)
     gravity = GRAVITY if slope > 0.0 else (9.81, 0.0, 0.0)
-    return sphere_setup(grain, contact_table(TOUCH, TOUCH), impact.duration / 50.0, walls, gravity)
+    return sphere_setup(grain, TOUCH, impact.duration / 50.0, walls, gravity)
 
 
 def revolved_outcomes(frustum: Frustum, path: Floats, precision: Precision) -> Iterator[Outcome]:

@@ -47,6 +47,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 
+from taichi_erosion.core.setup import Floats
+
 DURATION_FACTOR = (
     2.9432751843  # contact time, speed over peak overlap: 4 sqrt(pi) Gamma(2/5) / (5 Gamma(9/10)) [1]
 )
@@ -126,8 +128,6 @@ def series(first: float, second: float) -> float:
     """1/(1/a + 1/b): effective radius of two spheres, or reduced mass."""
     return first * second / (first + second)
 
-
-Floats = NDArray[np.float64]
 
 CUBE_PULL_OFF = 1.5  # s^3 where dF/ds = 0 [1]
 CUBE_BALANCE = 3.0  # s^3 where F = 0 [1]

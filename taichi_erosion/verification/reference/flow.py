@@ -14,8 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import root_scalar
+
+from taichi_erosion.core.setup import Floats
 
 
 @dataclass(frozen=True)
@@ -100,8 +101,6 @@ def terminal_velocity(diameter: float, solid: float, air: Stream, gravity: float
 
     return root_scalar(excess, bracket=(1e-9, 1e3), xtol=1e-14).root
 
-
-Floats = NDArray[np.float64]
 
 HOLE_EXPONENT, SLOT_EXPONENT = 2.5, 1.5  # round hole, slot without ends [1]
 BEVERLOO_EDGES = np.linspace(1.2, 1.6, 41)  # k of spheres [1]

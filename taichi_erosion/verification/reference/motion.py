@@ -23,9 +23,9 @@ from dataclasses import dataclass
 from math import cos, sin, tan
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.verification.reference.contact import damping_ratio
 
 GRAVITY = 9.81  # m s-2
@@ -67,8 +67,6 @@ def spin_decay(friction_rolling: float, radius: float) -> float:
     """
     return 2.5 * friction_rolling * GRAVITY / radius
 
-
-Floats = NDArray[np.float64]
 
 DAMPING_FACTOR = 2.0 * np.sqrt(5.0 / 6.0)  # makes e independent of speed for Hertz stiffness [1]
 

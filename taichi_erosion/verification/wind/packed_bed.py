@@ -13,26 +13,25 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 
-from taichi_erosion.core.setup import Coupling, Laws, Setup
+from taichi_erosion.core.setup import Coupling, Floats, Laws, Setup
 from taichi_erosion.simulation import Simulation, advance, air_profile, set_through_flow, snapshot
 from taichi_erosion.verification.claim import Outcome, relative
 from taichi_erosion.verification.reference.flow import Stream, pressure_gradient
 from taichi_erosion.verification.small_scenes import (
     FLOOR,
     Touch,
-    bench,
-    contact_table,
+    in_air,
+    lattice_edge,
     planes,
+    regular_bed,
+    simulation_of,
     sphere_setup,
     spheres,
     states,
+    still_air,
 )
-from taichi_erosion.verification.wind.exchange import GRAVITY, in_air, lattice_edge, regular_bed, still_air
-
-Floats = NDArray[np.float64]
 
 DIAMETER, SOLID = 1e-3, 2000.0  # m, kg m-3
 GAS = Stream(0.0, DIAMETER, density=10.0, viscosity=1.5e-3)  # kg m-3, Pa s
@@ -44,7 +43,8 @@ LATTICE_CELLS = (3, 3, 10)
 INSTANT = 1e-9  # s, in which no grain of the lattice moves
 LAST = len(PUBLISHED) - 1  # replica with the fastest air
 STEP = 1.2e-5  # s
-TOUCH = Touch(1.5e6, 1e6, restitution=0.5, friction=0.3)
+GRAVITY = (0.0, 0.0, -9.81)  # m s-2
+TOUCH = Touch(1.5e6, 1e6, restitution=0.5, friction_sliding=0.3)
 
 POURED = (8, 8, 20)  # grains along each side of the loose filling
 SPACING = 1.08  # of the loose filling [d]
@@ -61,7 +61,7 @@ def lattice_setup(superficial: float) -> Setup:
     high = edge * np.array(LATTICE_CELLS)
     faces = np.linspace(0.0, high[2], LATTICE_CELLS[2] + 1)
     air = still_air(faces, (float(high[0]), float(high[1])), GAS.density, GAS.viscosity)
-    setup = sphere_setup(bed, contact_table(TOUCH, TOUCH), INSTANT)
+    setup = sphere_setup(bed, TOUCH, INSTANT)
     return in_air(setup, air, Coupling(look_steps=1, through_flow=superficial), DIAMETER)
 
 
@@ -73,7 +73,7 @@ def poured_setup() -> Setup:
     place = SPACING * DIAMETER * (place + rng.uniform(-0.03, 0.03, place.shape))
     speed = rng.normal(0.0, 0.05, place.shape)
     grains = spheres(place, speed, 0.0, DIAMETER / 2.0, SOLID * np.pi / 6.0 * DIAMETER**3)
-    setup = sphere_setup(grains, contact_table(TOUCH, TOUCH), STEP, planes(FLOOR), GRAVITY)
+    setup = sphere_setup(grains, TOUCH, STEP, planes(FLOOR), GRAVITY)
     # layers of two diameters: thinner ones see the layers in which grains lie on a floor
     faces = np.arange(0.0, 1.5 * POURED[2] + 1.0, 2.0) * DIAMETER
     air = still_air(faces, (side, side), GAS.density, GAS.viscosity)
@@ -88,7 +88,7 @@ def pressure_drop(sim: Simulation, replica: int = 0) -> float:
 
 def fixed_bed() -> Iterator[Outcome]:
     """Pressure of the regular bed, and the force that its grains feel."""
-    sim = bench([lattice_setup(velocity) for velocity in PUBLISHED], "f64", LAWS)
+    sim = simulation_of([lattice_setup(velocity) for velocity in PUBLISHED], "f64", LAWS)
     advance(sim, [2.0 * INSTANT] * len(PUBLISHED))
     before = snapshot(sim, LAST)
     advance(sim, [3.0 * INSTANT] * len(PUBLISHED))
@@ -124,7 +124,7 @@ class Bed:
 
 def poured_bed(sim: Simulation) -> Bed:
     """Void fraction and weight of the settled bed."""
-    state, profile = states(sim, 1)[0], air_profile(sim, 0)
+    state, profile = states(sim)[0], air_profile(sim, 0)
     area = (SPACING * DIAMETER * POURED[0]) ** 2
     weight = float(state.mass.sum()) * (1.0 - GAS.density / SOLID) * -GRAVITY[2]
     filled = profile.void_fraction < 1.0
@@ -148,7 +148,7 @@ def pressures(sim: Simulation, velocities: Floats, start: float) -> Floats:
 def packed_bed() -> Iterator[Outcome]:
     """V31."""
     yield from fixed_bed()
-    sim = bench([poured_setup()], "f32", LAWS)
+    sim = simulation_of([poured_setup()], "f32", LAWS)
     set_through_flow(sim, 0, -PRESS)
     advance(sim, [0.5 * SETTLE])
     set_through_flow(sim, 0, 0.0)

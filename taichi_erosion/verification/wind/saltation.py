@@ -1,4 +1,10 @@
-"""V36: sand of one material and two diameters starts, blows and comes to rest as saltation does.
+"""The wind over a bed of grains at rest, and where a grain lands on it.
+
+A bed of sand is smooth to a wind whose viscous sublayer covers its grains, and rough to one of which they
+stick out: at u* d / nu = 3 the wind differs little from that over a plane, at 10 it is slower by some u*.
+The air is that of the simulator, a column that the bed's own grains slow down; no grain flies in it.
+
+V36: sand of one material and two diameters starts, blows and comes to rest as saltation does.
 
 Patches of sand without adhesion, lift or gusts, all in one ensemble: four steady winds over each of two
 diameters, and one bed at rest under winds that grow. What is asked for are the signatures that do not hang on
@@ -28,19 +34,74 @@ Reference: Bagnold (1941), The Physics of Blown Sand; Owen (1964), J. Fluid Mech
 Pahtz & Duran (2018), Phys. Rev. Fluids 3, 104302 (stress of the grains).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isnan, nan, sqrt
+from math import exp, isnan, log, nan, sqrt
 from typing import Any
 
 import numpy as np
 
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.threshold import Bracket, vanishing_wind
 from taichi_erosion.scene import Scene, parse_scene
+from taichi_erosion.simulation import Simulation, snapshot
+from taichi_erosion.simulation.wind_driver import air_profile, spin_up_wind
 from taichi_erosion.verification.claim import Outcome, below, holds, relative
-from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
-from taichi_erosion.verification.small_scenes import played_out
-from taichi_erosion.verification.wind.resting_bed import winds_over_beds
+from taichi_erosion.verification.reference.hopping import CENTRE, KARMAN, Blow, Sand, hopping_threshold
+from taichi_erosion.verification.small_scenes import run_to_end
+
+DROPS = 2000  # places on a bed where a grain is laid down
+SEED = 1
+
+
+def winds_over_beds(scenes: Sequence[Scene], sands: Sequence[Sand]) -> list[Callable[[float], Blow]]:
+    """The wind of a friction velocity [m s-1] over the bed that each scene comes to."""
+    sim = run_to_end(scenes, SEED).sim
+    return [bed_wind(sim, k, sand.diameter) for k, sand in enumerate(sands)]
+
+
+def roughness(blow: Blow, friction: float, height: float) -> float:
+    """Roughness length z0 [m] of u = (u* / kappa) ln(z / z0), as seen from a height [m] far above the bed."""
+    return height * exp(-KARMAN * blow(height) / friction)
+
+
+def landing_heights(bed: Snapshot, extent: Floats, diameter: float) -> Floats:
+    """Heights of the centre of a grain laid down at random places of a periodic bed [m].
+
+    `extent` [2] and `diameter` in metres.
+    """
+    places = np.random.default_rng(SEED).uniform(size=(DROPS, 2)) * extent
+    apart = bed.position[:, :2] - places[:, None]
+    apart -= extent * np.round(apart / extent)
+    reach = (bed.radius + 0.5 * diameter) ** 2 - (apart**2).sum(axis=2)
+    touching = bed.position[:, 2] + np.sqrt(np.maximum(reach, 0.0))
+    return np.where(reach > 0.0, touching, 0.5 * diameter).max(axis=1)
+
+
+def bed_wind(sim: Simulation, replica: int, diameter: float) -> Callable[[float], Blow]:
+    """The steady wind of a friction velocity over a bed at rest, by the height over where it begins.
+
+    It begins `CENTRE` diameters below where centres of grains land in the mean, as over a flat bed; above
+    the lid it is logarithmic.
+    """
+    extent = np.array(sim.setups[replica].period[:2])
+    landing = float(landing_heights(snapshot(sim, replica), extent, diameter).mean())
+
+    def over(friction: float) -> Blow:
+        spin_up_wind(sim, replica, friction)
+        profile = air_profile(sim, replica)
+        height = 0.5 * (profile.face[1:] + profile.face[:-1]) - landing + CENTRE * diameter
+        speed = profile.velocity[:, 0]
+
+        def blow(z: float) -> float:
+            beyond = friction / KARMAN * log(max(z / height[-1], 1.0))
+            return float(np.interp(z, height, speed)) + beyond
+
+        return blow
+
+    return over
+
 
 SMALLEST = 0.25e-3  # m
 DIAMETERS = (1.0, 2.0)  # over the smallest [1]
@@ -49,7 +110,6 @@ REST_WIND = 0.2  # u* over the smallest grains from which on a bed at rest is tr
 GRAINS = 4.0  # on the square of a diameter: a bed three and a half diameters deep
 MODULUS = 1e5  # Pa, of the smallest; with the diameter: as soft for all. About k = 1e4 m g / d
 SLEEP = 1e-3  # s at rest after which deep grains of the smallest are held
-SEED = 1
 SETTLE = {"name": "settle", "duration_max": 0.15, "duration_min": 0.02, "rest_energy": 1e-3}
 REST = SETTLE | {"duration_max": 0.3, "rest_energy": 1e-5, "rest_contact_share": 0.5}
 START = {"name": "start", "until": "time", "duration_max": 0.1, "friction_velocity": 0.6}
@@ -132,8 +192,8 @@ def steady(size: float, patch: Patch) -> Scene:
 
 def played(scenes: Sequence[Scene]) -> list[dict[str, float]]:
     """All scenes as one ensemble, to their ends: what was measured, by name."""
-    actors = played_out(scenes, SEED).states
-    return [{name: m.value for name, m in actor.measurements.items()} for actor in actors]
+    replicas = run_to_end(scenes, SEED).states
+    return [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
 
 
 def of_winds(values: Sequence[dict[str, float]], name: str) -> Any:

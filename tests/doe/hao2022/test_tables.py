@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.experiments.anova import Row, anova, curvature
-from taichi_erosion.experiments.audit.claims import Finding, parse_printed
+from taichi_erosion.experiments.anova import Row, anova, curvature, effects
 from taichi_erosion.experiments.audit.examine import Audit, audit
+from taichi_erosion.experiments.audit.published import Finding, parse_printed
 from taichi_erosion.experiments.confirm import Sample, confirm
 from taichi_erosion.experiments.design_table import Factor, to_natural
-from taichi_erosion.experiments.effects import effects
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.experiments.quality import quality

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.anova import anova, replicate_error
 from taichi_erosion.experiments.confirm import confirm, power
 from taichi_erosion.experiments.design import box_behnken, plackett_burman, steepest_path
@@ -25,8 +25,6 @@ from taichi_erosion.experiments.terms import (
     model_terms,
 )
 from taichi_erosion.verification.claim import Outcome, below
-
-Floats = NDArray[np.float64]
 
 SEED = 37
 TABLES = 400  # synthetic experiments behind a share

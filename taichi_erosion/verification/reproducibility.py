@@ -7,27 +7,36 @@ V22: single precision against double, for one contact and for a heap.
 
 The claim is about a graphics processor in single precision; the same comparison is made on the CPU, where
 both precisions run everywhere.
+
+V24: what cannot be simulated stops with a reason, and the other replicas go on.
 """
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import nan, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Setup
-from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.simulation import Simulation, advance, export_state, import_state, snapshot
-from taichi_erosion.verification.claim import Outcome, Precision, below, holds
-from taichi_erosion.verification.contact.bulk import BASE, DIAMETER, column_scene, heap_angles, soft_touch
+from taichi_erosion.core.snapshot import Failure, Snapshot, Status
+from taichi_erosion.simulation import Simulation, advance, export_state, failure, import_state, snapshot
+from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, holds
+from taichi_erosion.verification.contact.bulk import (
+    BASE,
+    DIAMETER,
+    SOFT_GLASS,
+    column_scene,
+    heap_angles,
+    soft_touch,
+)
 from taichi_erosion.verification.contact.normal_impact import hertz_cases
 from taichi_erosion.verification.contact.oblique_impact import SOLIDS, impact_at, scenes
-from taichi_erosion.verification.small_scenes import bench, final_states
+from taichi_erosion.verification.small_scenes import final_states, simulation_of
 
 LAWS = Laws(normal="jkr", rolling="elastic_plastic")
 HALF, WHOLE = 0.05, 0.10  # s
-PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
 STATE = ("position", "velocity", "spin", "contacts")
 
 
@@ -62,12 +71,12 @@ def restart() -> Iterator[Outcome]:
     """V21: half a run, exported, taken over by a fresh simulation and finished, against the run in one go."""
     setups = [tumbling(1), tumbling(2)]
     for precision in PRECISIONS:
-        whole = bench(setups, precision, LAWS)
+        whole = simulation_of(setups, precision, LAWS)
         run_to(whole, HALF)
         kept = export_state(whole)
         run_to(whole, WHOLE)
         wanted = [snapshot(whole, k) for k in range(2)]
-        resumed = bench(setups, precision, LAWS)
+        resumed = simulation_of(setups, precision, LAWS)
         import_state(resumed, kept)
         run_to(resumed, WHOLE)
         bits = sum(differing(snapshot(resumed, k), wanted[k]) for k in range(2))
@@ -90,7 +99,7 @@ def threads_and_ensembles() -> Iterator[Outcome]:
             ("2 threads", [target], 0, 2),
             ("in company, 2 threads", company, 1, 2),
         ):
-            sim = bench(setups, precision, LAWS, threads)
+            sim = simulation_of(setups, precision, LAWS, threads)
             run_to(sim, WHOLE)
             prints[name] = fingerprint(snapshot(sim, place))
         for name in list(prints)[1:]:
@@ -98,8 +107,6 @@ def threads_and_ensembles() -> Iterator[Outcome]:
                 f"same hash alone on 1 thread and {name}", prints[name] == prints["1 thread"], precision
             )
 
-
-Floats = NDArray[np.float64]
 
 HEAP_SEEDS = (11, 12, 13, 14)
 
@@ -131,3 +138,81 @@ def rebound_error(double: Snapshot, single: Snapshot, setup: Setup) -> float:
     moving = np.abs(single.velocity - double.velocity).max()
     turning = np.abs((single.spin - double.spin) * double.radius[:, None]).max()
     return float(max(moving, turning) / speed)
+
+
+DURATION = 0.05  # s
+
+
+@dataclass(frozen=True)
+class Hostile:
+    """A scene that must stop, and the reasons that count as right."""
+
+    name: str
+    setup: Setup
+    reasons: tuple[Status, ...]
+
+
+def healthy() -> Setup:
+    """Forty grains falling into a tube, guarded as a scene is by default."""
+    touch = soft_touch(friction=0.5, friction_rolling=0.2, surface_energy=1e-3)
+    return replace(column_scene(touch, 40, 3.0 * DIAMETER, seed=1), overlap_limit=0.2)
+
+
+def rayleigh_time() -> float:
+    """Pi R sqrt(rho/G)/(0.1631 nu + 0.8766) [s]."""
+    wave = sqrt(SOFT_GLASS.density / SOFT_GLASS.shear)
+    return pi * DIAMETER / 2.0 * wave / (0.1631 * SOFT_GLASS.poisson + 0.8766)
+
+
+def overlapping() -> Setup:
+    """Two grains start almost inside each other."""
+    setup = healthy()
+    position = setup.grains.position.copy()
+    position[1] = position[0] + [0.1 * DIAMETER, 0.0, 0.0]
+    return replace(setup, grains=replace(setup.grains, position=position))
+
+
+def poisoned() -> Setup:
+    """The surface energy is not a number."""
+    setup = healthy()
+    energy = np.full_like(setup.contacts.surface_energy, nan)
+    return replace(setup, contacts=replace(setup.contacts, surface_energy=energy))
+
+
+def bad_starts() -> Iterator[Outcome]:
+    """V24."""
+    blown_up = (Status.OVERLAP, Status.ENERGY, Status.NOT_FINITE, Status.LOST)
+    slow = 5.0 * rayleigh_time()
+    cases = [
+        Hostile("overlapping start", overlapping(), (Status.OVERLAP,)),
+        Hostile("time step of five Rayleigh times", replace(healthy(), time_step=slow), blown_up),
+    ]
+    for precision in PRECISIONS:
+        sim = simulation_of([healthy(), *(case.setup for case in cases)], precision, LAWS)
+        advance(sim, [DURATION] * (1 + len(cases)))
+        for replica, case in enumerate(cases, start=1):
+            yield stops(case, failure(sim, replica), precision)
+        kept = snapshot(sim, 0)
+        alone = simulation_of([healthy()], precision, LAWS)
+        advance(alone, [DURATION])
+        same = failure(alone, 0) is None and np.array_equal(kept.position, snapshot(alone, 0).position)
+        yield holds("a healthy replica beside them ends as if alone", bool(same), precision)
+        yield poisoned_outcome(precision)
+
+
+def stops(case: Hostile, fault: Failure | None, precision: Precision) -> Outcome:
+    """Whether the replica stopped for one of its reasons."""
+    reason = fault.status.name if fault else "it went on"
+    right = fault is not None and fault.status in case.reasons
+    return holds(f"{case.name}: stops with a reason ({reason})", right, precision)
+
+
+def poisoned_outcome(precision: Precision) -> Outcome:
+    """A parameter that is not a number is refused at the door or stops the run."""
+    case = Hostile("surface energy NaN", poisoned(), (Status.NOT_FINITE,))
+    try:
+        sim = simulation_of([case.setup], precision, LAWS)
+    except BadInput as refusal:
+        return holds(f"{case.name}: refused ({refusal})", True, precision)
+    advance(sim, [DURATION])
+    return stops(case, failure(sim, 0), precision)
