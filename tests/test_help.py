@@ -12,11 +12,11 @@ import typer
 
 from taichi_erosion.cli import progress
 from taichi_erosion.cli.commands import app
-from taichi_erosion.cli.help_pages import PAGES
+from taichi_erosion.cli.help import COMMANDS as HELP
 from taichi_erosion.cli.main import main
 
 ROOT = Path(__file__).resolve().parent.parent
-PLACEHOLDERS = {"STUDY", "TABLE", "IMAGE", "ORDERS", "FILE"}
+PLACEHOLDERS = {"STUDY", "TABLE", "IMAGE", "SCRIPT", "FILE"}
 
 
 def leaves(command, path: str = "") -> Iterator[tuple[str, object]]:
@@ -32,22 +32,22 @@ COMMANDS = dict(leaves(typer.main.get_command(app)))
 
 
 def test_every_command_has_examples() -> None:
-    assert set(PAGES) == set(COMMANDS)
-    assert all(page.examples for page in PAGES.values())
+    assert set(HELP) == set(COMMANDS)
+    assert all(page.examples for page in HELP.values())
 
 
-@pytest.mark.parametrize("command", PAGES)
+@pytest.mark.parametrize("command", HELP)
 def test_help_shows_the_examples_and_hides_no_word_in_brackets(command: str, capsys) -> None:
     assert main([*command.split(), "--help"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    for example in PAGES[command].examples:
+    for example in HELP[command].examples:
         assert f"./erosion {example}" in printed
     for option in COMMANDS[command].params:
         # the formatter takes what stands in square brackets for markup and drops it
         assert "[" not in (getattr(option, "help", None) or "")
 
 
-@pytest.mark.parametrize("example", sorted({example for page in PAGES.values() for example in page.examples}))
+@pytest.mark.parametrize("example", sorted({example for page in HELP.values() for example in page.examples}))
 def test_an_example_names_options_and_files_that_are_there(example: str) -> None:
     words = example.split()
     name = next(name for name in COMMANDS if words[: len(name.split())] == name.split())

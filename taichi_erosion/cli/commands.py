@@ -1,10 +1,12 @@
-"""The commands: each translates its words into one call and shows what comes back.
+"""Commands on one scene, recording or photograph, and the checks: each is one call and prints its result.
 
-The rooms below are imported inside the commands, so that help appears at once and validation needs no device.
-A word that is left out is not passed on: its default lives where it is used.
+Imports stand inside the commands: help appears at once, and validation needs no device. An option that is
+not given is not passed on: its default is defined where it is used.
 """
 
 import shlex
+import threading
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,18 +16,13 @@ import typer
 from taichi_erosion import __version__
 from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
-from taichi_erosion.cli.help_pages import EXPLAIN, PLAY, help_of
-from taichi_erosion.cli.live import live
+from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
 from taichi_erosion.cli.output import AsJson
 from taichi_erosion.cli.progress import LOG, open_log, reporting
-from taichi_erosion.cli.view import export, snapshot, view
 from taichi_erosion.core.errors import BadInput, ExitCode
 
 if TYPE_CHECKING:
     from taichi_erosion.verification.claim import Claim
-
-INTERRUPTED = 130  # exit code of a program ended by Ctrl-C, 128 + SIGINT
-STOPPED = 3  # exit code where the simulation of a replica failed; the others are printed
 
 app = typer.Typer(
     help="Wind erosion of soil, grain by grain: simulate a scene, measure it, compare it with experiments.",
@@ -33,8 +30,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-measure = typer.Typer(help="Measure a photograph as a simulation is measured.", no_args_is_help=True)
-app.add_typer(measure, name="measure", rich_help_panel=PLAY)
+measure = typer.Typer(help="Measure a photograph in the same way as a simulation.", no_args_is_help=True)
+app.add_typer(measure, name="measure", rich_help_panel=SIMULATE)
 app.add_typer(doe, name="doe", rich_help_panel=EXPLAIN)
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
@@ -43,36 +40,43 @@ Override = Annotated[
     typer.Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the first replica.")]
-Replicas = Annotated[
-    int | None, typer.Option(min=1, help="Number of repeats; those of the scene if left out.")
-]
-Arch = Annotated[Literal["cpu", "cuda"] | None, typer.Option(help="Device; cpu if left out.")]
-Threads = Annotated[int | None, typer.Option(min=1, max=1024, help="CPU threads; all cores if left out.")]
+Replicas = Annotated[int | None, typer.Option(min=1, help="Number of repeats; default: that of the scene.")]
+Arch = Annotated[Literal["cpu", "cuda"] | None, typer.Option(help="Device; default: cpu.")]
+Threads = Annotated[int | None, typer.Option(min=1, max=1024, help="CPU threads; default: all cores.")]
 Precision = Annotated[Literal["f32", "f64"] | None, typer.Option(help="Floating-point type.")]
-RecordTo = Annotated[Path | None, typer.Option("--record", metavar="FILE", help="Where the recording goes.")]
+RecordTo = Annotated[Path | None, typer.Option("--record", metavar="FILE", help="Recording to write (.rrd).")]
 NoRecord = Annotated[bool, typer.Option("--no-record", help="Write no recording.")]
 CheckpointTo = Annotated[
-    Path | None, typer.Option("--checkpoint", metavar="FILE", help="Where to save the state.")
+    Path | None, typer.Option("--checkpoint", metavar="FILE", help="File for the saved state.")
 ]
 Every = Annotated[float | None, typer.Option("--every", metavar="T", help="Simulated seconds between saves.")]
 ResumeFrom = Annotated[
     Path | None,
-    typer.Option("--resume", metavar="FILE", help="Go on from a checkpoint.", exists=True, dir_okay=False),
+    typer.Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
 ]
 EffectFiles = Annotated[
     list[Path] | None,
-    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
+    typer.Option("--effect", metavar="FILE", help="Python file with a user-defined effect; may be repeated."),
+]
+RecordingOrStudy = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE|STUDY",
+        help="Recording (.rrd), or study with results.",
+        exists=True,
+        dir_okay=False,
+    ),
 ]
 CheckOnly = Annotated[bool, typer.Option("--check", help="Validate the scene; simulate nothing.")]
 
 
-def given(**words: Any) -> dict[str, Any]:
-    """The words that were typed; the others keep the default of what is called."""
-    return {name: word for name, word in words.items() if word is not None}
+def given(**options: Any) -> dict[str, Any]:
+    """Options that were typed, without those left at None."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def print_version(wanted: bool) -> None:
-    """Print the version and leave."""
+    """Print the version and exit."""
     if wanted:
         typer.echo(__version__)
         raise typer.Exit
@@ -87,11 +91,12 @@ def program(
     log: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Add command, progress, warnings and end to a log; goes before COMMAND."
+            metavar="FILE",
+            help="Append command, progress, warnings and exit code to a log; before COMMAND.",
         ),
     ] = None,
 ) -> None:
-    """Options of the program itself."""
+    """Options before the command."""
     if log is not None:
         open_log(log)
         LOG.info("taichi-erosion %s: %s", __version__, shlex.join(context.obj))
@@ -119,21 +124,19 @@ def run(
     overrides, effects = tuple(override or ()), tuple(effect or ())
     if check:
         return check_only(scene, overrides, effects, as_json)
-    refuse_contradictions(record, no_record, checkpoint, every)
-    words = given(
-        seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision, record=record
-    )
-    words |= given(checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
-    words |= {"overrides": overrides, "effect_files": effects}
-    document = simulate(scene, no_record=no_record, **words)
+    check_options(record, no_record, checkpoint, every)
+    options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
+    options |= given(record=record, checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
+    options |= {"overrides": overrides, "effect_files": effects}
+    document = simulate(scene, no_record=no_record, **options)
     output.log_run(document)
     (output.print_json if as_json else output.print_run)(document)
     if any(replica.get("stopped") for replica in document["replicas"]):
-        raise typer.Exit(STOPPED)
+        raise typer.Exit(ExitCode.STOPPED)
 
 
 def check_only(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:
-    """Validate a scene and say so."""
+    """Validate a scene and print its hash."""
     from taichi_erosion.run import check_scene
 
     document = check_scene(scene, overrides, effects)
@@ -143,34 +146,120 @@ def check_only(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...
         typer.echo(f"{scene}: valid, hash {document['hash']}")
 
 
-def refuse_contradictions(
-    record: Path | None, no_record: bool, checkpoint: Path | None, every: float | None
-) -> None:
-    """Raise BadInput for words that exclude or need each other."""
+def check_options(record: Path | None, no_record: bool, checkpoint: Path | None, every: float | None) -> None:
+    """Raise BadInput for options that exclude or need each other."""
     if record and no_record:
         raise BadInput("--record and --no-record exclude each other")
     if every is not None and checkpoint is None:
         raise BadInput("--every needs --checkpoint FILE")
     if every is not None and not every > 0.0:
-        raise BadInput(f"--every {every}: must be longer than 0 s")
+        raise BadInput(f"--every {every}: must be greater than 0 s")
 
 
-def simulate(scene: Path, **words: Any) -> dict[str, Any]:
-    """Run a scene with a progress report; Ctrl-C ends the program with a line that says what was kept."""
+def simulate(scene: Path, **options: Any) -> dict[str, Any]:
+    """Run a scene with a progress report; Ctrl-C ends the program with a line on what was saved."""
     from taichi_erosion.run import RunOptions, run_scene
 
     try:
         with reporting("simulating") as progress:
-            return run_scene(scene, RunOptions(**words, progress=progress))
+            return run_scene(scene, RunOptions(**options, progress=progress))
     except KeyboardInterrupt as interrupt:
         typer.echo(f"interrupted; {interrupt}" if str(interrupt) else "interrupted", err=True)
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
 
 
-app.command(**help_of("live"))(live)
-app.command(**help_of("view"))(view)
-app.command(**help_of("snapshot"))(snapshot)
-app.command(**help_of("export"))(export)
+@app.command(**help_of("live"))
+def live(
+    scene: SceneFile,
+    override: Override = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the grains.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Recording to write during the session.")
+    ] = None,
+    viewer: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy."),
+    ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve a live viewer for a browser.")] = False,
+) -> None:
+    """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
+    from taichi_erosion.cli.live import run_prompt
+    from taichi_erosion.recording.viewer import web_viewer
+    from taichi_erosion.run.session import open_session
+
+    if web and viewer:
+        raise BadInput("--web and --viewer exclude each other")
+    session = open_session(scene, tuple(override or ()), seed)
+    path = record or Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd"
+    with web_viewer() if web else nullcontext() as served:
+        if served:
+            typer.echo(served.words, err=True)
+        run_prompt(session, path, served.sink if served else viewer)
+
+
+def recording_of(file: Path) -> Path:
+    """Recording file; the recording of a study is written from its results."""
+    if file.suffix != ".toml":
+        return file
+    from taichi_erosion.report import write_recording
+
+    return write_recording(file)
+
+
+@app.command(**help_of("view"))
+def view(
+    file: RecordingOrStudy,
+    web: Annotated[bool, typer.Option("--web", help="Serve a page for a browser on this machine.")] = False,
+) -> None:
+    """Open a run or a study in the rerun viewer: a window, or a page in a browser."""
+    if not web:
+        from taichi_erosion.recording.viewer import open_viewer
+
+        raise typer.Exit(open_viewer(recording_of(file)))
+    from taichi_erosion.recording.viewer import web_viewer
+
+    with web_viewer(recording_of(file)) as served:
+        typer.echo(f"{served.words}\nCtrl-C ends it", err=True)
+        try:
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            return
+
+
+@app.command(**help_of("snapshot"))
+def snapshot(
+    file: RecordingOrStudy,
+    time: Annotated[
+        float | None, typer.Option(metavar="T", help="Simulated time in seconds; default: the end.")
+    ] = None,
+    to: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="PNG", help="Picture file; default: FILE.snapshot.png."),
+    ] = None,
+    only: Annotated[
+        str | None, typer.Option("--view", metavar="NAME", help="One view alone, such as Grains.")
+    ] = None,
+) -> None:
+    """Draw one moment of a run, or a study, without a screen."""
+    from taichi_erosion.recording.viewer import picture
+
+    picture_file = to or file.with_suffix(".snapshot.png")
+    typer.echo(str(picture(recording_of(file), time, picture_file, view=only)))
+
+
+@app.command(**help_of("export"))
+def export(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Recording (.rrd).", exists=True, dir_okay=False)
+    ],
+    vtk: Annotated[Path, typer.Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
+) -> None:
+    """Write the grains of a recording for ParaView."""
+    from taichi_erosion.recording.export import export_vtk
+
+    typer.echo(str(export_vtk(file, vtk)))
+
+
 app.command(**help_of("audit"))(audit)
 
 
@@ -186,20 +275,20 @@ def repose(
         str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")
     ] = None,
     background: Annotated[
-        Literal["auto", "dark", "light"] | None, typer.Option(help="Behind the heap.")
+        Literal["auto", "dark", "light"] | None, typer.Option(help="Brightness behind the heap.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Angle of repose of a heap on a photograph."""
+    """Measure the angle of repose of a heap in a photograph."""
     from taichi_erosion.measures.photograph import measure_photograph
 
-    words = given(crop=None if crop is None else rectangle(crop), background=background)
-    record = measure_photograph(image, **words)
+    options = given(crop=None if crop is None else rectangle(crop), background=background)
+    record = measure_photograph(image, **options)
     (output.print_json if as_json else output.print_measurement)(record)
 
 
 def rectangle(text: str) -> tuple[int, int, int, int]:
-    """Corners of a part of a picture [pixels], from "x0,y0,x1,y1"."""
+    """Corners of a rectangle [pixels], from "x0,y0,x1,y1"."""
     try:
         left, top, right, bottom = (int(word) for word in text.split(","))
     except ValueError:
@@ -214,14 +303,14 @@ def rectangle(text: str) -> tuple[int, int, int, int]:
 @app.command(**help_of("verify"))
 def verify(
     ids: Annotated[
-        list[str] | None, typer.Argument(metavar="ID", help="Claims such as V02; all if left out.")
+        list[str] | None, typer.Argument(metavar="ID", help="Claims such as V02; default: all.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Climb the verification ladder: claim, got, want, tolerance; exit code 1 if a claim fails."""
+    """Check the verification table: claim, got, want, tolerance; exit code 1 if a claim fails."""
     from taichi_erosion.verification.claims import verify as verify_claims
 
-    claims = [asdict(claim) for claim in verify_claims(tuple(ids or ()), on_claim=announce)]
+    claims = [asdict(claim) for claim in verify_claims(tuple(ids or ()), on_claim=print_claim)]
     if as_json:
         output.print_json({"claims": claims})
     else:
@@ -230,14 +319,14 @@ def verify(
         raise typer.Exit(ExitCode.FAILURE)
 
 
-def announce(claim: "Claim") -> None:
-    """Say on stderr how one claim fared, for the ladder takes minutes."""
+def print_claim(claim: "Claim") -> None:
+    """Print the outcome of one claim on stderr; the whole table takes minutes."""
     typer.echo(f"{claim.id} {'ok' if claim.passed else 'FAILED'}: {claim.claim}", err=True)
 
 
 @app.command(**help_of("bench"))
 def bench(as_json: AsJson = False) -> None:
-    """Grain-steps per second, per core, with the time split by stage."""
+    """Measure the speed: grain-steps per second and per core, and the time of each stage."""
     from taichi_erosion.benchmark import run_benchmarks
 
     with reporting("timing") as progress:
@@ -252,7 +341,7 @@ def bench(as_json: AsJson = False) -> None:
 def schema(
     to: Annotated[Path, typer.Option("-o", "--output", metavar="FILE")] = Path("scenes/scene.schema.json"),
 ) -> None:
-    """Write the JSON schema of scene files, which editors use for completion and checks."""
+    """Write the JSON schema of scene files, for completion and checks in editors."""
     from taichi_erosion.scene import write_schema
 
     if not to.parent.is_dir():

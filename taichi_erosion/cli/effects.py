@@ -15,7 +15,7 @@ import typer
 from jinja2 import Environment
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.help_pages import help_of
+from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import AsJson
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file

@@ -1,20 +1,22 @@
-"""The prompt of a live session: one line is one order, from a terminal, a pipe or a file."""
+"""Prompt of a live session: one line is one command, from a terminal, a pipe or a file."""
 
 import os
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
 import typer
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-
-if TYPE_CHECKING:
-    from taichi_erosion.run.session import Session
+from taichi_erosion.recording import stream
+from taichi_erosion.recording.pictures import in_colour, in_shades
+from taichi_erosion.run import session as live
+from taichi_erosion.run.session import Session
+from taichi_erosion.scene import resolved
+from taichi_erosion.scene.paths import meaning_of, scene_paths
 
 PROMPT = "erosion> "
 PICTURE_COLUMNS = 72
@@ -22,32 +24,30 @@ TIME_SUFFIX = "s"
 
 
 @dataclass(frozen=True)
-class Order:
-    """One word that a session understands."""
+class LiveCommand:
+    """Command of a session; `run` returns the text to print."""
 
     usage: str
     meaning: str
-    act: Callable[["Session", list[str]], str]
+    run: Callable[[Session, list[str]], str]
 
 
 def seconds(word: str) -> float:
-    """A duration as `0.5s` or `0.5`."""
+    """Duration [s] from `0.5s` or `0.5`."""
     try:
         return float(word.removesuffix(TIME_SUFFIX))
     except ValueError:
         raise BadInput(f"'{word}' is not a duration; write for example 0.5s") from None
 
 
-def one(words: list[str], usage: str) -> str:
-    """The only word after an order."""
+def only(words: list[str], command: str) -> str:
+    """The single argument of a command. Raises BadInput with its usage otherwise."""
     if len(words) != 1:
-        raise BadInput(f"usage: {usage}")
+        raise BadInput(f"usage: {COMMANDS[command].usage}")
     return words[0]
 
 
-def step(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import session as live
-
+def step(session: Session, words: list[str]) -> str:
     word = words[0] if words else "1"
     if not word.isdigit():
         raise BadInput(f"'{word}' is not a number of steps")
@@ -55,153 +55,120 @@ def step(session: "Session", words: list[str]) -> str:
     return status(session)
 
 
-def run(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import session as live
-
+def run(session: Session, words: list[str]) -> str:
     if words == ["until", "rest"]:
-        rested = live.run_until_rest(session)
-        return status(session) + ("" if rested else "  (time limit of the stage, not at rest)")
-    live.run_for(session, seconds(one(words, ORDERS["run"].usage)))
+        is_at_rest = live.run_until_rest(session)
+        return status(session) + ("" if is_at_rest else "  (time limit of the stage, not at rest)")
+    live.run_for(session, seconds(only(words, "run")))
     return status(session)
 
 
-def stage(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import session as live
-
-    return f"stage {live.next_stage(session)} begins"
-
-
-def change(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import session as live
-
+def set_entry(session: Session, words: list[str]) -> str:
     if len(words) != 2:
-        raise BadInput(f"usage: {ORDERS['set'].usage}")
+        raise BadInput(f"usage: {COMMANDS['set'].usage}")
     return f"{words[0]} = {words[1]} {live.set_entry(session, words[0], words[1])}"
 
 
-def entry(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.scene import resolved
-
+def get_entry(session: Session, words: list[str]) -> str:
     found: Any = resolved(session.scene)
-    for key in one(words, ORDERS["get"].usage).split("."):
+    for key in only(words, "get").split("."):
         if not isinstance(found, dict) or key not in found:
-            near = ", ".join(found) if isinstance(found, dict) else "nothing"
-            raise BadInput(f"no entry '{words[0]}'; below it there is {near}")
+            entries = ", ".join(found) if isinstance(found, dict) else "none"
+            raise BadInput(f"no entry '{words[0]}'; entries there: {entries}")
         found = found[key]
     return f"{words[0]} = {found}"
 
 
-def measured(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import session as live
-
+def measure(session: Session, words: list[str]) -> str:
     lines = [f"{m.name} = {m.value:.5g} {m.unit}" for m in live.measure_now(session).values()]
-    return "\n".join(lines) or "the scene names nothing to measure"
+    return "\n".join(lines) or "the scene has no measures"
 
 
-def status(session: "Session") -> str:
-    from taichi_erosion.run import session as live_view
-
-    found = live_view.session_status(session)
+def status(session: Session) -> str:
     return "  ".join(
         f"{name} {value:.5g}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in found.items()
+        for name, value in live.session_status(session).items()
     )
 
 
-def show(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.recording.pictures import in_colour, in_shades
-    from taichi_erosion.run import session as live_view
-
-    image = live_view.side_picture(session, is_lettered=False)
+def show(session: Session, words: list[str]) -> str:
+    image = live.side_picture(session, is_lettered=False)
     has_colours = sys.stdout.isatty() and "NO_COLOR" not in os.environ
     drawn = in_colour if has_colours else in_shades
     return f"{drawn(image, PICTURE_COLUMNS)}\n{status(session)}"
 
 
-def picture(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import session as live_view
-
-    return str(live_view.write_picture(session, Path(one(words, ORDERS["snapshot"].usage))))
-
-
-def save(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import session as live
-
+def save(session: Session, words: list[str]) -> str:
     name = words[0] if words else "last"
     live.save(session, name)
     return f"saved as '{name}' at {session.time:.6g} s"
 
 
-def back(session: "Session", words: list[str]) -> str:
-    from taichi_erosion.run import session as live
-
+def back(session: Session, words: list[str]) -> str:
     live.restore(session, words[0] if words else "last")
     return status(session)
 
 
-def history(session: "Session", words: list[str]) -> str:
-    return "\n".join(session.history)
-
-
-def script(session: "Session", words: list[str]) -> str:
-    path = Path(one(words, ORDERS["script"].usage))
+def script(session: Session, words: list[str]) -> str:
+    path = Path(only(words, "script"))
     if not path.is_file():
         raise BadInput(f"{path}: no such file")
-    said = [obey(session, line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return "\n".join(text for text in said if text)
+    texts = [execute(session, line) for line in path.read_text(encoding="utf-8").splitlines()]
+    return "\n".join(text for text in texts if text)
 
 
-def explain(session: "Session", words: list[str]) -> str:
+def help_text(session: Session, words: list[str]) -> str:
     if words:
-        return describe_entry(words[0])
-    width = max(len(order.usage) for order in ORDERS.values())
-    return "\n".join(f"{order.usage:<{width}}  {order.meaning}" for order in ORDERS.values())
+        return COMMANDS[words[0]].meaning if words[0] in COMMANDS else meaning_of(words[0])
+    width = max(len(command.usage) for command in COMMANDS.values())
+    return "\n".join(f"{command.usage:<{width}}  {command.meaning}" for command in COMMANDS.values())
 
 
-def describe_entry(path: str) -> str:
-    """Unit and range of a scene's entry, or what an order does."""
-    from taichi_erosion.scene.paths import meaning_of
-
-    return ORDERS[path].meaning if path in ORDERS else meaning_of(path)
-
-
-ORDERS = {
-    "step": Order("step [N]", "run N time steps", step),
-    "run": Order("run TIME | run until rest", "run for a simulated time, such as 0.5s", run),
-    "stage": Order("stage", "begin the next stage of the scene", stage),
-    "set": Order("set PATH VALUE", "change an entry of the scene while it runs", change),
-    "get": Order("get PATH", "show an entry of the scene", entry),
-    "measure": Order("measure", "read the scene's observables now", measured),
-    "status": Order("status", "time, grains, energies", lambda session, words: status(session)),
-    "show": Order("show", "a small picture and the numbers", show),
-    "snapshot": Order("snapshot FILE", "write the picture as PNG", picture),
-    "save": Order("save [NAME]", "keep the state", save),
-    "back": Order("back [NAME]", "return to a kept state", back),
-    "history": Order("history", "what was ordered so far", history),
-    "script": Order("script FILE", "obey the lines of a file", script),
-    "help": Order("help [PATH]", "this list; or meaning, unit and range of an entry", explain),
-    "quit": Order("quit", "end the session", lambda session, words: ""),
+COMMANDS = {
+    "step": LiveCommand("step [N]", "run N time steps", step),
+    "run": LiveCommand("run TIME | run until rest", "run for a simulated time, such as 0.5s", run),
+    "stage": LiveCommand(
+        "stage",
+        "begin the next stage of the scene",
+        lambda session, words: f"stage {live.next_stage(session)} begins",
+    ),
+    "set": LiveCommand("set PATH VALUE", "change an entry of the scene during the run", set_entry),
+    "get": LiveCommand("get PATH", "show an entry of the scene", get_entry),
+    "measure": LiveCommand("measure", "evaluate the scene's measures now", measure),
+    "status": LiveCommand("status", "time, grains, energies", lambda session, words: status(session)),
+    "show": LiveCommand("show", "a small picture and the numbers", show),
+    "snapshot": LiveCommand(
+        "snapshot FILE",
+        "write the picture as PNG",
+        lambda session, words: str(live.write_picture(session, Path(only(words, "snapshot")))),
+    ),
+    "save": LiveCommand("save [NAME]", "save the state", save),
+    "back": LiveCommand("back [NAME]", "return to a saved state", back),
+    "history": LiveCommand("history", "commands so far", lambda session, words: "\n".join(session.history)),
+    "script": LiveCommand("script FILE", "run the commands in a file", script),
+    "help": LiveCommand("help [PATH]", "this list; or meaning, unit and range of an entry", help_text),
+    "quit": LiveCommand("quit", "end the session", lambda session, words: ""),
 }
 
 
-def obey(session: "Session", line: str) -> str:
-    """Carry out one line; empty lines and comments say nothing. Raises BadInput, SimulationStopped."""
+def execute(session: Session, line: str) -> str:
+    """Text of one line's command; "" for a comment. Raises BadInput, SimulationStopped."""
     words = shlex.split(line, comments=True)
     if not words:
         return ""
-    if words[0] not in ORDERS:
-        raise BadInput(f"'{words[0]}' is not an order; there are {', '.join(ORDERS)}")
-    said = ORDERS[words[0]].act(session, words[1:])
+    if words[0] not in COMMANDS:
+        raise BadInput(f"'{words[0]}' is not a command; the commands are {', '.join(COMMANDS)}")
+    text = COMMANDS[words[0]].run(session, words[1:])
     session.history.append(line.strip())
-    return said
+    return text
 
 
-def typed_lines(session: "Session") -> Iterator[str]:
-    """Lines of a terminal, with completion where readline is there, or of a pipe."""
+def input_lines(session: Session) -> Iterator[str]:
+    """Lines of a terminal, with completion where readline is installed, or of a pipe."""
     if not sys.stdin.isatty():
         yield from (line.rstrip("\n") for line in sys.stdin)
         return
-    complete_words(session)
+    enable_completion(session)
     while True:
         try:
             yield input(PROMPT)
@@ -209,17 +176,15 @@ def typed_lines(session: "Session") -> Iterator[str]:
             return
 
 
-def complete_words(session: "Session") -> None:
-    """Complete orders, and dotted paths of the scene."""
+def enable_completion(session: Session) -> None:
+    """Complete commands, and dotted paths of the scene, by the tab key."""
     try:
         import readline
     except ImportError:
         return
-    from taichi_erosion.scene.paths import scene_paths
 
     def complete(text: str, state: int) -> str | None:
-        known = [*ORDERS, *scene_paths(session.scene)]
-        found = [word for word in known if word.startswith(text)]
+        found = [word for word in (*COMMANDS, *scene_paths(session.scene)) if word.startswith(text)]
         return found[state] if state < len(found) else None
 
     readline.set_completer_delims(" ")
@@ -227,60 +192,27 @@ def complete_words(session: "Session") -> None:
     readline.parse_and_bind("tab: complete")
 
 
-def converse(session: "Session", lines: Iterable[str], is_strict: bool) -> None:
-    """Obey line after line; a strict session ends at the first mistake, a typed one says it and goes on."""
+def read_commands(session: Session, lines: Iterable[str], is_strict: bool) -> None:
+    """Run line after line and print the texts; an error ends a strict session, and is printed otherwise."""
     for line in lines:
         if line.strip() == "quit":
             return
         try:
-            said = obey(session, line)
+            text = execute(session, line)
         except (BadInput, SimulationStopped) as error:
             if is_strict:
                 raise
-            said = str(error)
+            text = str(error)
         except KeyboardInterrupt:
-            said = "interrupted; the session stands at the last check"
-        if said:
-            typer.echo(said)
+            text = "interrupted; the session is at its last check"
+        if text:
+            typer.echo(text)
 
 
-def live(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")],
-    override: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Change one entry; may be repeated."),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the grains.")] = None,
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Recording that grows meanwhile.")
-    ] = None,
-    viewer: Annotated[
-        str | None,
-        typer.Option(metavar="URL", help="Viewer that follows, such as rerun+http://127.0.0.1:9876/proxy."),
-    ] = None,
-    web: Annotated[bool, typer.Option("--web", help="Serve a viewer that follows to a browser.")] = False,
-) -> None:
-    """Play a scene by hand: type `help` at the prompt, or pipe orders in."""
-    from taichi_erosion.recording.viewer import web_viewer
-    from taichi_erosion.run.session import open_session
-
-    if web and viewer:
-        raise BadInput("--web and --viewer exclude each other")
-    session = open_session(scene, tuple(override or ()), seed)
-    path = record or Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd"
-    with web_viewer() if web else nullcontext() as served:
-        if served:
-            typer.echo(served.words, err=True)
-        converse_recorded(session, path, served.sink if served else viewer)
-
-
-def converse_recorded(session: "Session", path: Path, viewer: str | None) -> None:
-    """Obey until the end of the lines, while a recording grows that a viewer may follow."""
-    from taichi_erosion.recording import stream
-    from taichi_erosion.run import session as live_view
-
-    recorder = live_view.record_session(session, path, viewer)
+def run_prompt(session: Session, path: Path, viewer: str | None) -> None:
+    """Run commands to the end of the input, with a growing recording for a viewer."""
+    recorder = live.record_session(session, path, viewer)
     try:
-        converse(session, typed_lines(session), is_strict=not sys.stdin.isatty())
+        read_commands(session, input_lines(session), is_strict=not sys.stdin.isatty())
     finally:
         typer.echo(f"recording {stream.close(recorder.recording)}")

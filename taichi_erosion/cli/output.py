@@ -1,4 +1,4 @@
-"""What a command leaves on stdout: one JSON document, or tables for people."""
+"""Standard output of commands: one JSON document, or tables."""
 
 import json
 from collections import Counter
@@ -17,23 +17,23 @@ Record = Mapping[str, Any]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 MARK_MISSING = "-"
-WIDEST = 1000  # characters in a line of a table that goes to a file
+WIDEST = 1000  # width of a table in a file or pipe [characters]
 
 
 def print_json(document: Record) -> None:
-    """Print one JSON document; a number that is not finite, which JSON cannot hold, becomes null."""
+    """Print one JSON document; numbers that are not finite become null."""
     from taichi_erosion.measures.result import without_nan
 
-    typer.echo(json.dumps(without_nan(document), default=plain, allow_nan=False))
+    typer.echo(json.dumps(without_nan(document), default=json_value, allow_nan=False))
 
 
-def plain(value: Any) -> Any:
-    """A NumPy scalar or a path as JSON can hold it."""
+def json_value(value: Any) -> Any:
+    """JSON value of a NumPy scalar or a path."""
     return str(value) if isinstance(value, Path) else value.item()
 
 
 def print_run(document: Record) -> None:
-    """Print simulated beside measured values, then the warnings, the recording and the speed."""
+    """Print simulated and measured values, warnings, recording and speed."""
     print_table(run_table(document))
     for sentence in run_warnings(document):
         typer.echo(f"warning: {sentence}")
@@ -48,7 +48,7 @@ def print_run(document: Record) -> None:
 
 
 def log_run(document: Record) -> None:
-    """Measures, warnings and files of a run for the log."""
+    """Write measures, warnings and recording of a run to the log."""
     for name, found in document["measures"].items():
         LOG.info("%s = %s %s", name, spread(found), found["unit"])
     for sentence in run_warnings(document):
@@ -58,39 +58,41 @@ def log_run(document: Record) -> None:
 
 
 def run_table(document: Record) -> Table:
-    """One row an observable: what was simulated, what a laboratory measured, and the difference."""
+    """Table of simulated and measured values with their difference, one row per observable."""
     table = empty_table(document["scene"], "measure", "simulated", "measured", "difference", "source")
     simulated, measured = document["measures"], document["measured"]
     for name in dict.fromkeys((*simulated, *measured)):
-        ours, theirs = simulated.get(name, {}), measured.get(name, {})
-        unit = ours.get("unit") or theirs.get("unit") or ""
+        found, wanted = simulated.get(name, {}), measured.get(name, {})
+        unit = found.get("unit") or wanted.get("unit") or ""
         label = f"{name} [{unit}]" if unit else name
-        table.add_row(label, spread(ours), spread(theirs), difference(ours, theirs), theirs.get("source", ""))
+        table.add_row(
+            label, spread(found), spread(wanted), difference(found, wanted), wanted.get("source", "")
+        )
     return table
 
 
 def run_warnings(document: Record) -> list[str]:
-    """Each warning once, with the number of replicas it concerns."""
+    """Warnings with their number of replicas, then the notes of the measures."""
     counts = Counter(sentence for replica in document["replicas"] for sentence in replica["warnings"])
     among = len(document["replicas"])
-    said = [f"{sentence} ({count} of {among} replicas)" for sentence, count in counts.items()]
+    warnings = [f"{sentence} ({count} of {among} replicas)" for sentence, count in counts.items()]
     notes = [
         f"{name}: {note}"
         for name, measure in document["measures"].items()
         for note in measure.get("notes", ())
     ]
-    return said + notes
+    return warnings + notes
 
 
 def print_measurement(record: Record) -> None:
-    """Print one measured value and what is to be said about it."""
+    """Print one measured value and its notes."""
     typer.echo(f"{record['name']} = {spread(record)} {record['unit']}")
     for note in record["notes"]:
         typer.echo(f"note: {note}")
 
 
 def print_claims(claims: Sequence[Record]) -> None:
-    """Print the verification ladder: what is claimed, found and allowed."""
+    """Print the verification table."""
     table = empty_table("verification", "id", "claim", "got", "want", "tolerance", "precision", "", "s")
     for claim in claims:
         numbers = (significant(claim[key]) for key in ("got", "want", "tolerance"))
@@ -104,7 +106,7 @@ def print_claims(claims: Sequence[Record]) -> None:
 
 
 def print_cases(cases: Sequence[Record]) -> None:
-    """Print measured speeds: one row a case, one column a key of its record."""
+    """Print measured speeds: one row per case, one column per key."""
     keys = tuple(dict.fromkeys(key for case in cases for key in case))
     table = empty_table("speed", *keys)
     for case in cases:
@@ -113,14 +115,14 @@ def print_cases(cases: Sequence[Record]) -> None:
 
 
 def cell(value: Any) -> str:
-    """A number, a text, or named shares (such as the time of each stage) on a line each."""
+    """Text of a number, a text, or a mapping (one line per entry)."""
     if isinstance(value, Mapping):
         return "\n".join(f"{name} {significant(share)}" for name, share in value.items())
     return significant(value)
 
 
 def empty_table(title: str, *columns: str) -> Table:
-    """Table whose cells fold rather than lose text."""
+    """Empty table whose cells wrap."""
     table = Table(title=title, title_justify="left")
     for column in columns:
         table.add_column(column, overflow="fold")
@@ -128,7 +130,7 @@ def empty_table(title: str, *columns: str) -> Table:
 
 
 def print_table(table: Table) -> None:
-    """Print a table as wide as the terminal, or as the table itself where stdout is a file or a pipe."""
+    """Print a table at the width of the terminal, or at its own width to a file or pipe."""
     console = Console(highlight=False, markup=False)
     if not console.is_terminal:
         console.width = console.measure(table, options=console.options.update(max_width=WIDEST)).maximum
@@ -136,7 +138,7 @@ def print_table(table: Table) -> None:
 
 
 def spread(record: Record) -> str:
-    """Mean with standard deviation and number of repeats, rounded to two digits of the deviation."""
+    """Mean, standard deviation and number of repeats, rounded to two digits of the deviation."""
     value, sd, n = record.get("value"), record.get("sd"), record.get("n")
     if value is None or not isfinite(value):
         return MARK_MISSING
@@ -148,9 +150,9 @@ def spread(record: Record) -> str:
     return text if n is None else f"{text} (n = {n})"
 
 
-def difference(ours: Record, theirs: Record) -> str:
-    """Simulated less measured value, and its share of the measured one."""
-    got, want = ours.get("value"), theirs.get("value")
+def difference(found: Record, wanted: Record) -> str:
+    """Simulated minus measured value, absolute and relative to the measured one."""
+    got, want = found.get("value"), wanted.get("value")
     if got is None or want is None or not isfinite(got):
         return MARK_MISSING
     share = f" ({(got - want) / want:+.1%})" if want else ""
@@ -158,7 +160,7 @@ def difference(ours: Record, theirs: Record) -> str:
 
 
 def significant(value: Any) -> str:
-    """A number to six significant digits; anything else as it is."""
+    """Number in six significant digits; any other value as text."""
     if value is None:
         return MARK_MISSING
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,7 +1,4 @@
-"""The log that `--log FILE` asks for: the order, progress, warnings and the end, each with its time.
-
-How far a long command is: a bar on a terminal, else a line now and then; on stderr either way.
-"""
+"""Progress of a command on stderr (a bar; lines where stderr is no terminal), and the log of `--log FILE`."""
 
 import logging
 import sys
@@ -17,12 +14,12 @@ from taichi_erosion.core.errors import BadInput
 
 LOG = logging.getLogger("taichi_erosion")
 LAYOUT = "%(asctime)s %(levelname)s %(message)s"
-LOG.addHandler(logging.NullHandler())  # without --log nothing is said here
+LOG.addHandler(logging.NullHandler())  # without --log there is no output
 LOG.propagate = False
 
 
 def open_log(path: Path) -> None:
-    """Write to the end of a file from now on. Raises BadInput where it cannot be written."""
+    """Start appending to a log file. Raises BadInput where it cannot be written."""
     try:
         handler = logging.FileHandler(path, encoding="utf-8")
     except OSError as error:
@@ -34,32 +31,32 @@ def open_log(path: Path) -> None:
 
 
 def end_log(handler: logging.FileHandler) -> None:
-    """Write no more where the disk refuses it: the command goes on, and its log ends here."""
+    """Stop logging after a write error; the command continues."""
     LOG.removeHandler(handler)
-    sys.stderr.write(f"--log {handler.baseFilename}: cannot be written ({sys.exception()}); it ends here\n")
+    sys.stderr.write(f"--log {handler.baseFilename}: cannot be written ({sys.exception()}); end of log\n")
     with suppress(OSError):
         handler.close()
 
 
 def close_log() -> None:
-    """Close the file, if there is one."""
+    """Close the log file, if any."""
     for handler in LOG.handlers:
         if isinstance(handler, logging.FileHandler):
             LOG.removeHandler(handler)
             handler.close()
 
 
-LINE_INTERVAL = 10.0  # s between two lines where stderr is no terminal
-KNOWN_AFTER = 5.0  # s after which the pace says something about the rest
-KNOWN_FROM = 0.02  # share done from which it does [1]
+LINE_INTERVAL = 10.0  # s between two lines
+ESTIMATE_AFTER = 5.0  # s before the remaining time is estimated
+ESTIMATE_FROM = 0.02  # share done from which it is [1]
 MINUTE = 60.0  # s
 
-Report = Callable[[float, str], None]  # (share done [1], what is going on, in a few words)
+Report = Callable[[float, str], None]  # (share done [1], short text)
 
 
 @contextmanager
 def reporting(title: str) -> Iterator[Report]:
-    """A function to call with the share done and a few words; what it shows ends with the block."""
+    """Context with a progress function; its bar disappears at the end of the block."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield report_by_lines(
@@ -79,7 +76,7 @@ def reporting(title: str) -> Iterator[Report]:
 
 
 def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
-    """Show and log a line every LINE_INTERVAL seconds, so that a log shows life and stays short."""
+    """Progress function that shows and logs a line every LINE_INTERVAL seconds."""
     began = last = monotonic()
 
     def report(share: float, words: str) -> None:
@@ -87,7 +84,7 @@ def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
         now = monotonic()
         if now - last >= LINE_INTERVAL:
             last = now
-            # a campaign knows better: it counts what its runs have cost so far
+            # a campaign gives its own estimate, from the cost of its runs
             rest = "" if words.endswith(" left") else time_left(share, now - began)
             line = f"{title}: {share:.0%}, {words}{rest}"
             LOG.info(line)
@@ -97,8 +94,8 @@ def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
 
 
 def time_left(share: float, elapsed: float) -> str:
-    """What the rest takes at the pace so far,  t (1 - s) / s;  nothing is said before that pace is known."""
-    if share < KNOWN_FROM or elapsed < KNOWN_AFTER:
+    """Remaining time at the rate so far,  t (1 - s) / s;  "" before the estimate is reliable."""
+    if share < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER:
         return ""
     left = elapsed * (1.0 - share) / share
     return f", about {left:.0f} s left" if left < MINUTE else f", about {left / MINUTE:.0f} min left"

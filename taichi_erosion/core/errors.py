@@ -10,6 +10,7 @@ class ExitCode(IntEnum):
     FAILURE = 1  # an unexpected error, or a check that does not hold
     BAD_INPUT = 2
     STOPPED = 3  # a run that a guard ended
+    INTERRUPTED = 130  # 128 + SIGINT
     TERMINATED = 143  # 128 + SIGTERM
 
 

@@ -27,7 +27,7 @@ RECORDING = "study.rrd"
 
 
 CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
-NO_MISFIT = "No observable shows a significant misfit, neither as a whole nor along a condition."
+NO_MISFIT = "No significant misfit in any observable or along any condition."
 TIMES = {0: "has not been opened", 1: "was opened once"}
 
 

@@ -89,12 +89,12 @@ def test_a_discovered_law_gives_what_the_discovery_wrote(here):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["new", "Pull"], "give a new name of small letters"),
-        (["new", "dry_adhesion"], "give a new name"),
+        (["new", "Pull"], "a new name has lower-case letters"),
+        (["new", "dry_adhesion"], "a new name has"),
         (["new"], "is not in the library"),
-        (["dry_adhesion", "--from-discovery", "x.json"], "goes with new NAME"),
-        (["dry_adhesion", "--with-memory"], "goes with new NAME"),
-        (["new", "found", "--from-discovery", "x.json"], "is not the result of a discovery"),
+        (["dry_adhesion", "--from-discovery", "x.json"], "needs new NAME"),
+        (["dry_adhesion", "--with-memory"], "needs new NAME"),
+        (["new", "found", "--from-discovery", "x.json"], "is not a result of discover"),
     ],
 )
 def test_a_wrong_word_gets_one_line(words, sentence, capsys):
@@ -104,7 +104,7 @@ def test_a_wrong_word_gets_one_line(words, sentence, capsys):
 
 def test_a_discovery_without_a_law_begins_no_file(here, capsys):
     assert main(["effects", "new", "found", "--from-discovery", discovery(here, None)]) == 2
-    assert "proposes no law" in capsys.readouterr().err
+    assert "no law" in capsys.readouterr().err
     strange = LAW | {"expression": "change of ln y = +1 (colour / 2)^1"}
     assert main(["effects", "new", "found", "--from-discovery", discovery(here, strange)]) == 2
     assert "reads 'colour'" in capsys.readouterr().err

@@ -180,8 +180,8 @@ def test_a_session_on_a_terminal_prompts_says_mistakes_and_goes_on(tmp_path: Pat
     assert child.wait(timeout=60) == 0
     os.close(master)
     text = said.decode()
-    assert "'fly' is not an order" in text
-    assert "time_s 0  stage settle" in text  # the tab key has completed the order
+    assert "'fly' is not a command" in text
+    assert "time_s 0  stage settle" in text  # the tab key has completed the command
     assert "contact.grain-grain.friction_rolling = 0.12" in text  # and the dotted path
     assert "time_s 0.001" in text
     assert prompt.PROMPT in text

@@ -1,0 +1,87 @@
+"""Panels and examples of `--help`."""
+
+from dataclasses import dataclass
+from typing import Any
+
+SIMULATE, EXPLAIN, CHECK = "Simulate and view", "Calibrate and explain", "Check"
+DOE_STEPS = ("design", "run", "analyse", "climb", "surface", "optimise", "confirm", "calibrate")
+PANELS = {
+    SIMULATE: ("run", "live", "view", "snapshot", "export"),
+    EXPLAIN: ("compare", "discover", "adopt", "next", "report", "effects"),
+    CHECK: ("audit", "verify", "bench", "schema"),
+    "": ("measure repose", *(f"doe {step}" for step in DOE_STEPS)),
+}
+EXAMPLES = """
+run scenes/funnel_repose.toml
+run scenes/funnel_repose.toml --set contact.soil-soil.friction_rolling=0.3 --replicas 5
+run scenes/funnel_repose.toml --check
+run scenes/rotating_drum.toml --checkpoint drum.npz --every 0.5
+live scenes/column_collapse.toml
+live scenes/column_collapse.toml --set grains.count=300 --web
+live scenes/column_collapse.toml < SCRIPT
+view recordings/sample.rrd
+view recordings/sample.rrd --web
+view STUDY
+snapshot recordings/sample.rrd -o heap.png
+snapshot recordings/sample.rrd --time 0.5 --view Grains -o heap.png
+export recordings/sample.rrd --vtk paraview
+measure repose IMAGE
+measure repose IMAGE --crop 100,50,900,600 --background light
+doe design doe/first_calibration.toml
+doe run doe/first_calibration.toml --workers 2
+doe analyse doe/first_calibration.toml
+doe climb doe/first_calibration.toml
+doe surface doe/first_calibration.toml
+doe optimise doe/first_calibration.toml
+doe confirm doe/first_calibration.toml
+doe calibrate doe/first_calibration.toml
+doe calibrate STUDY --scheduler tcp://127.0.0.1:8786
+audit doe/hao2022/table_4.csv
+audit TABLE --response angle --json
+compare doe/impact_threshold_reduced.toml
+discover doe/impact_threshold_reduced.toml
+discover STUDY --budget quick
+adopt doe/impact_threshold_reduced.toml dry_cohesion
+next doe/impact_threshold_reduced.toml
+report doe/impact_threshold_reduced.toml
+report doe/funnel_soil.toml -o funnel.html
+report recordings/FILE.rrd
+effects
+effects liquid_bridge
+effects new my_pull
+effects my_pull --effect my_pull.py
+verify V02 V05
+verify --json
+bench
+bench --json
+schema
+schema -o my_scenes/scene.schema.json
+"""
+
+
+@dataclass(frozen=True)
+class CommandHelp:
+    """Panel of a command in the list of commands ("" for a subcommand), and its examples."""
+
+    panel: str
+    examples: tuple[str, ...]
+
+
+def examples_of(command: str) -> tuple[str, ...]:
+    """Lines of EXAMPLES that call a command."""
+    return tuple(line for line in EXAMPLES.split("\n") if f"{line} ".startswith(f"{command} "))
+
+
+COMMANDS = {
+    command: CommandHelp(panel, examples_of(command))
+    for panel, commands in PANELS.items()
+    for command in commands
+}
+
+
+def help_of(command: str) -> dict[str, Any]:
+    """Keyword arguments of a command's registration."""
+    page = COMMANDS[command]
+    lines = "\n".join(f"  ./erosion {example}" for example in page.examples)
+    epilog = {"epilog": f"Examples\n\n{lines}"}
+    return epilog | {"rich_help_panel": page.panel} if page.panel else epilog
