@@ -1,9 +1,9 @@
-"""Cells: sorting grains in space, so that neighbours in space are neighbours in memory.
+"""Cells: grains are sorted in space, so that neighbours in space are neighbours in memory.
 
-A box is cut into cells at least as wide as the longest list distance. Grains outside fall to the border
+A box is divided into cells at least as wide as the longest list distance. Grains outside belong to the border
 cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are numbered along the
-axis with the fewest of them first and along the one with the most last: layers of cells are small, and what
-touches lies near in memory. The box follows the grains from rebuild to rebuild; under wind, where some fly
+axis with the fewest of them first and along the one with the most last: layers of cells are small, and grains
+in contact lie near in memory. The box follows the grains from rebuild to rebuild; under wind, where some fly
 far above a bed, it is that of the scene.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.state import side_block
 
-SPREAD = 2.0  # sd of the grains' places about their mean that the box may hold [1]; beyond it lie few
+SPREAD = 2.0  # half width of the box over the standard deviation of the grains' positions [1]; few lie beyond
 WIDER = 1.1  # factor on the width of cells while they are too many [1]
 PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
 
@@ -52,7 +52,7 @@ def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
 
 @ti.func
 def row_of_cells(cells: ti.template(), r):
-    """First place of replica r in `first`; two places more than cells, to shift the sort and to close."""
+    """First place of replica r in `first`: two places more than cells, to shift the sort and to close it."""
     return r * (cells.capacity + 2)
 
 
@@ -68,7 +68,7 @@ def wrapped(position, period, low):
 
 @ti.func
 def shortest_way(away, period):
-    """The same for distances along the axes between two positions that are wrapped into the period [m]."""
+    """Distances along the axes between nearest images of two wrapped positions [m]."""
     nearest = away
     for k in ti.static(range(3)):
         if period[k] > 0.0:
@@ -78,14 +78,14 @@ def shortest_way(away, period):
 
 @ti.func
 def arranged(cells: ti.template(), r, along):
-    """A vector of what stands along x, y and z, in the order of the axes of replica r."""
+    """Components of a vector in the order of the axes of replica r."""
     axes = cells.axes[r]
     return ti.Vector([along[axes[0]], along[axes[1]], along[axes[2]]])
 
 
 @ti.func
 def arrange_axes(cells_out: ti.template(), r):
-    """Order the axes of replica r by their number of cells; as many stand in the order x, y, z."""
+    """Order the axes of replica r by their number of cells; equal ones keep the order x, y, z."""
     number = cells_out.number[r]
     for axis in ti.static(range(3)):
         rank = 0
@@ -106,7 +106,7 @@ def cell_coordinates(cells: ti.template(), r, position):
 
 @ti.func
 def cell_index(number, place):
-    """Number of the cell at `place` of a grid of so many, both along the arranged axes."""
+    """Number of the cell at `place` in a grid of `number` cells, both along the arranged axes."""
     return (place[2] * number[1] + place[1]) * number[0] + place[0]
 
 
@@ -119,7 +119,7 @@ def position_of(grains: ti.template(), replicas: ti.template(), r, i):
 
 @ti.func
 def occupied_box(grains: ti.template(), replicas: ti.template(), r):
-    """Low and high corner of the box that holds most grains of replica r [m]; along a period, the period."""
+    """Low and high corner of the box around most grains of replica r [m]; along a period, the period."""
     count = replicas.released[r]
     base = side_block(grains, r, replicas.side[r])
     low = replicas.high[r]
@@ -142,7 +142,7 @@ def occupied_box(grains: ti.template(), replicas: ti.template(), r):
 
 @ti.func
 def fit_cells(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
-    """Lay the grid of replica r around its grains; where that makes too many cells, they are widened."""
+    """Grid of replica r around its grains; cells are widened while they are too many."""
     low, high = occupied_box(grains, replicas, r)
     width = cells_out.width_least[r]
     span = ti.max(high - low, width)

@@ -6,7 +6,7 @@ Bodies are kept in f64: angular momentum and orientation advance by
     q(t + dt) = q + dt/2 w(q_mid) q,    q_mid = q + dt/4 w(q) q,    w = A(q) I^-1 A(q)^T L,
 
 with T the torque about the centre of mass, w the spin [rad s-1] and A(q) the rotation of the body, and the
-spheres are placed anew from their body in every step, so that a clump never deforms.
+positions of the spheres follow from their body in every step, so that a clump never deforms.
 
 Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., section 3.3.2.
 """
@@ -68,7 +68,7 @@ def rotation_matrix(q):
 
 @ti.func
 def turned(q, spin, time):
-    """Quaternion after turning with a spin [rad s-1] for a short time [s], normalised."""
+    """Unit quaternion after rotation with a spin [rad s-1] for a short time [s]."""
     half = 0.5 * time * spin
     after = q + ti.Vector(
         [
@@ -90,7 +90,7 @@ def body_spin(clumps: ti.template(), b, q):
 
 @ti.func
 def locate_spheres(world_out: ti.template(), r, first, last):
-    """Note where the sort has put the spheres of ranks first to last, on the valid side."""
+    """Record where the sort has put the spheres of ranks first to last, on the valid side."""
     grains, clumps_out = ti.static((world_out.grains, world_out.clumps))
     base = side_block(grains, r, world_out.replicas.side[r])
     for rank in range(first, last):
@@ -136,7 +136,7 @@ def advance_body(world_out: ti.template(), r, b, kick):
 
 @ti.func
 def place_spheres(world_out: ti.template(), r, b):
-    """Put the spheres of body b where it is now; says whether a rebuild is due."""
+    """Positions and velocities of the spheres of body b; returns REBUILD where one has left its skin."""
     clumps, grains_out = ti.static((world_out.clumps, world_out.grains))
     base = side_block(grains_out, r, world_out.replicas.side[r])
     frame = rotation_matrix(clumps.orientation[b])
@@ -160,7 +160,7 @@ def place_spheres(world_out: ti.template(), r, b):
 
 @ti.func
 def advance_clumps(world_out: ti.template(), r, p, step):
-    """Kick and drift the released bodies of partition p."""
+    """Advance the released bodies of partition p; returns REBUILD where a rebuild is due."""
     clumps, replicas = ti.static((world_out.clumps, world_out.replicas))
     released = replicas.released[r]
     need = 0

@@ -1,4 +1,4 @@
-"""One contact: normal law, friction with memory and rolling resistance, put together.
+"""Contact force: normal law, tangential spring with friction limit, and rolling resistance.
 
     F_n = F_el(d) - c_n v_n,              c_n = 2 sqrt(5/6) beta sqrt(2 E* a m*)
     F_t = -8 G* a xi - c_t v_t            while 8 G* a |xi| <= mu F_cap,      c_t = c_n sqrt(4 G*/E*)
@@ -39,7 +39,7 @@ ROLLING: dict[str, ModuleType] = {
 
 @dataclass(frozen=True, eq=False)
 class ContactLaws:
-    """The compiled choice for every slot."""
+    """Device functions of a run, one per slot."""
 
     normal_force: Any
     normal_energy: Any
@@ -48,16 +48,16 @@ class ContactLaws:
     rolling_energy: Any
     adhesive: bool  # whether contacts act across a gap
     gap_reach: Any  # host function (pi gamma, E*, R*) -> gap [m]
-    contact: Any  # struct type of one contact, in the run's precision
+    contact_type: Any  # struct type of one contact, in the run's precision
 
 
 def contact_type() -> Any:
-    """What the laws know of one contact."""
+    """Struct of one contact: what the laws read."""
     real3 = ti.types.vector(3, float)
     return ti.types.struct(
         normal=real3,  # unit vector from the partner to grain i [1]
         velocity=real3,  # of grain i relative to the partner, at the contact [m s-1]
-        rolling=real3,  # spin of i relative to the partner, without twist [rad s-1]
+        rolling_velocity=real3,  # spin of i relative to the partner, without twist [rad s-1]
         root_radius=float,  # square root of the effective radius [m^0.5]
         damping=float,  # normal damping constant over sqrt(a) [kg s-1 m-0.5]
         rolling_damping=float,  # rolling damping constant over sqrt(a) [N m s m-0.5]
@@ -68,55 +68,30 @@ def contact_type() -> Any:
     )
 
 
-def compile_normal_force(laws: Laws) -> Any:
-    """Normal force of the chosen law; the choices of adhesion concern JKR alone."""
-    if laws.normal == "jkr":
-        return jkr.compile_jkr(laws.adhesion_branch, laws.friction_cap)
-    return hertz.normal_force
-
-
 def compile_contact_laws(laws: Laws) -> ContactLaws:
-    """Turn names into functions; below this nobody asks again."""
+    """Device functions of the laws that a run names; the choices of adhesion concern JKR alone."""
     rolling = ROLLING[laws.rolling]
-    sticky = laws.normal == "jkr"
+    adhesive = laws.normal == "jkr"
+    normal = jkr if adhesive else hertz
+    branch = jkr.compile_jkr(laws.adhesion_branch, laws.friction_cap) if adhesive else hertz.normal_force
     return ContactLaws(
-        normal_force=compile_normal_force(laws),
-        normal_energy=jkr.normal_energy if sticky else hertz.normal_energy,
+        normal_force=branch,
+        normal_energy=normal.normal_energy,
         rolling_torque=rolling.rolling_torque,
         rolling_constant=rolling.rolling_constant,
         rolling_energy=rolling.rolling_energy,
-        adhesive=sticky,
-        gap_reach=jkr.gap_reach if sticky else hertz.gap_reach,
-        contact=contact_type(),
+        adhesive=adhesive,
+        gap_reach=normal.gap_reach,
+        contact_type=contact_type(),
     )
 
 
 @ti.func
-def make_contact(laws: ti.template(), normal, velocity, rolling, constants, elastic):
-    """Struct of one contact.
-
-    `constants` are (root radius, damping, rolling damping), `elastic` is (force, contact radius, cap force).
-    """
-    return laws.contact(
-        normal=normal,
-        velocity=velocity,
-        rolling=rolling - rolling.dot(normal) * normal,
-        root_radius=constants[0],
-        damping=constants[1],
-        rolling_damping=constants[2],
-        elastic=elastic[0],
-        contact_radius=elastic[1],
-        root_contact_radius=ti.sqrt(elastic[1]),
-        cap_force=elastic[2],
-    )
-
-
-@ti.func
-def friction_force(materials: ti.template(), row, contact: ti.template(), tangential_displacement, dt):
-    """Tangential force on grain i [N] and the spring's displacement after it [m]."""
+def friction_force(materials: ti.template(), row, contact: ti.template(), displacement, dt):
+    """Tangential force on grain i [N] and the tangential displacement after the step [m]."""
     stiffness = 8.0 * materials.shear[row] * contact.contact_radius
     tangential = contact.velocity - contact.velocity.dot(contact.normal) * contact.normal
-    stretched = tangential_displacement + tangential * dt
+    stretched = displacement + tangential * dt
     stretched -= stretched.dot(contact.normal) * contact.normal
     force = -stiffness * stretched
     limit = materials.friction_sliding[row] * contact.cap_force
@@ -132,19 +107,16 @@ def friction_force(materials: ti.template(), row, contact: ti.template(), tangen
 
 @ti.func
 def contact_force(
-    laws: ti.template(),
-    materials: ti.template(),
-    row,
-    contact: ti.template(),
-    tangential_displacement,
-    rolling_displacement,
-    dt,
+    laws: ti.template(), materials: ti.template(), row, contact: ti.template(), tangential, rolling, dt
 ):
-    """Force on grain i [N], its tangential part [N], rolling torque [N m], slip and tilt after the step."""
-    tangential, tangential_after = friction_force(materials, row, contact, tangential_displacement, dt)
-    turned = rolling_displacement + contact.rolling * dt
+    """Force on grain i, its tangential part [N], rolling torque [N m], and both displacements after the step.
+
+    `tangential` and `rolling` are the displacements before it [m], [rad].
+    """
+    friction, tangential_after = friction_force(materials, row, contact, tangential, dt)
+    turned = rolling + contact.rolling_velocity * dt
     turned -= turned.dot(contact.normal) * contact.normal
     torque, rolling_after = laws.rolling_torque(materials, row, contact, turned)
     damping = contact.damping * contact.root_contact_radius
-    force = (contact.elastic - damping * contact.velocity.dot(contact.normal)) * contact.normal + tangential
-    return force, tangential, torque, tangential_after, rolling_after
+    force = (contact.elastic - damping * contact.velocity.dot(contact.normal)) * contact.normal + friction
+    return force, friction, torque, tangential_after, rolling_after

@@ -1,12 +1,12 @@
-"""What the surroundings do to grains between two looks at them: drag towards a velocity, and steady pushes.
+"""Frozen drag: the forces of air and fields on grains, held constant between two exchanges with the air.
 
-The air is looked at once in many time steps of the grains. In between its drag is held as a rate b [s-1]
-towards a velocity u, and all other forces as an acceleration f:
+The air is sampled once in many time steps of the grains. In between its drag is a rate b [s-1] towards a
+velocity u, and all other forces are an acceleration f:
 
     v(t + dt/2) = (v' + b dt u) / (1 + b dt),    v' = v(t - dt/2) + (a + f) dt,
 
-which is stable however fast the drag is. The momentum that drag gives to a grain is summed up exactly, so
-that the air can be made to lose it.
+which is stable however large the rate is. The momentum that drag gives to a grain is summed up exactly: the
+air loses just that.
 """
 
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from taichi_erosion.grains.state import vector
 
 @dataclass(frozen=True, eq=False)
 class FrozenDrag:
-    """Held terms by grain place, both sides, as in `Grains`."""
+    """Frozen terms by grain place, both sides, as in `Grains`."""
 
-    air_velocity: Any  # vec3, velocity that drag pulls towards [m s-1]
-    drag_rate: Any  # rate at which it does [s-1]
-    steady_acceleration: Any  # vec3, acceleration by everything that is not drag [m s-2]
+    air_velocity: Any  # vec3, velocity that drag relaxes to [m s-1]
+    drag_rate: Any  # rate of that relaxation [s-1]
+    steady_acceleration: Any  # vec3, by everything that is not drag [m s-2]
     steady_spin_rate: Any  # vec3, likewise of the spin [rad s-2]
-    drag_kick: Any  # vec3, change of velocity by drag since the last look [m s-1]
+    drag_kick: Any  # vec3, change of velocity by drag since the last exchange [m s-1]
 
 
 FROZEN_FIELDS = ("air_velocity", "drag_rate", "steady_acceleration", "steady_spin_rate", "drag_kick")
@@ -35,6 +35,10 @@ def allocate_frozen_drag(replicas: int, capacity: int) -> FrozenDrag:
     table = {name: vector() for name in FROZEN_FIELDS if name != "drag_rate"} | {"drag_rate": ti.field(float)}
     ti.root.dense(ti.i, 2 * replicas * capacity).place(*table.values())
     return FrozenDrag(**table)
+
+
+def fields_of(frozen: FrozenDrag) -> tuple[Any, ...]:
+    return tuple(getattr(frozen, name) for name in FROZEN_FIELDS)
 
 
 @ti.func
@@ -48,29 +52,13 @@ def apply_drag(frozen_out: ti.template(), i, velocity, kick):
 
 @ti.func
 def copy_frozen_drag(frozen_out: ti.template(), k, i):
-    """Carry the held terms of place i to place k."""
-    for field_out in ti.static(
-        (
-            frozen_out.air_velocity,
-            frozen_out.drag_rate,
-            frozen_out.steady_acceleration,
-            frozen_out.steady_spin_rate,
-            frozen_out.drag_kick,
-        )
-    ):
+    """Copy the frozen terms of place i to place k."""
+    for field_out in ti.static(fields_of(frozen_out)):
         field_out[k] = field_out[i]
 
 
 @ti.func
 def clear_frozen_drag(frozen_out: ti.template(), i):
-    """Nothing acts on the grain at place i until the next look at it."""
-    for field_out in ti.static(
-        (
-            frozen_out.air_velocity,
-            frozen_out.drag_rate,
-            frozen_out.steady_acceleration,
-            frozen_out.steady_spin_rate,
-            frozen_out.drag_kick,
-        )
-    ):
+    """No frozen force on the grain at place i until the next exchange."""
+    for field_out in ti.static(fields_of(frozen_out)):
         field_out[i] = 0.0 * field_out[i]

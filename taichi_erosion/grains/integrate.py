@@ -1,8 +1,8 @@
-"""Moving grains: leapfrog, the velocity standing half a step before the position.
+"""Time integration of grains: leapfrog, the velocity half a step before the position.
 
     v(t + dt/2) = v(t - dt/2) + a(t) dt,    x(t + dt) = x(t) + v(t + dt/2) dt
 
-The first step of a replica kicks by dt/2, which makes the positions those of the velocity-Verlet scheme.
+The first kick of a replica is dt/2, which makes the positions those of the velocity-Verlet scheme.
 
 Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., section 3.2.
 """
@@ -17,7 +17,7 @@ SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
 
 @ti.func
 def gather_forces(world_out: ti.template(), r, p):
-    """Add what other partitions put on the grains of partition p to its own buffer, in a fixed order."""
+    """Add the forces in the buffers of other partitions to those of partition p, in a fixed order."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     own = force_block(grains_out, replicas, r, p)
     first = partition_first(replicas, r, p)
@@ -59,7 +59,7 @@ def accelerations(world_out: ti.template(), r, i, buffer):
 
 @ti.func
 def keep_rates(grains_out: ti.template(), place, acceleration, spin_rate):
-    """Note what the last step of a launch did to a grain; no place, no note."""
+    """Record the rates of the last step of a launch; at place -1 nothing."""
     if place >= 0:
         grains_out.acceleration[place] = acceleration
         grains_out.spin_rate[place] = spin_rate
@@ -67,7 +67,7 @@ def keep_rates(grains_out: ti.template(), place, acceleration, spin_rate):
 
 @ti.func
 def advance_grain(world_out: ti.template(), r, i, buffer, kick, place):
-    """Kick and drift the grain at place i; says whether it calls for a rebuild."""
+    """Kick and drift the grain at place i; returns REBUILD where it has left its skin."""
     (grains_out,) = ti.static((world_out.grains,))
     acceleration, spin_rate = accelerations(world_out, r, i, buffer)
     velocity = grains_out.velocity[i] + acceleration * kick
@@ -87,7 +87,7 @@ def advance_grain(world_out: ti.template(), r, i, buffer, kick, place):
 
 @ti.func
 def advance_grains(world_out: ti.template(), r, p, step, is_last):
-    """Move the grains of one partition that do not sleep; says whether a rebuild is due."""
+    """Advance the awake grains of one partition; returns REBUILD where a rebuild is due."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     base = side_block(grains_out, r, replicas.side[r])
     buffer = force_block(grains_out, replicas, r, p)
@@ -109,7 +109,7 @@ def advance_grains(world_out: ti.template(), r, p, step, is_last):
 
 @ti.func
 def finish_partition(replicas_out: ti.template(), r, p, need):
-    """Publish what partition p needs before the next step."""
+    """Publish what partition p needs before the next step: nothing, REBUILD or STOP."""
     if replicas_out.fault_value[r, p] > 0.0:
         need = STOP
     replicas_out.need[r, p] = need

@@ -32,7 +32,6 @@ class Materials:
 
 
 def allocate_materials(replicas: int, materials: int) -> Materials:
-    """Fields for every pair of `materials`."""
     rows = materials * (materials + 1) // 2
     names = [f.name for f in fields(Materials)][2:]
     return Materials(materials, rows, **{name: ti.field(float, shape=replicas * rows) for name in names})
@@ -50,7 +49,7 @@ def damping_ratio(restitution: Floats) -> Floats:
 
 
 def device_columns(table: ContactTable) -> dict[str, Floats]:
-    """What the force loop reads, from what a scene states."""
+    """Columns of Materials from what a scene states."""
     return {
         "young": table.young_effective,
         "shear": table.shear_effective,

@@ -1,18 +1,18 @@
-"""Neighbour list: which grains may touch before the next rebuild, with the memory of those that do.
+"""Neighbour list (Verlet list): pairs that may touch before the next rebuild, with their contact history.
 
-Half list: a pair stands once, with the grain whose cell comes first. Entries of a grain lie together from
-`start` to `stop`, touching pairs first, so that the force loop meets them in runs. Every replica owns
+Half list: a pair has one entry, at the grain whose cell comes first. Entries of a grain lie together from
+`start` to `stop`, touching pairs first, so that the force loop meets them in runs. Every replica has
 `capacity` entries on each of two sides; each partition of its grains fills its own share of them, so
 partitions never wait for each other.
 
-How far a grain may move before the lists are rebuilt.
+The Verlet skin h is the distance that a grain may move before the lists are rebuilt:
 
     h = clip(|v| t, m R, h_most)
 
-Fast grains get a wide margin, resting grains a narrow one, so that a few flying grains do not force the
-settled ones to search again. Adjacent cells hold all partners of a grain with R + h <= L, the grasp of the
-cells. A wide grain, R + h > L, looks at all others instead. That costs little while such grains are few; in a
-crowd they have to make do with h = max(m R, L - R).
+Fast grains have a wide skin, resting grains a narrow one, so that a few flying grains do not force rebuilds
+on the settled ones. Adjacent cells hold all partners of a grain with R + h <= L, the reach of the cells. A
+wide grain, R + h > L, is searched among all others instead. That costs little while such grains are few; in a
+crowd of them the skin is limited to h = max(m R, L - R).
 """
 
 from dataclasses import dataclass
@@ -22,9 +22,12 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.state import side_block
 
 ENGAGED = 1  # bit of a label: the contact acts
-MET = 2  # bit of a label: the two have touched, and an effect has held on to them since
-MEMORY = ENGAGED | MET
+MET = 2  # bit of a label: the two have touched, and an effect has attracted them since
+HISTORY = ENGAGED | MET
 ROW_SHIFT = 2  # of a label: above these bits stands the row of Materials
+WIDE_MOST = (
+    150  # wide grains, beyond which they are a crowd: as many partners as adjacent cells of a dense bed hold
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,22 +51,16 @@ class NeighbourList:
 def allocate_neighbour_list(replicas: int, grains: int, capacity: int) -> NeighbourList:
     """Fields of `capacity` entries a replica and side."""
     reals = {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
-    vectors = {
-        name: ti.Vector.field(3, float)
-        for name in ("separation", "tangential_displacement", "rolling_displacement")
-    }
+    names = ("tangential_displacement", "rolling_displacement")
+    springs = {name: ti.Vector.field(3, float) for name in names}
+    separation = ti.Vector.field(3, float)
     labels = {name: ti.field(ti.i32) for name in ("owner", "neighbour", "label")}
     # by themselves: the search for a pair in an old list reads nothing else
     ti.root.dense(ti.i, 2 * replicas * capacity).place(*labels.values())
-    ti.root.dense(ti.i, 2 * replicas * capacity).place(
-        vectors["separation"],
-        *reals.values(),
-        vectors["tangential_displacement"],
-        vectors["rolling_displacement"],
-    )
+    ti.root.dense(ti.i, 2 * replicas * capacity).place(separation, *reals.values(), *springs.values())
     bounds = {name: ti.field(ti.i32) for name in ("start", "stop")}
     ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())
-    return NeighbourList(capacity, **reals, **vectors, **labels, **bounds)
+    return NeighbourList(capacity, separation=separation, **reals, **springs, **labels, **bounds)
 
 
 @ti.func
@@ -78,19 +75,25 @@ def partition_entries(pairs: ti.template(), replicas: ti.template(), r, p):
     return pairs.capacity // replicas.partitions[r] * p
 
 
-WIDE_MOST = 150  # wide grains in a crowd: in a dense bed a grain looks at about as many in adjacent cells
+@ti.func
+def end_contact(entries_out: ti.template(), e):
+    """Clear the history of a contact that has ended; `entries_out` is a neighbour list or a wall list."""
+    if entries_out.label[e] & ENGAGED == ENGAGED:
+        entries_out.label[e] = entries_out.label[e] - ENGAGED
+        entries_out.tangential_displacement[e] = 0.0 * entries_out.tangential_displacement[e]
+        entries_out.rolling_displacement[e] = 0.0 * entries_out.rolling_displacement[e]
 
 
 @ti.func
 def wanted_skin(replicas: ti.template(), r, radius, speed):
-    """Distance that a grain should be able to move before its list is stale [m]."""
+    """Skin of a grain without regard to cells [m]."""
     least = replicas.skin_least[r] * radius
     return ti.min(ti.max(least, speed * replicas.skin_time[r]), replicas.skin_most[r])
 
 
 @ti.func
 def skin(replicas: ti.template(), r, radius, speed):
-    """Distance that a grain may move before its list is stale [m]; in a crowd no more than cells allow."""
+    """Verlet skin of a grain [m]; in a crowd of wide grains no more than cells allow."""
     allowed = wanted_skin(replicas, r, radius, speed)
     if replicas.crowded[r] == 1:
         least = replicas.skin_least[r] * radius
@@ -100,7 +103,7 @@ def skin(replicas: ti.template(), r, radius, speed):
 
 @ti.func
 def count_wide_grains(world_out: ti.template(), r):
-    """Note whether more grains than `WIDE_MOST` would reach beyond adjacent cells."""
+    """Set `crowded` where more grains than `WIDE_MOST` would reach beyond adjacent cells."""
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
     base = side_block(grains, r, replicas_out.side[r])
     wide = 0
@@ -113,5 +116,4 @@ def count_wide_grains(world_out: ti.template(), r):
 @ti.func
 def is_wide(world: ti.template(), r, i):
     """Whether the grain at place i reaches beyond adjacent cells."""
-    (grains,) = ti.static((world.grains,))
-    return grains.extent[i] > world.replicas.cell_reach[r]
+    return world.grains.extent[i] > world.replicas.cell_reach[r]

@@ -1,8 +1,6 @@
-"""Searching the partners of a grain: in adjacent cells, and for a few wide grains among all others.
+"""Rebuild of the neighbour list: release and sort grains, search partners in adjacent cells, copy histories.
 
-Rebuilding the neighbour list: sort, move, search, and carry the memory of contacts over.
-
-A grain may move by its own margin h before the list is rebuilt (`grains.margins`). A pair is listed when
+A grain may move by its skin h before the list is rebuilt (`grains.neighbour_list`). A pair is listed when
 
     |x_i - x_j| < R_i + R_j + h_i + h_j + reach,
 
@@ -24,7 +22,7 @@ from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.frozen_drag import clear_frozen_drag, copy_frozen_drag
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.neighbour_list import (
-    MEMORY,
+    HISTORY,
     ROW_SHIFT,
     entry_block,
     is_wide,
@@ -34,12 +32,13 @@ from taichi_erosion.grains.neighbour_list import (
 from taichi_erosion.grains.sleep import clear_sleep, move_sleep
 from taichi_erosion.grains.state import partition_first, side_block
 
+TOUCHING = 1e-5  # of the distance of two grains: nearer to touching than this they count as touching [1]
 ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one beside it, three above
 
 
 @ti.func
 def proximity(world: ti.template(), r, i, j, period):
-    """How places i and j stand: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
+    """Relation of places i and j: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
     (grains,) = ti.static((world.grains,))
     within = grains.extent[i] + grains.extent[j] + world.replicas.reach[r]
     away = shortest_way(ti.abs(grains.origin[i] - grains.origin[j]), period)
@@ -56,13 +55,12 @@ def proximity(world: ti.template(), r, i, j, period):
 
 
 @ti.func
-def cell_run(cells: ti.template(), grid, r, place, row, piece):
+def cell_run(cells: ti.template(), number, periodic, r, place, row, piece):
     """Ranks [first, last) of one run of cells in row `row` after the cell `place`; empty outside the grid.
 
-    `grid` is (number of cells, whether periodic), and x, y, z here are the arranged axes. Piece 0 is the run
+    `number` cells and `periodic` flags go along the arranged axes, called x, y, z here. Piece 0 is the run
     inside the grid, piece 1 the one cell beyond a periodic edge in x.
     """
-    number, periodic = grid
     y = place[1] + (row == 1) + (row >= 2) * (row - 3)
     z = place[2] + (row >= 2)
     if periodic[1] == 1:
@@ -84,13 +82,12 @@ def cell_run(cells: ti.template(), grid, r, place, row, piece):
 
 
 @ti.func
-def list_partner(world_out: ti.template(), entry, limit, found, j, state):
-    """Write partner j behind those `found`, (wanted, touching), and return both numbers; touching ones first.
+def list_partner(world_out: ti.template(), entry, limit, wanted, touching, j, state):
+    """Write partner j behind the `wanted` ones, `touching` first, and return both numbers.
 
     Nothing is written from `limit` on; a number beyond it tells the host to grow the list.
     """
     (pairs_out,) = ti.static((world_out.pairs,))
-    wanted, touching = found
     if state > 0:
         if entry + wanted < limit:
             slot = entry + wanted
@@ -105,16 +102,16 @@ def list_partner(world_out: ti.template(), entry, limit, found, j, state):
 
 @ti.func
 def search_cells(world_out: ti.template(), r, rank, entry, limit):
-    """List the partners of one grain in its own and adjacent cells; wide ones list it themselves."""
+    """List the partners of one grain in its own and adjacent cells, wide partners excepted."""
     (cells,) = ti.static((world_out.cells,))
     base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
     place = cell_coordinates(cells, r, world_out.grains.origin[base + rank])
     period = world_out.replicas.period[r]
     periodic = arranged(cells, r, ti.cast(period > 0.0, ti.i32))
-    grid = (arranged(cells, r, cells.number[r]), periodic)
+    number = arranged(cells, r, cells.number[r])
     wanted, touching = 0, 0
     for run in range(2 * ROWS):
-        first, last = cell_run(cells, grid, r, place, run // 2, run % 2)
+        first, last = cell_run(cells, number, periodic, r, place, run // 2, run % 2)
         if run == 0:
             first = rank + 1
         for j in range(first, last):
@@ -122,13 +119,13 @@ def search_cells(world_out: ti.template(), r, rank, entry, limit):
             if state > 0:
                 if is_wide(world_out, r, base + j):
                     state = 0
-                wanted, touching = list_partner(world_out, entry, limit, (wanted, touching), j, state)
+                wanted, touching = list_partner(world_out, entry, limit, wanted, touching, j, state)
     return wanted
 
 
 @ti.func
 def search_all(world_out: ti.template(), r, rank, entry, limit):
-    """List the partners of a wide grain among all others; of two wide ones the first lists both."""
+    """List the partners of a wide grain among all others; a pair of wide grains is listed by the first."""
     (replicas,) = ti.static((world_out.replicas,))
     base = side_block(world_out.grains, r, 1 - replicas.side[r])
     period = replicas.period[r]
@@ -138,13 +135,13 @@ def search_all(world_out: ti.template(), r, rank, entry, limit):
         if state > 0:
             if j == rank or (j < rank and is_wide(world_out, r, base + j)):
                 state = 0
-            wanted, touching = list_partner(world_out, entry, limit, (wanted, touching), j, state)
+            wanted, touching = list_partner(world_out, entry, limit, wanted, touching, j, state)
     return wanted
 
 
 @ti.func
 def search_grain(world_out: ti.template(), r, rank, entry, limit):
-    """List the partners of one grain from `entry` on; returns the number wanted."""
+    """List the partners of one grain from `entry` on; returns the number of entries needed."""
     base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
     wanted = 0
     if is_wide(world_out, r, base + rank):
@@ -154,12 +151,9 @@ def search_grain(world_out: ti.template(), r, rank, entry, limit):
     return wanted
 
 
-TOUCHING = 1e-5  # of the distance of two grains: nearer to touching than this they count as touching [1]
-
-
 @ti.func
 def release_grains(world_out: ti.template(), r):
-    """Append the grains whose time has come to the valid side, with empty lists."""
+    """Append the grains whose release step has come to the valid side, with empty lists."""
     grains_out, source, replicas_out = ti.static((world_out.grains, world_out.source, world_out.replicas))
     base = side_block(grains_out, r, replicas_out.side[r])
     row = r * grains_out.capacity
@@ -190,7 +184,7 @@ def release_grains(world_out: ti.template(), r):
 
 @ti.func
 def move_grains(world_out: ti.template(), r, p):
-    """Copy partition p to the other side in sorted order, folding the shift into the origin."""
+    """Copy partition p to the other side in sorted order, with the shift added to the origin."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     old = side_block(grains_out, r, replicas.side[r])
     new = side_block(grains_out, r, 1 - replicas.side[r])
@@ -232,7 +226,7 @@ def find_entry(pairs: ti.template(), place_i, place_j, rank_j):
 
 @ti.func
 def copy_history(world_out: ti.template(), r, entry, rank_i, rank_j):
-    """Copy the memory of a pair from the old list to `entry`; a pair seen from its other end changes sign."""
+    """Copy the history of a pair from the old list to `entry`; its sign is that of the first grain."""
     pairs_out, grains = ti.static((world_out.pairs, world_out.grains))
     row = r * grains.capacity
     old_i = world_out.cells.order[row + rank_i]
@@ -249,7 +243,7 @@ def copy_history(world_out: ti.template(), r, entry, rank_i, rank_j):
     if source >= 0:
         tangential_displacement = sign * pairs_out.tangential_displacement[source]
         rolling_displacement = sign * pairs_out.rolling_displacement[source]
-        memory = pairs_out.label[source] & MEMORY
+        memory = pairs_out.label[source] & HISTORY
     pairs_out.tangential_displacement[entry] = tangential_displacement
     pairs_out.rolling_displacement[entry] = rolling_displacement
     return memory
@@ -257,7 +251,7 @@ def copy_history(world_out: ti.template(), r, entry, rank_i, rank_j):
 
 @ti.func
 def may_persist(world: ti.template(), i, j, difference):
-    """Whether a contact of places i and j may have a memory: apart they forget, if nothing holds them."""
+    """Whether a contact of places i and j may have a history: touching, adhesive, or with pair effects."""
     (grains,) = ti.static((world.grains,))
     persists = True
     if ti.static(not (world.laws.adhesive or world.pair_effects.any)):
@@ -268,7 +262,7 @@ def may_persist(world: ti.template(), i, j, difference):
 
 @ti.func
 def write_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
-    """Constants and memory of one listed pair."""
+    """Constants and contact history of one listed pair."""
     grains, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
     base = side_block(grains, r, 1 - world_out.replicas.side[r])
     i = base + rank_i
@@ -296,13 +290,13 @@ def write_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
 
 @ti.func
 def extended_range(ranks, rank):
-    """Lowest of some ranks, and one past the highest, with one more among them."""
+    """Range [lowest rank, one past the highest) extended by one rank."""
     return ti.Vector([ti.min(ranks[0], rank), ti.max(ranks[1], rank + 1)])
 
 
 @ti.func
 def list_partition(world_out: ti.template(), r, p):
-    """Fill the lists of one partition; remember how far its forces will reach."""
+    """Fill the lists of one partition, and record the ranks that its forces reach."""
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
     base = side_block(world_out.grains, r, side)

@@ -1,14 +1,21 @@
-"""Forces between grains: each partition walks its half list and adds to both partners in its own buffer.
+"""Pair forces: each partition loops over its half list and adds to both partners in its own force buffer.
 
-Pairs within reach are struck in batches (`grains.batches`): the walk fills the lanes of a batch, the contact
-law runs over all of them, and what it gives is dealt out to the grains.
+Pairs within reach fill the lanes of a batch (`grains.simd_batch`), the contact law runs over all lanes, and
+the forces are scattered to the grains.
 """
 
 from taichi_erosion.core.effect_device import any_passes, total_attraction, total_vector_force
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import position_of
-from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT
-from taichi_erosion.grains.simd_batch import LANES, evaluate_contact, lane, load_entry, set_lane
+from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT, end_contact
+from taichi_erosion.grains.simd_batch import (
+    LANES,
+    evaluate_contact,
+    lane,
+    load_entry,
+    set_lane,
+    store_contact,
+)
 from taichi_erosion.grains.sleep import next_awake, note_wake
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 
@@ -17,29 +24,12 @@ STIR, UNIT = 0x85EBCA6B, 2.0**-32  # odd, from the finaliser of MurmurHash3; of 
 
 
 @ti.func
-def report_overlap(replicas_out: ti.template(), r, p, ranks, overlap, size):
-    """Keep the first overlap beyond the limit, a share of `size` [m], that this partition met."""
+def report_overlap(replicas_out: ti.template(), r, p, rank, partner, overlap, size):
+    """Record the first overlap of this partition beyond the limit, which is a share of `size` [m]."""
     if overlap > replicas_out.overlap_limit[r] * size and replicas_out.fault_value[r, p] == 0.0:
         replicas_out.fault_value[r, p] = overlap / size
-        replicas_out.fault_grain[r, p] = ranks[0]
-        replicas_out.fault_partner[r, p] = ranks[1]
-
-
-@ti.func
-def end_contact(entries_out: ti.template(), e):
-    """Drop the memory of a contact that has ended."""
-    if entries_out.label[e] & ENGAGED == ENGAGED:
-        entries_out.label[e] = entries_out.label[e] - ENGAGED
-        entries_out.tangential_displacement[e] = 0.0 * entries_out.tangential_displacement[e]
-        entries_out.rolling_displacement[e] = 0.0 * entries_out.rolling_displacement[e]
-
-
-@ti.func
-def store_contact(entries_out: ti.template(), e, tangential_displacement, rolling_displacement):
-    """Keep the memory of a contact that acts."""
-    entries_out.label[e] = entries_out.label[e] | ENGAGED
-    entries_out.tangential_displacement[e] = tangential_displacement
-    entries_out.rolling_displacement[e] = rolling_displacement
+        replicas_out.fault_grain[r, p] = rank
+        replicas_out.fault_partner[r, p] = partner
 
 
 @ti.func
@@ -56,7 +46,7 @@ def effects_act(materials: ti.template(), entries: ti.template(), e):
 
 @ti.func
 def pair_attraction(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.template(), i, j):
-    """Attraction of places i and j by the effects [N]; remembers that they have met until all have let go."""
+    """Attraction of places i and j by the effects [N]; MET holds from touch until attraction ends."""
     if pair_out.gap <= 0.0:
         entries_out.label[e] = entries_out.label[e] | MET
     pair_out.touched = ti.cast((entries_out.label[e] & MET) / MET, float)
@@ -68,7 +58,7 @@ def pair_attraction(bound: ti.template(), entries_out: ti.template(), r, e, pair
 
 @ti.func
 def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
-    """Give both grains of lane n the force of the effects."""
+    """Add the force of the pair effects to both grains of lane n."""
     grains_out, pairs_out = ti.static((world_out.grains, world_out.pairs))
     e, root = batch.entry[n], batch.root_radius[n]
     i, j = base + batch.owner[n], base + batch.partner[n]
@@ -98,7 +88,7 @@ def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, bas
 
 @ti.func
 def pair_random(first, second):
-    """Number between 0 and 1 that two grains always have together, in either order."""
+    """Uniform random number in [0, 1) that belongs to a pair of grains, in either order."""
     low, high = ti.cast(ti.min(first, second), ti.u32), ti.cast(ti.max(first, second), ti.u32)
     key = (low * ti.u32(MULTIPLIER) + high) * ti.u32(STIR)
     key = (key ^ (key >> ti.u32(15))) * ti.u32(MULTIPLIER)
@@ -106,15 +96,12 @@ def pair_random(first, second):
 
 
 @ti.func
-def passes_through(world: ti.template(), r, e, places, overlap):
-    """Whether two grains that overlap, at `places` (i, j), pass through each other.
-
-    Those that touch go on touching until they part.
-    """
+def passes_through(world: ti.template(), r, e, i, j, overlap):
+    """Whether the overlapping grains at places i and j pass through each other."""
     grains, replicas = ti.static((world.grains, world.replicas))
     free = 0
+    # an engaged contact stays engaged
     if world.pairs.label[e] & ENGAGED == 0 and overlap > 0.0:
-        i, j = places
         first, second = position_of(grains, replicas, r, i), position_of(grains, replicas, r, j)
         contact = world.first_contact_type(
             height=ti.cast(ti.min(first[2], second[2]), float),
@@ -127,7 +114,7 @@ def passes_through(world: ti.template(), r, e, places, overlap):
 
 @ti.func
 def load_pair(world: ti.template(), batch_out: ti.template(), n, base):
-    """Write what the contact law reads of the pair in lane n."""
+    """Load what the contact law reads of the pair in lane n."""
     (grains,) = ti.static((world.grains,))
     i, j = base + batch_out.owner[n], base + batch_out.partner[n]
     batch_out.radius_i[n] = grains.radius[i]
@@ -153,31 +140,20 @@ def evaluate_pair(laws: ti.template(), batch_out: ti.template(), n, dt):
 
 @ti.func
 def scatter_pair(world_out: ti.template(), batch: ti.template(), n, buffer):
-    """Give both grains of lane n their share of an acting contact, and keep its memory."""
+    """Add the contact force in lane n to both grains, and store its history."""
     (grains_out,) = ti.static((world_out.grains,))
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
-    force, moment, torque_per_radius = (
-        lane(batch.force, n),
-        lane(batch.moment, n),
-        lane(batch.torque_per_radius, n),
-    )
-    store_contact(
-        world_out.pairs,
-        batch.entry[n],
-        lane(batch.tangential_displacement, n),
-        lane(batch.rolling_displacement, n),
-    )
+    force, moment, twist = lane(batch.force, n), lane(batch.moment, n), lane(batch.torque_per_radius, n)
+    store_contact(world_out.pairs, batch, n)
     grains_out.force[action] = grains_out.force[action] + force
-    grains_out.torque[action] = grains_out.torque[action] + (moment - batch.radius_i[n] * torque_per_radius)
+    grains_out.torque[action] = grains_out.torque[action] + (moment - batch.radius_i[n] * twist)
     grains_out.force[reaction] = grains_out.force[reaction] - force
-    grains_out.torque[reaction] = grains_out.torque[reaction] - (
-        moment + batch.radius_j[n] * torque_per_radius
-    )
+    grains_out.torque[reaction] = grains_out.torque[reaction] - (moment + batch.radius_j[n] * twist)
 
 
 @ti.func
 def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, base):
-    """Write to lane n how the grains of entry e stand; says whether they are within reach of each other.
+    """Write the pair of entry e to lane n; returns 1 where its grains are within reach, else 0.
 
     The lane is written in any case: a branch that goes either way at random costs more.
     """
@@ -196,7 +172,7 @@ def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, bas
     near = ti.cast(distance_squared < reach * reach, ti.i32)
     if ti.static(world_out.first_contact_effects.any):
         overlap = grains.radius[i] + grains.radius[j] - ti.sqrt(distance_squared)
-        near -= near * passes_through(world_out, r, e, (i, j), overlap)
+        near -= near * passes_through(world_out, r, e, i, j, overlap)
     if near < pairs_out.label[e] & ENGAGED:
         end_contact(pairs_out, e)
     return near
@@ -204,10 +180,10 @@ def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, bas
 
 @ti.func
 def apply_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
-    """What the contact in lane n does to its grains."""
+    """Apply the contact in lane n to its grains."""
     buffer = force_block(world_out.grains, world_out.replicas, r, p)
     size = 2.0 * batch.root_radius[n] * batch.root_radius[n]
-    report_overlap(world_out.replicas, r, p, (batch.owner[n], batch.partner[n]), batch.overlap[n], size)
+    report_overlap(world_out.replicas, r, p, batch.owner[n], batch.partner[n], batch.overlap[n], size)
     if batch.acts[n] == 1:
         scatter_pair(world_out, batch, n, buffer)
     else:
@@ -221,7 +197,7 @@ def apply_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
 
 @ti.func
 def add_pair_forces(world_out: ti.template(), r, p):
-    """Forces of all pairs that one partition owns."""
+    """Add the forces of all pairs of one partition."""
     grains, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
     first = partition_first(replicas, r, p)

@@ -1,40 +1,20 @@
-"""Workers and teams: who runs which replica, and how the members of a team wait for each other.
+"""Partition: how the grains of a replica are divided among worker threads, and the barrier between them.
 
-On a CPU one task is one worker thread. Where there are two workers or more for every replica, they form
-teams and share its partitions; elsewhere a worker runs replicas by itself, in the turns that the host deals.
+On a CPU one task is one worker thread. Where there are two workers or more for every replica, they form a
+team that divides its partitions; elsewhere a worker advances whole replicas, in the order of the schedule.
 Partitions and their order of summation are properties of the replica, so the result is the same.
 
-Sharing the grains of a replica among its partitions, so that all take about as long.
-
-A grain costs what its motion, its listed pairs and its contacts took before the rebuild. Counted, not timed:
-the bounds must be the same in every run, since forces are summed partition by partition.
+The partitions of a replica take about equally long: the cost of a grain is that of its motion, its listed
+pairs and its contacts before the rebuild. Costs are counted, not timed: the bounds must be the same in every
+run, since forces are summed partition by partition.
 """
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.grains.state import ARRIVAL_SLOT, side_block
 
-CPU_CHUNK = 512  # Taichi hands out CPU iterations in blocks of this size: one worker needs a whole block
-
-
-@ti.func
-def barrier(replicas_out: ti.template(), r, size, turn):
-    """Wait until all `size` members have come here; returns the number of the next meeting."""
-    if size > 1:
-        ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 1)
-        # an atomic read: a plain one may be hoisted out of the loop
-        while ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 0) < turn * size:
-            pass
-    return turn + 1
-
-
-@ti.func
-def owns_partition(replicas: ti.template(), r, p, member, size):
-    """Whether partition p belongs to a member; members own runs of neighbouring partitions."""
-    return p * size // replicas.partitions[r] == member
-
-
-# in the time that it takes to see that a listed pair is apart; measured in a funnel that empties
+CPU_CHUNK = 512  # Taichi divides CPU iterations into blocks of this size: one worker needs a whole block
+# costs over that of testing a listed pair that is apart; measured in a funnel that empties
 GRAIN = 2  # motion and a share of the rebuild
 CONTACT = 3  # of a pair that touches, beyond that
 WALL = 4  # of a wall in the list
@@ -42,8 +22,25 @@ WALL_CONTACT = 12  # of a wall that is touched, beyond that
 
 
 @ti.func
+def barrier(replicas_out: ti.template(), r, size, phase):
+    """Wait until all `size` workers of a team have arrived; returns the number of the next barrier."""
+    if size > 1:
+        ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 1)
+        # an atomic read: a plain one may be hoisted out of the loop
+        while ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 0) < phase * size:
+            pass
+    return phase + 1
+
+
+@ti.func
+def owns_partition(replicas: ti.template(), r, p, member, size):
+    """Whether partition p belongs to a member of the team; members own runs of neighbouring partitions."""
+    return p * size // replicas.partitions[r] == member
+
+
+@ti.func
 def touching(entries: ti.template(), i):
-    """Contacts that act, of those that stand with the grain at place i."""
+    """Number of engaged contacts of the grain at place i."""
     number = 0
     for e in range(entries.start[i], entries.stop[i]):
         number += entries.label[e] & ENGAGED

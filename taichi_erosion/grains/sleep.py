@@ -1,21 +1,21 @@
-"""Sleep: deep grains that have been at rest for a while are held, and contacts among them are left out.
+"""Sleep: deep grains that have been at rest for a while are fixed, and contacts among them are skipped.
 
-A grain falls asleep at a look when it and every grain it touches have kept
+A grain falls asleep at an exchange with the air when it and every grain it touches have kept
 
     |v| < c sqrt(g d)    and    R |w| < c sqrt(g d)
 
-for so many looks in a row, and the air and all other held forces push it by less than a small share of its
-weight: deep is what the wind hardly reaches. It wakes when they push harder, or as soon as the force F that
-awake grains put on it has changed by more than the share s of its weight,
+for so many exchanges in a row, and the air and all other steady forces on it are below a small share of its
+weight: such a grain lies too deep for the wind. It wakes when they exceed that share, or as soon as the force
+F that awake grains exert on it has changed by more than the share s of its weight,
 
     |F - F_0| > s m g.
 
-F_0 is noted when it falls asleep, and anew whenever a grain that it touches does so or wakes. A touch harder
-than s m g wakes it at once, and what it then does to its neighbours wakes them.
+F_0 is recorded when it falls asleep, and again whenever a grain that it touches does so or wakes. A contact
+force above s m g wakes it at once, and its motion then wakes its neighbours.
 
-Sleepers stay where they are and keep the memory of their contacts: a grain that wakes finds them as it left
-them. The force between a sleeper and an awake grain acts on both. What a sleeper gets goes to the ground that
-holds it, as from a grain that touches the floor; its drag is booked like that of any other.
+Sleeping grains keep their places and contact histories. The force between a sleeping and an awake grain acts
+on both. The momentum that a sleeping grain receives goes to the ground, as from a grain that touches the
+floor; its drag counts like that of any other.
 """
 
 from dataclasses import dataclass
@@ -27,74 +27,74 @@ from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.grains.partition import barrier, owns_partition
 from taichi_erosion.grains.state import partition_first, side_block, vector
 
-CALM = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
-DEEP = 0.05  # of its weight, by the surroundings: a grain that feels more lies open to the wind [1]
+REST_SPEED = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
+DEEP = 0.05  # of its weight, by air and fields: a grain with more lies open to the wind [1]
 
 AWAKE = 0
-WOKEN = 1  # awake from the next forces on
-FALLING = 2  # asleep from the next forces on; from here upwards a grain is held
-NOTING = 3  # asleep, and notes anew what awake grains put on it
+WOKEN = 1  # awake from the next force evaluation on
+FALLING_ASLEEP = 2  # asleep from the next force evaluation on; from here upwards a grain is fixed
+RECORDING = 3  # asleep, and records anew the force of awake grains on it
 ASLEEP = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Sleep:
-    """Who sleeps: by grain place, both sides, as in `Grains`; the last two by replica."""
+    """Sleep state by grain place, both sides, as in `Grains`; the last two by replica."""
 
     state: Any  # i32, AWAKE to ASLEEP
-    calm: Any  # i32, looks in a row at rest
-    restless: Any  # i32, 1 where a grain that it touches is not at rest
-    load: Any  # vec3, force of the awake when that was noted last [N]
-    looks: Any  # i32, at rest before a grain falls asleep; 0: none ever does
-    share: Any  # of the weight, that disturbs [1]
+    rest_count: Any  # i32, exchanges in a row at rest
+    unsettled: Any  # i32, 1 where the grain or one that it touches is not at rest
+    load: Any  # vec3, force of awake grains when last recorded [N]
+    rest_least: Any  # i32, exchanges at rest before a grain falls asleep; 0: none ever does
+    share: Any  # of the weight: change of load that wakes [1]
 
 
-SAVED_FIELDS = ("state", "calm", "load")
+SAVED_FIELDS = ("state", "rest_count", "load")
 
 
 def allocate_sleep(replicas: int, capacity: int) -> Sleep:
     """Fields for `capacity` places a replica and side."""
-    labels = {name: ti.field(ti.i32) for name in ("state", "calm", "restless")}
+    labels = {name: ti.field(ti.i32) for name in ("state", "rest_count", "unsettled")}
     table: dict[str, Any] = labels | {"load": vector()}
-    # the force loop asks who sleeps, and nothing else
+    # a layout per field: the force loop reads the state alone
     for name in table:
         ti.root.dense(ti.i, 2 * replicas * capacity).place(table[name])
-    return Sleep(**table, looks=ti.field(ti.i32, shape=replicas), share=ti.field(float, shape=replicas))
+    return Sleep(**table, rest_least=ti.field(ti.i32, shape=replicas), share=ti.field(float, shape=replicas))
 
 
 @ti.func
 def is_asleep(sleep: ti.template(), i):
-    """Whether the grain at place i is held."""
-    return sleep.state[i] >= FALLING
+    """Whether the grain at place i is fixed."""
+    return sleep.state[i] >= FALLING_ASLEEP
 
 
 @ti.func
 def move_sleep(sleep_out: ti.template(), k, i):
-    """Carry the sleep of place i to place k."""
-    for field_out in ti.static((sleep_out.state, sleep_out.calm, sleep_out.load)):
+    """Copy the sleep state of place i to place k."""
+    for field_out in ti.static((sleep_out.state, sleep_out.rest_count, sleep_out.load)):
         field_out[k] = field_out[i]
 
 
 @ti.func
 def clear_sleep(sleep_out: ti.template(), i):
-    """A grain that begins is awake."""
-    for field_out in ti.static((sleep_out.state, sleep_out.calm, sleep_out.load)):
+    """Sleep state of a grain that is released: awake."""
+    for field_out in ti.static((sleep_out.state, sleep_out.rest_count, sleep_out.load)):
         field_out[i] = 0 * field_out[i]
 
 
 @ti.func
 def note_wake(sleep_out: ti.template(), i, j):
-    """A sleeper notes its load anew where a grain that it touches has just woken or fallen asleep."""
+    """Set RECORDING for a sleeping grain of the pair whose partner has just woken or fallen asleep."""
     first, second = sleep_out.state[i], sleep_out.state[j]
-    if first == ASLEEP and (second == WOKEN or second == FALLING):
-        sleep_out.state[i] = NOTING
-    if second == ASLEEP and (first == WOKEN or first == FALLING):
-        sleep_out.state[j] = NOTING
+    if first == ASLEEP and (second == WOKEN or second == FALLING_ASLEEP):
+        sleep_out.state[i] = RECORDING
+    if second == ASLEEP and (first == WOKEN or first == FALLING_ASLEEP):
+        sleep_out.state[j] = RECORDING
 
 
 @ti.func
 def next_awake(world_out: ti.template(), base, e, end):
-    """First entry from e on of which not both grains sleep."""
+    """First entry from e on with at least one awake grain."""
     found = e
     if ti.static(world_out.sleeps):
         asleep = 1
@@ -109,7 +109,7 @@ def next_awake(world_out: ti.template(), base, e, end):
 
 @ti.func
 def hold_sleeping(world_out: ti.template(), r, i, buffer, kick):
-    """Hold the grain at place i for one step where it sleeps, and clear its buffer; says whether it does."""
+    """Fix a sleeping grain at place i for one step, and clear its buffer; returns whether it sleeps."""
     grains_out, sleep_out = ti.static((world_out.grains, world_out.sleep))
     asleep = is_asleep(sleep_out, i)
     if asleep:
@@ -120,7 +120,7 @@ def hold_sleeping(world_out: ti.template(), r, i, buffer, kick):
             sleep_out.state[i] = ASLEEP
         elif not (force - sleep_out.load[i]).norm() <= bearable:  # also where it is not a number
             sleep_out.state[i] = WOKEN
-            sleep_out.calm[i] = 0
+            sleep_out.rest_count[i] = 0
         apply_drag(world_out.frozen_drag, i, grains_out.velocity[i], kick)
         grains_out.force[buffer] = 0.0 * force
         grains_out.torque[buffer] = 0.0 * force
@@ -131,52 +131,53 @@ def hold_sleeping(world_out: ti.template(), r, i, buffer, kick):
 
 @ti.func
 def count_rest(world_out: ti.template(), r, i):
-    """Count the looks at which the grain at place i was at rest."""
+    """Count the exchanges in a row at which the grain at place i was at rest."""
     grains, sleep_out = ti.static((world_out.grains, world_out.sleep))
     radius = grains.radius[i]
-    fastest = CALM * ti.sqrt(2.0 * radius * world_out.replicas.gravity[r].norm())
+    fastest = REST_SPEED * ti.sqrt(2.0 * radius * world_out.replicas.gravity[r].norm())
     at_rest = grains.velocity[i].norm() < fastest and radius * grains.spin[i].norm() < fastest
-    sleep_out.calm[i] = ti.select(at_rest, sleep_out.calm[i] + 1, 0)
-    sleep_out.restless[i] = 0
+    sleep_out.rest_count[i] = ti.select(at_rest, sleep_out.rest_count[i] + 1, 0)
+    sleep_out.unsettled[i] = 0
 
 
 @ti.func
 def mark_unsettled(world_out: ti.template(), r, i):
-    """Tell whom the grain at place i touches, of the pairs it owns, that one of the two is not at rest."""
+    """Mark both grains of every engaged pair of the grain at place i where one has not rested long enough."""
     pairs, sleep_out = ti.static((world_out.pairs, world_out.sleep))
-    base, looks = side_block(world_out.grains, r, world_out.replicas.side[r]), sleep_out.looks[r]
+    base, rest_least = side_block(world_out.grains, r, world_out.replicas.side[r]), sleep_out.rest_least[r]
     for e in range(pairs.start[i], pairs.stop[i]):
         j = base + pairs.neighbour[e]
-        if pairs.label[e] & ENGAGED == ENGAGED and ti.min(sleep_out.calm[i], sleep_out.calm[j]) < looks:
-            # whoever else writes here writes the same
-            sleep_out.restless[i] = 1
-            sleep_out.restless[j] = 1
+        rested = ti.min(sleep_out.rest_count[i], sleep_out.rest_count[j])
+        if pairs.label[e] & ENGAGED == ENGAGED and rested < rest_least:
+            # any other worker that writes here writes the same
+            sleep_out.unsettled[i] = 1
+            sleep_out.unsettled[j] = 1
 
 
 @ti.func
 def update_sleep_state(world_out: ti.template(), r, i):
-    """Let the grain at place i fall asleep, or wake, by what it feels of its surroundings."""
+    """Put the grain at place i to sleep or wake it, by the steady forces on it."""
     grains_out, frozen, sleep_out = ti.static((world_out.grains, world_out.frozen_drag, world_out.sleep))
-    feels = (
+    steady = (
         frozen.drag_rate[i] * (frozen.air_velocity[i] - grains_out.velocity[i])
         + frozen.steady_acceleration[i]
     )
-    deep = feels.norm() < DEEP * world_out.replicas.gravity[r].norm()
+    deep = steady.norm() < DEEP * world_out.replicas.gravity[r].norm()
     if is_asleep(sleep_out, i):
         if not deep:
             sleep_out.state[i] = WOKEN
-            sleep_out.calm[i] = 0
-    elif deep and sleep_out.calm[i] >= sleep_out.looks[r] and sleep_out.restless[i] == 0:
-        sleep_out.state[i] = FALLING
+            sleep_out.rest_count[i] = 0
+    elif deep and sleep_out.rest_count[i] >= sleep_out.rest_least[r] and sleep_out.unsettled[i] == 0:
+        sleep_out.state[i] = FALLING_ASLEEP
         grains_out.velocity[i] = 0.0 * grains_out.velocity[i]
         grains_out.spin[i] = 0.0 * grains_out.spin[i]
 
 
 @ti.func
-def update_sleep(world_out: ti.template(), r, member, size, turn):
-    """Who of replica r sleeps until the next look; returns the next meeting of the team."""
+def update_sleep(world_out: ti.template(), r, member, size, phase):
+    """Sleep states of replica r until the next exchange; returns the next barrier."""
     (replicas_out,) = ti.static((world_out.replicas,))
-    if world_out.sleep.looks[r] > 0:
+    if world_out.sleep.rest_least[r] > 0:
         base = side_block(world_out.grains, r, replicas_out.side[r])
         for task in ti.static((count_rest, mark_unsettled, update_sleep_state)):
             for p in range(replicas_out.partitions[r]):
@@ -184,5 +185,5 @@ def update_sleep(world_out: ti.template(), r, member, size, turn):
                     first = partition_first(replicas_out, r, p)
                     for rank in range(first, partition_first(replicas_out, r, p + 1)):
                         task(world_out, r, base + rank)
-            turn = barrier(replicas_out, r, size, turn)
-    return turn
+            phase = barrier(replicas_out, r, size, phase)
+    return phase

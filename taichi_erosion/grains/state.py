@@ -13,13 +13,11 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 
-REBUILD = 1  # of Replicas.need: a grain has used up its list margin
+REBUILD = 1  # of Replicas.need: a grain has left its skin
 STOP = 2  # of Replicas.need: two bodies overlap beyond the limit
 REACH_FIELDS = ("before_low", "before_high", "after_low", "after_high")  # of Replicas
-CACHE_PADDING = (
-    64  # numbers: four lines of a cache, so that who looks at the one in the middle disturbs no other
-)
-ARRIVAL_SLOT = CACHE_PADDING // 2  # where that one lies
+CACHE_PADDING = 64  # numbers: four cache lines, so that writing the one in the middle disturbs no other
+ARRIVAL_SLOT = CACHE_PADDING // 2  # the one in the middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +31,8 @@ class Grains:
     spin: Any  # vec3 [rad s-1], likewise
     radius: Any  # [m]
     mass_inverse: Any  # [kg-1]
-    extent: Any  # radius and list margin [m]
-    skin_squared: Any  # square of the list margin [m2], a displacement that calls for a rebuild
+    extent: Any  # radius and skin [m]
+    skin_squared: Any  # square of the skin [m2], the displacement beyond which a rebuild is due
     material: Any  # i32
     ident: Any  # i32
     force: Any  # vec3 [N], one buffer a partition: (partition * replicas + replica) * capacity + rank
@@ -63,7 +61,7 @@ class Replicas:
 
     count: int
     side: Any  # i32, 0 or 1
-    partitions: Any  # i32, shares of the grains that workers may take on
+    partitions: Any  # i32, number of partitions of the grains
     released: Any  # i32, grains simulated
     total: Any  # i32, rows of the GrainTable
     step: Any  # i32
@@ -76,11 +74,11 @@ class Replicas:
     low: Any  # f64 vec3 [m], lost below
     high: Any  # f64 vec3 [m], lost above
     period: Any  # f64 vec3 [m], 0 where open
-    skin_least: Any  # list margin of a resting grain over its radius [1]
-    skin_most: Any  # largest list margin [m]
-    cell_reach: Any  # radius and margin of a grain up to which adjacent cells hold all its partners [m]
-    crowded: Any  # i32, 1 where too many grains want to reach further
-    skin_time: Any  # time that a moving grain should last on one list [s]
+    skin_least: Any  # skin of a resting grain over its radius [1]
+    skin_most: Any  # largest skin [m]
+    cell_reach: Any  # radius and skin up to which adjacent cells hold all partners [m]
+    crowded: Any  # i32, 1 where too many grains reach further
+    skin_time: Any  # time that a moving grain should stay within its skin [s]
     reach: Any  # gap up to which a contact may act [m]
     wall_travel: Any  # bound on how far any wall has moved since the rebuild [m]
     overlap_limit: Any  # overlap over the smaller radius [1]
@@ -95,7 +93,7 @@ class Replicas:
     fault_partner: Any  # i32 [replica, partition]
     fault_value: Any  # [replica, partition]
     bounds: Any  # i32 [replica, partition]: first rank of each partition, and one past the last of all
-    arrivals: Any  # i32 [replica, place]: team members that reached the barrier, at `MEETING` alone
+    arrivals: Any  # i32 [replica, place]: workers that reached the barrier, at `ARRIVAL_SLOT` alone
 
 
 def vector(dtype: Any = float) -> Any:
@@ -137,8 +135,8 @@ def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
     clocks = ("step", "steps_left", "rebuilds", "status")
     whole = ("side", "partitions", "stale", "crowded", "released", "total", *clocks)
-    margins = ("skin_least", "skin_most", "skin_time", "cell_reach", "reach", "wall_travel")
-    reals = ("time_step", *margins, "overlap_limit")
+    skins = ("skin_least", "skin_most", "skin_time", "cell_reach", "reach", "wall_travel")
+    reals = ("time_step", *skins, "overlap_limit")
     shared = ("need", "short", "wall_short", "fault_grain", "fault_partner", *REACH_FIELDS)
     table: dict[str, Any] = {name: ti.field(ti.i32, shape=count) for name in whole}
     table |= {name: ti.field(float, shape=count) for name in reals}

@@ -1,11 +1,9 @@
-"""Contacts between grains and walls.
+"""Wall contacts: the list of grains near walls, rebuilt with the neighbour list, and the forces of walls.
 
-A grain near a wall keeps an entry for every primitive within its list margin. A primitive pushes only where
-its closest point is a local minimum of the distance to its surface: an edge or corner shared by two
-primitives counts once, and not at all where one of them is met on its inside. When a grain passes from one
-primitive of a surface to the next, the memory of the contact goes with it.
-
-Rebuilding the list of grains near walls, at the same moment as the neighbour list.
+A grain near a wall has an entry for every primitive within its skin. A primitive pushes only where its
+closest point is a local minimum of the distance to its surface: an edge or corner shared by two primitives
+counts once, and not at all where the contact lies inside one of them. When a grain passes from one primitive
+of a surface to the next, the contact history moves to the next entry.
 """
 
 from dataclasses import dataclass
@@ -15,16 +13,28 @@ from taichi_erosion.core.effect_device import total_vector_force
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.materials import pair_row
-from taichi_erosion.grains.neighbour_list import ENGAGED, MEMORY, ROW_SHIFT, entry_block, partition_entries
+from taichi_erosion.grains.neighbour_list import (
+    ENGAGED,
+    HISTORY,
+    ROW_SHIFT,
+    end_contact,
+    entry_block,
+    partition_entries,
+)
 from taichi_erosion.grains.pair_contacts import (
     effects_act,
-    end_contact,
     hertz_stiffness,
     pair_attraction,
     report_overlap,
+)
+from taichi_erosion.grains.simd_batch import (
+    LANES,
+    evaluate_contact,
+    lane,
+    load_entry,
+    set_lane,
     store_contact,
 )
-from taichi_erosion.grains.simd_batch import LANES, evaluate_contact, lane, load_entry, set_lane
 from taichi_erosion.grains.sleep import is_asleep
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 from taichi_erosion.grains.walls import (
@@ -41,33 +51,30 @@ SAME_POINT = 1e-6  # of the grain radius: closest points nearer than this are on
 
 @dataclass(frozen=True, eq=False)
 class WallList:
-    """Grains near walls: entries of all replicas, both sides, laid out as in `Pairs`."""
+    """Grains near walls: entries of all replicas, both sides, laid out as in `NeighbourList`."""
 
     capacity: int
     owner: Any  # i32, rank of the grain
     wall: Any  # i32, primitive, counted over all replicas
-    label: Any  # i32, as in `Pairs`
+    label: Any  # i32, as in `NeighbourList`
     offset: Any  # f64 vec3, from the closest point of the wall to the grain, in the wall's frame [m]
-    pushes: Any  # i32, whether the closest point is one where the surface pushes
+    pushes: Any  # i32, 1 where the closest point is a local minimum
     root_radius: Any  # square root of the grain's radius [m^0.5]
-    damping: Any  # as in `Pairs`
-    rolling_damping: Any  # as in `Pairs`
+    damping: Any  # as in `NeighbourList`
+    rolling_damping: Any  # as in `NeighbourList`
     tangential_displacement: Any  # vec3, tangential displacement since engagement [m]
     rolling_displacement: Any  # vec3, rolling angle since engagement [rad]
     start: Any  # i32 by grain place
     stop: Any  # i32 by grain place
-    clearance_squared: (
-        Any  # by grain place: square of the way [m2] that the grain has before it can touch a wall
-    )
+    clearance_squared: Any  # by grain place: square of the distance [m2] before it can touch a wall
 
 
 def allocate_wall_list(replicas: int, grains: int, capacity: int) -> WallList:
     """Fields of `capacity` entries a replica and side."""
     entries: dict[str, Any] = {name: ti.field(ti.i32) for name in ("owner", "wall", "label", "pushes")}
     entries |= {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
-    entries |= {
-        name: ti.Vector.field(3, float) for name in ("tangential_displacement", "rolling_displacement")
-    }
+    springs = ("tangential_displacement", "rolling_displacement")
+    entries |= {name: ti.Vector.field(3, float) for name in springs}
     entries["offset"] = ti.Vector.field(3, ti.f64)
     ti.root.dense(ti.i, 2 * replicas * capacity).place(*entries.values())
     bounds: dict[str, Any] = {name: ti.field(ti.i32) for name in ("start", "stop")}
@@ -91,10 +98,11 @@ def position_in_wall_frame(world: ti.template(), i, e):
 
 @ti.func
 def is_local_minimum(world: ti.template(), i, e):
-    """Whether the closest point of entry e is one where its surface pushes; all offsets must be known.
+    """Whether the closest point of entry e is a local minimum of the distance to its surface.
 
-    It is not where another primitive of the surface holds that point and comes closer elsewhere. Where both
-    hold each other's closest point, as on an edge that they share, the first of them pushes.
+    It is not where another primitive of the surface contains that point and comes closer elsewhere. Where
+    both contain each other's closest point, as on a shared edge, the first of them pushes. All offsets are
+    known.
     """
     walls, entries = ti.static((world.walls, world.wall_pairs))
     surface = walls.surface[entries.wall[e]]
@@ -113,12 +121,11 @@ def is_local_minimum(world: ti.template(), i, e):
 
 @ti.func
 def locate_contacts(world_out: ti.template(), i):
-    """Closest points of all walls near the grain at place i, and which of them push."""
+    """Closest points of all walls near the grain at place i, and which of them are local minima."""
     entries_out, walls = ti.static((world_out.wall_pairs, world_out.walls))
     for e in range(entries_out.start[i], entries_out.stop[i]):
-        entries_out.offset[e] = wall_offset(
-            walls, entries_out.wall[e], position_in_wall_frame(world_out, i, e)
-        )
+        position = position_in_wall_frame(world_out, i, e)
+        entries_out.offset[e] = wall_offset(walls, entries_out.wall[e], position)
     for e in range(entries_out.start[i], entries_out.stop[i]):
         entries_out.pushes[e] = 1
         if entries_out.start[i] + 1 < entries_out.stop[i]:
@@ -127,7 +134,7 @@ def locate_contacts(world_out: ti.template(), i):
 
 @ti.func
 def transfer_history(world_out: ti.template(), i):
-    """Pass memory from the entry where a contact ended to the one where it goes on, within a surface."""
+    """Copy the history from the entry where a contact ended to that where it continues, within a surface."""
     surface, entries_out = ti.static((world_out.walls.surface, world_out.wall_pairs))
     for e in range(entries_out.start[i], entries_out.stop[i]):
         if entries_out.pushes[e] == 1 and entries_out.label[e] & ENGAGED == 0:
@@ -140,7 +147,7 @@ def transfer_history(world_out: ti.template(), i):
 
 @ti.func
 def wall_effect_force(world_out: ti.template(), r, batch: ti.template(), n, i):
-    """Force on the grain of lane n, at place i, by the effects [N]; the wall counts as at rest."""
+    """Force of the pair effects on the grain of lane n, at place i [N]; the wall counts as at rest."""
     grains, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
     e, radius, normal = batch.entry[n], batch.radius_i[n], lane(batch.offset, n)
     row = entries_out.label[e] >> ROW_SHIFT
@@ -167,9 +174,9 @@ def wall_effect_force(world_out: ti.template(), r, batch: ti.template(), n, i):
 
 @ti.func
 def detect_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, e):
-    """Write to lane n how a grain stands to the wall of entry e; says whether it is within reach of it.
+    """Write the wall contact of entry e to lane n; returns 1 where the grain is within reach, else 0.
 
-    The column of the offset holds the normal.
+    The column `offset` holds the normal.
     """
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
     i, w = base + entries_out.owner[e], entries_out.wall[e]
@@ -187,9 +194,8 @@ def detect_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, 
         batch_out.radius_j[n] = 0.0
         batch_out.overlap[n] = ti.cast(ti.cast(radius, ti.f64) - distance, float)
         set_lane(batch_out.offset, n, ti.cast(normal, float))
-        set_lane(
-            batch_out.velocity, n, grains.velocity[i] - ti.cast(surface_velocity(walls, s, there), float)
-        )
+        velocity = ti.cast(surface_velocity(walls, s, there), float)
+        set_lane(batch_out.velocity, n, grains.velocity[i] - velocity)
         set_lane(batch_out.spin_i, n, grains.spin[i])
         set_lane(batch_out.spin_j, n, ti.cast(walls.spin[s], float))
     else:
@@ -206,18 +212,15 @@ def evaluate_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
 
 @ti.func
 def apply_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
-    """What the contact in lane n does to its grain."""
+    """Apply the contact in lane n to its grain."""
     grains_out, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
     e, rank, radius = batch.entry[n], batch.owner[n], batch.radius_i[n]
     place = force_block(grains_out, world_out.replicas, r, p) + rank
-    report_overlap(world_out.replicas, r, p, (rank, batch.partner[n]), batch.overlap[n], radius)
+    report_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
     if batch.acts[n] == 1:
-        store_contact(
-            entries_out, e, lane(batch.tangential_displacement, n), lane(batch.rolling_displacement, n)
-        )
-        entries_out.clearance_squared[base + rank] = (
-            0.0  # until the next rebuild: what ends is forgotten at once
-        )
+        store_contact(entries_out, batch, n)
+        # until the next rebuild: a contact that ends is cleared at once
+        entries_out.clearance_squared[base + rank] = 0.0
         grains_out.force[place] = grains_out.force[place] + lane(batch.force, n)
         torque = lane(batch.moment, n) - radius * lane(batch.torque_per_radius, n)
         grains_out.torque[place] = grains_out.torque[place] + torque
@@ -231,7 +234,7 @@ def apply_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
 
 @ti.func
 def next_wall_entry(world_out: ti.template(), base, e, end):
-    """First entry from e on whose grain may touch a wall; where a grain begins, its contacts are located."""
+    """First entry from e on whose grain may touch a wall; the contacts of that grain are located."""
     grains, entries = ti.static((world_out.grains, world_out.wall_pairs))
     found = e
     clear = True
@@ -253,7 +256,7 @@ def next_wall_entry(world_out: ti.template(), base, e, end):
 
 @ti.func
 def add_wall_forces(world_out: ti.template(), r, p):
-    """Forces of all walls on the grains of one partition; those that cannot touch one yet are left out."""
+    """Add the forces of all walls on the grains of one partition."""
     grains, entries, replicas = ti.static((world_out.grains, world_out.wall_pairs, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
     first = partition_first(replicas, r, p)
@@ -284,15 +287,15 @@ ROUNDING = 1e-6  # of a length: what single precision may err by, with room [1]
 
 @ti.func
 def wall_gap(world: ti.template(), r, i, w):
-    """Way [m] from the place where i is listed to where primitive w acts on it; far off a large number."""
+    """Gap between the grain at place i, where it was listed, and the range of primitive w [m]."""
     walls, grains = ti.static((world.walls, world.grains))
     s = surface_of(walls, w)
     near = grains.radius[i] + world.replicas.reach[r]
     gap = ti.cast(FAR, ti.f64)
     if walls.present[s] == 1:
         seen = into_wall_frame(walls, s, grains.origin[i])
-        around = walls.size[w] + near + wall_skin(world, r, i, w)
-        if (seen - walls.middle[w]).norm_sqr() < around * around:
+        ball_reach = walls.size[w] + near + wall_skin(world, r, i, w)
+        if (seen - walls.middle[w]).norm_sqr() < ball_reach * ball_reach:
             gap = wall_distance(walls, w, wall_offset(walls, w, seen)) - near
     return gap
 
@@ -308,7 +311,7 @@ def wall_skin(world: ti.template(), r, i, w):
 
 @ti.func
 def write_wall_entry(world_out: ti.template(), r, e, rank, w):
-    """Write entry e: its constants, and the memory that the grain had of primitive w."""
+    """Write entry e: its constants, and the history of the grain with primitive w."""
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
     before = world_out.cells.order[r * grains.capacity + rank]
     old = side_block(grains, r, world_out.replicas.side[r]) + before
@@ -325,22 +328,22 @@ def write_wall_entry(world_out: ti.template(), r, e, rank, w):
     entries_out.rolling_displacement[e] = 0.0 * entries_out.rolling_displacement[e]
     for f in range(entries_out.start[old], entries_out.stop[old]):
         if entries_out.wall[f] == w:
-            entries_out.label[e] = (row << ROW_SHIFT) + (entries_out.label[f] & MEMORY)
+            entries_out.label[e] = (row << ROW_SHIFT) + (entries_out.label[f] & HISTORY)
             entries_out.tangential_displacement[e] = entries_out.tangential_displacement[f]
             entries_out.rolling_displacement[e] = entries_out.rolling_displacement[f]
 
 
 @ti.func
 def wall_clearance(world: ti.template(), e, gap):
-    """How far the grain of entry e may move before it can touch that wall [m]: not at all on a moving one."""
+    """Distance that the grain of entry e may move before it can touch that wall [m]; 0 for a moving wall."""
     walls, entries = ti.static((world.walls, world.wall_pairs))
-    still = walls.moving[surface_of(walls, entries.wall[e])] == 0 and entries.label[e] & MEMORY == 0
+    still = walls.moving[surface_of(walls, entries.wall[e])] == 0 and entries.label[e] & HISTORY == 0
     return ti.select(still, ti.max(ti.cast(gap, float), 0.0), 0.0)
 
 
 @ti.func
 def list_grain(world_out: ti.template(), r, rank, entry, limit):
-    """List the walls near one grain from `entry` on; returns the number wanted."""
+    """List the walls near one grain from `entry` on; returns the number of entries needed."""
     walls, entries_out = ti.static((world_out.walls, world_out.wall_pairs))
     i = side_block(world_out.grains, r, 1 - world_out.replicas.side[r]) + rank
     clear = (1.0 - ROUNDING) * ti.sqrt(world_out.grains.skin_squared[i])
@@ -360,7 +363,7 @@ def list_grain(world_out: ti.template(), r, rank, entry, limit):
 
 @ti.func
 def list_walls(world_out: ti.template(), r, p):
-    """Fill the wall lists of one partition; adds what did not fit to `Replicas.wall_short`."""
+    """Fill the wall lists of one partition; `Replicas.wall_short` counts the entries that did not fit."""
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
     base = side_block(world_out.grains, r, side)

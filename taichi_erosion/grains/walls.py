@@ -1,10 +1,10 @@
 """Walls: distance from a point to a plane, a surface of revolution or a triangle, on walls that may move.
 
-Each primitive answers with the vector from its closest point to the grain's centre. Geometry is evaluated in
-f64 at f64 positions: a wall is met by few grains, and the overlap is a small difference of large numbers.
+The offset of a primitive is the vector from its closest point to the grain's centre. Geometry is evaluated in
+f64 at f64 positions: few grains are near a wall, and the overlap is a small difference of large numbers.
 
 A surface of several primitives must act as one: where two primitives share an edge, a grain that touches the
-edge may only be pushed once. `wall_contacts.py` decides that with the closest points found here.
+edge may only be pushed once: `wall_contacts.py`, from the closest points found here.
 """
 
 from dataclasses import dataclass
@@ -139,7 +139,7 @@ def wall_distance(walls: ti.template(), w, offset):
 
 @ti.func
 def into_wall_frame(walls: ti.template(), s, position):
-    """Position seen from surface s as if it had not moved [m]."""
+    """Position in the frame of surface s, where the surface is as at the start [m]."""
     seen = position
     if walls.moved[s] == 1:
         centre = walls.centre[s]
@@ -149,7 +149,7 @@ def into_wall_frame(walls: ti.template(), s, position):
 
 @ti.func
 def out_of_wall_frame(walls: ti.template(), s, direction):
-    """Where a direction points to that is seen from surface s as if it had not moved."""
+    """Direction in space of a direction in the frame of surface s."""
     turned = direction
     if walls.moved[s] == 1:
         turned = walls.turn[s] @ direction

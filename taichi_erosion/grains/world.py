@@ -1,4 +1,4 @@
-"""Everything on the device that belongs to the grains of a run; kernels take it as one argument."""
+"""World: fields and device functions of the grains of all replicas; kernels take it as one argument."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -33,12 +33,12 @@ class World:
     clumped: bool  # compiled in: without clumps nothing of them is in the kernels
     clumps: Clumps
     pair_effects: DeviceEffects
-    pair_type: Any  # struct type of a pair as its effects see it, in the run's precision
+    pair_type: Any  # struct type of a pair, for its effects
     first_contact_effects: DeviceEffects
     first_contact_type: Any  # likewise, of two grains that begin to overlap
     grain_effects: DeviceEffects
     has_state: bool  # compiled in: whether any effect has state variables of grains
     driven: bool  # compiled in: whether air or grain effects act between contacts
     frozen_drag: FrozenDrag
-    sleeps: bool  # compiled in: whether deep grains are held until disturbed
+    sleeps: bool  # compiled in: whether deep grains may sleep
     sleep: Sleep

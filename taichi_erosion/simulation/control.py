@@ -112,4 +112,4 @@ def wake_all(sim: Simulation, replica: int) -> None:
     """Wake all grains of one replica; they have not been at rest yet."""
     if sim.world.sleeps:
         sleep, rows = sim.world.sleep, 2 * sim.capacities.grains
-        upload([(field, np.zeros(rows)) for field in (sleep.state, sleep.calm)], replica * rows)
+        upload([(field, np.zeros(rows)) for field in (sleep.state, sleep.rest_count)], replica * rows)

@@ -38,6 +38,7 @@ KEYS = {  # names in a checkpoint, where they are not those of the fields
     "tangential_displacement": "slip",
     "rolling_displacement": "tilt",
     "skin_squared": "travel_squared",
+    "rest_count": "calm",
     "air_velocity": "drift",
     "drag_rate": "drift_rate",
     "steady_acceleration": "push",

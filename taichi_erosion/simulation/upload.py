@@ -41,7 +41,7 @@ def fill_world(world: World, setups: list[Setup], reaches: list[float], partitio
     if world.sleeps:
         orders = [(s.coupling.sleep_exchanges, s.coupling.sleep_share) for s in setups]
         looks, share = zip(*orders, strict=True)
-        upload([(world.sleep.looks, looks), (world.sleep.share, share)])
+        upload([(world.sleep.rest_least, looks), (world.sleep.share, share)])
     if world.clumped:
         fill_clumps(world, setups)
 

@@ -10,7 +10,7 @@ from windy_beds import DENSITY, RADIUS, SIDE, bed
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
-from taichi_erosion.grains.sleep import FALLING
+from taichi_erosion.grains.sleep import FALLING_ASLEEP
 from taichi_erosion.simulation import (
     Simulation,
     advance,
@@ -48,7 +48,7 @@ def asleep(sim: Simulation, replica: int = 0) -> Any:
     """Which grains sleep, by row of the GrainTable."""
     state = export_state(sim)
     order = np.argsort(state[f"replica{replica}_ident"])
-    return state[f"replica{replica}_sleep_state"][order] >= FALLING
+    return state[f"replica{replica}_sleep_state"][order] >= FALLING_ASLEEP
 
 
 def lifted(state: dict[str, Any]) -> dict[str, Any]:

@@ -16,11 +16,11 @@ SPIN_LEAST = 1e-12  # below it there is no direction to oppose [rad s-1]
 
 
 @ti.func
-def rolling_torque(materials: ti.template(), row, contact: ti.template(), rolling_displacement):
-    """Torque on grain i [N m] and rolling angle since engagement [rad]."""
+def rolling_torque(materials: ti.template(), row, contact: ti.template(), displacement):
+    """Torque on grain i [N m] and rolling displacement [rad]."""
     limit = materials.friction_rolling[row] * contact.root_radius * contact.root_radius * contact.cap_force
-    speed = contact.rolling.norm()
-    return contact.rolling * (-limit / ti.max(speed, SPIN_LEAST)), rolling_displacement
+    speed = contact.rolling_velocity.norm()
+    return contact.rolling_velocity * (-limit / ti.max(speed, SPIN_LEAST)), displacement
 
 
 @ti.func
@@ -30,6 +30,6 @@ def rolling_constant(materials: ti.template(), row, root_radius, inertia):
 
 
 @ti.func
-def rolling_energy(materials: ti.template(), row, contact_radius, root_radius, rolling_displacement):
+def rolling_energy(materials: ti.template(), row, contact_radius, root_radius, displacement):
     """Energy stored in the rolling spring [J]."""
     return 0.0

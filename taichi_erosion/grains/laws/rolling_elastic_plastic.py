@@ -18,20 +18,20 @@ STIFFNESS_FACTOR = 2.25  # of k, Ai et al. (2011) with the spherical contact's r
 
 
 @ti.func
-def rolling_torque(materials: ti.template(), row, contact: ti.template(), rolling_displacement):
-    """Torque on grain i [N m] and rolling angle since engagement [rad]."""
+def rolling_torque(materials: ti.template(), row, contact: ti.template(), displacement):
+    """Torque on grain i [N m] and rolling displacement [rad]."""
     arm = materials.friction_rolling[row] * contact.root_radius * contact.root_radius
     stiffness = (2.0 * STIFFNESS_FACTOR) * materials.young[row] * contact.contact_radius * arm * arm
-    torque = -stiffness * rolling_displacement
+    torque = -stiffness * displacement
     limit = arm * contact.cap_force
     size_squared = torque.norm_sqr()
     if size_squared > limit * limit:
         shortening = limit / ti.sqrt(size_squared)
         torque *= shortening
-        rolling_displacement *= shortening
+        displacement *= shortening
     else:
-        torque -= contact.rolling_damping * contact.root_contact_radius * contact.rolling
-    return torque, rolling_displacement
+        torque -= contact.rolling_damping * contact.root_contact_radius * contact.rolling_velocity
+    return torque, displacement
 
 
 @ti.func
@@ -43,9 +43,7 @@ def rolling_constant(materials: ti.template(), row, root_radius, inertia):
 
 
 @ti.func
-def rolling_energy(materials: ti.template(), row, contact_radius, root_radius, rolling_displacement):
+def rolling_energy(materials: ti.template(), row, contact_radius, root_radius, displacement):
     """Energy stored in the rolling spring [J]."""
     arm = materials.friction_rolling[row] * root_radius * root_radius
-    return (
-        STIFFNESS_FACTOR * materials.young[row] * contact_radius * arm * arm * rolling_displacement.norm_sqr()
-    )
+    return STIFFNESS_FACTOR * materials.young[row] * contact_radius * arm * arm * displacement.norm_sqr()

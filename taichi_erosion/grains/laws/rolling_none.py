@@ -4,9 +4,9 @@ from taichi_erosion.core.ti import ti
 
 
 @ti.func
-def rolling_torque(materials: ti.template(), row, contact: ti.template(), rolling_displacement):
-    """Torque on grain i [N m] and rolling angle since engagement [rad]."""
-    return 0.0 * rolling_displacement, rolling_displacement
+def rolling_torque(materials: ti.template(), row, contact: ti.template(), displacement):
+    """Torque on grain i [N m] and rolling displacement [rad]."""
+    return 0.0 * displacement, displacement
 
 
 @ti.func
@@ -16,6 +16,6 @@ def rolling_constant(materials: ti.template(), row, root_radius, inertia):
 
 
 @ti.func
-def rolling_energy(materials: ti.template(), row, contact_radius, root_radius, rolling_displacement):
+def rolling_energy(materials: ti.template(), row, contact_radius, root_radius, displacement):
     """Energy stored in the rolling spring [J]."""
     return 0.0
