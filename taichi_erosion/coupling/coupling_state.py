@@ -1,4 +1,4 @@
-"""What grains and air share on the device: what grains put into each cell of air, and when they look."""
+"""State of the coupling on the device: sums of the grains per cell of air, and the exchange of momentum."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,45 +22,42 @@ class PartitionSums:
 
     volume: Any  # of grains [m3]
     rate: Any  # sum of m b [kg s-1]
-    pull: Any  # vec3, sum of m b v [N]
-    impulse: Any  # vec3, momentum that drag has given to grains since the last look [N s]
-    flow: Any  # sum of V v_z [m4 s-1]
+    drag_source: Any  # vec3, sum of m b v [N]
+    impulse: Any  # vec3, momentum that drag has given to grains since the last exchange [N s]
+    volume_flow: Any  # sum of V v_z [m4 s-1]
 
 
 @dataclass(frozen=True, eq=False)
 class Exchange:
-    """One row a replica: how often grains look at the air, and what air and grains owe each other."""
+    """Interval, parameters and state of the exchange, one row a replica."""
 
-    look_steps: Any  # i32, time steps from one look to the next
-    looked: Any  # i32, step of the last look at a grid of air, -1 before the first
+    look_steps: Any  # i32, time steps between two exchanges
+    last_exchange: Any  # i32, step of the last exchange with a grid of air, -1 before the first
     seed: Any  # i32, of random numbers
     surface: Any  # height of the undisturbed bed [m]
     through_flow: Any  # superficial velocity of air that rises through the bed [m s-1]
-    residual_momentum: (
-        Any  # vec3 (replica, cell), momentum that the air has lost and its grains have not yet got [N s]
-    )
-    rise: Any  # (replica, layer), vertical velocity of the air between the grains [m s-1]
-    lift: Any  # (replica, layer), pressure gradient that carries grains, upwards [Pa m-1]
+    residual_momentum: Any  # vec3 (replica, cell), lost by the air and not yet received by its grains [N s]
+    rise_velocity: Any  # (replica, layer), vertical velocity of the air between the grains [m s-1]
+    pressure_lift: Any  # (replica, layer), pressure gradient that carries grains, upwards [Pa m-1]
 
 
 @dataclass(frozen=True, eq=False)
 class CouplingState:
-    """Everything around the grains; `windy`, `rising` and `apart` are compiled in."""
+    """The air and its exchange with the grains; the three flags are compiled in."""
 
     has_air: bool  # whether there is air
     has_through_flow: bool  # whether air rises through the bed
-    host_driven: bool  # whether the host drives the looks, since the air is a grid
+    host_driven: bool  # whether the host drives the exchange, since the air is a grid
     air: Air | None
     sums: PartitionSums
     exchange: Exchange
-    drag_law: Any  # ti.func of coupling.drag
+    drag_law: Any  # ti.func, see coupling.drag
     grain_type: Any
 
 
 def allocate_partition_sums(replicas: int, partitions: int, cells: int) -> PartitionSums:
-    """Fields of one buffer a partition."""
-    table: dict[str, Any] = {name: ti.field(real) for name in ("volume", "rate", "flow")}
-    table |= {name: ti.Vector.field(3, real) for name in ("pull", "impulse")}
+    table: dict[str, Any] = {name: ti.field(real) for name in ("volume", "rate", "volume_flow")}
+    table |= {name: ti.Vector.field(3, real) for name in ("drag_source", "impulse")}
     ti.root.dense(ti.ij, (replicas * partitions, cells)).place(*table.values())
     return PartitionSums(**table)
 
@@ -68,23 +65,23 @@ def allocate_partition_sums(replicas: int, partitions: int, cells: int) -> Parti
 def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
     """Fields by replica."""
     table: dict[str, Any] = {
-        name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "looked", "seed")
+        name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "last_exchange", "seed")
     }
     table |= {name: ti.field(real, shape=replicas) for name in ("surface", "through_flow")}
-    table |= {name: ti.field(real, shape=(replicas, layers)) for name in ("rise", "lift")}
+    table |= {name: ti.field(real, shape=(replicas, layers)) for name in ("rise_velocity", "pressure_lift")}
     table["residual_momentum"] = ti.Vector.field(3, real, shape=(replicas, cells))
     return Exchange(**table)
 
 
 def upload_exchange_settings(exchange: Exchange, setups: Sequence[Setup]) -> None:
-    """How the grains of every replica look at their surroundings; none has looked yet."""
+    """Interval and parameters of the exchange of every replica; none has exchanged yet."""
     names = ("look_steps", "seed", "surface", "through_flow")
     upload([(getattr(exchange, name), [getattr(s.coupling, name) for s in setups]) for name in names])
-    write(exchange.looked, -1)
+    write(exchange.last_exchange, -1)
 
 
 def allocate_coupling(setups: Sequence[Setup], laws: Laws, partitions: int) -> CouplingState:
-    """Put the air on the device; all setups have air, or none has."""
+    """Coupling of all replicas on the device; all setups have air, or none has."""
     airs: list[AirSetup] = [s.air for s in setups if s.air is not None]
     layers = airs[0].cells[2] if airs else 1
     cells = prod(airs[0].cells) if airs else 1

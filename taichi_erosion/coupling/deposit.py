@@ -1,4 +1,4 @@
-"""What grains hand to the cells of the air at a look: sums of every partition, in buffers of its own."""
+"""Deposit: sums over the grains of each cell of air, per partition, in buffers of its own."""
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.gather import SPHERE_VOLUME
@@ -11,19 +11,18 @@ real = ti.f64
 
 @ti.func
 def buffer_row(world: ti.template(), r, p):
-    """Row of the buffers of partition p."""
     return p * world.replicas.count + r
 
 
 @ti.func
 def exchange_interval(world: ti.template(), coupling: ti.template(), r):
-    """Time from one look to the next [s]."""
+    """Time from one exchange to the next [s]."""
     return ti.cast(world.replicas.time_step[r], real) * coupling.exchange.look_steps[r]
 
 
 @ti.func
 def implicit_rate(world: ti.template(), r, rate):
-    """Rate at which drag held at `rate` acts through the implicit steps of a grain [s-1]."""
+    """Rate at which frozen drag of this rate acts through the implicit steps of a grain [s-1]."""
     return rate / (1.0 + rate * ti.cast(world.replicas.time_step[r], real))
 
 
@@ -49,28 +48,28 @@ def cell_index(air: ti.template(), column, k):
 
 
 @ti.func
-def deposit_share(sums_out: ti.template(), row, cell, share, grain, drag_kick):
-    """Add the share of one grain, (volume, mass, rate, velocity), and what it got from a cell."""
-    volume, mass, rate, velocity = grain
+def deposit_share(sums_out: ti.template(), row, cell, share, volume, mass, rate, velocity, gain):
+    """Add the share of one grain to a cell; `gain` is its change of velocity by that cell [m s-1]."""
     part = share * mass
     sums_out.volume[row, cell] = sums_out.volume[row, cell] + share * volume
     sums_out.rate[row, cell] = sums_out.rate[row, cell] + part * rate
-    sums_out.pull[row, cell] = sums_out.pull[row, cell] + part * rate * velocity
-    sums_out.impulse[row, cell] = sums_out.impulse[row, cell] + part * drag_kick
-    sums_out.flow[row, cell] = sums_out.flow[row, cell] + share * volume * velocity[2]
+    sums_out.drag_source[row, cell] = sums_out.drag_source[row, cell] + part * rate * velocity
+    sums_out.impulse[row, cell] = sums_out.impulse[row, cell] + part * gain
+    sums_out.volume_flow[row, cell] = sums_out.volume_flow[row, cell] + share * volume * velocity[2]
 
 
 @ti.func
 def deposit_grain(world_out: ti.template(), coupling_out: ti.template(), r, row, i):
-    """Hand what the grain at place i holds to its cells."""
-    grains, frozen_out, air = ti.static((world_out.grains, world_out.frozen_drag, coupling_out.air))
+    """Deposit the grain at place i in its cells."""
+    grains, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
+    sums_out, air = ti.static((coupling_out.sums, coupling_out.air))
     radius = ti.cast(grains.radius[i], real)
     position = position_of(grains, world_out.replicas, r, i)
     mass, velocity = 1.0 / ti.cast(grains.mass_inverse[i], real), ti.cast(grains.velocity[i], real)
     rate = implicit_rate(world_out, r, ti.cast(frozen_out.drag_rate[i], real))
     drag_kick = ti.cast(frozen_out.drag_kick[i], real)
     kick = rate * exchange_interval(world_out, coupling_out, r)
-    grain = (SPHERE_VOLUME * radius**3, mass, rate, velocity)
+    volume = SPHERE_VOLUME * radius**3
     mean = mean_wind(air, r, position, radius)
     first, last = layer_range(air, r, position[2], radius)
     for corner in range(air.columns_per_grain):
@@ -78,10 +77,9 @@ def deposit_grain(world_out: ti.template(), coupling_out: ti.template(), r, row,
         below = real(0.0)
         for k in range(first, last + 1):
             above = ti.select(k == last, real(1.0), share_below(air, r, position[2], radius, k + 1))
-            got = drag_kick + kick * (wind_of(air, r, column, k) - mean)
-            deposit_share(
-                coupling_out.sums, row, cell_index(air, column, k), across * (above - below), grain, got
-            )
+            gain = drag_kick + kick * (wind_of(air, r, column, k) - mean)
+            cell = cell_index(air, column, k)
+            deposit_share(sums_out, row, cell, across * (above - below), volume, mass, rate, velocity, gain)
             below = above
     frozen_out.drag_kick[i] = 0.0 * frozen_out.drag_kick[i]
 
@@ -94,8 +92,8 @@ def deposit_partition(world_out: ti.template(), coupling_out: ti.template(), r, 
     for c in range(coupling_out.air.cell_count):
         sums_out.volume[row, c] = 0.0
         sums_out.rate[row, c] = 0.0
-        sums_out.flow[row, c] = 0.0
-        sums_out.pull[row, c] = 0.0 * sums_out.pull[row, c]
+        sums_out.volume_flow[row, c] = 0.0
+        sums_out.drag_source[row, c] = 0.0 * sums_out.drag_source[row, c]
         sums_out.impulse[row, c] = 0.0 * sums_out.impulse[row, c]
     (replicas,) = ti.static((world_out.replicas,))
     base = side_block(world_out.grains, r, replicas.side[r])

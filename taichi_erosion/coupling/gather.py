@@ -1,13 +1,13 @@
-"""Random numbers that depend on nothing but their keys: seed, grain and step.
+"""Gather: the air around each grain, averaged over its volume, and the effects on single grains.
+
+The pressure force on a grain of volume V is the buoyancy  -rho V g  and that of the gradient in the flow,
+-V grad p: of a grid of several columns as it was in the last step, of a single one where air rises through
+the bed and carries grains.
+
+Random numbers depend on their keys alone: seed, grain and step.
 
 Reference: Jarzynski & Olano (2020), J. Comput. Graph. Tech. 9, 21 (pcg3d); Box & Muller (1958), Ann. Math.
 Stat. 29, 610.
-
-What a grain feels of its surroundings: the air, averaged over its volume, and effects on single grains.
-
-The pull of the pressure gradient on a grain of volume V is that of the weight of the air it displaces,
--rho V g, and that of the gradient in the flow, -V grad p: of a grid of several columns as it was in the last
-step, of a single one where air rises through the bed and carries grains.
 """
 
 from math import pi
@@ -19,6 +19,9 @@ from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.integrate import SPHERE
 from taichi_erosion.grains.state import partition_first, side_block
 
+real = ti.f64
+
+SPHERE_VOLUME = 4.0 * pi / 3.0  # of radius 1 [1]
 MULTIPLIER = 1664525
 INCREMENT = 1013904223
 UNIT = 2.0**-32  # of a 32-bit number
@@ -55,11 +58,6 @@ def normal(seed, ident, step):
     return ti.cast(ti.Vector([length * ti.cos(turn), length * ti.sin(turn), other * ti.cos(more)]), float)
 
 
-real = ti.f64
-
-SPHERE_VOLUME = 4.0 * pi / 3.0  # of radius 1 [1]
-
-
 @ti.func
 def gather_column(coupling: ti.template(), r, column, height, radius):
     """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain in one column."""
@@ -67,62 +65,62 @@ def gather_column(coupling: ti.template(), r, column, height, radius):
     i, j = column[0], column[1]
     first, last = layer_range(air, r, height, radius)
     velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
-    void, pull, below = real(0.0), 0.0 * velocity, real(0.0)
+    void, pressure_force, below = real(0.0), 0.0 * velocity, real(0.0)
     for k in range(first, last + 1):
         above = ti.select(k == last, real(1.0), share_below(air, r, height, radius, k + 1))
         share = above - below
         velocity += share * wind_of(air, r, column, k)
         void += share * air.void_fraction[r, i, j, k]
         if ti.static(coupling.has_through_flow):
-            velocity[2] += share * exchange.rise[r, k]
-            pull[2] += share * exchange.lift[r, k]
+            velocity[2] += share * exchange.rise_velocity[r, k]
+            pressure_force[2] += share * exchange.pressure_lift[r, k]
         if ti.static(not air.is_column):
-            pull -= share * air.gradient[r, i, j, k]
+            pressure_force -= share * air.gradient[r, i, j, k]
         below = above
-    rise = air.centre[r, last + 1] - air.centre[r, first - 1]
-    shear = (wind_of(air, r, column, last + 1)[0] - wind_of(air, r, column, first - 1)[0]) / rise
-    return velocity, void, pull, shear
+    span = air.centre[r, last + 1] - air.centre[r, first - 1]
+    shear = (wind_of(air, r, column, last + 1)[0] - wind_of(air, r, column, first - 1)[0]) / span
+    return velocity, void, pressure_force, shear
 
 
 @ti.func
 def gather_flow(coupling: ti.template(), r, position, radius):
     """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain."""
     velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
-    pull, void, shear = 0.0 * velocity, real(0.0), real(0.0)
+    pressure_force, void, shear = 0.0 * velocity, real(0.0), real(0.0)
     for corner in range(coupling.air.columns_per_grain):
         column, share = column_share(coupling.air, r, position, corner)
         wind, open_share, gradient, slope = gather_column(coupling, r, column, position[2], radius)
         velocity += share * wind
         void += share * open_share
-        pull += share * gradient
+        pressure_force += share * gradient
         shear += share * slope
-    return velocity, void, pull, shear
+    return velocity, void, pressure_force, shear
 
 
 @ti.func
 def gather_drag(world_out: ti.template(), coupling: ti.template(), r, i):
-    """Hold drag and buoyancy of the grain at place i; returns void fraction [1] and shear [s-1]."""
+    """Drag and pressure force on the grain at place i; returns void fraction [1] and shear [s-1]."""
     grains, frozen_out, air = ti.static((world_out.grains, world_out.frozen_drag, coupling.air))
     radius, inverse = grains.radius[i], grains.mass_inverse[i]
     position = position_of(grains, world_out.replicas, r, i)
-    exact, void, pull, shear = gather_flow(coupling, r, position, ti.cast(radius, real))
+    exact, void_mean, pressure_force, shear = gather_flow(coupling, r, position, ti.cast(radius, real))
     air_velocity = ti.cast(exact, float)
     density = ti.cast(air.numbers.density[r], float)
     viscosity = ti.cast(air.numbers.viscosity[r], float)
     slip = (air_velocity - grains.velocity[i]).norm()
-    open_share = ti.cast(void, float)
+    void = ti.cast(void_mean, float)
     frozen_out.air_velocity[i] = air_velocity
-    frozen_out.drag_rate[i] = coupling.drag_law(slip, radius, 1.0 / inverse, density, viscosity, open_share)
+    frozen_out.drag_rate[i] = coupling.drag_law(slip, radius, 1.0 / inverse, density, viscosity, void)
     volume = SPHERE_VOLUME * radius * radius * radius
-    steady_acceleration = -density * world_out.replicas.gravity[r]
-    steady_acceleration += ti.cast(pull, float)
-    frozen_out.steady_acceleration[i] = volume * inverse * steady_acceleration
-    return open_share, ti.cast(shear, float)
+    force = -density * world_out.replicas.gravity[r]
+    force += ti.cast(pressure_force, float)
+    frozen_out.steady_acceleration[i] = volume * inverse * force
+    return void, ti.cast(shear, float)
 
 
 @ti.func
-def grain_record(world: ti.template(), coupling: ti.template(), r, i, open_share, shear):
-    """The grain at place i and the air around it, as effects see them."""
+def grain_record(world: ti.template(), coupling: ti.template(), r, i, void, shear):
+    """The grain at place i and the air around it, as effects read them."""
     grains, replicas = ti.static((world.grains, world.replicas))
     position = ti.cast(position_of(grains, replicas, r, i), float)
     grain = coupling.grain_type(
@@ -132,7 +130,7 @@ def grain_record(world: ti.template(), coupling: ti.template(), r, i, open_share
         radius=grains.radius[i],
         mass=1.0 / grains.mass_inverse[i],
         air_shear=shear,
-        void_fraction=open_share,
+        void_fraction=void,
         height=position[2] - ti.cast(coupling.exchange.surface[r], float),
         period=ti.cast(replicas.period[r], float),
         noise=normal(coupling.exchange.seed[r], grains.ident[i], replicas.step[r]),
@@ -151,7 +149,7 @@ def grain_record(world: ti.template(), coupling: ti.template(), r, i, open_share
 
 @ti.func
 def apply_grain_effects(world_out: ti.template(), r, i, grain: ti.template()):
-    """Add forces and torques of the grain effects to what the grain at place i holds."""
+    """Add forces and torques of the grain effects to the frozen terms of the grain at place i."""
     grains, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
     force, torque = total_grain_force(world_out.grain_effects, r, grain, i)
     frozen_out.steady_acceleration[i] = frozen_out.steady_acceleration[i] + force * grains.mass_inverse[i]
@@ -159,21 +157,21 @@ def apply_grain_effects(world_out: ti.template(), r, i, grain: ti.template()):
 
 
 @ti.func
-def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, counts):
-    """Renew what the grains of one partition hold; a look that `counts` is remembered by the effects."""
+def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, updates_state):
+    """Frozen terms of the grains of one partition; effects update their state where `updates_state`."""
     grains, frozen_out, replicas = ti.static((world_out.grains, world_out.frozen_drag, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
     for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
         i = base + rank
-        open_share, shear = 1.0, 0.0
+        void, shear = 1.0, 0.0
         if ti.static(world_out.driven):
             frozen_out.steady_acceleration[i] = 0.0 * frozen_out.steady_acceleration[i]
         if ti.static(coupling.has_air):
-            open_share, shear = gather_drag(world_out, coupling, r, i)
+            void, shear = gather_drag(world_out, coupling, r, i)
         if ti.static(world_out.grain_effects.any or world_out.has_state):
-            grain = grain_record(world_out, coupling, r, i, open_share, shear)
+            grain = grain_record(world_out, coupling, r, i, void, shear)
             if ti.static(world_out.has_state):
-                if counts:
+                if updates_state:
                     update_states(world_out.pair_effects, r, grain, i)
                     update_states(world_out.grain_effects, r, grain, i)
             if ti.static(world_out.grain_effects.any):

@@ -1,12 +1,12 @@
-"""Looks of grains at a grid of air over their patch, which the host drives between launches of the grains.
+"""Exchange with a grid of air over the patch of grains, driven by the host between launches of the grains.
 
-They do what `look.py` does for a single column, with all three components of momentum. A grain of volume V
-in the gradient of the pressure gets  -V grad p,  the share 1 - eps that the air of its cells has not taken of
-it. Floor and lid take the vertical momentum that no velocity of the air can. The step of the air is the time
-from one look to the next. A look stops the replica whose pressure is not found.
+The exchange is that of a single column (`exchange.py`), with all three components of momentum. A grain of
+volume V in the gradient of the pressure has the force  -V grad p,  of which its cells of air carry the share
+1 - eps. Floor and lid take the vertical momentum that no velocity of the air can. The step of the air is the
+time between two exchanges. A replica stops where its pressure does not converge.
 
-Each replica looks in its own time: those are `moving` that do so now. Looks come before the lists of grains
-are renewed, and `looked` remembers the step of the last, so that none is taken twice.
+Each replica exchanges at its own times: those that are selected take part. An exchange comes before the lists
+of grains are rebuilt, and `last_exchange` is its step, so that none is done twice.
 """
 
 from taichi_erosion.air.grid import cell_volume, serial_columns, store_void_fraction
@@ -26,14 +26,14 @@ AIR = int(Status.AIR)
 
 @ti.func
 def place_of(air: ti.template(), c):
-    """Place (i, j, k) of a cell by its number."""
+    """Indices (i, j, k) of a cell."""
     (n,) = ti.static((air.cells,))
     return c // (n[1] * n[2]), c // n[2] % n[1], c % n[2]
 
 
 @ti.func
 def return_residual(coupling_out: ti.template(), r):
-    """Give the air what is owed to its grains, spread over the coming step."""
+    """Return the residual momentum to the air, spread over the coming step."""
     air_out, exchange = ti.static((coupling_out.air, coupling_out.exchange))
     for c in range(air_out.cell_count):
         i, j, k = place_of(air_out, c)
@@ -43,7 +43,7 @@ def return_residual(coupling_out: ti.template(), r):
 
 @ti.func
 def add_residual(coupling_out: ti.template(), r):
-    """Owe the grains what the air has lost in the last step."""
+    """Add what the air has lost in the last step to the residual momentum."""
     air, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
     for c in range(air.cell_count):
         i, j, k = place_of(air, c)
@@ -52,8 +52,8 @@ def add_residual(coupling_out: ti.template(), r):
 
 
 @ti.func
-def count_grains(world_out: ti.template(), coupling_out: ti.template(), r):
-    """Sum up the grains of replica r, cell by cell, and put what they got off the books."""
+def deposit_all(world_out: ti.template(), coupling_out: ti.template(), r):
+    """Deposit the grains of replica r, and set the drag terms of its air."""
     for p in range(world_out.replicas.partitions[r]):
         deposit_partition(world_out, coupling_out, r, p)
     reduce_residual(world_out, coupling_out, r)
@@ -61,42 +61,41 @@ def count_grains(world_out: ti.template(), coupling_out: ti.template(), r):
 
 
 @ti.func
-def gather_all(world_out: ti.template(), coupling: ti.template(), r, counts):
-    """Renew what all grains of replica r hold; a look that `counts` is remembered by the effects."""
+def gather_all(world_out: ti.template(), coupling: ti.template(), r, updates_state):
+    """Gather the frozen terms of all grains of replica r."""
     for p in range(world_out.replicas.partitions[r]):
-        gather_partition(world_out, coupling, r, p, counts)
+        gather_partition(world_out, coupling, r, p, updates_state)
 
 
 @ti.func
 def match_air(world_out: ti.template(), coupling_out: ti.template(), r):
-    """Let grains and air of replica r know each other."""
-    count_grains(world_out, coupling_out, r)
+    """Void fraction, drag terms and frozen drag of replica r from its present state; nothing advances."""
+    deposit_all(world_out, coupling_out, r)
     serial_columns(store_void_fraction, coupling_out.air, r)
     gather_all(world_out, coupling_out, r, False)
 
 
 @ti.func
 def clear_residual(world_out: ti.template(), coupling_out: ti.template(), r):
-    """Let grains and air of replica r owe each other nothing."""
     for c in range(coupling_out.air.cell_count):
         coupling_out.exchange.residual_momentum[r, c] = 0.0 * coupling_out.exchange.residual_momentum[r, c]
 
 
 @ti.func
 def begin_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
-    """Sum up the grains of replica r for the step of its air."""
-    count_grains(world_out, coupling_out, r)
+    """Deposit the grains of replica r for the step of its air."""
+    deposit_all(world_out, coupling_out, r)
     return_residual(coupling_out, r)
 
 
 @ti.func
 def end_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
-    """Book what the air of replica r has lost, and let the grains feel it."""
+    """Residual momentum and frozen terms of replica r after the step of its air."""
     add_residual(coupling_out, r)
     gather_all(world_out, coupling_out, r, True)
     if ti.static(world_out.sleeps):
         update_sleep(world_out, r, 0, 1, 1)
-    coupling_out.exchange.looked[r] = world_out.replicas.step[r]
+    coupling_out.exchange.last_exchange[r] = world_out.replicas.step[r]
     if not coupling_out.air.mass_residual[r] <= REPLICA_TOLERANCE:
         world_out.replicas.status[r] = AIR
 
@@ -111,24 +110,24 @@ def each_selected_replica(
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
-    """Do one task for every moving replica."""
+    """Run one task for every selected replica."""
     for lane in range(count * chunk):
         if lane % chunk == 0 and coupling_out.air.active[lane // chunk] == 1:
             task(world_out, coupling_out, lane // chunk)
 
 
 def match_air_to_grains(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
-    """Let grains and air of the moving replicas know each other."""
+    """Drag and void fraction of the selected replicas from their present state."""
     each_selected_replica(match_air, count, chunk, world, coupling)
 
 
 def clear_residuals(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
-    """Let grains and air of the moving replicas owe each other nothing."""
+    """Zero residual momentum of the selected replicas."""
     each_selected_replica(clear_residual, count, chunk, world, coupling)
 
 
 def exchange_with_grids(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
-    """One look of all grains of the moving replicas."""
+    """One exchange of all grains of the selected replicas."""
     assert coupling.air is not None
     each_selected_replica(begin_exchange, count, chunk, world, coupling)
     advance_active(coupling.air, count, chunk)

@@ -1,4 +1,4 @@
-"""A sphere shared by the cells of the air. Layers are thinner than grains: each grain lies in many of them.
+"""Interpolation weights: shares of a sphere in the cells of air. Layers are thinner than grains.
 
 The share of a sphere's volume below a height s (in radii, from its centre) is
 
@@ -6,9 +6,9 @@ The share of a sphere's volume below a height s (in radii, from its centre) is
 
 and the shares of all layers add up to one exactly, because each is the difference of two neighbouring c and
 the outermost ones are set to 0 and 1. What reaches below the floor or above the lid counts in the outermost
-layer. Columns of cells are wider than grains: the four whose middles lie around the centre of a grain share
-it, each in proportion to how near it is along x and along y, round the period. Grains receive means over the
-same shares with which they give, so that the drag on a grain is the sum of what its cells lose.
+layer. Columns of cells are wider than grains: the four whose middles lie around the centre of a grain have
+bilinear weights along x and y, periodic. Gather and deposit use the same weights, so that the drag on a grain
+is the sum of what its cells lose.
 """
 
 from taichi_erosion.air.grid import cell_velocity, layer_of
@@ -35,7 +35,7 @@ def layer_range(air: ti.template(), r, height, radius):
 
 @ti.func
 def share_along(air: ti.template(), r, axis: ti.template(), x, upper):
-    """Place along x or y of one of the two columns around a coordinate [m], and its share [1]."""
+    """Index along x or y of one of the two columns around a coordinate [m], and its weight [1]."""
     place = (x - air.numbers.low[r][axis]) / air.numbers.width[r][axis] - 0.5
     base = ti.floor(place)
     share = ti.select(upper == 1, place - base, 1.0 - (place - base))
@@ -45,7 +45,7 @@ def share_along(air: ti.template(), r, axis: ti.template(), x, upper):
 
 @ti.func
 def column_share(air: ti.template(), r, position, corner):
-    """Column (i, j) that is one of the sharers of a grain, and its share [1]."""
+    """Indices (i, j) of one of the columns around a grain, and its weight [1]."""
     column, share = ti.Vector([0, 0]), real(1.0)
     if ti.static(not air.is_column):
         i, along = share_along(air, r, 0, position[0], corner // 2)
@@ -56,7 +56,7 @@ def column_share(air: ti.template(), r, position, corner):
 
 @ti.func
 def wind_of(air: ti.template(), r, column, k):
-    """Velocity of the air in a cell [m s-1]; that of a single column is level."""
+    """Velocity of the air in a cell [m s-1]; in a single column it is horizontal."""
     i, j = column[0], column[1]
     wind = ti.Vector([air.velocity_x[r, i, j, k], air.velocity_y[r, i, j, k], real(0.0)])
     if ti.static(not air.is_column):

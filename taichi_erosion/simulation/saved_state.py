@@ -29,11 +29,11 @@ AIR_CELLS = (
     *("exchange_coefficient", "exchange_force", "eddy_face"),
 )
 AIR_NUMBERS = ("time", "friction_velocity")
-EXCHANGE = ("residual_momentum", "rise", "lift", "through_flow")
+EXCHANGE = ("residual_momentum", "rise_velocity", "pressure_lift", "through_flow")
 # likewise of a grid of air alone
 GRID_CELLS = ("impulse", "gradient")
 GRID_NUMBERS = ("driving_gradient",)
-GRID_EXCHANGE = ("looked",)
+GRID_EXCHANGE = ("last_exchange",)
 KEYS = {  # names in a checkpoint, where they are not those of the fields
     "tangential_displacement": "slip",
     "rolling_displacement": "tilt",
@@ -45,6 +45,9 @@ KEYS = {  # names in a checkpoint, where they are not those of the fields
     "steady_spin_rate": "twist",
     "drag_kick": "dragged",
     "residual_momentum": "owed",
+    "rise_velocity": "rise",
+    "pressure_lift": "lift",
+    "last_exchange": "looked",
 }
 BODY = ("position", "velocity", "momentum", "orientation")
 

@@ -26,7 +26,7 @@ def exchange_when_due(sim: Simulation, going: Any) -> Integers:
     The first of all looks is taken twice, at first without the air: it must know the grains before.
     """
     replicas, exchange, count = sim.world.replicas, sim.coupling.exchange, len(sim.setups)
-    columns = [replicas.step, exchange.look_steps, exchange.looked]
+    columns = [replicas.step, exchange.look_steps, exchange.last_exchange]
     step, every, looked = (column.astype(np.int64) for column in download(columns, 0, count))
     due = going & (step % every == 0) & (looked != step)
     if (due & (looked < 0)).any():
@@ -143,5 +143,5 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
         void_fraction=inner(air.void_fraction),
         eddy_viscosity=inner(air.eddy_face),
         drag=drag,
-        lift=read(sim.coupling.exchange.lift)[replica],
+        lift=read(sim.coupling.exchange.pressure_lift)[replica],
     )
