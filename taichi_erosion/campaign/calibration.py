@@ -28,9 +28,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.design_table import Design, design_text, read_design
-from taichi_erosion.experiments.fit import Fit, coded_polynomial, equation, natural_polynomial
+from taichi_erosion.experiments.fit import Fit, coded_polynomial, equation, natural_polynomial, quality
 from taichi_erosion.experiments.optimise import Optimisation
-from taichi_erosion.experiments.quality import quality
 
 Document = dict[str, Any]
 

@@ -1,23 +1,13 @@
-"""Analysis of variance: which terms matter, whether the model is good enough, whether the centre bends away.
+"""Analysis of variance: which terms matter, lack of fit, curvature, reduction, effects and limits.
 
 Type III sums of squares, F = (SS / df) / (SS_error / df_error). The error splits into
 
     pure error     SS = sum over points of sum (y - mean at the point)^2
     lack of fit    SS = SS_error - SS of pure error
 
-A simulator's noise may be known beside the design: where every run is the mean of n seeds of spread s,
-s^2 / n with sum (n - 1) degrees of freedom is pooled into the pure error.
-
-Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., 6.8 and 11.2.
-
-Fewer terms: those that say nothing leave the model, one at a time, as hierarchy allows.
-
-A term stays as long as one of its products or powers is in the model: A B keeps A and B, A^2 keeps A, because
-otherwise the model would change with the origin of the coded units.
-
-Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., 5.3 and 11.2.
-
-Effects of a two-level design, and how large one must be to be believed.
+Backward elimination removes insignificant terms one at a time. A term stays as long as one of its products or
+powers is in the model: A B keeps A and B, A^2 keeps A, because otherwise the model would change with the
+origin of the coded units. Effects of a two-level design, and sizes beyond which they are significant:
 
     effect = mean at high - mean at low = 2 b
     t limit            t(0.975, df)
@@ -27,7 +17,8 @@ Effects of a two-level design, and how large one must be to be believed.
 
 Lenth's limits need no error of their own and serve a saturated design.
 
-References: Montgomery (2017), ch. 6; Lenth (1989), Technometrics 31, 469, eq. (1)-(4).
+References: Montgomery (2017), Design and Analysis of Experiments, 9th ed., 5.3, 6.8, 11.2 and ch. 6;
+Lenth (1989), Technometrics 31, 469, eq. (1)-(4).
 """
 
 from dataclasses import dataclass, replace
@@ -35,11 +26,10 @@ from math import inf, nan
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy import stats
 
 from taichi_erosion.experiments.design_table import SAME_POINT, Floats, replicate_groups
-from taichi_erosion.experiments.fit import EXACT, Fit
+from taichi_erosion.experiments.fit import EXACT, Fit, block_sum
 from taichi_erosion.experiments.terms import Term, model_matrix, parents, term_name
 
 ErrorSource = Literal["residual", "pure error"]
@@ -69,10 +59,6 @@ class PureError:
         """Variance of a run."""
         return self.sum_of_squares / self.df if self.df else nan
 
-    def pooled(self, other: "PureError") -> "PureError":
-        """Both together."""
-        return PureError(self.sum_of_squares + other.sum_of_squares, self.df + other.df)
-
 
 @dataclass(frozen=True)
 class Curvature:
@@ -86,9 +72,6 @@ class Curvature:
     ms_error: float
 
 
-NO_ERROR = PureError(0.0, 0)
-
-
 def replicate_error(fit: Fit) -> PureError:
     """Pure error of the runs that stand at one point of one block."""
     groups = replicate_groups(fit.coded, fit.blocks)
@@ -97,29 +80,12 @@ def replicate_error(fit: Fit) -> PureError:
     return PureError(float(np.sum((fit.values - means[groups]) ** 2)), int(len(groups) - len(counts)))
 
 
-def seed_error(sd: ArrayLike, repeats: ArrayLike) -> PureError:
-    """Pure error of runs that are means of several seeds; spread of single seeds and their number, by run.
-
-        MS = s^2 mean(1 / n),   s^2 = sum (n - 1) sd^2 / sum (n - 1),   df = sum (n - 1)
-
-    Runs of one seed say nothing and are left out of s^2.
-    """
-    spreads, counts = np.asarray(sd, dtype=float), np.asarray(repeats, dtype=float)
-    known = np.isfinite(spreads) & (counts > 1)
-    df = int(np.sum(counts[known] - 1.0))
-    if not df:
-        return NO_ERROR
-    variance = float(np.sum((counts[known] - 1.0) * spreads[known] ** 2)) / df
-    return PureError(variance * float(np.mean(1.0 / counts)) * df, df)
-
-
-def anova(fit: Fit, seeds: PureError = NO_ERROR, error: ErrorSource = "residual") -> list[Row]:
+def anova(fit: Fit, error: ErrorSource = "residual") -> list[Row]:
     """The table: block, model, terms, residual, lack of fit, pure error, total.
 
     Terms are tested against the residual, or against the pure error where lack of fit is part of the former.
     """
-    inside = replicate_error(fit)
-    pure = inside.pooled(seeds)
+    pure = replicate_error(fit)
     against = (pure.mean_square, pure.df) if error == "pure error" else (fit.ms_error, fit.df_error)
     total = float(np.sum((fit.values - fit.values.mean()) ** 2))
     blocks = block_sum(fit)
@@ -131,7 +97,7 @@ def anova(fit: Fit, seeds: PureError = NO_ERROR, error: ErrorSource = "residual"
     rows += [tested(name, float(ss), 1, *against) for name, ss in zip(fit.names, sums, strict=True)]
     rows.append(tested("Residual", fit.ss_error, fit.df_error, nan, 0))
     if pure.df:
-        lack, lack_df = max(fit.ss_error - inside.sum_of_squares, 0.0), fit.df_error - inside.df
+        lack, lack_df = max(fit.ss_error - pure.sum_of_squares, 0.0), fit.df_error - pure.df
         lack = 0.0 if lack < EXACT * total else lack
         if lack_df:
             rows.append(tested("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
@@ -153,12 +119,6 @@ def tested(source: str, sum_of_squares: float, df: int, error: float, df_error: 
 def term_sums(fit: Fit) -> Floats:
     """Type III sum of squares of every term: how much the residual grows without it, b^2 / (X'X)^-1_jj."""
     return fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
-
-
-def block_sum(fit: Fit) -> float:
-    """Sum of squares between the means of the blocks."""
-    groups = [fit.values[fit.blocks == block] for block in np.unique(fit.blocks)]
-    return float(sum(len(group) * (group.mean() - fit.values.mean()) ** 2 for group in groups))
 
 
 def curvature(fit: Fit) -> Curvature | None:

@@ -1,30 +1,37 @@
-"""A polynomial fitted to one response of a design by ordinary least squares, in coded units.
+"""A polynomial fitted to one response of a design by ordinary least squares, its quality and its residuals.
 
     y = b_0 + sum_j b_j t_j(x) + block + error
 
 with x the coded levels [1], t_j the terms of the model, y the response in its own unit. Blocks are constants
-that add up to 0, so that b_0 belongs to the average block. Runs without a result are left out.
+that add up to 0, so that b_0 belongs to the average block. Runs without a result are left out. In natural
+units u, with c and h centre and half range of a factor, x_k = (u_k - c_k) / h_k turns every coded term into
+a sum of natural ones; that equation holds inside the design only, and its coefficients must not be compared
+in size.
 
-Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., ch. 10 and 11.
+    R^2       = 1 - SS_error / SS_total
+    adjusted  = 1 - (SS_error / df_error) / (SS_total / df_total)
+    predicted = 1 - PRESS / SS_total,   PRESS = sum (e / (1 - h))^2
+    adequate precision = (max fitted - min fitted) / sqrt(p MS_error / n)
+    CV [%]    = 100 sqrt(MS_error) / mean
 
-The fitted polynomial written out, in coded and in natural units.
+with e the residuals, h the leverages, p the number of coefficients, n of runs; SS_total is counted within
+blocks. Adequate precision above 4 is taken for a signal worth following.
 
-    x_k = (u_k - c_k) / h_k
-
-turns every coded term into a sum of natural ones; u is the natural value, c and h centre and half range of
-factor k. The natural equation holds inside the design only; its coefficients must not be compared in size.
+References: Montgomery (2017), Design and Analysis of Experiments, 9th ed., ch. 10 and 11; Box & Wetz (1973)
+for adequate precision.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from math import comb
+from math import comb, nan, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 from statsmodels.regression.linear_model import OLS, RegressionResultsWrapper
+from statsmodels.stats.outliers_influence import OLSInfluence
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.design_table import Design, Factor, Floats, Integers
@@ -228,16 +235,6 @@ def expanded(fit: Fit, term: Term) -> Polynomial:
     return found
 
 
-def evaluate(polynomial: Mapping[Term, float], values: tuple[float, ...]) -> float:
-    """Value of a polynomial at one point."""
-    total = 0.0
-    for term, coefficient in polynomial.items():
-        for value, power in zip(values, term, strict=True):
-            coefficient *= value**power
-        total += coefficient
-    return total
-
-
 def equation(fit: Fit, polynomial: Mapping[Term, float], digits: int = 5) -> str:
     """The polynomial as one line of text."""
     names = [factor.path for factor in fit.factors]
@@ -247,3 +244,116 @@ def equation(fit: Fit, polynomial: Mapping[Term, float], digits: int = 5) -> str
         size = f"{abs(coefficient):.{digits}g}"
         words.append(f"{sign} {size} {term_name(term, names)}" if any(term) else f"{coefficient:.{digits}g}")
     return " ".join(words)
+
+
+CERTAIN = 1e-9  # 1 - leverage below which a run is met whatever its value [1]
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Figures of merit; NaN where no degree of freedom is left for an error."""
+
+    sd: float  # in the response's unit
+    mean: float
+    cv: float  # %
+    r2: float
+    r2_adjusted: float
+    r2_predicted: float
+    press: float
+    adequate_precision: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnostics:
+    """Residuals run by run, and tests of what the analysis of variance takes for granted."""
+
+    leverage: Floats
+    studentized: Floats  # residual over its standard error
+    deleted: Floats  # the same, its own run left out of the error
+    cook: Floats  # Cook's distance [1]
+    outliers: tuple[int, ...]  # rows of the design beyond the Bonferroni limit at 5 %
+    limit: float  # that limit, on `deleted`
+    normal_p: float  # Shapiro-Wilk
+    constant_spread_p: float  # Spearman's correlation of |residual| with the fitted value
+
+
+def block_sum(fit: Fit) -> float:
+    """Sum of squares between the means of the blocks."""
+    groups = [fit.values[fit.blocks == block] for block in np.unique(fit.blocks)]
+    return float(sum(len(group) * (group.mean() - fit.values.mean()) ** 2 for group in groups))
+
+
+def quality(fit: Fit) -> Quality:
+    """Figures of merit of a fit."""
+    total = float(np.sum((fit.values - fit.values.mean()) ** 2)) - block_sum(fit)
+    df_total = len(fit.values) - len(np.unique(fit.blocks))
+    sd, mean = sqrt(fit.ms_error) if fit.df_error else nan, float(fit.values.mean())
+    press = press_sum(fit)
+    coefficients = 1 + len(fit.terms)
+    signal = float(np.ptp(fit.fitted))
+    noise = sd * sqrt(coefficients / len(fit.values))
+    return Quality(
+        sd=sd,
+        mean=mean,
+        cv=100.0 * ratio(sd, mean),
+        r2=1.0 - ratio(fit.ss_error, total),
+        r2_adjusted=1.0 - ratio(fit.ms_error, ratio(total, df_total)),
+        r2_predicted=1.0 - ratio(press, total),
+        press=press,
+        adequate_precision=ratio(signal, noise),
+    )
+
+
+def ratio(numerator: float, denominator: float) -> float:
+    """A quotient, NaN over 0."""
+    return numerator / denominator if denominator else nan
+
+
+def press_sum(fit: Fit) -> float:
+    """Sum of squares of the errors with which every run is predicted from all others."""
+    leverage = np.asarray(OLSInfluence(fit.results).hat_matrix_diag)
+    if np.any(1.0 - leverage < CERTAIN):
+        return nan  # a run that alone fixes a coefficient cannot be predicted from the others
+    return float(np.sum((fit.residuals / (1.0 - leverage)) ** 2))
+
+
+def diagnostics(fit: Fit) -> Diagnostics:
+    """Residuals of a fit with at least two degrees of freedom for the error."""
+    influence = OLSInfluence(fit.results)
+    leverage = np.asarray(influence.hat_matrix_diag)
+    studentized = np.full(len(leverage), nan)
+    deleted, cook = studentized.copy(), studentized.copy()
+    free = 1.0 - leverage > CERTAIN
+    if fit.df_error > 1 and fit.ss_error > 0.0:
+        studentized[free] = fit.residuals[free] / np.sqrt(fit.ms_error * (1.0 - leverage[free]))
+        left = fit.df_error - studentized[free] ** 2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            deleted[free] = studentized[free] * np.sqrt((fit.df_error - 1) / np.maximum(left, 0.0))
+        share = leverage[free] / (1.0 - leverage[free])
+        cook[free] = studentized[free] ** 2 * share / fit.results.params.size
+    limit = float(stats.t.isf(0.025 / len(leverage), fit.df_error - 1)) if fit.df_error > 1 else nan
+    beyond = np.flatnonzero(np.abs(np.nan_to_num(deleted)) > limit)
+    return Diagnostics(
+        leverage=leverage,
+        studentized=studentized,
+        deleted=deleted,
+        cook=cook,
+        outliers=tuple(int(fit.rows[row]) for row in beyond),
+        limit=limit,
+        normal_p=normality(studentized[free]),
+        constant_spread_p=spread_trend(fit.fitted[free], studentized[free]),
+    )
+
+
+def normality(studentized: Floats) -> float:
+    """The p value of Shapiro and Wilk's test, NaN for fewer than four residuals."""
+    known = studentized[np.isfinite(studentized)]
+    return float(stats.shapiro(known).pvalue) if len(known) > 3 and np.ptp(known) > 0.0 else nan
+
+
+def spread_trend(fitted: Floats, studentized: Floats) -> float:
+    """The p value of the rank correlation between fitted value and size of the residual."""
+    known = np.isfinite(studentized)
+    if known.sum() < 4 or np.ptp(fitted[known]) == 0.0 or np.ptp(np.abs(studentized[known])) == 0.0:
+        return nan
+    return float(np.asarray(stats.spearmanr(fitted[known], np.abs(studentized[known])))[1])

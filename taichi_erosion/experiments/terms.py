@@ -1,6 +1,4 @@
-"""Terms of a polynomial model: products of powers of coded factors, and what hierarchy asks of them.
-
-What a design cannot tell apart.
+"""Terms of a polynomial model: products of powers of coded factors, their hierarchy, and aliases of a design:
 
     E[b_1] = beta_1 + A beta_2,   A = (X_1' X_1)^-1 X_1' X_2
 
@@ -17,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.design_table import Design, Floats
+from taichi_erosion.experiments.design_table import Floats
 
 Term = tuple[int, ...]  # exponent of every factor; (1, 0, 1) is A C, (0, 2, 0) is B^2
 Order = Literal["linear", "interactions", "quadratic"]
@@ -111,53 +109,8 @@ def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:
     return np.column_stack([np.ones(len(values)), values])
 
 
-NONE = 1e-9  # entries of A below it are rounding [1]
-
-Alias = tuple[str, float]  # a term and its share in the estimate of another
-
-
 def alias_matrix(coded: Floats, kept: Sequence[Term], left_out: Sequence[Term]) -> Floats:
     """A, [1 + kept, left out]; the first row is the constant's."""
     inside = model_matrix(coded, kept)
     outside = model_matrix(coded, left_out)[:, 1:]
     return np.asarray(np.linalg.lstsq(inside, outside, rcond=None)[0], dtype=float)
-
-
-def aliases(design: Design, order: int = 2) -> dict[str, list[Alias]]:
-    """For every main effect, the interactions of up to `order` factors that are mixed into its estimate."""
-    count = len(design.factors)
-    names = [factor.path for factor in design.factors]
-    kept = linear_terms(count)
-    left_out = [term for size in range(2, order + 1) for term in interaction_terms(count, size)]
-    matrix = alias_matrix(design.coded, kept, left_out)
-    return {
-        term_name(term, names): [
-            (term_name(other, names), float(share))
-            for other, share in zip(left_out, row, strict=True)
-            if abs(share) > NONE
-        ]
-        for term, row in zip(kept, matrix[1:], strict=True)
-    }
-
-
-def alias_table(design: Design, order: int = 4) -> list[str]:
-    """Chains of effects that share a column of a two-level fraction, `A = B*C*D`, the defining one first."""
-    count = len(design.factors)
-    names = [factor.path for factor in design.factors]
-    corners = design.coded[np.all(np.abs(design.coded) == 1.0, axis=1)]
-    chains: dict[bytes, list[str]] = {}
-    for size in range(1, min(order, count) + 1):
-        for term in interaction_terms(count, size):
-            column = model_matrix(corners, [term])[:, 1]
-            sign = "" if column[0] > 0.0 else "-"
-            chains.setdefault((column * column[0]).tobytes(), []).append(sign + term_name(term, names))
-    constant = np.ones(len(corners)).tobytes()
-    defining = [f"I = {' = '.join(chains.pop(constant))}"] if constant in chains else []
-    return defining + [tidy(chain) for chain in chains.values() if len(chain) > 1]
-
-
-def tidy(chain: Sequence[str]) -> str:
-    """A chain whose first word carries no sign."""
-    if not chain[0].startswith("-"):
-        return " = ".join(chain)
-    return " = ".join(word[1:] if word.startswith("-") else f"-{word}" for word in chain)

@@ -22,8 +22,7 @@ from scipy import stats
 
 from taichi_erosion.campaign.study_file import Target
 from taichi_erosion.experiments.design_table import Design, to_natural
-from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.experiments.quality import diagnostics
+from taichi_erosion.experiments.fit import Fit, diagnostics
 
 Floats = NDArray[np.float64]
 Names = Mapping[str, str]

@@ -1,10 +1,47 @@
 """Textbook experiments whose analysis is printed elsewhere."""
 
+from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
 
+from taichi_erosion.experiments.design import grid_points
 from taichi_erosion.experiments.design_table import Design, Factor, arranged, to_coded
+from taichi_erosion.experiments.terms import Term
+
+
+def full_factorial(factors: list[Factor], levels: int = 2, centre_points: int = 0) -> Design:
+    """All combinations of levels, the first factor changing fastest, then repeats of the centre."""
+    points = grid_points(len(factors), levels)
+    return arranged(
+        "full factorial",
+        factors,
+        [("factorial", points), ("centre", np.zeros((centre_points, len(factors))))],
+    )
+
+
+def central_composite(factors: list[Factor], distance: float | None = None) -> Design:
+    """Two-level factorial, star points (rotatable if no distance is given) and five centre points."""
+    count = len(factors)
+    star = np.concatenate([[-unit, unit] for unit in np.eye(count)])
+    parts = [
+        ("factorial", grid_points(count, 2)),
+        ("axial", (2 ** (count / 4) if distance is None else distance) * star),
+        ("centre", np.zeros((5, count))),
+    ]
+    return arranged("central composite", factors, parts)
+
+
+def spread_design(factors: list[Factor], runs: int) -> Design:
+    """Runs at random levels, none twice."""
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (runs, len(factors)))
+    return arranged("spread", factors, [("space", points)])
+
+
+def evaluate(polynomial: Mapping[Term, float], values: tuple[float, ...]) -> float:
+    """Value of a polynomial at one point."""
+    powers = {term: np.prod(np.array(values) ** np.array(term)) for term in polynomial}
+    return float(sum(coefficient * powers[term] for term, coefficient in polynomial.items()))
 
 
 def unit_factors(names: str) -> list[Factor]:

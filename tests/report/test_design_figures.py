@@ -14,8 +14,8 @@ from doe.hao2022 import tables as hao2022
 from doe.hao2022.figures import half_normal, pareto
 from taichi_erosion.experiments.anova import effect_limits
 from taichi_erosion.experiments.audit.examine import Audit, audit
-from taichi_erosion.experiments.design import full_factorial
-from taichi_erosion.experiments.design_table import Factor
+from taichi_erosion.experiments.design import grid_points
+from taichi_erosion.experiments.design_table import Factor, arranged
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.terms import model_terms
 from taichi_erosion.report import design_figures as figures
@@ -62,7 +62,9 @@ def test_a_pareto_chart_has_a_bar_for_every_effect_and_both_limits():
 
 
 def test_a_saturated_design_is_judged_by_lenths_limits():
-    made = full_factorial([Factor(name, -1.0, 1.0) for name in "abc"])
+    made = arranged(
+        "factorial", [Factor(name, -1.0, 1.0) for name in "abc"], [("factorial", grid_points(3, 2))]
+    )
     terms = (*model_terms(3, "interactions"), (1, 1, 1))
     values = 10.0 * made.coded[:, 0] + np.array([0.1, -0.2, 0.05, 0.1, -0.1, 0.2, 0.15, -0.3])
     fit = fit_model(made.with_responses(y=values), "y", terms)

@@ -27,9 +27,8 @@ from taichi_erosion.experiments.audit.published import (
 )
 from taichi_erosion.experiments.confirm import Sample, confirm
 from taichi_erosion.experiments.design_table import Floats
-from taichi_erosion.experiments.fit import Fit, coded_polynomial
+from taichi_erosion.experiments.fit import Fit, Quality, coded_polynomial, quality
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
-from taichi_erosion.experiments.quality import Quality, quality
 from taichi_erosion.experiments.terms import parse_term, term_name
 
 HEADINGS = {

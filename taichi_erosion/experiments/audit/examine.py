@@ -26,8 +26,7 @@ from taichi_erosion.experiments.audit.published import (
 )
 from taichi_erosion.experiments.audit.structure import Structure, examine_structure, structure_findings
 from taichi_erosion.experiments.design_table import Floats
-from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model
-from taichi_erosion.experiments.quality import quality
+from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model, quality
 from taichi_erosion.experiments.terms import Order
 
 

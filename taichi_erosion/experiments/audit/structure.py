@@ -18,7 +18,7 @@ from taichi_erosion.experiments.design import (
     CYCLES,
     TOGETHER,
     box_behnken_points,
-    factorial_points,
+    grid_points,
     plackett_burman_points,
 )
 from taichi_erosion.experiments.design_table import Floats
@@ -146,7 +146,7 @@ def named_designs(count: int) -> Iterator[tuple[str, Floats]]:
     if count in TOGETHER:
         yield "Box-Behnken", box_behnken_points(count)
     if count <= MOST_FACTORS:
-        yield "two-level factorial", factorial_points((2,) * count)
+        yield "two-level factorial", grid_points(count, 2)
 
 
 def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[Finding]:

@@ -17,9 +17,8 @@ from taichi_erosion.experiments.audit.examine import Audit, audit
 from taichi_erosion.experiments.audit.published import Finding, parse_printed
 from taichi_erosion.experiments.confirm import Sample, confirm
 from taichi_erosion.experiments.design_table import Factor, to_natural
-from taichi_erosion.experiments.fit import Fit
+from taichi_erosion.experiments.fit import Fit, quality
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
-from taichi_erosion.experiments.quality import quality
 
 FOLDER = Path(__file__).parents[3] / "doe" / "hao2022"
 MEASURED = 33.52  # deg

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from textbook import unit_factors
+from textbook import full_factorial, spread_design, unit_factors
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
@@ -96,7 +96,7 @@ def test_two_wrong_cells_are_not_explained_by_one(tmp_path):
 
 
 def test_a_table_that_is_no_design_gets_one_sentence_and_not_one_for_every_pair(tmp_path):
-    made = design.latin_hypercube(unit_factors("ABCD"), 20, 1)
+    made = spread_design(unit_factors("ABCD"), 20)
     rows = [[*line, float(line[0])] for line in made.coded]
     found = audit(write(tmp_path / "t.csv", ["A", "B", "C", "D", "y"], rows))
     kinds = [finding.kind for finding in found.findings]
@@ -125,7 +125,7 @@ B = 8.0
 
 
 def test_a_wrong_sum_and_a_wrong_sign_are_told_from_a_right_number(tmp_path):
-    made = design.full_factorial(unit_factors("AB"), centre_points=3)
+    made = full_factorial(unit_factors("AB"), centre_points=3)
     y = 20.0 + made.coded @ [3.0, -8.0] + np.array([0.1, -0.1, -0.1, 0.1, 0.2, 0.0, -0.2])
     rows = [[*levels, value] for levels, value in zip(made.coded, y, strict=True)]
     path = write(tmp_path / "t.csv", ["A", "B", "y"], rows)

@@ -1,0 +1,167 @@
+"""Analysis of variance agrees with statsmodels' tables and with analyses printed in textbooks."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from textbook import (
+    central_composite,
+    chemical_yield,
+    full_factorial,
+    smell,
+    tool_life,
+    unit_factors,
+)
+
+from taichi_erosion.experiments import design
+from taichi_erosion.experiments.anova import (
+    Row,
+    anova,
+    curvature,
+    effect_limits,
+    effects,
+    half_normal_scores,
+    lenth_limits,
+    reduced,
+    replicate_error,
+)
+from taichi_erosion.experiments.design_table import arranged
+from taichi_erosion.experiments.fit import (
+    Fit,
+    fit_model,
+)
+from taichi_erosion.experiments.terms import model_terms, parents
+
+FULL = (*model_terms(3, "interactions"), (1, 1, 1))
+
+
+def rows_of(fit: Fit, **words) -> dict[str, Row]:
+    return {row.source: row for row in anova(fit, **words)}
+
+
+def printed(value: float, digits: int) -> object:
+    """What agrees with a number printed with so many decimals."""
+    return pytest.approx(value, abs=0.5000001 * 10.0**-digits)
+
+
+def test_montgomerys_tool_life_has_the_printed_analysis_of_variance():
+    # Montgomery (2012), solution of problem 6.1: sum of squares, F, p
+    rows = rows_of(fit_model(tool_life(), "life", FULL))
+    wanted = {
+        "Model": (1612.67, 7.64, 0.0004), "B": (770.67, 25.55, 0.0001), "C": (280.17, 9.29, 0.0077),
+        "A*B": (16.67, 0.55, 0.4681), "A*C": (468.17, 15.52, 0.0012), "B*C": (48.17, 1.60, 0.2245),
+        "A*B*C": (28.17, 0.93, 0.3483),
+    }  # fmt: skip
+    for source, (sum_of_squares, f, p) in wanted.items():
+        assert rows[source].sum_of_squares == printed(sum_of_squares, 2)
+        assert rows[source].f == printed(f, 2)
+        assert rows[source].p == printed(p, 4)
+    assert rows["Pure error"].mean_square == printed(30.17, 2)
+    assert rows["Total"].sum_of_squares == printed(2095.33, 2)
+
+
+def test_montgomerys_tool_life_reduces_to_the_printed_model_with_a_kept_for_hierarchy():
+    found = reduced(fit_model(tool_life(), "life", FULL))
+    assert found.fit.names == ("A", "B", "C", "A*C")
+    assert [name for name, _ in found.removed] == ["A*B*C", "A*B", "B*C"]
+    assert found.fit.coefficients == pytest.approx([40.83333, 0.16667, 5.66667, 3.41667, -4.41667], abs=5e-6)
+    rows = rows_of(found.fit)
+    assert rows["Model"].f == printed(12.54, 2)
+    assert rows["Residual"].sum_of_squares == printed(575.67, 2)
+    assert rows["A*C"].p == printed(0.0009, 4)
+
+
+def test_myers_and_montgomerys_conversion_has_the_printed_lack_of_fit():
+    # Myers & Montgomery (1995), table 2.8: residual 35.35 (6), pure error 26.75 (3), lack of fit 8.6 (3)
+    rows = rows_of(fit_model(chemical_yield(), "conversion", "quadratic"))
+    assert (rows["Residual"].df, rows["Pure error"].df, rows["Lack of fit"].df) == (6, 3, 3)
+    assert rows["Residual"].sum_of_squares == printed(35.35, 2)
+    assert rows["Pure error"].sum_of_squares == printed(26.75, 2)
+    assert rows["Lack of fit"].sum_of_squares == printed(8.6, 1)
+
+
+def test_blocks_take_their_difference_out_of_the_effects():
+    rng = np.random.default_rng(2)
+    points = design.plackett_burman(unit_factors("abcdefg"), centre_points=2).coded
+    parts = [("factorial", points), ("factorial", -points)]
+    made = arranged("two blocks", unit_factors("abcdefg"), parts, blocks=[1, 2])
+    plain = made.coded @ np.arange(7.0) + rng.normal(0.0, 0.1, len(made))
+    shifted = plain + 100.0 * (made.blocks == 2)
+    fits = [fit_model(made.with_responses(y=y), "y", "linear") for y in (plain, shifted)]
+    assert fits[1].coefficients[1:] == pytest.approx(fits[0].coefficients[1:], abs=1e-9)
+    assert fits[1].ss_error == pytest.approx(fits[0].ss_error, rel=1e-6)
+    # half of the difference of blocks goes to the constant, which belongs to the average block
+    assert fits[1].coefficients[0] - fits[0].coefficients[0] == pytest.approx(50.0, abs=1e-9)
+    rows = rows_of(fits[1])
+    parts = sum(rows[name].sum_of_squares for name in ("Block", "Model", "Residual"))
+    assert parts == pytest.approx(rows["Total"].sum_of_squares, rel=1e-12)
+
+
+def test_curvature_is_the_difference_of_the_means_tested_without_itself():
+    made = full_factorial(unit_factors("ab"), centre_points=5)
+    y = np.array([39.3, 40.9, 40.0, 41.5, 40.3, 40.5, 40.7, 40.2, 40.6])
+    # Montgomery (2017), example 6.7: SS 0.0027, F 0.06, error 0.1720 (4)
+    bend = curvature(fit_model(made.with_responses(y=y), "y", "interactions"))
+    assert bend is not None
+    assert bend.difference == pytest.approx(y[:4].mean() - y[4:].mean(), rel=1e-9)
+    assert bend.sum_of_squares == printed(0.0027, 4)
+    assert bend.f == printed(0.06, 2)
+    assert bend.ms_error * bend.df_error == printed(0.1720, 4)
+
+
+def test_a_design_without_centre_says_nothing_about_curvature():
+    assert curvature(fit_model(tool_life(), "life", FULL)) is None
+
+
+def test_terms_can_be_tested_against_the_pure_error():
+    fit = fit_model(smell(), "odour", "quadratic")
+    row = rows_of(fit, error="pure error")["T"]
+    pure = replicate_error(fit)
+    assert row.f == pytest.approx(row.sum_of_squares / pure.mean_square)
+    assert row.p == pytest.approx(float(stats.f.sf(row.f, 1, pure.df)))
+
+
+def test_equal_replicates_give_an_infinite_f_and_no_division_by_zero():
+    made = full_factorial(unit_factors("a"), levels=3, centre_points=2)
+    fit = fit_model(made.with_responses(y=[0.0, 1.0, 0.0, 1.0, 1.0]), "y", "linear")
+    assert rows_of(fit)["Lack of fit"].f == np.inf
+
+
+def test_hierarchy_is_honoured_whatever_leaves_the_model():
+    made = central_composite(unit_factors("abcd"))
+    for seed in range(5):
+        y = np.random.default_rng(seed).normal(size=len(made)) + 5.0 * made.coded[:, 0] * made.coded[:, 1]
+        found = reduced(fit_model(made.with_responses(y=y), "y", "quadratic")).fit
+        assert (1, 1, 0, 0) in found.terms
+        assert all(parents(term) <= set(found.terms) for term in found.terms)
+
+
+def test_effects_are_differences_of_means():
+    made = tool_life()
+    found = effects(fit_model(made, "life", FULL))
+    y, a = made.responses["life"], made.coded[:, 0]
+    assert found[0].value == pytest.approx(y[a > 0].mean() - y[a < 0].mean(), rel=1e-9)
+    assert sum(effect.share for effect in found) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_an_effect_at_its_limit_has_a_p_value_of_five_percent():
+    fit = fit_model(tool_life(), "life", FULL)
+    limit = effect_limits(fit)
+    effect = effects(fit)[0]
+    t = limit.single / (effect.value / effect.t)
+    assert 2.0 * stats.t.sf(t, fit.df_error) == pytest.approx(0.05, rel=1e-9)
+    assert limit.bonferroni > limit.single
+
+
+def test_lenths_limits_are_those_worked_out_by_hand():
+    values = [0.13, 0.15, 0.30, 0.15, 0.40, 0.03, 0.38, 0.40, 0.05, 0.43, 0.13, 0.13, 0.38, 2.15, 3.10]
+    margin, together = lenth_limits(np.array(values))
+    # median 0.30, s0 = 0.45, 2.5 s0 = 1.125 trims 2.15 and 3.10; median of the other 13 is 0.15, PSE 0.225
+    assert margin == pytest.approx(2.5706 * 0.225, rel=1e-4)  # t(0.975, 5) of any table
+    share = 0.5 * (1.0 + 0.95 ** (1.0 / 15.0))
+    assert together == pytest.approx(float(stats.t.ppf(share, 5.0)) * 0.225, rel=1e-9)
+
+
+def test_half_normal_scores_of_noise_lie_on_a_line():
+    sizes = np.sort(np.abs(np.random.default_rng(3).normal(size=2000)))
+    # the largest of 2000 scatters most; without the last percent the order statistics are within 0.1
+    assert np.max(np.abs(sizes - half_normal_scores(2000))[:1980]) < 0.1

@@ -1,0 +1,130 @@
+"""Named designs are those of the textbooks, in their order."""
+
+import numpy as np
+import pyDOE3
+import pytest
+from textbook import unit_factors
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.experiments import design
+from taichi_erosion.experiments.design import CYCLES, TOGETHER, plackett_burman_points, sobol_points
+from taichi_erosion.experiments.design_table import (
+    Factor,
+)
+from taichi_erosion.experiments.terms import alias_matrix, interaction_terms, linear_terms
+
+# Plackett & Burman (1946) as printed, for example, in Plasun (1999), table 3.6
+TWELVE = """
++ + - + + + - - - + -
+- + + - + + + - - - +
++ - + + - + + + - - -
+- + - + + - + + + - -
+- - + - + + - + + + -
+- - - + - + + - + + +
++ - - - + - + + - + +
++ + - - - + - + + - +
++ + + - - - + - + + -
+- + + + - - - + - + +
++ - + + + - - - + - +
+- - - - - - - - - - -
+"""
+
+
+def same_points(ours: np.ndarray, theirs: np.ndarray) -> bool:
+    return sorted(map(tuple, np.round(ours, 9) + 0.0)) == sorted(map(tuple, np.round(theirs, 9) + 0.0))
+
+
+def factors(count: int) -> list[Factor]:
+    return unit_factors("ABCDEFGHIJKLMNOPQRSTUVWXYZ"[:count])
+
+
+def test_the_twelve_runs_of_plackett_and_burman_stand_as_printed():
+    printed = [[1.0 if sign == "+" else -1.0 for sign in line.split()] for line in TWELVE.split("\n")[1:-1]]
+    assert np.array_equal(design.plackett_burman(factors(11), centre_points=0).coded, printed)
+
+
+@pytest.mark.parametrize("runs", CYCLES)
+def test_every_plackett_burman_design_is_orthogonal_and_balanced(runs):
+    points = plackett_burman_points(runs - 1)
+    assert np.array_equal(points.T @ points, runs * np.eye(runs - 1))
+    assert not points.sum(axis=0).any()
+
+
+@pytest.mark.parametrize("count", [3, 7, 11, 15, 19, 23])
+def test_plackett_burman_designs_have_the_size_of_an_independent_generator(count):
+    assert plackett_burman_points(count).shape == pyDOE3.pbdesign(count).shape
+
+
+def test_the_box_behnken_design_of_three_factors_stands_in_design_experts_order():
+    # Hao et al. (2022), table 8, which Design-Expert wrote
+    wanted = [
+        (-1, -1, 0), (1, -1, 0), (-1, 1, 0), (1, 1, 0), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (1, 0, 1),
+        (0, -1, -1), (0, 1, -1), (0, -1, 1), (0, 1, 1), *[(0, 0, 0)] * 5,
+    ]  # fmt: skip
+    assert np.array_equal(design.box_behnken(factors(3)).coded, wanted)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5])
+def test_box_behnken_points_are_those_of_an_independent_generator(count):
+    ours = design.box_behnken(factors(count), centre_points=0).coded
+    assert same_points(ours, pyDOE3.bbdesign(count, center=0))
+
+
+@pytest.mark.parametrize("count", [6, 7])
+def test_larger_box_behnken_designs_are_the_blocks_of_the_1960_paper(count):
+    # 6 factors: blocks of 3, every factor in 3 blocks; 7 factors: any two factors meet in exactly one block
+    blocks = [set(letters) for letters in TOGETHER[count]]
+    names = "ABCDEFG"[:count]
+    assert len(design.box_behnken(factors(count), centre_points=6)) == {6: 54, 7: 62}[count]
+    assert all(sum(name in block for block in blocks) == 3 for name in names)
+    meetings = {sum({a, b} <= block for block in blocks) for a in names for b in names if a < b}
+    assert meetings == ({1} if count == 7 else {1, 2})
+
+
+def test_main_effects_of_twelve_runs_share_a_third_with_every_foreign_interaction():
+    # Montgomery (2017), 8.6.3
+    points = plackett_burman_points(11)
+    shares = alias_matrix(points, linear_terms(11), interaction_terms(11))[1:]
+    foreign = [[not term[factor] for term in interaction_terms(11)] for factor in range(11)]
+    assert np.abs(shares) == pytest.approx(np.array(foreign) / 3.0, abs=1e-12)
+
+
+def test_a_sobol_design_fills_every_half_equally_and_repeats_with_its_seed():
+    points = sobol_points(3, 16, 5)
+    assert np.array_equal(np.sum(points < 0.0, axis=0), [8, 8, 8])
+    assert np.array_equal(points, sobol_points(3, 16, 5))
+    assert not np.array_equal(points, sobol_points(3, 16, 6))
+    with pytest.raises(BadInput, match="power of two"):
+        sobol_points(3, 12, 5)
+
+
+def test_a_steepest_path_follows_the_gradient_and_ends_at_a_limit():
+    ranges = [Factor("a", 0.0, 2.0), Factor("b", 10.0, 30.0)]
+    path = design.steepest_path(ranges, {"a": -3.0, "b": 1.5}, steps=5, step=0.5, limits={"a": (0.0, 9.0)})
+    # a: half range 1, full step 0.5 down; b: half range 10, half of a step up
+    assert np.allclose(path.natural, [(1.0, 20.0), (0.5, 22.5), (0.0, 25.0)])
+    assert path.kinds == ("path",) * 3
+
+
+def test_a_step_backwards_descends():
+    up, down = (design.steepest_path(factors(2), [2.0, 1.0], 3, step) for step in (0.4, -0.4))
+    assert np.array_equal(up.coded, -down.coded)
+
+
+def test_a_flat_plane_has_no_steepest_path():
+    with pytest.raises(BadInput, match="slope"):
+        design.steepest_path(factors(2), [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Factor("a", 1.0, 1.0), "low < high"),
+        (lambda: design.box_behnken(factors(2)), "at least 3"),
+        (lambda: design.plackett_burman([*factors(3), *factors(1)]), "named twice"),
+        (lambda: design.plackett_burman([Factor(f"f{k}", 0.0, 1.0) for k in range(36)]), "at most 35"),
+    ],
+)
+def test_impossible_designs_are_refused_in_one_line(make, words):
+    with pytest.raises(BadInput, match=words):
+        make()
