@@ -1,49 +1,44 @@
-"""Which runs go together as one batch.
+"""Execution of a campaign: lease runs, submit them in batches, record results, wait for other parents.
+
+Local worker processes by default; the workers of a Dask cluster where a scheduler is named. This is the only
+module that imports Dask.
 
 A free worker takes 1/W of what is left of one group (guided self-scheduling): long batches first, where the
 start of an ensemble costs little, short ones at the end, so that all workers finish together. A batch is not
 larger than WORK_MOST, for that is what a killed worker loses, and holds enough to be worth its start.
 
 Reference: Polychronopoulos & Kuck (1987), IEEE Trans. Comput. C-36, 1425.
-
-Carrying out a campaign: lease runs, hand them out in batches, write results down, wait for other parents.
-
-Local worker processes by default; the workers of a Dask cluster where a scheduler is named. This is the only
-module that knows Dask.
 """
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from taichi_erosion.campaign.ledger import (
-    LEASE,
-    Ledger,
-    add_requests,
-    beat,
-    lease_runs,
-    read_results,
-    record_result,
-    record_worker_death,
-    release_leases,
-    release_stale_leases,
-    unfinished,
-)
-from taichi_erosion.campaign.pool import Batch, Event, Pool, named_work, start_pool
+from taichi_erosion.campaign import ledger as ledgers
+from taichi_erosion.campaign.ledger import Ledger, unfinished
+from taichi_erosion.campaign.pool import Batch, Event, Payloads, Pool, named_work, start_pool
 from taichi_erosion.campaign.request import WORTH_A_START, RunRequest, RunResult
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
 
 WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core
 RUNS_MOST = 64  # of a batch: more make an ensemble no cheaper to start, but its fields larger
+SIMULATE = "taichi_erosion.campaign.request:simulating"
+HEARTBEAT = ledgers.LEASE / 6.0  # s between two renewals of the leases
+POLL = 0.2  # s that a poll of the workers takes at most
+CONNECT = 20.0  # s until a scheduler that does not answer is an error
+QUEUE = 2  # batches in flight per Dask worker: one runs, one waits beside it
+GAIN_LEAST = 0.02  # share of the work done before the time left is worth printing [1]
+
+Report = Callable[[float, str], None]  # (share done [1], words)
 
 
 def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: int) -> list[RunRequest]:
-    """Runs for a free worker. A run that a worker has died of goes alone, so that it takes no other along."""
+    """Runs for a free worker. A run in which a worker died goes alone, so that it takes no other along."""
     first = waiting[0]
     if deaths[first.key]:
         return [first]
@@ -55,34 +50,24 @@ def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: i
     return fellows[: max(min(max(share, least), most, RUNS_MOST), 1)]
 
 
-SIMULATE = "taichi_erosion.campaign.scene_worker:simulating"
-BEAT = LEASE / 6.0  # s between signs of life
-WAIT = 0.2  # s that a look at the workers takes at most
-CONNECT = 20.0  # s until a scheduler that does not answer is an error
-QUEUE = 2  # batches in flight per Dask worker: one runs, one waits beside it
-GAIN_LEAST = 0.02  # share of the work done before the time left is worth saying [1]
-
-Report = Callable[[float, str], None]  # (share done [1], words)
-
-
 @dataclass
 class Campaign:
     """A campaign under way."""
 
     requests: dict[str, RunRequest]  # by key
-    store: Ledger
+    ledger: Ledger
     pool: Pool
     progress: Report | None
+    begun_with: int  # runs that stood in the ledger
     started: float = field(default_factory=time.monotonic)
-    beaten: float = field(default_factory=time.monotonic)
-    began_with: int = 0  # runs that stood in the ledger
+    renewed: float = field(default_factory=time.monotonic)  # time of the last heartbeat
     shares: dict[str, float] = field(default_factory=dict)  # of runs under way here [1]
-    told: float = 0.0  # share that was last told; a batch that ends between two looks does not take it back
+    reported: float = 0.0  # largest share reported; a batch that ends between two polls does not take it back
 
 
 def execute(
     requests: Sequence[RunRequest],
-    store: Ledger,
+    ledger: Ledger,
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Report | None = None,
@@ -95,89 +80,76 @@ def execute(
     """
     wanted = {request.key: request for request in requests}
     named_work(function)
-    add_requests(store, list(wanted.values()))
-    release_stale_leases(store)
-    left = unfinished(store, list(wanted))
+    ledgers.add_requests(ledger, list(wanted.values()))
+    ledgers.release_stale_leases(ledger)
+    left = unfinished(ledger, list(wanted))
     if left:
         most = min(len(left), workers or usable_cores())
         pool = DaskPool.connect(scheduler, function) if scheduler else start_pool(function, most)
-        campaign = Campaign(wanted, store, pool, progress, began_with=len(wanted) - len(left))
+        campaign = Campaign(wanted, ledger, pool, progress, len(wanted) - len(left))
         try:
-            work_off(campaign)
+            run_all(campaign)
         finally:
             pool.close()
-            with quiet_after_failure():
-                release_leases(store, store.owner)
-    return read_results(store, [request.key for request in requests])
+            with suppress(BadInput):  # a ledger that cannot be written has raised before; its leases lapse
+                ledgers.release_leases(ledger, ledger.owner)
+    return ledgers.read_results(ledger, [request.key for request in requests])
 
 
-@contextmanager
-def quiet_after_failure() -> Any:
-    """A ledger that cannot be written has been complained about; its leases lapse by themselves."""
-    try:
-        yield
-    except BadInput:
-        return
-
-
-def work_off(campaign: Campaign) -> None:
+def run_all(campaign: Campaign) -> None:
     """Go on until every run has ended, here or at another parent."""
-    while left := unfinished(campaign.store, list(campaign.requests)):
-        hand_out(campaign, left)
-        for event in campaign.pool.events(WAIT):
-            digest(campaign, event)
-        if time.monotonic() - campaign.beaten > BEAT:
-            campaign.beaten = time.monotonic()
-            beat(campaign.store)
-            release_stale_leases(campaign.store)
-        tell_progress(campaign, len(left))
+    while left := unfinished(campaign.ledger, list(campaign.requests)):
+        submit_batches(campaign, left)
+        for event in campaign.pool.events(POLL):
+            handle_event(campaign, event)
+        if time.monotonic() - campaign.renewed > HEARTBEAT:
+            campaign.renewed = time.monotonic()
+            ledgers.renew_leases(campaign.ledger)
+            ledgers.release_stale_leases(campaign.ledger)
+        report_progress(campaign, len(left))
 
 
-def hand_out(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:
+def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:
     """Lease batches for free workers; runs that another parent leases are tried again later."""
     waiting = [campaign.requests[key] for key, (state, _) in left.items() if state == "waiting"]
     deaths = {key: deaths for key, (_, deaths) in left.items()}
     while waiting and campaign.pool.free():
         batch = next_batch(waiting, deaths, campaign.pool.workers)
         waiting = [request for request in waiting if request not in batch]
-        mine = set(lease_runs(campaign.store, [request.key for request in batch]))
-        batch = [request for request in batch if request.key in mine]
+        leased = set(ledgers.lease_runs(campaign.ledger, [request.key for request in batch]))
+        batch = [request for request in batch if request.key in leased]
         if batch:
             keys, payloads = zip(*((request.key, request.payload) for request in batch), strict=True)
             campaign.pool.submit(Batch(keys, payloads))
 
 
-def digest(campaign: Campaign, event: Event) -> None:
-    """Write down what a pool says."""
-    keys = event.batch.keys
-    if event.kind == "told":
-        record_result(campaign.store, keys[event.place], event.record)
+def handle_event(campaign: Campaign, event: Event) -> None:
+    """Enter a message of the pool in the ledger; runs of a batch that ended without a record go back."""
+    ledger, keys = campaign.ledger, event.batch.keys
+    if event.kind == "record":
+        ledgers.record_result(ledger, keys[event.place], event.record)
         campaign.shares.pop(keys[event.place], None)
-    elif event.kind == "share":
-        told = unfinished(campaign.store, keys)
-        campaign.shares |= dict.fromkeys(told, event.share)
-    else:
-        give_back(campaign, event, list(unfinished(campaign.store, keys)))
-
-
-def give_back(campaign: Campaign, event: Event, untold: list[str]) -> None:
-    """Deal with runs of a batch that came to an end without telling of them."""
-    for key in event.batch.keys:
+        return
+    without_record = list(unfinished(ledger, keys))
+    if event.kind == "share":
+        campaign.shares |= dict.fromkeys(without_record, event.share)
+        return
+    for key in keys:
         campaign.shares.pop(key, None)
-    if event.kind == "broken" and len(event.batch.keys) == 1 and untold:
-        record_result(campaign.store, untold[0], {"failure": event.reason})
+    if event.kind == "raised" and len(keys) == 1 and without_record:
+        ledgers.record_result(ledger, keys[0], {"failure": event.reason})
     else:
-        record_worker_death(campaign.store, untold, event.reason or "it told of no result")
+        ledgers.record_worker_death(ledger, without_record, event.reason or "it gave no result")
 
 
-def tell_progress(campaign: Campaign, left: int) -> None:
-    """Say how many runs have ended and how long the others will take at this pace."""
+def report_progress(campaign: Campaign, left: int) -> None:
+    """Report how many runs have ended and how long the others will take at this pace."""
     if campaign.progress is None:
         return
     total = len(campaign.requests)
     done = total - left
-    share = campaign.told = max(campaign.told, (done + sum(campaign.shares.values())) / total)
-    gained, elapsed = share - campaign.began_with / total, time.monotonic() - campaign.started
+    share = campaign.reported = max(campaign.reported, (done + sum(campaign.shares.values())) / total)
+    gained, elapsed = share - campaign.begun_with / total, time.monotonic() - campaign.started
     words = f"{done} of {total} runs"
     if gained > GAIN_LEAST:
         words += f", {duration((1.0 - share) / gained * elapsed)} left"
@@ -191,21 +163,21 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def perform(function: str, payloads: list[dict[str, Any]]) -> list[tuple[int, dict[str, Any]]]:
+def run_on_dask(function: str, payloads: Payloads) -> list[tuple[int, dict[str, Any]]]:
     """A batch on a Dask worker: all records at the end, with their places."""
-    told: list[tuple[int, dict[str, Any]]] = []
+    records: list[tuple[int, dict[str, Any]]] = []
     with named_work(function)() as run:
-        run(payloads, lambda place, record: told.append((place, record)), lambda _: None)
-    return told
+        run(payloads, lambda place, record: records.append((place, record)), lambda _: None)
+    return records
 
 
 @dataclass
 class DaskPool:
-    """Workers of a Dask cluster; one that is lost is the scheduler's to replace."""
+    """Workers of a Dask cluster; the scheduler replaces one that is lost."""
 
     function: str
     client: Any
-    flying: dict[Any, Batch] = field(default_factory=dict)  # by future
+    in_flight: dict[Any, Batch] = field(default_factory=dict)  # by future
 
     @classmethod
     def connect(cls, scheduler: str, function: str) -> "DaskPool":
@@ -226,37 +198,38 @@ class DaskPool:
         return max(len(self.client.nthreads()), 1)
 
     def free(self) -> int:
-        """Batches that could be handed in."""
-        return max(QUEUE * self.workers - len(self.flying), 0)
+        """Batches that could be submitted."""
+        return max(QUEUE * self.workers - len(self.in_flight), 0)
 
     def submit(self, batch: Batch) -> None:
-        """Hand in a batch; each is a task of its own even if its payload is not."""
-        future = self.client.submit(perform, self.function, list(batch.payloads), pure=False)
-        self.flying[future] = batch
+        """Submit a batch; each is a task of its own even if its payload is not."""
+        future = self.client.submit(run_on_dask, self.function, list(batch.payloads), pure=False)
+        self.in_flight[future] = batch
 
     def events(self, timeout: float) -> list[Event]:
-        """Batches that have come back."""
-        if not any(future.done() for future in self.flying):
+        """Messages of the batches that have come back."""
+        if not any(future.done() for future in self.in_flight):
             time.sleep(timeout)
-        landed = [future for future in self.flying if future.done()]
-        return [event for future in landed for event in self.landed(future, self.flying.pop(future))]
-
-    def landed(self, future: Any, batch: Batch) -> list[Event]:
-        """What a batch has brought back."""
-        from distributed import CancelledError, KilledWorker
-
-        try:
-            told = future.result()
-        except (KilledWorker, CancelledError) as error:
-            return [Event("died", batch, reason=f"lost by the cluster ({type(error).__name__})")]
-        except Exception as error:
-            return [Event("broken", batch, reason=f"{type(error).__name__}: {error}")]
-        return [
-            *(Event("told", batch, place=place, record=record) for place, record in told),
-            Event("ended", batch),
-        ]
+        done = [future for future in self.in_flight if future.done()]
+        return [event for future in done for event in batch_events(future, self.in_flight.pop(future))]
 
     def close(self) -> None:
         """Leave the cluster; it goes on without this client's tasks."""
-        self.client.cancel(list(self.flying), force=True)
+        self.client.cancel(list(self.in_flight), force=True)
         self.client.close()
+
+
+def batch_events(future: Any, batch: Batch) -> list[Event]:
+    """Messages of a batch that a Dask worker has finished or lost."""
+    from distributed import CancelledError, KilledWorker
+
+    try:
+        records = future.result()
+    except (KilledWorker, CancelledError) as error:
+        return [Event("died", batch, reason=f"lost by the cluster ({type(error).__name__})")]
+    except Exception as error:
+        return [Event("raised", batch, reason=f"{type(error).__name__}: {error}")]
+    return [
+        *(Event("record", batch, place=place, record=record) for place, record in records),
+        Event("ended", batch),
+    ]

@@ -1,7 +1,7 @@
-"""Local worker processes: each takes batches through a pipe and tells every result as soon as it is there.
+"""Local worker processes: each takes batches through a pipe and sends every record as soon as it is there.
 
 Workers are spawned, never forked: Taichi does not survive a fork. A worker whose parent has died ends at
-once. What a worker does is named "module:function": a context manager that gives a `RunFunction`, entered
+once. The work of a worker is named "module:function": a context manager that gives a `RunFunction`, entered
 when the worker starts and left when it has nothing more to do.
 """
 
@@ -19,12 +19,13 @@ from typing import Any, Literal, Protocol
 
 from taichi_erosion.core.errors import BadInput
 
-Tell = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
-Share = Callable[[float], None]  # share of the batch that is done [1]
-RunFunction = Callable[[list[dict[str, Any]], Tell, Share], None]  # (payloads, tell, share)
+Payloads = list[dict[str, Any]]
+SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
+SendShare = Callable[[float], None]  # share of the batch that is done [1]
+RunFunction = Callable[[Payloads, SendRecord, SendShare], None]
 Work = Callable[[], AbstractContextManager[RunFunction]]
 
-PATIENCE = 5.0  # s that a worker is given to end
+END_WAIT = 5.0  # s that a worker is given to end
 
 
 @dataclass(frozen=True)
@@ -37,13 +38,13 @@ class Batch:
 
 @dataclass(frozen=True)
 class Event:
-    """What a pool has to say about a batch.
+    """Message of a pool about a batch.
 
-    told: `record` of the run at `place`; share: of the batch is done; ended: all is told; broken: the run
-    function raised (`reason`); died: its worker is gone (`reason`).
+    record: of the run at `place`; share: of the batch that is done; ended: all records are sent;
+    raised: the run function raised an error (`reason`); died: the worker is gone (`reason`).
     """
 
-    kind: Literal["told", "share", "ended", "broken", "died"]
+    kind: Literal["record", "share", "ended", "raised", "died"]
     batch: Batch
     place: int = 0
     record: dict[str, Any] = field(default_factory=dict)
@@ -52,23 +53,19 @@ class Event:
 
 
 class Pool(Protocol):
-    """Where batches are worked off."""
+    """Workers that run batches."""
 
     @property
-    def workers(self) -> int:
-        """Batches that are worked on at the same time."""
-        ...
+    def workers(self) -> int: ...
 
     def free(self) -> int:
-        """Batches that could be handed in now."""
+        """Batches that could be submitted now."""
         ...
 
-    def submit(self, batch: Batch) -> None:
-        """Hand in a batch."""
-        ...
+    def submit(self, batch: Batch) -> None: ...
 
     def events(self, timeout: float) -> list[Event]:
-        """What has happened, waiting up to `timeout` seconds for something."""
+        """New messages, after a wait of up to `timeout` seconds for the first."""
         ...
 
     def close(self) -> None:
@@ -85,8 +82,8 @@ def named_work(name: str) -> Work:
         raise BadInput(f"work '{name}' must be MODULE:FUNCTION ({error})") from None
 
 
-def serve(connection: Connection, name: str) -> None:
-    """Life of a worker: batches in, records out, until the pipe or the parent is gone."""
+def worker_main(connection: Connection, name: str) -> None:
+    """Main loop of a worker: batches in, records out, until the pipe or the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to decide
     threading.Thread(target=end_with_parent, daemon=True).start()
     with named_work(name)() as run:
@@ -95,25 +92,25 @@ def serve(connection: Connection, name: str) -> None:
                 payloads = connection.recv()
             except (EOFError, OSError):
                 return
-            obey(connection, run, payloads)
+            run_batch(connection, run, payloads)
 
 
-def obey(connection: Connection, run: RunFunction, payloads: list[dict[str, Any]]) -> None:
-    """Work one batch off."""
+def run_batch(connection: Connection, run: RunFunction, payloads: Payloads) -> None:
+    """Run one batch and send its records."""
     try:
         run(
             payloads,
-            lambda place, record: connection.send(("told", place, record)),
+            lambda place, record: connection.send(("record", place, record)),
             lambda share: connection.send(("share", share)),
         )
-        connection.send(("ended",))
+        connection.send(("ended", ""))
     except Exception as error:
-        with suppress(OSError):  # where the parent is gone nobody would hear it
-            connection.send(("broken", f"{type(error).__name__}: {error}"))
+        with suppress(OSError):  # the parent may be gone
+            connection.send(("raised", f"{type(error).__name__}: {error}"))
 
 
 def end_with_parent() -> None:
-    """Leave when the parent is gone: nobody would hear the results."""
+    """Leave when the parent is gone: nobody would read the results."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])
@@ -122,7 +119,7 @@ def end_with_parent() -> None:
 
 @dataclass
 class Worker:
-    """One worker process as its parent sees it."""
+    """One worker process, seen from its parent."""
 
     process: Any
     connection: Any  # end of a pipe
@@ -133,7 +130,7 @@ def start_worker(function: str) -> Worker:
     """Spawn a worker."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=serve, args=(theirs, function), daemon=True)
+    process = context.Process(target=worker_main, args=(theirs, function), daemon=True)
     process.start()
     theirs.close()
     return Worker(process, ours)
@@ -144,73 +141,70 @@ class LocalPool:
     """Worker processes of this machine; one that dies is replaced."""
 
     function: str
-    crew: list[Worker]
+    processes: list[Worker]
 
     @property
     def workers(self) -> int:
-        """Number of processes."""
-        return len(self.crew)
+        return len(self.processes)
 
     def free(self) -> int:
         """Workers without a batch."""
-        return sum(worker.batch is None for worker in self.crew)
+        return sum(worker.batch is None for worker in self.processes)
 
     def submit(self, batch: Batch) -> None:
-        """Give a batch to a free worker."""
-        worker = next(worker for worker in self.crew if worker.batch is None)
+        """Send a batch to a free worker."""
+        worker = next(worker for worker in self.processes if worker.batch is None)
         worker.batch = batch
-        try:
+        with suppress(OSError):  # it has died since; `events` reports it
             worker.connection.send(list(batch.payloads))
-        except OSError:
-            pass  # it has died since; `events` will say so
 
     def events(self, timeout: float) -> list[Event]:
         """Messages of all workers; a worker counts as dead once all it had sent is read."""
-        busy = {worker.connection: worker for worker in self.crew if worker.batch is not None}
+        busy = {worker.connection: worker for worker in self.processes if worker.batch is not None}
         if not busy:
             time.sleep(timeout)
-        return [event for pipe in wait(list(busy), timeout) for event in self.all_heard(busy[pipe])]
+        return [event for pipe in wait(list(busy), timeout) for event in self.pending_events(busy[pipe])]
 
-    def all_heard(self, worker: Worker) -> list[Event]:
-        """Everything that waits in the pipe of one worker."""
-        events = self.heard(worker)
+    def pending_events(self, worker: Worker) -> list[Event]:
+        """All messages that wait in the pipe of one worker."""
+        events = [self.next_event(worker)]
         while worker.batch is not None and events[-1].kind != "died" and worker.connection.poll():
-            events += self.heard(worker)
+            events.append(self.next_event(worker))
         return events
 
-    def heard(self, worker: Worker) -> list[Event]:
-        """What one worker says next; its end where the pipe is closed."""
+    def next_event(self, worker: Worker) -> Event:
+        """Next message of one worker; its death where the pipe is closed."""
         batch = worker.batch
         assert batch is not None
         try:
-            kind, *words = worker.connection.recv()
+            kind, *content = worker.connection.recv()
         except (EOFError, OSError):
-            return [self.replaced(worker, batch)]
-        if kind == "told":
-            return [Event("told", batch, place=words[0], record=words[1])]
+            return self.replace_worker(worker, batch)
+        if kind == "record":
+            return Event(kind, batch, place=content[0], record=content[1])
         if kind == "share":
-            return [Event("share", batch, share=words[0])]
+            return Event(kind, batch, share=content[0])
         worker.batch = None
-        return [Event(kind, batch, reason=words[0] if words else "")]
+        return Event(kind, batch, reason=content[0])
 
-    def replaced(self, worker: Worker, batch: Batch) -> Event:
+    def replace_worker(self, worker: Worker, batch: Batch) -> Event:
         """Put a new worker in the place of a dead one."""
-        worker.process.join(PATIENCE)
+        worker.process.join(END_WAIT)
         code = worker.process.exitcode or 0
         reason = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
         worker.connection.close()
-        self.crew[self.crew.index(worker)] = start_worker(self.function)
+        self.processes[self.processes.index(worker)] = start_worker(self.function)
         return Event("died", batch, reason=reason)
 
     def close(self) -> None:
         """End all workers; those without a batch by themselves, since they may have something to put away."""
-        for worker in self.crew:
+        for worker in self.processes:
             if worker.batch is None:
                 worker.connection.close()
             else:
                 worker.process.terminate()
-        for worker in self.crew:
-            worker.process.join(PATIENCE)
+        for worker in self.processes:
+            worker.process.join(END_WAIT)
             if worker.process.is_alive():
                 worker.process.kill()
             worker.connection.close()

@@ -1,21 +1,24 @@
-"""What a campaign is asked to run, and what comes back.
+"""Requests and results of runs, and the work of a campaign's worker: a batch is one ensemble on one thread.
 
 A request is addressed by its content: the scene (with all that can change its result), the seed and the
 version of this package make its key, and a key is never run twice in one ledger.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
+from taichi_erosion.campaign.pool import Payloads, RunFunction, SendRecord, SendShare
 from taichi_erosion.run.checks import compatibility_key, read_scene
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.build.limits import time_step
 
 WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble: about four seconds of one core
+THREADS = 1  # of a batch: it is one of several that run beside each other
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class RunResult:
     """What came out of one run; a run that failed is a result too, with its reason."""
 
     key: str
-    record: dict[str, Any] = field(default_factory=dict)  # what the run function told
+    record: dict[str, Any] = field(default_factory=dict)  # what the run function gave
     failure: str | None = None
     wall_s: float = 0.0
 
@@ -74,3 +77,33 @@ def work_of(scene: Scene) -> float:
     """Most grain-steps that a run of this scene can take."""
     duration = sum(stage.duration_max for stage in scene.stages)
     return scene.grains.count * duration / time_step(scene)
+
+
+@contextmanager
+def simulating() -> Iterator[RunFunction]:
+    """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
+    from taichi_erosion.core.device import stop_device
+    from taichi_erosion.core.setup import Numerics
+    from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas_after
+    from taichi_erosion.scene.load import parse_scene
+    from taichi_erosion.simulation import Simulation
+
+    previous: Simulation | None = None
+
+    def replica(payload: dict[str, Any]) -> ReplicaRequest:
+        return ReplicaRequest(
+            scene=parse_scene(payload["scene"], "scene of the campaign", Path(payload["folder"])),
+            seed=payload["seed"],
+            record=Path(payload["record"]) if payload["record"] else None,
+            properties=payload["properties"],
+        )
+
+    def simulate_batch(payloads: Payloads, send_record: SendRecord, send_share: SendShare) -> None:
+        nonlocal previous
+        parts = [replica(payload) for payload in payloads]
+        numerics = Numerics("cpu", THREADS, parts[0].scene.run.precision)
+        reused, previous = previous, None  # fields of an ensemble that breaks off are not used again
+        previous = run_replicas_after(reused, parts, numerics, send_record, lambda done, _: send_share(done))
+
+    yield simulate_batch
+    stop_device()

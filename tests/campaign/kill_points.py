@@ -37,7 +37,7 @@ def carry_out(folder: Path) -> list[tuple[str, float, str | None]]:
 def finished(folder: Path) -> set[int]:
     """Seeds whose results stand in the ledger."""
     store = open_ledger(folder)
-    rows = store.connection.execute("SELECT key FROM run WHERE state IN ('done', 'failed')").fetchall()
+    rows = store.database.rows("SELECT key FROM run WHERE state IN ('done', 'failed')")
     close_ledger(store)
     return {int(key.removeprefix("scene-")) for (key,) in rows}
 

@@ -22,7 +22,7 @@ def struck(folder: Path, kills: int) -> dict[str, int]:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     ended = subprocess.run(program, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
-    assert "in serve" not in ended.stderr, "a worker complained of its dead parent"
+    assert "in worker_main" not in ended.stderr, "a worker complained of its dead parent"
     return json.loads(ended.stdout)
 
 

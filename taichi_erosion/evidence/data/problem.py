@@ -17,6 +17,7 @@ Integers = NDArray[np.int64]
 
 Transform = Literal["identity", "log", "log_floor"]
 Conditions = dict[str, Floats]  # one value per row, in SI units
+Numbers = dict[str, float]  # parameters by path, or strengths by effect
 Mask = Callable[[Conditions], Bools]
 Progress = Callable[[str, float], None]  # what is being done, share of the whole that is done [1]
 
@@ -29,12 +30,7 @@ class Model(Protocol):
     """
 
     def __call__(
-        self,
-        observable: str,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
-        seeds: Integers,
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats: ...
 
 
@@ -96,11 +92,7 @@ class Uncertainty(Protocol):
     """
 
     def __call__(
-        self,
-        observable: Observable,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
+        self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats: ...
 
 

@@ -19,6 +19,7 @@ from taichi_erosion.evidence.data.problem import (
     Conditions,
     Floats,
     Integers,
+    Numbers,
     Observable,
     expected_strength,
 )
@@ -146,12 +147,7 @@ class Emulator:
     answered: Mapping[str, ObservableEmulator]
 
     def __call__(
-        self,
-        observable: str,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
-        seeds: Integers,
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]."""
         found = self.answered[observable]
@@ -160,11 +156,7 @@ class Emulator:
         return np.tile(from_scale(found.scale, mean), (len(seeds), 1))
 
     def uncertainty(
-        self,
-        observable: Observable,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
+        self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats:
         """Covariance of the surface's own errors over some rows, on the comparison scale."""
         found = self.answered[observable.name]
@@ -176,11 +168,7 @@ class Emulator:
 
 
 def asked(
-    ground: EmulatorInputs,
-    rows: int,
-    conditions: dict[str, Floats],
-    parameters: dict[str, float],
-    effects: dict[str, float],
+    ground: EmulatorInputs, rows: int, conditions: Conditions, parameters: Numbers, effects: Numbers
 ) -> Points:
     """Coordinates of a request, in which numbers and strengths are the same for all rows."""
     at = {path: column for said, column in conditions.items() for path in paths_in(said)}

@@ -15,13 +15,13 @@ from types import ModuleType
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence.data.problem import Floats, Integers, Model, Observable
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Model, Numbers, Observable
 from taichi_erosion.evidence.data.transforms import slope
 
 COVARIANCE = "_covariance"  # after a function's name: the function that says how far off it may be
 READ = "READS"  # of a module: the files beside it that it reads
 
-Covariance = Callable[[str, dict[str, Floats], dict[str, float], dict[str, float]], Floats]
+Covariance = Callable[[str, Conditions, Numbers, Numbers], Floats]
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,7 @@ class Plugin:
     covariance: Covariance | None = None  # of the model's own errors over rows; None: it is what it says
 
     def __call__(
-        self,
-        observable: str,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
-        seeds: Integers,
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]; raises SimulationStopped where the function fails."""
         with told(self.name, observable):
@@ -48,11 +43,7 @@ class Plugin:
         return checked(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
 
     def own_covariance(
-        self,
-        observable: str,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats:
         """Covariance of the model's own errors [row, row], in the unit of the observable squared."""
         assert self.covariance is not None
@@ -63,12 +54,12 @@ class Plugin:
         return checked(found, (rows, rows), "(conditions, conditions)", where)
 
 
-def own_copies(conditions: dict[str, Floats]) -> dict[str, Floats]:
+def own_copies(conditions: Conditions) -> Conditions:
     """Arrays that a user's function may write to."""
     return {name: column.copy() for name, column in conditions.items()}
 
 
-def rows_in(conditions: dict[str, Floats]) -> int:
+def rows_in(conditions: Conditions) -> int:
     """Number of rows that are asked for."""
     return len(next(iter(conditions.values()))) if conditions else 1
 
@@ -174,18 +165,13 @@ class NameMapping:
     observables: dict[str, str]  # likewise
 
     def __call__(
-        self,
-        observable: str,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
-        seeds: Integers,
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]."""
         known = self.known(conditions)
         return self.model(self.observables[observable], known, parameters, effects, seeds)
 
-    def known(self, conditions: dict[str, Floats]) -> dict[str, Floats]:
+    def known(self, conditions: Conditions) -> Conditions:
         """Conditions that any row states, by the names of the model."""
         return {self.names[c]: v for c, v in conditions.items() if not bool(np.isnan(v).all())}
 
@@ -199,11 +185,7 @@ class ModelErrorCovariance:
     seed: int  # of the value at which the scale is taken
 
     def __call__(
-        self,
-        observable: Observable,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
+        self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats:
         """Covariance [row, row]."""
         name, known = self.spoken.observables[observable.name], self.spoken.known(conditions)

@@ -19,7 +19,7 @@ from taichi_erosion.campaign.ledger import Ledger, open_ledger
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
+from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers, Numbers
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.data.units import conversion, parse_unit
 from taichi_erosion.run.checks import read_scene
@@ -54,12 +54,7 @@ class Simulator:
     store: Ledger | None = field(default=None, repr=False)
 
     def __call__(
-        self,
-        observable: str,
-        conditions: dict[str, Floats],
-        parameters: dict[str, float],
-        effects: dict[str, float],
-        seeds: Integers,
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]; NaN where a run failed. Raises SimulationStopped where all did."""
         answer = self.answers[observable]

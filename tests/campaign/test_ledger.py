@@ -41,7 +41,7 @@ def start_parent(folder: Path, pause: float) -> subprocess.Popen[str]:
 def done(folder: Path) -> list[str]:
     store = open_ledger(folder)
     try:
-        found = store.connection.execute("SELECT key FROM run WHERE state = 'done'").fetchall()
+        found = store.database.connection.execute("SELECT key FROM run WHERE state = 'done'").fetchall()
     finally:
         close_ledger(store)
     return [key for (key,) in found]
@@ -97,9 +97,9 @@ def test_after_a_killed_parent_its_workers_end_and_nothing_finished_is_repeated(
 def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
     store = open_ledger(tmp_path)
     ledger.add_requests(store, requests(tmp_path, RUNS))
-    pages = store.connection.execute("PRAGMA page_count").fetchone()[0]
+    pages = store.database.connection.execute("PRAGMA page_count").fetchone()[0]
     # SQLite answers a file that may not grow with the error it gives for a disk that is full
-    store.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
+    store.database.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
     with pytest.raises(BadInput, match=r"ledger\.sqlite: the disk is full; finished runs are kept"):
         execute(requests(tmp_path, RUNS), store, workers=2, function=FUNCTION)
     close_ledger(store)
@@ -124,7 +124,7 @@ def neighbours(tmp_path):
     """One run, leased by a parent on another machine, and a parent here that would like to have it."""
     (request,) = requests(tmp_path, 1)
     near, far = open_ledger(tmp_path), open_ledger(tmp_path)
-    elsewhere = ledger.Ledger(far.path, far.connection, "other-machine:1")
+    elsewhere = ledger.Ledger(far.database, "other-machine:1")
     ledger.add_requests(near, [request])
     assert ledger.lease_runs(elsewhere, [request.key]) == [request.key]
     yield request.key, near, elsewhere
@@ -155,7 +155,7 @@ def test_a_clock_that_is_put_back_or_forward_takes_no_lease_and_keeps_none(neigh
     pass_time(monkeypatch, steady=0.9 * ledger.LEASE, clock=clock)
     ledger.release_stale_leases(near)
     assert ledger.lease_runs(near, [key]) == []  # a day by the clock, but not yet a minute
-    ledger.beat(elsewhere)
+    ledger.renew_leases(elsewhere)
     ledger.release_stale_leases(near)
     pass_time(monkeypatch, steady=0.9 * ledger.LEASE)
     ledger.release_stale_leases(near)
@@ -233,7 +233,7 @@ def test_a_database_of_another_program_is_refused_and_left_alone(tmp_path):
     foreign.execute("CREATE TABLE run (name TEXT, pace REAL)")
     foreign.close()
     before = (tmp_path / ledger.LEDGER).read_bytes()
-    with pytest.raises(BadInput, match="a database of another program, not the ledger of a campaign"):
+    with pytest.raises(BadInput, match="a database of another program, not the ledger"):
         open_ledger(tmp_path)
     assert (tmp_path / ledger.LEDGER).read_bytes() == before
 
