@@ -281,7 +281,7 @@ def test_the_schema_of_scenes_is_written_where_it_was_asked_for(room, capsys, tm
 def test_a_picture_is_taken_at_the_time_asked_for(room, capsys, tmp_path):
     recording = tmp_path / "a.rrd"
     recording.touch()
-    calls = room("taichi_erosion.recording.viewer", "picture", Path("a.png"))
+    calls = room("taichi_erosion.recording.viewer", "render_picture", Path("a.png"))
     assert main(["snapshot", str(recording), "--time", "0.5", "-o", "a.png"]) == 0
     assert calls == [((recording, 0.5, Path("a.png")), {"view": None})]
     assert capsys.readouterr().out == "a.png\n"

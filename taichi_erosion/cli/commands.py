@@ -193,7 +193,7 @@ def live(
     path = record or Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd"
     with web_viewer() if web else nullcontext() as served:
         if served:
-            typer.echo(served.words, err=True)
+            typer.echo(served.instructions, err=True)
         run_prompt(session, path, served.sink if served else viewer)
 
 
@@ -219,7 +219,7 @@ def view(
     from taichi_erosion.recording.viewer import web_viewer
 
     with web_viewer(recording_of(file)) as served:
-        typer.echo(f"{served.words}\nCtrl-C ends it", err=True)
+        typer.echo(f"{served.instructions}\nCtrl-C ends it", err=True)
         try:
             threading.Event().wait()
         except KeyboardInterrupt:
@@ -241,10 +241,10 @@ def snapshot(
     ] = None,
 ) -> None:
     """Draw one moment of a run, or a study, without a screen."""
-    from taichi_erosion.recording.viewer import picture
+    from taichi_erosion.recording.viewer import render_picture
 
     picture_file = to or file.with_suffix(".snapshot.png")
-    typer.echo(str(picture(recording_of(file), time, picture_file, view=only)))
+    typer.echo(str(render_picture(recording_of(file), time, picture_file, view=only)))
 
 
 @app.command(**help_of("export"))

@@ -12,7 +12,7 @@ import typer
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.pictures import in_colour, in_shades
+from taichi_erosion.recording.pictures import terminal_colours, terminal_shades
 from taichi_erosion.run import session as live
 from taichi_erosion.run.session import Session
 from taichi_erosion.scene import resolved
@@ -94,7 +94,7 @@ def status(session: Session) -> str:
 def show(session: Session, words: list[str]) -> str:
     image = live.side_picture(session, is_lettered=False)
     has_colours = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-    drawn = in_colour if has_colours else in_shades
+    drawn = terminal_colours if has_colours else terminal_shades
     return f"{drawn(image, PICTURE_COLUMNS)}\n{status(session)}"
 
 

@@ -6,43 +6,39 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import make_parent, part_path
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.recording import pictures
-from taichi_erosion.recording.blueprint import TIMELINE
-from taichi_erosion.recording.disk_space import lock_part_file
+from taichi_erosion.recording.blueprint import image_view, with_time_panel
+from taichi_erosion.recording.pictures import Image
 from taichi_erosion.recording.stream import (
-    APPLICATION,
-    CURVE_WIDTH,
-    FLUSH_INTERVAL,
     Recording,
     flush,
     log_image,
+    log_legend,
+    log_scene,
+    log_values,
+    open_stream,
     set_time,
 )
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
-
 SLICE_PIXELS = 900  # longer side of a slice [px]
 SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [px]
-CALM = np.array(pictures.NIGHT)  # colour of still air
+STILL_AIR = np.array(pictures.NIGHT)  # colour of still air
 FAST = np.array([(38, 70, 130), (60, 150, 190), (150, 220, 170), (250, 230, 120), (255, 120, 60)])
 PLOT_WIDTH, PLOT_HEIGHT = 100.0, 60.0  # of the profile plot, in its own units
 TICKS = 2  # labelled values of each axis beside 0; more would overlap in a small view
-STILL = 0.01  # of the fastest wind: what blows backwards more slowly is drawn as 0 [1]
+BACKFLOW = 0.01  # of the fastest wind: slower backflow is drawn as 0 [1]
 FRAMES_PER_SECOND = 10.0  # of the viewer's playback
 
 
 @dataclass(frozen=True)
 class WindHeader:
-    """What is known of a flow before its first step."""
+    """Static content of the recording of a flow."""
 
     recording_id: str
     name: str
@@ -52,25 +48,10 @@ class WindHeader:
 
 def open_wind_recording(path: Path, header: WindHeader) -> Recording:
     """Begin PATH.part with its blueprint and the scene. Raises BadInput where it cannot be written."""
-    import rerun as rr
-
-    make_parent(path)
-    batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
-    stream = rr.RecordingStream(APPLICATION, recording_id=header.recording_id, batcher_config=batches)
-    try:
-        lock = lock_part_file(part_path(path))
-        stream.save(part_path(path), default_blueprint=wind_blueprint(header.curves))
-    except OSError as error:
-        raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    stream.send_recording_name(header.name)
-    text = f"# {header.name}\n\n```toml\n{header.scene_text}\n```\n"
-    stream.log("scene", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+    recording = open_stream(path, header.name, wind_blueprint(header.curves), header.recording_id)
+    log_scene(recording, header.name, header.scene_text)
     for curve, legend in header.curves.items():
-        lines = rr.SeriesLines(names=legend, colors=[pictures.SAND], widths=CURVE_WIDTH)
-        stream.log(f"air/{curve}", lines, static=True)
-    recording = Recording(path, stream, lock=lock)
+        log_legend(recording, f"air/{curve}", legend, pictures.SAND)
     flush(recording)
     return recording
 
@@ -84,29 +65,19 @@ def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
         for curve, legend in curves.items()
     ]
     below = rrb.Horizontal(
-        rrb.Spatial2DView(name="Profile: height against speed", origin="/profile", background=pictures.NIGHT),
+        image_view("Profile: height against speed", "/profile"),
         rrb.Tabs(*series, rrb.TextDocumentView(name="Scene", origin="/scene"), active_tab=0),
     )
-    slices = rrb.Spatial2DView(name="Speed along the wind", origin="/slice", background=pictures.NIGHT)
-    return rrb.Blueprint(
-        rrb.Vertical(slices, below, row_shares=[1, 1]),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=FRAMES_PER_SECOND),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        auto_layout=False,
-        auto_views=False,
-    )
+    layout = rrb.Vertical(image_view("Speed along the wind", "/slice"), below, row_shares=[1, 1])
+    return with_time_panel(layout, FRAMES_PER_SECOND)
 
 
 def log_wind(recording: Recording, state: AirSnapshot, step: int, curves: Mapping[str, float]) -> None:
-    """Write one moment: slice, profile and curves."""
-    import rerun as rr
-
+    """Write slice, profile and curves of one state."""
     set_time(recording, state.time, step)
     log_image(recording, "slice", speed_slice(state))
     log_profile(recording, state.velocity[..., 0].mean(axis=(0, 1)), state.faces_z)
-    for curve, value in curves.items():
-        recording.stream.log(f"air/{curve}", rr.Scalars(value))
+    log_values(recording, "air", curves)
 
 
 def speed_slice(state: AirSnapshot) -> Image:
@@ -126,10 +97,8 @@ def speed_slice(state: AirSnapshot) -> Image:
 
 def wind_colours(share: Floats) -> Image:
     """Colour of a share of the fastest wind [1]."""
-    anchors = np.vstack([CALM, FAST])
-    place = np.clip(share, 0.0, 1.0) * (len(anchors) - 1)
-    channels = [np.interp(place, np.arange(len(anchors)), anchors[:, channel]) for channel in range(3)]
-    return np.stack(channels, axis=-1).astype(np.uint8)
+    anchors = np.vstack([STILL_AIR, FAST])
+    return pictures.interpolate_colours(np.clip(share, 0.0, 1.0), anchors)
 
 
 def log_profile(recording: Recording, speed: Floats, faces: Floats) -> None:
@@ -138,7 +107,7 @@ def log_profile(recording: Recording, speed: Floats, faces: Floats) -> None:
 
     height, top = 0.5 * (faces[1:] + faces[:-1]) - faces[0], float(np.ptp(faces))
     high = max(float(speed.max()), np.finfo(float).tiny)
-    low = float(speed.min()) if speed.min() < -STILL * high else 0.0
+    low = float(speed.min()) if speed.min() < -BACKFLOW * high else 0.0
     x = (speed - low) / (high - low) * PLOT_WIDTH
     y = -height / top * PLOT_HEIGHT
     curve = rr.LineStrips2D([np.column_stack([x, y])], colors=[pictures.EMBER], radii=[0.3])

@@ -1,28 +1,23 @@
-"""What a viewer shows first when it opens a recording."""
+"""Blueprints of recordings: views, camera and layout that a viewer opens with."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi, radians, tan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.recording import pictures
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
-Floats = NDArray[np.float64]
-Vector = tuple[float, float, float]
-
 BED_FRACTION = 0.55  # solid volume over volume of a loose heap [1], to guess its size before it exists
 HEAP_SLOPE = radians(30.0)  # flank of the guessed heap [rad]
-AIR = 1.5  # radius of the ball framed over the radius of the guessed heap [1]
-DISTANCE = (
-    2.2  # of the eye from the centre of the ball, over its radius [1]: the ball fills the height of the view
-)
+HEAP_MARGIN = 1.5  # radius of the ball framed over the radius of the guessed heap [1]
+DISTANCE = 2.2  # of the eye from the centre of the ball, over its radius [1]: it fills the view's height
 VIEW_DIRECTION = (0.30, -1.0, 0.34)  # from the middle towards the eye
 HEAP_KINDS = frozenset({"repose", "collapse", "lifting"})
 WIND_KINDS = frozenset({"threshold", "saltation"})
@@ -36,11 +31,11 @@ FRAMES_PER_SECOND = 30.0  # of the viewer's playback
 class Focus:
     """Ball that the camera frames."""
 
-    centre: Vector  # m
+    centre: Triple  # m
     radius: float  # m
 
 
-def heap_focus(radii: Floats, foot: Vector) -> Focus:
+def heap_focus(radii: Floats, foot: Triple = (0.0, 0.0, 0.0)) -> Focus:
     """Ball about the heap that grains of these radii [m] will form on the point `foot` [m].
 
     A cone of slope a and base radius R holds  V = (pi / 3) R^3 tan a,  and the grains of radii r fill
@@ -48,39 +43,26 @@ def heap_focus(radii: Floats, foot: Vector) -> Focus:
     """
     volume = 4.0 / 3.0 * pi * float((radii**3).sum()) / BED_FRACTION
     radius = (3.0 * volume / (pi * tan(HEAP_SLOPE))) ** (1.0 / 3.0)
-    return Focus((foot[0], foot[1], foot[2] + radius * tan(HEAP_SLOPE)), AIR * radius)
+    return Focus((foot[0], foot[1], foot[2] + radius * tan(HEAP_SLOPE)), HEAP_MARGIN * radius)
 
 
-def wall_focus(walls: Sequence[WallMesh]) -> Focus:
-    """Ball about all walls."""
+def choose_focus(kind: str, radii: Floats, walls: Sequence[WallMesh]) -> Focus:
+    """Ball about the heap where one forms, about all walls otherwise."""
+    if kind in HEAP_KINDS or not any(len(wall.vertices) for wall in walls):
+        return heap_focus(radii)
     corners = np.concatenate([wall.vertices for wall in walls])
     low, high = corners.min(axis=0), corners.max(axis=0)
     middle = 0.5 * (low + high)
     return Focus((middle[0], middle[1], middle[2]), 0.5 * float(np.linalg.norm(high - low)))
 
 
-def choose_focus(kind: str, radii: Floats, walls: Sequence[WallMesh], foot: Vector) -> Focus:
-    """What the camera frames: the heap where one forms, the apparatus otherwise."""
-    has_corners = any(len(wall.vertices) for wall in walls)
-    return heap_focus(radii, foot) if kind in HEAP_KINDS or not has_corners else wall_focus(walls)
-
-
-def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
-    """Layout for a kind of scene: grains large on the left; on the right measure, series and texts."""
+def with_time_panel(layout: Any, frames_per_second: float = FRAMES_PER_SECOND) -> "rrb.Blueprint":
+    """Blueprint of a layout: time panel collapsed, other panels hidden, nothing added by the viewer."""
     import rerun.blueprint as rrb
 
-    right = rrb.Vertical(
-        *kind_views(kind),
-        rrb.Tabs(
-            rrb.TextDocumentView(name="Scene", origin="/scene"),
-            rrb.TextLogView(name="Log", origin="/log"),
-            series_view("Overlap", ["overlap_largest"]),
-            active_tab="Scene",
-        ),
-    )
     return rrb.Blueprint(
-        rrb.Horizontal(grain_view(focus), right, column_shares=[5, 3]),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=FRAMES_PER_SECOND),
+        layout,
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=frames_per_second),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_layout=False,
@@ -88,34 +70,54 @@ def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
     )
 
 
+def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
+    """Blueprint of a run: grains large on the left; on the right measure, curves and texts."""
+    import rerun.blueprint as rrb
+
+    right = rrb.Vertical(
+        *kind_views(kind),
+        rrb.Tabs(
+            rrb.TextDocumentView(name="Scene", origin="/scene"),
+            rrb.TextLogView(name="Log", origin="/log"),
+            curve_view("Overlap", "/ledger", "overlap_largest"),
+            active_tab="Scene",
+        ),
+    )
+    return with_time_panel(rrb.Horizontal(grain_view(focus), right, column_shares=[5, 3]))
+
+
 def kind_views(kind: str) -> "list[rrb.View]":
-    """What a kind of scene is looked at for: a heap's outline, the wind and what it carries, or a speed."""
+    """Views for a kind of scene: outline of a heap, wind and transport, or speeds."""
     import rerun.blueprint as rrb
 
     energy = rrb.TimeSeriesView(
         name="Energy, decades of J", origin="/decades", plot_legend=rrb.Corner2D.LeftBottom
     )
     if kind in WIND_KINDS:
-        profile = rrb.Spatial2DView(
-            name="Wind: height against speed", origin="/profile", background=pictures.NIGHT
-        )
-        flux = transport_view("What the wind carries", ["flux"])
-        return [profile, flux, transport_view("Wind and flying grains", ["friction_velocity", "flying"])]
-    contacts = series_view("Contacts", ["contacts", "released"])
+        return [
+            image_view("Wind: height against speed", "/profile"),
+            curve_view("What the wind carries", "/transport", "flux"),
+            curve_view("Wind and flying grains", "/transport", "friction_velocity", "flying"),
+        ]
+    contacts = curve_view("Contacts", "/ledger", "contacts", "released")
     if kind in HEAP_KINDS:
-        outline = rrb.Spatial2DView(name=SILHOUETTES, origin="/silhouette", background=pictures.NIGHT)
-        return [outline, energy, contacts]
-    return [series_view("Speed", ["speed_largest"]), energy, contacts]
+        return [image_view(SILHOUETTES, "/silhouette"), energy, contacts]
+    return [curve_view("Speed", "/ledger", "speed_largest"), energy, contacts]
 
 
-def transport_view(name: str, series: list[str]) -> "rrb.TimeSeriesView":
-    """Curves of grains under wind."""
+def image_view(name: str, origin: str) -> "rrb.Spatial2DView":
+    """Picture or plane drawing on the dark background."""
     import rerun.blueprint as rrb
 
-    contents = [f"$origin/{entry}" for entry in series]
-    return rrb.TimeSeriesView(
-        name=name, origin="/transport", contents=contents, plot_legend=rrb.Corner2D.LeftTop
-    )
+    return rrb.Spatial2DView(name=name, origin=origin, background=pictures.NIGHT)
+
+
+def curve_view(name: str, origin: str, *entries: str) -> "rrb.TimeSeriesView":
+    """Curves of some entries below an entity."""
+    import rerun.blueprint as rrb
+
+    contents = [f"$origin/{entry}" for entry in entries]
+    return rrb.TimeSeriesView(name=name, origin=origin, contents=contents, plot_legend=rrb.Corner2D.LeftTop)
 
 
 def grain_view(focus: Focus, name: str = "Grains", below: str = "/world") -> "rrb.Spatial3DView":
@@ -132,14 +134,4 @@ def grain_view(focus: Focus, name: str = "Grains", below: str = "/world") -> "rr
         background=pictures.NIGHT,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(position=eye, look_target=centre, eye_up=(0.0, 0.0, 1.0)),
-    )
-
-
-def series_view(name: str, series: list[str]) -> "rrb.TimeSeriesView":
-    """Curves of entries of the ledger."""
-    import rerun.blueprint as rrb
-
-    contents = [f"$origin/{entry}" for entry in series]
-    return rrb.TimeSeriesView(
-        name=name, origin="/ledger", contents=contents, plot_legend=rrb.Corner2D.LeftTop
     )

@@ -1,30 +1,27 @@
-"""Colours of grains, walls and lines, shared by the recording and the pictures.
+"""Pictures with NumPy alone, the same bytes on every machine, without a display.
 
-Lines and letters on an image, with NumPy alone: the same bytes on every machine, no display, no fonts.
-
-An image is uint8 [height, width, 3]; a place on it is (column, row) in pixels; (0, 0) is the first.
-
-Grains from the side as shaded spheres, with NumPy alone.
-
-Picture files that need no display: silhouettes with their fitted flanks, and the film of a run.
-
-Small pictures made of characters, for terminals without a screen.
+Colours of grains; lines and letters; grains from the side as shaded spheres; silhouettes with fitted flanks;
+films; pictures made of characters for terminals. An image is uint8 [height, width, 3], a point of it (column,
+row) in pixels, (0, 0) the upper left.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import floor, log10, radians, tan
+from math import floor, log10
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.recording.wall_mesh import WallMesh, section
 
-Colours = NDArray[np.uint8]
-Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Colour = tuple[int, int, int]
 
 NIGHT = (16, 19, 26)  # background behind grains
 DUSK = (38, 44, 56)  # background near the ground
@@ -39,25 +36,6 @@ SPEED_COLOURS = np.array(
 TINT_RANGE = 0.14  # largest change of brightness between two grains at rest [1]
 TINT_TURN = 0.6180339887498949  # golden ratio - 1: neighbouring numbers fall far apart [1]
 
-
-def resting_colours(ident: NDArray[np.int32]) -> Colours:
-    """Sand, a little brighter or darker from grain to grain so that single grains can be told apart."""
-    brightness = 1.0 + TINT_RANGE * (2.0 * np.mod(ident * TINT_TURN, 1.0) - 1.0)
-    return np.clip(np.multiply.outer(brightness, SAND), 0, 255).astype(np.uint8)
-
-
-def speed_colours(speed: Floats, low: float, high: float) -> Colours:
-    """Colour of a moving grain, from sand at speed `low` to ice blue at `high` [m s-1], in equal ratios."""
-    bounded = np.clip(speed, low, high)
-    place = np.log(bounded / low) / np.log(high / low) * (len(SPEED_COLOURS) - 1)
-    anchors = np.arange(len(SPEED_COLOURS))
-    channels = [np.interp(place, anchors, SPEED_COLOURS[:, channel]) for channel in range(3)]
-    return np.stack(channels, axis=-1).astype(np.uint8)
-
-
-Image = NDArray[np.uint8]
-Colour = tuple[int, int, int]
-
 # rows of 3 x 5 letters, one octal digit a row, its highest bit leftmost
 LETTERS = {
     **{"0": "75557", "1": "26227", "2": "71747", "3": "71717", "4": "55711", "5": "74717", "6": "74757"},
@@ -66,6 +44,43 @@ LETTERS = {
 }
 LETTER_WIDTH = 3
 LETTER_HEIGHT = 5
+
+SMOOTHING = 2  # pixels drawn along each edge of a picture pixel, then averaged [1]
+LIGHT_FROM = (-0.45, -0.62, 0.64)  # direction towards the light: left, in front, above
+AMBIENT, DIFFUSE, GLOSS = 0.30, 0.75, 0.14  # shares of the light [1]
+GLOSS_SHARPNESS = 20  # exponent of the highlight [1]
+HAZE = 0.45  # share of the background in the colour of the farthest grain [1]
+LEAST_RADIUS = 0.75  # px, so that no grain falls between the pixels
+STAMP_PIXELS = 1_000_000  # pixels shaded at once: bounds the memory of a picture to some 50 MB
+BAR_SHARE = 0.25  # longest scale bar over the width of the picture [1]
+MARGIN = 10  # px around lettering
+GAP = 6  # px between the silhouettes of a grid
+HEADROOM = 24  # px of sky above a silhouette, for its caption
+CAPTION_CORNER = (8, 8)  # px
+FAINT = 0.35  # opacity of a flank line beyond the fitted columns [1]
+
+SHADES = " .:-=+*#%@"  # of a terminal, from dark to bright
+HALF_BLOCK = "▀"  # upper half in the colour of the text, lower half in that of the background
+CELL = 2  # height over width of a character, about
+
+
+def resting_colours(ident: NDArray[np.int32]) -> Image:
+    """Sand, a little brighter or darker from grain to grain so that single grains can be told apart."""
+    brightness = 1.0 + TINT_RANGE * (2.0 * np.mod(ident * TINT_TURN, 1.0) - 1.0)
+    return np.clip(np.multiply.outer(brightness, SAND), 0, 255).astype(np.uint8)
+
+
+def speed_colours(speed: Floats, low: float, high: float) -> Image:
+    """Colour of a moving grain, from sand at speed `low` to ice blue at `high` [m s-1], in equal ratios."""
+    bounded = np.clip(speed, low, high)
+    return interpolate_colours(np.log(bounded / low) / np.log(high / low), SPEED_COLOURS)
+
+
+def interpolate_colours(share: Floats, anchors: NDArray[np.int_]) -> Image:
+    """Colours at shares [1] of the way along evenly spaced anchors [k, 3]."""
+    position, places = share * (len(anchors) - 1), np.arange(len(anchors))
+    channels = [np.interp(position, places, anchors[:, channel]) for channel in range(3)]
+    return np.stack(channels, axis=-1).astype(np.uint8)
 
 
 def blank(size: tuple[int, int], top: Colour, bottom: Colour) -> Image:
@@ -79,7 +94,7 @@ def blank(size: tuple[int, int], top: Colour, bottom: Colour) -> Image:
 def draw_line(
     image_out: Image, ends: Floats, colour: Colour, width: float = 2.0, opacity: float = 1.0
 ) -> None:
-    """Draw a straight line between two places, `ends` [2, 2], with smooth edges.
+    """Draw a straight line between two points, `ends` [2, 2] px, with smooth edges.
 
     A pixel at distance s from the line is covered to  c = clip((width + 1) / 2 - s, 0, 1).
     """
@@ -94,16 +109,16 @@ def draw_line(
     patch[...] = ((1.0 - cover) * patch + cover * np.array(colour)).round().astype(np.uint8)
 
 
-def distance_to_segment(places: Floats, ends: Floats) -> Floats:
-    """Shortest distance of places [..., 2] to a line segment [2, 2], in the places' own unit."""
+def distance_to_segment(points: Floats, ends: Floats) -> Floats:
+    """Shortest distance of points [..., 2] to a line segment [2, 2], in their own unit."""
     along = ends[1] - ends[0]
     length_squared = max(float(along @ along), np.finfo(float).tiny)
-    share = np.clip((places - ends[0]) @ along / length_squared, 0.0, 1.0)
-    return np.linalg.norm(places - ends[0] - share[..., None] * along, axis=-1)
+    share = np.clip((points - ends[0]) @ along / length_squared, 0.0, 1.0)
+    return np.linalg.norm(points - ends[0] - share[..., None] * along, axis=-1)
 
 
 def draw_text(image_out: Image, text: str, corner: tuple[int, int], colour: Colour, scale: int = 2) -> None:
-    """Write digits and unit letters, upper left corner at `corner`; what leaves the image is cut off."""
+    """Draw digits and unit letters, upper left corner at `corner`; cut off at the edge of the image."""
     column, row = corner
     stamp = lettering(text).repeat(scale, axis=0).repeat(scale, axis=1)
     patch = image_out[row : row + stamp.shape[0], column : column + stamp.shape[1]]
@@ -111,26 +126,13 @@ def draw_text(image_out: Image, text: str, corner: tuple[int, int], colour: Colo
 
 
 def lettering(text: str) -> NDArray[np.bool_]:
-    """Bits of a text, one empty column after each letter."""
+    """Mask of a text, one empty column after each letter."""
     bits = np.zeros((LETTER_HEIGHT, len(text) * (LETTER_WIDTH + 1)), dtype=bool)
     for index, letter in enumerate(text):
         rows = [[int(bit) for bit in f"{int(digit):03b}"] for digit in LETTERS[letter]]
         start = index * (LETTER_WIDTH + 1)
         bits[:, start : start + LETTER_WIDTH] = rows
     return bits
-
-
-Integers = NDArray[np.int64]
-
-SMOOTHING = 2  # pixels drawn along each edge of a picture pixel, then averaged [1]
-LIGHT_FROM = (-0.45, -0.62, 0.64)  # direction towards the light: left, in front, above
-AMBIENT, DIFFUSE, GLOSS = 0.30, 0.75, 0.14  # shares of the light [1]
-GLOSS_SHARPNESS = 20  # exponent of the highlight [1]
-HAZE = 0.45  # share of the background in the colour of the farthest grain [1]
-LEAST_RADIUS = 0.75  # px, so that no grain falls between the pixels
-STAMP_PIXELS = 1_000_000  # pixels shaded at once: bounds the memory of a picture to some 50 MB
-BAR_SHARE = 0.25  # longest scale bar over the width of the picture [1]
-MARGIN = 10  # px around lettering
 
 
 @dataclass(frozen=True)
@@ -146,8 +148,8 @@ class SideView:
         """Pixels per metre, the same in both directions, so that the whole window fits."""
         return min(pixels / (b - a) for a, b, pixels in zip(self.low, self.high, self.size, strict=True))
 
-    def places(self, points: Floats) -> Floats:
-        """Places (column, row) [px] of points (x, z) [m]; the window is centred, its floor the lower edge."""
+    def pixels(self, points: Floats) -> Floats:
+        """Pixels (column, row) of points (x, z) [m]; the window is centred, its floor the lower edge."""
         middle = 0.5 * (self.low[0] + self.high[0])
         column = 0.5 * self.size[0] + (points[..., 0] - middle) * self.scale - 0.5
         row = self.size[1] - (points[..., 1] - self.low[1]) * self.scale - 0.5
@@ -178,9 +180,9 @@ def render_side(
     image = blank(fine.size, NIGHT, DUSK)
     draw_spheres(image, positions, radii, fine, colours)
     for wall in walls:
-        for ends in fine.places(section(wall)):
+        for ends in fine.pixels(section(wall)):
             draw_line(image, ends, STEEL, width=1.5 * SMOOTHING, opacity=0.6)
-    return shrink(image)
+    return downsample(image, *view.size)
 
 
 def draw_spheres(
@@ -193,7 +195,7 @@ def draw_spheres(
     depth = positions[order, 1]
     haze = HAZE * (depth - depth[-1]) / max(depth[0] - depth[-1], np.finfo(float).tiny)
     base = (1.0 - haze[:, None]) * colours[order] + haze[:, None] * np.array(DUSK)
-    place = view.places(positions[order][:, [0, 2]])
+    place = view.pixels(positions[order][:, [0, 2]])
     pixels = np.maximum(radii[order] * view.scale, LEAST_RADIUS)
     flat = image_out.reshape(-1, 3)
     for batch in batches(pixels):
@@ -205,7 +207,7 @@ def draw_spheres(
 
 
 def batches(pixels: Floats) -> Iterator[slice]:
-    """Runs of grains that are shaded at once."""
+    """Slices of grains that are shaded at once."""
     box = (2 * int(np.ceil(pixels.max())) + 1) ** 2
     count = max(1, STAMP_PIXELS // box)
     for start in range(0, len(pixels), count):
@@ -236,13 +238,6 @@ def brightness(offset: Floats) -> tuple[Floats, Floats]:
     return matt, GLOSS * np.maximum(normal @ half, 0.0) ** GLOSS_SHARPNESS
 
 
-def shrink(image: Image) -> Image:
-    """Average of every SMOOTHING x SMOOTHING pixels."""
-    height, width, channels = image.shape
-    blocks = image.reshape(height // SMOOTHING, SMOOTHING, width // SMOOTHING, SMOOTHING, channels)
-    return (blocks.mean(axis=(1, 3)) + 0.5).astype(np.uint8)
-
-
 def draw_scale_bar(image_out: Image, view: SideView) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten, its length above it in mm, in the lower right corner."""
     longest = 1e3 * BAR_SHARE * view.size[0] / view.scale
@@ -254,27 +249,6 @@ def draw_scale_bar(image_out: Image, view: SideView) -> None:
     text = f"{length:g} mm"
     middle = round(0.5 * (left + right)) - len(text) * (LETTER_WIDTH + 1)
     draw_text(image_out, text, (middle, row - 2 * LETTER_HEIGHT - MARGIN // 2), CHALK)
-
-
-Mask = NDArray[np.bool_]
-
-GAP = 6  # px between the silhouettes of a grid
-HEADROOM = 24  # px of sky above a silhouette, for its caption
-CAPTION_CORNER = (8, 8)  # px
-FAINT = 0.35  # opacity of a flank line beyond the fitted columns [1]
-
-
-def flank_ends(rows: int, axis: float, side: int, line: tuple[float, float, float, float]) -> Floats:
-    """Places (column, row) [2, 2] of both ends of a fitted flank in a silhouette of `rows` rows.
-
-    The line is  height = apex - tan(angle) distance  from `start` to `end`, `distance` counted outward from
-    the axis; `line` = (angle [deg], apex, start, end). Lengths are in pixels, heights from the lower edge,
-    `axis` from the left edge of the picture. `side` is -1 for the left flank and 1 for the right.
-    """
-    angle, apex, start, end = line
-    distance = np.array([start, end])
-    height = apex - tan(radians(angle)) * distance
-    return np.stack([axis + side * distance - 0.5, rows - height - 0.5], axis=-1)
 
 
 def silhouette_picture(mask: Mask, flanks: Floats, caption: str = "") -> Image:
@@ -346,38 +320,33 @@ def write_gif(path: Path, frames: Iterable[Image], frame_duration: float = 0.05)
     return write_atomic(path, film)
 
 
-SHADES = " .:-=+*#%@"  # from dark to bright
-HALF = "▀"  # upper half in the colour of the text, lower half in that of the background
-CELL = 2  # a character is about twice as high as it is wide
-
-
-def shrunk(image: Image, columns: int, rows: int) -> Image:
+def downsample(image: Image, columns: int, rows: int) -> Image:
     """The picture averaged down to [rows, columns, 3]."""
     height, width = image.shape[:2]
     down = np.linspace(0, height, rows + 1).astype(int)[:-1]
     across = np.linspace(0, width, columns + 1).astype(int)[:-1]
     sums = np.add.reduceat(np.add.reduceat(image.astype(float), down, axis=0), across, axis=1)
     counts = np.outer(np.diff([*down, height]), np.diff([*across, width]))[..., None]
-    return (sums / counts).astype(np.uint8)
+    return (sums / counts + 0.5).astype(np.uint8)
 
 
-def in_colour(image: Image, columns: int) -> str:
+def terminal_colours(image: Image, columns: int) -> str:
     """Two pixels a character, in 24-bit colours."""
     rows = max(image.shape[0] * columns // image.shape[1] // CELL, 1)
-    small = shrunk(image, columns, CELL * rows)
+    small = downsample(image, columns, CELL * rows)
     lines = []
     for upper, lower in zip(small[::2], small[1::2], strict=True):
         cells = (
-            f"\x1b[38;2;{a[0]};{a[1]};{a[2]}m\x1b[48;2;{b[0]};{b[1]};{b[2]}m{HALF}"
+            f"\x1b[38;2;{a[0]};{a[1]};{a[2]}m\x1b[48;2;{b[0]};{b[1]};{b[2]}m{HALF_BLOCK}"
             for a, b in zip(upper.tolist(), lower.tolist(), strict=True)
         )
         lines.append("".join(cells) + "\x1b[0m")
     return "\n".join(lines)
 
 
-def in_shades(image: Image, columns: int) -> str:
+def terminal_shades(image: Image, columns: int) -> str:
     """One character a pixel, by brightness: for logs and pipes; the sky behind the grains stays empty."""
     rows = max(image.shape[0] * columns // image.shape[1] // CELL, 1)
-    above = np.maximum(shrunk(image, columns, rows).mean(axis=2) - np.mean(DUSK), 0.0)
-    place = (above / max(float(above.max()), 1.0) * (len(SHADES) - 1)).round().astype(int)
-    return "\n".join("".join(SHADES[k] for k in row).rstrip() for row in place)
+    above = np.maximum(downsample(image, columns, rows).mean(axis=2) - np.mean(DUSK), 0.0)
+    shade = (above / max(float(above.max()), 1.0) * (len(SHADES) - 1)).round().astype(int)
+    return "\n".join("".join(SHADES[k] for k in row).rstrip() for row in shade)

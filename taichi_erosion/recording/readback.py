@@ -1,10 +1,8 @@
-"""Recordings whose writer died, made readable: rerun reads nothing of a file whose last message is cut.
+"""Recordings read back as NumPy, also those of killed runs, which rerun refuses: their last message is cut.
 
 A recording is a header of 12 bytes, then messages: kind and length as 64-bit little-endian integers, then as
 many bytes as the length says. A message of kind END closes it, and only a footer follows. This is the layout
 that rerun 0.41 writes; the tests hold it against whole recordings.
-
-Recordings read back as NumPy, those of killed runs too.
 """
 
 import struct
@@ -23,6 +21,14 @@ from numpy.typing import NDArray
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.blueprint import TIMELINE
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from rerun.chunk import Chunk
+
+Singles = NDArray[np.float32]
+Integers = NDArray[np.int32]
+
+NANOSECOND = 1e-9  # s, unit of rerun's durations
 SUFFIX = ".rrd"
 MAGIC = b"RRF2"  # first bytes of a recording
 HEADER_SIZE = 12  # bytes
@@ -66,30 +72,18 @@ def whole_size(path: Path) -> int:
     return whole
 
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-    from rerun.chunk import Chunk
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Integers = NDArray[np.int32]
-
-PROPERTIES = "/__properties/"
-NANOSECOND = 1e-9  # s, unit of rerun's durations
-
-
 @dataclass(frozen=True)
 class GrainFrame:
     """All released grains at one moment, ordered by their row in the GrainTable."""
 
     time: float  # s
     ident: Integers  # [n]
-    position: Singles  # [n, 3] m; a grain at rest may be off by bed.CREEP of its radius
+    position: Singles  # [n, 3] m; of a static grain to within static_grains.CREEP of its radius
     radius: Singles  # [n] m
 
 
 def read_chunks(path: Path) -> Iterator["Chunk"]:
-    """Chunks of the recording in a file, as far as they are whole; the blueprint beside it is left out.
+    """Whole chunks of the recording in a file, without its blueprint.
 
     Raises BadInput where rerun finds a message damaged.
     """
@@ -132,13 +126,8 @@ def values(column: "pa.Array") -> Iterator[NDArray[Any]]:
             yield inner.to_numpy(zero_copy_only=False)
 
 
-def read_frames(path: Path, entity: str) -> list[tuple[float, Singles]]:
-    """Positions [n, 3] m that an entity was given, each with its time [s]."""
-    return [(time * NANOSECOND, points) for time, points in read_rows(path, entity, "Points3D:positions")]
-
-
 def read_grains(path: Path) -> list[GrainFrame]:
-    """Every frame of a run, bed and mobile grains put together."""
+    """Every frame of a run, static and mobile grains put together."""
     components = ("ident", "Points3D:positions", "Points3D:radii")
     beds = read_rows(path, "world/bed", *components)
     bed_times = [bed[0] for bed in beds]
@@ -151,24 +140,3 @@ def read_grains(path: Path) -> list[GrainFrame]:
         order = np.argsort(parts[0])
         frames.append(GrainFrame(time * NANOSECOND, *(part[order] for part in parts)))
     return frames
-
-
-def read_series(path: Path, entity: str) -> tuple[Floats, Floats]:
-    """Times [s] and values of a curve, such as ledger/contacts."""
-    rows = read_rows(path, entity, "Scalars:scalars")
-    times = np.array([time for time, _ in rows], dtype=np.float64) * NANOSECOND
-    return times, np.array([value[0] for _, value in rows], dtype=np.float64)
-
-
-def read_properties(path: Path) -> dict[str, dict[str, Any]]:
-    """Properties of the run by group: result, scene, doe."""
-    groups: dict[str, dict[str, Any]] = {}
-    for chunk in read_chunks(path):
-        if chunk.entity_path.startswith(PROPERTIES):
-            group = groups.setdefault(chunk.entity_path.removeprefix(PROPERTIES), {})
-            batch = chunk.to_record_batch()
-            for name, column in zip(batch.schema.names, batch.columns, strict=True):
-                if not name.startswith("rerun.controls"):
-                    listed = column[-1].as_py()
-                    group[name] = listed[0] if len(listed) == 1 else listed
-    return groups

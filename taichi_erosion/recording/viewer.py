@@ -1,6 +1,5 @@
-"""Recordings on a screen, and pictures of them without one."""
+"""The rerun viewer: window, page for a browser, and pictures without a display."""
 
-import copy
 import os
 import socket
 import subprocess
@@ -9,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from taichi_erosion.core.errors import BadInput
@@ -25,8 +24,6 @@ START_LIMIT = 30.0  # s until a viewer answers
 LOAD_LIMIT = 60.0  # s until a recording is loaded
 POLL = 0.1  # s between two questions
 DRAW_TIME = 1.5  # s for the software renderer to finish a view after the time was set
-REPORT_SIZE = (1280, 1600)  # px, room for every view
-LATE = "Failed to render screenshot"  # a call that took too long; it was made again
 SHOTS = 5  # calls for a picture before it is given up
 END_LIMIT = 5.0  # s in which a viewer that has lost its connection ends
 STOP_LIMIT = 10.0  # s until a viewer that was asked to end is killed
@@ -35,11 +32,12 @@ NO_RENDERER = (
 )
 
 
-def viewer_binary() -> Path:
-    """The viewer that comes with rerun-sdk; its Python wrapper would outlive being ended."""
+def viewer_command(port: int, *options: str | Path) -> list[str | Path]:
+    """Command of the viewer that comes with rerun-sdk; its Python wrapper would outlive being ended."""
     import rerun_cli
 
-    return Path(rerun_cli.__file__).parent / "rerun"
+    binary = Path(rerun_cli.__file__).parent / "rerun"
+    return [binary, "--bind", LOOPBACK, "--port", str(port), *options]
 
 
 def quiet_environment() -> dict[str, str]:
@@ -47,10 +45,30 @@ def quiet_environment() -> dict[str, str]:
     return {**os.environ, "CI": "true", "RUST_LOG": "error"}
 
 
+@contextmanager
+def viewer_process(port: int, *options: str | Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A viewer that starts in the background and ends with the context."""
+    process = subprocess.Popen(
+        viewer_command(port, *options),
+        env=quiet_environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(STOP_LIMIT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
 def open_viewer(path: Path) -> int:
     """Show a recording in a window until the user closes it; returns the viewer's exit code."""
     with readable(path) as whole:
-        command = [viewer_binary(), "--bind", LOOPBACK, "--port", str(free_port()), whole.resolve()]
+        command = viewer_command(free_port(), whole.resolve())
         return subprocess.run(command, env=quiet_environment(), check=False).returncode
 
 
@@ -59,15 +77,15 @@ class WebViewer:
     """A viewer for a browser on this machine."""
 
     page: int  # port of its page
-    port: int  # where recordings are handed over
+    port: int  # receives recordings
 
     @property
     def sink(self) -> str:
-        """Address for a recording that it is to follow."""
+        """Address for a recording that the viewer follows."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
     @property
-    def words(self) -> str:
+    def instructions(self) -> str:
         """How to open it, from this machine or from another one."""
         tunnel = " ".join(f"-L {port}:{LOOPBACK}:{port}" for port in (self.page, self.port))
         address = f"http://{LOOPBACK}:{self.page}/?url={quote(self.sink, safe='')}"
@@ -79,25 +97,19 @@ def web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
     """Serve the viewer on the loopback interface, with a recording or waiting for one."""
     with readable(path) if path else nullcontext() as whole:
         page, sink = free_port(), free_port()
-        command = [viewer_binary(), "--bind", LOOPBACK, "--serve-web", "--port", str(sink)]
-        command += ["--web-viewer-port", str(page), *([whole.resolve()] if whole else [])]
-        process = subprocess.Popen(
-            command, env=quiet_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        try:
+        shown = [whole.resolve()] if whole else []
+        with viewer_process(sink, "--serve-web", "--web-viewer-port", str(page), *shown):
             wait_until(lambda: answers(page) and answers(sink), START_LIMIT, "the web viewer did not start")
             yield WebViewer(page, sink)
-        finally:
-            stop(process)
 
 
 def answers(port: int) -> bool:
-    """Whether somebody listens on a port of the loopback interface."""
+    """Whether a process listens on a port of the loopback interface."""
     with socket.socket() as probe:
         return probe.connect_ex((LOOPBACK, port)) == 0
 
 
-def picture(
+def render_picture(
     path: Path, moment: float | None, out: Path, size: tuple[int, int] = (1280, 800), view: str | None = None
 ) -> Path:
     """PNG of the viewer at `moment` [s] of simulated time, None for the end; needs no display.
@@ -112,26 +124,6 @@ def picture(
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")
         return write_atomic(out, screenshot(client, views[view] if view else None))
-
-
-def view_reports(path: Path) -> list[str]:
-    """What the views of the blueprint failed to draw at the end of the recording; empty without a report.
-
-    A damaged compressed picture shows only in the viewer's log, so its errors are listed too. The viewer is
-    silent about a mesh whose triangles name missing corners: an empty list does not prove that it is seen.
-    """
-    with headless_viewer(path, REPORT_SIZE) as client:
-        # a view behind a tab is not drawn and so has nothing to report
-        client.set_blueprint(without_tabs(client.get_blueprint("recording").blueprint), "recording")
-        client.set_time(TIMELINE, duration=last_moment(client), play_state="paused")
-        time.sleep(DRAW_TIME)
-        screenshot(client)
-        views = client.get_state().views
-        if not views:
-            return [f"{path}: the viewer shows no view"]
-        reports = [f"{view.name}: {report.summary}" for view in views for report in view.reports]
-        told = [entry.message for entry in client.get_logs() if entry.level == "ERROR"]
-        return reports + [f"viewer: {message}" for message in told if LATE not in message]
 
 
 def screenshot(client: "ViewerClient", view_id: str | None = None) -> bytes:
@@ -150,51 +142,22 @@ def last_moment(client: "ViewerClient") -> float:
     return NANOSECOND * max(timeline.end or 0 for timeline in timelines if timeline.name == TIMELINE)
 
 
-def without_tabs(blueprint: dict[str, Any]) -> dict[str, Any]:
-    """A blueprint whose tabs lie below each other, all in sight."""
-    opened = copy.deepcopy(blueprint)
-    for parts in opened.values():
-        container = parts.get("ContainerBlueprint", {})
-        if container.get("container_kind") == "Tabs":
-            container["container_kind"] = "Vertical"
-            container.pop("active_tab", None)
-    return opened
-
-
 @contextmanager
 def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient"]:
     """A viewer without a window that has loaded a recording."""
-    with readable(path) as whole, viewer_process(size) as (process, port):
+    port = free_port()
+    options = ("--headless", "--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen")
+    with readable(path) as whole, viewer_process(port, *options) as process:
         client = connect(process, port)
         try:
             client.open(str(whole.resolve()))
             wait_until(lambda: is_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
-        except ConnectionError:
-            refuse_ended(process)
+        except ConnectionError:  # without a renderer the viewer may answer once before it ends
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(END_LIMIT)
+                raise BadInput(NO_RENDERER) from None
             raise
         yield client
-
-
-def refuse_ended(process: subprocess.Popen[bytes]) -> None:
-    """Raise BadInput where the viewer has ended: without a renderer it may answer once before it does."""
-    with suppress(subprocess.TimeoutExpired):
-        process.wait(END_LIMIT)
-        raise BadInput(NO_RENDERER) from None
-
-
-@contextmanager
-def viewer_process(size: tuple[int, int]) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
-    """A starting viewer without a window, and the port where it listens."""
-    port = free_port()
-    command = [viewer_binary(), "--headless", "--bind", LOOPBACK, "--port", str(port)]
-    command += ["--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen"]
-    process = subprocess.Popen(
-        command, env=quiet_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    try:
-        yield process, port
-    finally:
-        stop(process)
 
 
 def connect(process: subprocess.Popen[bytes], port: int) -> "ViewerClient":
@@ -214,7 +177,7 @@ def connect(process: subprocess.Popen[bytes], port: int) -> "ViewerClient":
 
 
 def is_loaded(client: "ViewerClient") -> bool:
-    """Whether everything has arrived."""
+    """Whether the whole recording has been loaded."""
     state = client.get_state()
     return not state.loading and any(recording.timelines for recording in state.recordings)
 
@@ -228,18 +191,8 @@ def wait_until(condition: Callable[[], bool], limit: float, message: str) -> Non
         time.sleep(POLL)
 
 
-def stop(process: subprocess.Popen[bytes]) -> None:
-    """End a viewer."""
-    process.terminate()
-    try:
-        process.wait(STOP_LIMIT)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-
-
 def free_port() -> int:
-    """A port of the loopback interface that nobody uses now."""
+    """An unused port of the loopback interface."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return probe.getsockname()[1]

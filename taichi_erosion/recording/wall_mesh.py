@@ -1,17 +1,15 @@
-"""Triangles of the walls, for the eye only: contact uses the exact primitives."""
+"""Triangle meshes of walls, for display only: contact uses the exact primitives."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.setup import PrimitiveKind, Setup
+from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup, Triple
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
-Box = tuple[tuple[float, float, float], tuple[float, float, float]]
+Box = tuple[Triple, Triple]
 
 SEGMENTS = 48  # facets of a full turn [1]; the chord stays within 0.2 % of the radius
 
@@ -23,7 +21,7 @@ class WallMesh:
     name: str
     vertices: Floats  # [v, 3] m
     triangles: Integers  # [t, 3] rows of vertices
-    moving: bool  # whether it may move or be taken away during the run
+    moving: bool  # whether it may move or be removed during the run
 
 
 def wall_meshes(setup: Setup, bounds: Box, moving: frozenset[str] = frozenset()) -> tuple[WallMesh, ...]:
@@ -40,12 +38,11 @@ def wall_meshes(setup: Setup, bounds: Box, moving: frozenset[str] = frozenset())
 
 def triangulate(kind: PrimitiveKind, shape: Floats, bounds: Box) -> tuple[Floats, Integers]:
     """Vertices [m] and triangles of one primitive, its numbers ordered as PrimitiveKind says."""
-    makers: dict[PrimitiveKind, Callable[[], tuple[Floats, Integers]]] = {
-        PrimitiveKind.PLANE: lambda: plane(shape[0:3], shape[3:6], bounds),
-        PrimitiveKind.REVOLVED: lambda: revolved(shape[0:3], shape[3:6], shape[6:10]),
-        PrimitiveKind.TRIANGLE: lambda: (shape[0:9].reshape(3, 3), np.array([[0, 1, 2]], dtype=np.int32)),
-    }
-    return makers[kind]()
+    if kind == PrimitiveKind.PLANE:
+        return plane(shape[0:3], shape[3:6], bounds)
+    if kind == PrimitiveKind.REVOLVED:
+        return revolved(shape[0:3], shape[3:6], shape[6:10])
+    return shape[0:9].reshape(3, 3), np.array([[0, 1, 2]], dtype=np.int32)
 
 
 def plane(point: Floats, normal: Floats, bounds: Box) -> tuple[Floats, Integers]:

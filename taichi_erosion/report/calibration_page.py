@@ -15,7 +15,7 @@ from taichi_erosion.campaign.calibration import Calibration
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.recording.study_recording import Shown, StudyPage, record_study
+from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.html import address_of, render
 from taichi_erosion.report.markdown import markdown_table, with_spread
@@ -203,7 +203,7 @@ def run_name(row: Row) -> str:
     return f"{row['stage']}-{row['row']}"
 
 
-def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[Shown]:
+def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[RecordedRun]:
     """Runs with an existing recording, in the order of STAGES."""
     for row in sorted(rows, key=lambda row: STAGES.index(row["stage"])):
         recording = file.folder / "recordings" / f"{run_name(row)}-{row['seed']}.rrd"
@@ -212,4 +212,4 @@ def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[Shown
             texts = (f"{name} {y:.3g} {file.study.targets[name].unit}" for name, y in responses.items())
             settings = {re.sub(r"[.-]", "_", path): float(row[path]) for path in file.study.parameters}
             caption = f"{run_name(row)}: {', '.join(texts)}"
-            yield Shown(run_name(row), caption, recording, settings | responses)
+            yield RecordedRun(run_name(row), caption, recording, settings | responses)

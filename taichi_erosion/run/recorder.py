@@ -178,7 +178,7 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
         log_profile(recorder.recording, air.velocity[:, 0], air.face)
         values = transport_values(now, patch_of(scene))
         values["friction_velocity"] = friction_velocity(sim, recorder.replica)
-        stream.log_transport(recorder.recording, values)
+        stream.log_values(recorder.recording, "transport", values)
     return now
 
 

@@ -1,6 +1,7 @@
 """Scenes of a campaign go as one ensemble through the real simulator and come out as if each were alone."""
 
 import pytest
+from recorded_heaps import read_properties
 from run.small_scene import write_scene
 
 from taichi_erosion.campaign.execute import execute
@@ -8,7 +9,6 @@ from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import scene_request
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording.readback import read_properties
 from taichi_erosion.run import RunOptions, run_scene
 
 ROUGH = "contact.soil-soil.friction_sliding=0.9"

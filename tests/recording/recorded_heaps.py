@@ -1,13 +1,18 @@
-"""A small heap under a falling grain, as the simulation would hand it over."""
+"""Recordings of a small heap under a falling grain, and readers of what they hold."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Ledger, Snapshot
-from taichi_erosion.recording.stream import RunHeader, log_frame, log_ledger, recorded
+from taichi_erosion.recording.readback import NANOSECOND, read_chunks, read_rows
+from taichi_erosion.recording.stream import Recording, RunHeader, close, log_frame, log_ledger, open_recording
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 MOVING = 1e-2  # m s-1
@@ -77,6 +82,16 @@ def header(kind: str = "repose") -> RunHeader:
     return RunHeader("test-run", "Little heap", kind, 'kind = "repose"', heap_snapshot().radius, (FLOOR,))
 
 
+@contextmanager
+def recorded(path: Path, header: RunHeader) -> Iterator[Recording]:
+    """A recording that is closed whatever happens inside."""
+    recording = open_recording(path, header)
+    try:
+        yield recording
+    finally:
+        close(recording)
+
+
 def record_heap(path: Path, frames: int = 5, kind: str = "repose") -> list[Snapshot]:
     """Write a recording of the heap and return what was written."""
     snapshots = [heap_snapshot(frame) for frame in range(frames)]
@@ -93,3 +108,29 @@ def moved(snapshot: Snapshot, grain: int, distance: float = 0.0, speed: float = 
     position[grain, 0] += distance
     velocity[grain, 0] += speed
     return replace(snapshot, position=position, velocity=velocity)
+
+
+def read_frames(path: Path, entity: str) -> list[tuple[float, NDArray[np.float32]]]:
+    """Positions [n, 3] m that an entity was given, each with its time [s]."""
+    return [(time * NANOSECOND, points) for time, points in read_rows(path, entity, "Points3D:positions")]
+
+
+def read_series(path: Path, entity: str) -> tuple[Floats, Floats]:
+    """Times [s] and values of a curve, such as ledger/contacts."""
+    rows = read_rows(path, entity, "Scalars:scalars")
+    times = np.array([time for time, _ in rows], dtype=np.float64) * NANOSECOND
+    return times, np.array([value[0] for _, value in rows], dtype=np.float64)
+
+
+def read_properties(path: Path) -> dict[str, dict[str, Any]]:
+    """Properties of the run by group: result, scene, doe."""
+    groups: dict[str, dict[str, Any]] = {}
+    for chunk in read_chunks(path):
+        if chunk.entity_path.startswith("/__properties/"):
+            group = groups.setdefault(chunk.entity_path.removeprefix("/__properties/"), {})
+            batch = chunk.to_record_batch()
+            for name, column in zip(batch.schema.names, batch.columns, strict=True):
+                if not name.startswith("rerun.controls"):
+                    listed = column[-1].as_py()
+                    group[name] = listed[0] if len(listed) == 1 else listed
+    return groups

@@ -11,14 +11,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recorded_heaps import FLOOR, MOVING, heap_snapshot
+from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.recording import disk_space
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording, recorded
+from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
 
 HEADER = RunHeader("full", "a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
 PATIENCE = 300  # s until a program that does not end counts as hanging; the cores may be busy

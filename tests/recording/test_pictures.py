@@ -1,5 +1,4 @@
 from dataclasses import replace
-from math import radians, tan
 from pathlib import Path
 
 import imageio.v3 as imageio
@@ -7,7 +6,7 @@ import numpy as np
 import pytest
 from recorded_heaps import FLOOR, heap_snapshot, pyramid
 
-from taichi_erosion.recording import pictures as drawing
+from taichi_erosion.recording import pictures
 from taichi_erosion.recording.pictures import (
     HEADROOM,
     SideView,
@@ -15,7 +14,6 @@ from taichi_erosion.recording.pictures import (
     distance_to_segment,
     draw_line,
     film_frame,
-    flank_ends,
     lettering,
     render_side,
     silhouette_grid,
@@ -45,7 +43,7 @@ def test_a_sphere_covers_the_area_of_its_disc():
 def test_a_sphere_stands_where_its_centre_is():
     image = render_side(np.array([[0.01, 0.0, 0.005]]), np.array([2e-3]), WINDOW)
     rows, columns = np.nonzero(coloured(image, WINDOW))
-    expected = WINDOW.places(np.array([0.01, 0.005]))
+    expected = WINDOW.pixels(np.array([0.01, 0.005]))
     # the disc is drawn on half pixels and covers whole ones
     np.testing.assert_allclose([columns.mean(), rows.mean()], expected, atol=0.5)
 
@@ -56,13 +54,13 @@ def test_the_nearer_of_two_spheres_hides_the_farther_whatever_their_order():
     image = render_side(positions, radii, WINDOW, colours)
     swapped = render_side(positions[::-1], radii[::-1], WINDOW, colours[::-1])
     np.testing.assert_array_equal(image, swapped)
-    column, row = np.rint(WINDOW.places(np.array([0.0, 0.01]))).astype(int)
+    column, row = np.rint(WINDOW.pixels(np.array([0.0, 0.01]))).astype(int)
     assert image[row, column, 0] > image[row, column, 2]
 
 
 def test_light_falls_from_the_upper_left():
     image = render_side(np.array([[0.0, 0.0, 0.015]]), np.array([8e-3]), WINDOW).sum(axis=-1)
-    column, row = np.rint(WINDOW.places(np.array([0.0, 0.015]))).astype(int)
+    column, row = np.rint(WINDOW.pixels(np.array([0.0, 0.015]))).astype(int)
     assert image[row - 30, column - 30] > image[row + 30, column + 30]
 
 
@@ -78,20 +76,11 @@ def test_walls_are_outlined_where_the_middle_plane_cuts_them():
     assert rows.min() >= WINDOW.size[1] - 3
 
 
-def test_a_flank_line_rises_at_the_angle_that_was_fitted():
-    ends = flank_ends(100, 80.0, -1, (33.0, 60.0, 10.0, 70.0))
-    (column_a, row_a), (column_b, row_b) = ends
-    assert (row_b - row_a) / (column_a - column_b) == pytest.approx(tan(radians(33.0)))
-    # column c covers c to c + 1 from the left edge, row r covers rows - r - 1 to rows - r from below
-    assert column_a + 0.5 == pytest.approx(70.0)
-    assert 100 - (row_a + 0.5) == pytest.approx(60.0 - 10.0 * tan(radians(33.0)))
-
-
 def test_a_silhouette_keeps_its_pixels_under_the_headroom():
     mask = np.tri(40, 90, dtype=bool)
     image = silhouette_picture(mask, np.empty((0, 2, 2)))
     assert image.shape == (40 + HEADROOM, 90, 3)
-    np.testing.assert_array_equal((image[HEADROOM:] == drawing.SAND).all(axis=-1), mask)
+    np.testing.assert_array_equal((image[HEADROOM:] == pictures.SAND).all(axis=-1), mask)
 
 
 def test_a_grid_holds_every_azimuth(tmp_path: Path):
@@ -100,7 +89,7 @@ def test_a_grid_holds_every_azimuth(tmp_path: Path):
     captions = [f"{30 * index}°" for index in range(7)]
     grid = silhouette_grid(masks, flanks, captions, columns=3)
     plain = silhouette_grid(masks, [np.empty((0, 2, 2))] * 7, columns=3)
-    sand = (plain == drawing.SAND).all(axis=-1).sum()
+    sand = (plain == pictures.SAND).all(axis=-1).sum()
     assert sand == sum(mask.sum() for mask in masks)
     shape = imageio.imread(write_png(tmp_path / "grid.png", grid)).shape
     assert shape == grid.shape
@@ -134,14 +123,14 @@ def test_moving_grains_take_the_colour_of_their_speed():
     flying = replace(still, velocity=np.full_like(still.velocity, 2.0))
     sand = film_frame(still, WINDOW, (), SPEEDS).astype(int)
     blue = film_frame(flying, WINDOW, (), SPEEDS).astype(int)
-    column, row = np.rint(WINDOW.places(pyramid()[100, [0, 2]])).astype(int)
+    column, row = np.rint(WINDOW.pixels(pyramid()[100, [0, 2]])).astype(int)
     assert sand[row, column, 0] > sand[row, column, 2]
     assert blue[row, column, 2] > blue[row, column, 0]
 
 
 def test_colours_of_speed_run_in_equal_ratios_and_stay_at_their_ends():
-    colours = drawing.speed_colours(np.array([1e-6, 1e-2, 0.02, 0.04, 0.32, 99.0]), 1e-2, 0.32)
-    expected = drawing.SPEED_COLOURS[[0, 0, 1, 2, 5, 5]]
+    colours = pictures.speed_colours(np.array([1e-6, 1e-2, 0.02, 0.04, 0.32, 99.0]), 1e-2, 0.32)
+    expected = pictures.SPEED_COLOURS[[0, 0, 1, 2, 5, 5]]
     # truncation to whole levels
     np.testing.assert_allclose(colours, expected, atol=1)
 
@@ -153,9 +142,9 @@ def test_the_distance_to_a_segment_is_that_to_its_ends_beyond_them():
 
 
 def test_a_line_far_outside_leaves_the_image_alone():
-    image = blank((20, 10), drawing.NIGHT, drawing.NIGHT)
-    draw_line(image, np.array([[-50.0, -50.0], [-40.0, -60.0]]), drawing.CHALK)
-    assert (image == drawing.NIGHT).all()
+    image = blank((20, 10), pictures.NIGHT, pictures.NIGHT)
+    draw_line(image, np.array([[-50.0, -50.0], [-40.0, -60.0]]), pictures.CHALK)
+    assert (image == pictures.NIGHT).all()
 
 
 def test_no_two_letters_look_alike():

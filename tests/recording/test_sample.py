@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_heaps import read_properties
+from viewer_reports import view_reports
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import viewer
-from taichi_erosion.recording.readback import read_grains, read_properties, read_rows
+from taichi_erosion.recording.readback import read_grains, read_rows
 from taichi_erosion.run import check_scene
 
 ROOT = Path(__file__).parents[2]
@@ -63,7 +65,7 @@ def test_it_opens_without_a_screen_with_its_own_layout(tmp_path: Path) -> None:
 
     assert RrdReader(SAMPLE).blueprints()
     try:
-        assert viewer.view_reports(SAMPLE) == []
+        assert view_reports(SAMPLE) == []
     except BadInput as error:
         if str(error) == viewer.NO_RENDERER:
             pytest.skip(viewer.NO_RENDERER)

@@ -7,12 +7,18 @@ import imageio.v3 as imageio
 import numpy as np
 import psutil
 import pytest
-from recorded_heaps import record_heap
+from recorded_heaps import read_frames, read_properties, record_heap
+from viewer_reports import view_reports
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import viewer
-from taichi_erosion.recording.readback import read_frames, read_properties
-from taichi_erosion.recording.study_recording import MOST_FRAMES, Shown, StudyPage, record_study, thinned
+from taichi_erosion.recording.study_recording import (
+    MOST_FRAMES,
+    RecordedRun,
+    StudyPage,
+    record_study,
+    thin_out,
+)
 
 FIGURE = imageio.imwrite("<bytes>", np.full((40, 60, 3), 200, np.uint8), extension=".png")
 
@@ -23,7 +29,9 @@ def study(folder: Path, runs: int) -> Path:
     for number in range(runs):
         record_heap(folder / f"{number}.rrd")
         settings = {"friction": 0.1 * number, "angle": 30.0}
-        shown.append(Shown(f"confirm-{number}", f"run {number}: 30 deg", folder / f"{number}.rrd", settings))
+        shown.append(
+            RecordedRun(f"confirm-{number}", f"run {number}: 30 deg", folder / f"{number}.rrd", settings)
+        )
     page = StudyPage(
         "A study", "# Found\n\nIt fits.", "| run |\n| :-- |\n| 1 |\n", {"effects": FIGURE}, shown
     )
@@ -42,16 +50,16 @@ def test_runs_stand_side_by_side_with_their_factors_and_results(tmp_path: Path) 
 
 def test_long_films_are_thinned_and_keep_both_ends() -> None:
     frames = list(range(3 * MOST_FRAMES))
-    kept = thinned(frames)  # pyright: ignore[reportArgumentType]
+    kept = thin_out(frames)  # pyright: ignore[reportArgumentType]
     assert (len(kept), kept[0], kept[-1]) == (MOST_FRAMES, frames[0], frames[-1])
-    assert thinned(frames[:3]) == frames[:3]  # pyright: ignore[reportArgumentType]
+    assert thin_out(frames[:3]) == frames[:3]  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.viewer
 @pytest.mark.parametrize("runs", [pytest.param(0, marks=pytest.mark.slow), 2])
 def test_every_view_of_a_study_draws(tmp_path: Path, runs: int) -> None:
     try:
-        assert viewer.view_reports(study(tmp_path, runs)) == []
+        assert view_reports(study(tmp_path, runs)) == []
     except BadInput as error:
         if str(error) == viewer.NO_RENDERER:
             pytest.skip(viewer.NO_RENDERER)
@@ -68,5 +76,5 @@ def test_the_page_for_browsers_is_served_to_this_machine_alone(tmp_path: Path) -
         listening = [c.laddr for c in psutil.net_connections("tcp") if c.status == psutil.CONN_LISTEN]
         assert {address.port for address in listening if address.port in ports} == ports
         assert {address.ip for address in listening if address.port in ports} == {"127.0.0.1"}
-        assert f"http://127.0.0.1:{served.page}/" in served.words
+        assert f"http://127.0.0.1:{served.page}/" in served.instructions
     assert not viewer.answers(served.page)

@@ -4,11 +4,11 @@ from pathlib import Path
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from recorded_heaps import MOVING, header, heap_snapshot, ledger
+from recorded_heaps import MOVING, header, heap_snapshot, ledger, recorded
+from viewer_reports import view_reports
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording import pictures as drawing
-from taichi_erosion.recording import viewer
+from taichi_erosion.recording import pictures, viewer
 from taichi_erosion.recording.air_recording import log_profile
 from taichi_erosion.recording.blueprint import WIND_KINDS
 from taichi_erosion.recording.pictures import silhouette_picture
@@ -18,8 +18,7 @@ from taichi_erosion.recording.stream import (
     log_image,
     log_ledger,
     log_text,
-    log_transport,
-    recorded,
+    log_values,
 )
 
 pytestmark = pytest.mark.viewer
@@ -36,7 +35,9 @@ def record(path: Path, kind: str = "repose") -> Iterator[Recording]:
             log_ledger(recording, ledger(frame))
             if kind in WIND_KINDS:
                 log_profile(recording, np.linspace(0.0, 8.0, 12), np.linspace(0.0, 0.06, 13))
-                log_transport(recording, {"flux": 1e-3 * frame, "flying": 0.1, "friction_velocity": 0.4})
+                log_values(
+                    recording, "transport", {"flux": 1e-3 * frame, "flying": 0.1, "friction_velocity": 0.4}
+                )
         log_text(recording, "INFO", "at rest")
         log_image(recording, "silhouette", silhouette_picture(MASK, np.array([[[0.0, 0.0], [59.0, 59.0]]])))
         yield recording
@@ -48,7 +49,7 @@ def heap(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("viewer") / "heap.rrd"
     list(record(path))
     try:
-        viewer.picture(path, None, path.with_suffix(".png"), size=SIZE)
+        viewer.render_picture(path, None, path.with_suffix(".png"), size=SIZE)
     except BadInput as error:
         if str(error) == viewer.NO_RENDERER:
             pytest.skip(viewer.NO_RENDERER)
@@ -68,15 +69,15 @@ def share_like(image: np.ndarray, colour: Colour, tolerance: float = 0.12) -> fl
 def test_every_view_draws_without_a_report(heap: Path, tmp_path: Path, kind: str):
     path = tmp_path / f"{kind}.rrd"
     list(record(path, kind))
-    assert viewer.view_reports(path) == []
+    assert view_reports(path) == []
 
 
 @pytest.mark.parametrize(
     ("rows", "colour", "least"),
     [
-        ((0.0, 0.25), drawing.SAND, 0.02),  # silhouette, a quarter of whose mask is sand
-        ((0.25, 0.5), drawing.EMBER, 0.001),  # one falling curve
-        ((0.5, 0.75), drawing.SAND, 0.001),  # one rising curve
+        ((0.0, 0.25), pictures.SAND, 0.02),  # silhouette, a quarter of whose mask is sand
+        ((0.25, 0.5), pictures.EMBER, 0.001),  # one falling curve
+        ((0.5, 0.75), pictures.SAND, 0.001),  # one rising curve
     ],
 )
 def test_every_view_beside_the_grains_shows_what_was_recorded(
@@ -92,20 +93,22 @@ def test_the_picture_has_the_size_asked_for_and_the_heap_in_its_middle(heap: Pat
     assert image.shape[1::-1] == SIZE
     left = image[:, : 5 * image.shape[1] // 8]
     middle = left[left.shape[0] // 3 : -left.shape[0] // 6, left.shape[1] // 4 : -left.shape[1] // 4]
-    assert share_like(middle, drawing.SAND) > 0.2
+    assert share_like(middle, pictures.SAND) > 0.2
 
 
 def test_what_a_killed_run_left_can_be_seen(heap: Path, tmp_path: Path):
     part = tmp_path / "heap.rrd.part"
     part.write_bytes(heap.read_bytes()[: heap.stat().st_size // 2])
-    image = imageio.imread(viewer.picture(part, None, tmp_path / "part.png", size=SIZE, view="Grains"))
-    assert share_like(image, drawing.SAND) > 0.05
+    image = imageio.imread(viewer.render_picture(part, None, tmp_path / "part.png", size=SIZE, view="Grains"))
+    assert share_like(image, pictures.SAND) > 0.05
 
 
 def test_one_view_can_be_drawn_alone_at_any_time(heap: Path, tmp_path: Path):
-    image = imageio.imread(viewer.picture(heap, 0.05, tmp_path / "grains.png", size=SIZE, view="Grains"))
+    image = imageio.imread(
+        viewer.render_picture(heap, 0.05, tmp_path / "grains.png", size=SIZE, view="Grains")
+    )
     assert image.shape[1] < SIZE[0]
-    assert share_like(image, drawing.SAND) > 0.05
+    assert share_like(image, pictures.SAND) > 0.05
 
 
 def test_a_picture_that_cannot_be_drawn_is_reported(heap: Path, tmp_path: Path):
@@ -115,18 +118,18 @@ def test_a_picture_that_cannot_be_drawn_is_reported(heap: Path, tmp_path: Path):
     for recording in record(path):
         recording.stream.log("silhouette", rr.EncodedImage(contents=b"nonsense", media_type="image/png"))
         recording.stream.log("world/flat", rr.Boxes2D(mins=[[0.0, 0.0]], sizes=[[1.0, 1.0]]))
-    reports = " ".join(viewer.view_reports(path))
+    reports = " ".join(view_reports(path))
     assert "Grains: 2D visualizers" in reports
     assert "image/png" in reports
 
 
 def test_an_unknown_view_is_answered_with_the_known_ones(heap: Path, tmp_path: Path):
     with pytest.raises(BadInput, match=r"no view 'Sand', only .*Grains.*Silhouette"):
-        viewer.picture(heap, None, tmp_path / "view.png", view="Sand")
+        viewer.render_picture(heap, None, tmp_path / "view.png", view="Sand")
     assert not (tmp_path / "view.png").exists()
 
 
-@pytest.mark.parametrize("show", [viewer.open_viewer, viewer.view_reports])
+@pytest.mark.parametrize("show", [viewer.open_viewer, view_reports])
 def test_a_missing_recording_is_named_before_any_viewer_starts(tmp_path: Path, show):
     with pytest.raises(BadInput, match=r"missing\.rrd: no such recording"):
         show(tmp_path / "missing.rrd")
@@ -141,5 +144,5 @@ def test_a_machine_without_a_renderer_is_told_what_to_install(
         monkeypatch.setenv(variable, str(tmp_path / "no_driver.json"))
     monkeypatch.setenv("WGPU_BACKEND", "vulkan")
     with pytest.raises(BadInput, match="mesa-vulkan-drivers and libvulkan1"):
-        viewer.picture(path, 0.0, tmp_path / "out.png")
+        viewer.render_picture(path, 0.0, tmp_path / "out.png")
     assert not (tmp_path / "out.png").exists()

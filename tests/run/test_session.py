@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_heaps import read_series
 
 from taichi_erosion.cli import live as prompt
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Motion
-from taichi_erosion.recording.pictures import in_colour, in_shades
-from taichi_erosion.recording.readback import read_rows, read_series
+from taichi_erosion.recording.pictures import terminal_colours, terminal_shades
+from taichi_erosion.recording.readback import read_rows
 from taichi_erosion.recording.stream import close
 from taichi_erosion.run.observables import patch_of
 from taichi_erosion.run.recorder import present_walls, transport_values
@@ -130,10 +131,10 @@ def test_help_states_meaning_unit_and_range() -> None:
 def test_pictures_for_terminals_show_light_where_the_image_is_light() -> None:
     image = np.zeros((40, 40, 3), np.uint8)
     image[20:, 20:] = 255
-    rows = in_shades(image, 10).split("\n")
+    rows = terminal_shades(image, 10).split("\n")
     assert rows[0].strip() == ""
     assert rows[-1][-1] == "@"
-    assert "38;2;255;255;255" in in_colour(image, 10)
+    assert "38;2;255;255;255" in terminal_colours(image, 10)
 
 
 def test_a_piped_session_stops_at_the_first_mistake_and_keeps_the_recording(tmp_path: Path) -> None:

@@ -1,0 +1,150 @@
+"""Recordings read back: whole ones, those of killed writers, damaged ones."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_heaps import MOVING, header, heap_snapshot, record_heap, recorded
+
+from taichi_erosion.cli.main import ExitCode, main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import part_path
+from taichi_erosion.recording.readback import (
+    HEADER_SIZE,
+    MESSAGE_HEAD,
+    read_grains,
+    whole_size,
+)
+from taichi_erosion.recording.stream import (
+    flush,
+    log_frame,
+)
+
+WRITER = """
+import os, signal, sys
+from pathlib import Path
+from recorded_heaps import MOVING, header, heap_snapshot
+from taichi_erosion.recording.stream import flush, log_frame, open_recording
+recording = open_recording(Path(sys.argv[1]), header())
+for frame in range(30):
+    log_frame(recording, heap_snapshot(frame), MOVING)
+    if frame == 24:
+        flush(recording)
+{end}
+"""
+DEATHS = {"SIGKILL": "os.kill(os.getpid(), signal.SIGKILL)", "os._exit": "os._exit(3)"}
+
+
+def kill_a_writer(path: Path, death: str) -> Path:
+    """Record 30 frames in a process that dies without a word; return what it left."""
+    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[2])])
+    environment = {**os.environ, "PYTHONPATH": paths}
+    command = [sys.executable, "-c", WRITER.format(end=DEATHS[death]), path]
+    code = subprocess.run(command, env=environment, check=False, timeout=120).returncode
+    assert code == (-signal.SIGKILL if death == "SIGKILL" else 3)
+    assert not path.exists()
+    return part_path(path)
+
+
+def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    snapshots = record_heap(path)
+    frames = read_grains(path)
+    assert len(frames) == len(snapshots)
+    for frame, snapshot in zip(frames, snapshots, strict=True):
+        assert frame.time == pytest.approx(snapshot.time, abs=1e-9)  # rerun counts nanoseconds
+        np.testing.assert_array_equal(frame.ident, snapshot.ident)
+        np.testing.assert_array_equal(frame.position, snapshot.position.astype(np.float32))
+        np.testing.assert_array_equal(frame.radius, snapshot.radius.astype(np.float32))
+
+
+@pytest.mark.parametrize("death", DEATHS)
+def test_a_killed_run_leaves_everything_up_to_its_last_flush(tmp_path: Path, death: str):
+    part = kill_a_writer(tmp_path / "heap.rrd", death)
+    frames = read_grains(part)
+    assert 25 <= len(frames) <= 30
+    np.testing.assert_array_equal(frames[24].position, heap_snapshot(24).position.astype(np.float32))
+
+
+def test_a_recording_cut_anywhere_is_read_up_to_the_cut(tmp_path: Path):
+    path, sizes = tmp_path / "heap.rrd", []
+    with recorded(path, header()) as recording:
+        for frame in range(6):
+            log_frame(recording, heap_snapshot(frame), MOVING)
+            flush(recording)
+            sizes.append(part_path(path).stat().st_size)
+    whole = path.read_bytes()
+    for frame, size in enumerate(sizes):
+        path.write_bytes(whole[:size])
+        assert len(read_grains(path)) == frame + 1
+        path.write_bytes(whole[: size - 1])
+        assert len(read_grains(path)) == frame
+    path.write_bytes(whole[:100])
+    assert read_grains(path) == []
+
+
+def test_a_whole_recording_is_whole_to_its_last_byte(tmp_path: Path):
+    path = tmp_path / "heap.rrd"
+    record_heap(path)
+    assert whole_size(path) == path.stat().st_size
+    path.write_bytes(
+        path.read_bytes()[:-40]
+    )  # the footer and a little of the message that ends the recording
+    assert whole_size(path) < path.stat().st_size
+
+
+def test_a_missing_or_foreign_file_is_named_in_one_line(tmp_path: Path):
+    foreign = tmp_path / "foreign.rrd"
+    foreign.write_text("not a recording")
+    with pytest.raises(BadInput, match=r"missing\.rrd: no such recording"):
+        read_grains(tmp_path / "missing.rrd")
+    with pytest.raises(BadInput, match=r"foreign\.rrd: not a recording"):
+        read_grains(foreign)
+
+
+ERASED = 64  # bytes in the middle of a message: within compressed numbers, not within their description
+
+
+def largest_message(content: bytes) -> tuple[int, int]:
+    """First byte and length of what the longest message holds."""
+    found, place = (0, 0), HEADER_SIZE
+    while place + MESSAGE_HEAD.size <= len(content):
+        _, length = MESSAGE_HEAD.unpack_from(content, place)
+        place += MESSAGE_HEAD.size
+        if place + length <= len(content):
+            found = max(found, (place, length), key=lambda message: message[1])
+        place += length
+    return found
+
+
+@pytest.fixture
+def damaged(tmp_path: Path) -> Path:
+    """A whole recording in which a piece of one message reads zero."""
+    path = tmp_path / "heap.rrd"
+    record_heap(path)
+    content = bytearray(path.read_bytes())
+    first, length = largest_message(content)
+    middle = first + length // 2
+    content[middle : middle + ERASED] = bytes(ERASED)
+    path.write_bytes(content)
+    return path
+
+
+def test_a_recording_damaged_within_is_refused_by_its_name(damaged: Path):
+    with pytest.raises(BadInput, match=r"heap\.rrd: the recording is damaged \(.+\)$"):
+        read_grains(damaged)
+
+
+def test_the_export_of_a_damaged_recording_is_one_line_and_no_file(
+    damaged: Path, capsys: pytest.CaptureFixture[str]
+):
+    folder = damaged.parent / "out"
+    assert main(["export", str(damaged), "--vtk", str(folder)]) == ExitCode.BAD_INPUT
+    said = capsys.readouterr().err
+    assert "is damaged" in said
+    assert said.count("\n") == 1
+    assert not folder.exists()
