@@ -1,13 +1,13 @@
 """Cost of a fluid threshold and its interval, deep grains asleep and awake: `python -m benchmarks.threshold`.
 
-Fills the table of `docs/speed.md`. Both beds are hunted in one process on one thread, in processor time.
+Fills the table of `docs/speed.md`. Both searches run in one process on one thread, in processor time.
 """
 
 import sys
 from pathlib import Path
 
 from benchmarks.speed_page import fill, threshold_table
-from taichi_erosion.benchmark.threshold import threshold_case
+from taichi_erosion.benchmark.wind_cases import threshold_case
 
 DOCS = Path(__file__).parents[1] / "docs"
 

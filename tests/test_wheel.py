@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taichi_erosion"
 SCENE, STUDY, PAGE = "lid_cavity.toml", "my_lab.toml", "page.html"
 TINY = ("--set", "air.cells=[4, 1, 4]", "--set", "run.duration=0.1", "--no-record")
+TIMED_SCENES = ("saltation.toml", "tunnel_section.toml", "wind_threshold.toml")  # by `bench`
 STUDY_FILES = (STUDY, "my_lab.py", "measured/my_lab.csv")
 COMMANDS = {
     "effects": ("effects", "--json"),
@@ -100,7 +101,17 @@ def test_the_wheel_holds_the_product_and_nothing_else(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = [name for name in archive.namelist() if ".dist-info/" not in name]
     files = (path for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    assert sorted(names) == sorted(path.relative_to(ROOT).as_posix() for path in files)
+    scenes = [f"taichi_erosion/benchmark/scenes/{name}" for name in TIMED_SCENES]
+    assert sorted(names) == sorted([*(path.relative_to(ROOT).as_posix() for path in files), *scenes])
+
+
+def test_the_installed_bench_times_the_scenes_of_the_source_tree(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        for name in TIMED_SCENES:
+            assert (
+                archive.read(f"taichi_erosion/benchmark/scenes/{name}")
+                == (ROOT / "scenes" / name).read_bytes()
+            )
 
 
 def test_the_package_imports_no_study_and_no_test() -> None:

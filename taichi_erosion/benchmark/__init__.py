@@ -3,17 +3,33 @@
 Times are wall times of one sitting: only ratios taken side by side carry over to another machine.
 """
 
-from taichi_erosion.benchmark.cases import run_benchmarks
-from taichi_erosion.benchmark.rates import bed_window, funnel_window, numerics, touching_pairs, window_rate
-from taichi_erosion.benchmark.setups import LAWS, bed_setup
+import os
+from collections.abc import Callable
+from functools import partial
+from importlib.metadata import version
+from typing import Any
 
-__all__ = [
-    "LAWS",
-    "bed_setup",
-    "bed_window",
-    "funnel_window",
-    "numerics",
-    "run_benchmarks",
-    "touching_pairs",
-    "window_rate",
-]
+from taichi_erosion import __version__
+from taichi_erosion.benchmark.grain_cases import grain_case, grain_cases, wide_bed_cases
+from taichi_erosion.benchmark.wind_cases import air_case, air_cases, threshold_case
+
+__all__ = ["run_benchmarks"]
+
+
+def run_benchmarks(progress: Callable[[float, str], None] | None = None) -> dict[str, Any]:
+    """Beds, funnels, a patch that blows and ensembles; air; a threshold; wide beds."""
+    cores = len(os.sched_getaffinity(0))
+    runs: list[tuple[str, Callable[[], Any]]] = [
+        *((str(case), partial(grain_case, case)) for case in grain_cases(cores)),
+        *((name, partial(air_case, name, setup, cores)) for name, setup in air_cases()),
+        ("fluid threshold", threshold_case),
+        ("beds of growing width", wide_bed_cases),
+    ]
+    cases: list[dict[str, Any]] = []
+    for index, (name, run) in enumerate(runs):
+        if progress:
+            progress(index / len(runs), name)
+        found = run()
+        cases.extend(found if isinstance(found, list) else [found])
+    versions = {"taichi_erosion": __version__, "taichi": version("taichi")}
+    return {"cases": cases, "versions": versions, "cores": cores}

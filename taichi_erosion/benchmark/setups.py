@@ -1,4 +1,4 @@
-"""What is timed: beds and funnels, from the arrays of a case file or generated here."""
+"""Setups of timed grains: beds and funnels, from the arrays of a case file or generated here."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from taichi_erosion.core.setup import (
 )
 
 DAMPING = 0.3  # of rolling, share of the critical value [1]
-SKIN = 0.1  # list margin of a resting grain over its radius [1], as the other codes' 0.1 d for a pair
+SKIN = 0.1  # Verlet skin of a resting grain over its radius [1], as the other codes' 0.1 d for a pair
 LAWS = Laws(rolling="elastic_plastic")
 SOIL = {  # of the generated cases, SI units: the soil of the published study, softened
     "diameter": 1e-3,
@@ -30,16 +30,12 @@ SOIL = {  # of the generated cases, SI units: the soil of the published study, s
     "gravity": 9.81,
     "time_step": 5e-6,
 }
-BED_SIDE = 12  # grains along each period of the generated bed
-BED_LAYERS = 14
-FUNNEL = {
-    "funnel_bottom": 10.0,
-    "funnel_height": 14.0,
-    "orifice_radius": 5.0,
-}  # of about 4,000 grains, in diameters; flanks of 45 deg
+BED_SIDE, BED_LAYERS = 12, 14  # grains along each period of the generated bed, and upwards
+# of a funnel of about 4,000 grains, in diameters; flanks of 45 deg
+FUNNEL = {"funnel_bottom": 10.0, "funnel_height": 14.0, "orifice_radius": 5.0}
 FUNNEL_GRAINS = 4016
-PITCH = 1.08  # of the lattices that they settle from, over the diameter [1]
-JITTER = 0.03  # of those lattices, over the diameter [1]
+PITCH, JITTER = 1.08, 0.03  # of the lattices that they settle from, over the diameter [1]
+FLOOR = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)  # row of an upward plane
 
 
 def contact_table(case: Any) -> ContactTable:
@@ -62,11 +58,10 @@ def grain_table(position: Floats, case: Any) -> GrainTable:
     """Equal spheres at rest."""
     count, radius = len(position), 0.5 * float(case["diameter"])
     mass = float(case["density"]) * 4.0 / 3.0 * np.pi * radius**3
-    still = np.zeros((count, 3))
     return GrainTable(
         position=np.asarray(position, np.float64),
-        velocity=still,
-        spin=still,
+        velocity=np.zeros((count, 3)),
+        spin=np.zeros((count, 3)),
         radius=np.full(count, radius),
         mass=np.full(count, mass),
         material=np.zeros(count, np.int32),
@@ -74,43 +69,35 @@ def grain_table(position: Floats, case: Any) -> GrainTable:
     )
 
 
-def floor(height: float = 0.0) -> Floats:
-    """Row of an upward plane."""
-    return np.array([[0.0, 0.0, height, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
-
-
-def bed_setup(case: Any) -> Setup:
-    """Bed on a floor, periodic in x and y."""
-    period = np.asarray(case["period"], np.float64)
+def case_setup(case: Any, primitives: PrimitiveTable, surfaces: tuple[str, ...], **box: Any) -> Setup:
+    """Grains of a case over rigid walls."""
     return Setup(
         grains=grain_table(case["position"], case),
         materials=("grain", "wall"),
         contacts=contact_table(case),
-        primitives=PrimitiveTable(np.zeros(1, np.int32), np.zeros(1, np.int32), floor()),
-        surfaces=(Surface("floor", 1),),
+        primitives=primitives,
+        surfaces=tuple(Surface(name, 1) for name in surfaces),
         time_step=float(case["time_step"]),
         gravity=(0.0, 0.0, -float(case["gravity"])),
-        domain=((0.0, 0.0, -1.0), (float(period[0]), float(period[1]), 1.0)),
-        period=(float(period[0]), float(period[1]), 0.0),
         skin=SKIN,
+        **box,
     )
+
+
+def bed_setup(case: Any) -> Setup:
+    """Bed on a floor, periodic in x and y."""
+    x, y = (float(length) for length in case["period"])
+    floor = PrimitiveTable(np.zeros(1, np.int32), np.zeros(1, np.int32), np.array([FLOOR]))
+    return case_setup(case, floor, ("floor",), domain=((0.0, 0.0, -1.0), (x, y, 1.0)), period=(x, y, 0.0))
 
 
 def funnel_setup(case: Any) -> Setup:
     """Grains in a cone above a floor."""
     bottom, height, orifice = (float(case[k]) for k in ("funnel_bottom", "funnel_height", "orifice_radius"))
-    cone = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, orifice, bottom, orifice + height, bottom + height]])
+    cone = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, orifice, bottom, orifice + height, bottom + height)
     kinds = np.array([PrimitiveKind.PLANE, PrimitiveKind.REVOLVED], np.int32)
-    return Setup(
-        grains=grain_table(case["position"], case),
-        materials=("grain", "wall"),
-        contacts=contact_table(case),
-        primitives=PrimitiveTable(kinds, np.array([0, 1], np.int32), np.concatenate([floor(), cone])),
-        surfaces=(Surface("floor", 1), Surface("funnel", 1)),
-        time_step=float(case["time_step"]),
-        gravity=(0.0, 0.0, -float(case["gravity"])),
-        skin=SKIN,
-    )
+    walls = PrimitiveTable(kinds, np.array([0, 1], np.int32), np.array([FLOOR, cone]))
+    return case_setup(case, walls, ("floor", "funnel"))
 
 
 def lattice(sides: tuple[int, int, int], seed: int) -> Floats:
@@ -127,15 +114,13 @@ def lattice_bed(seed: int) -> Setup:
     return bed_setup(SOIL | {"position": position, "period": (diameter * PITCH * BED_SIDE,) * 2})
 
 
-def filled_funnel(seed: int, grains: int = FUNNEL_GRAINS) -> Setup:
+def filled_funnel(seed: int, grains: int) -> Setup:
     """Jittered lattice of about so many grains that fills a cone above a floor, and runs out of it."""
     diameter, size = SOIL["diameter"], (grains / FUNNEL_GRAINS) ** (1.0 / 3.0)
-    funnel = {name: size * length for name, length in FUNNEL.items()}
-    rim = funnel["orifice_radius"] + funnel["funnel_height"]
-    across, up = (int(length / PITCH) for length in (2.0 * rim, funnel["funnel_height"]))
-    corner = np.array([-rim, -rim, funnel["funnel_bottom"] + 0.6])
-    place = corner + lattice((across, across, up), seed)
-    radius = np.hypot(place[:, 0], place[:, 1])
-    inside = radius < place[:, 2] - funnel["funnel_bottom"] + funnel["orifice_radius"] - 1.0  # off the flank
-    lengths = {name: diameter * length for name, length in funnel.items()}
-    return funnel_setup(SOIL | lengths | {"position": diameter * place[inside]})
+    bottom, height, orifice = (size * length for length in FUNNEL.values())
+    rim = orifice + height
+    across, up = int(2.0 * rim / PITCH), int(height / PITCH)
+    sites = np.array([-rim, -rim, bottom + 0.6]) + lattice((across, across, up), seed)
+    inside = np.hypot(sites[:, 0], sites[:, 1]) < sites[:, 2] - bottom + orifice - 1.0  # off the flank
+    lengths = {name: diameter * size * length for name, length in FUNNEL.items()}
+    return funnel_setup(SOIL | lengths | {"position": diameter * sites[inside]})

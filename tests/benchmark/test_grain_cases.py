@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from taichi_erosion.benchmark.rates import device_bytes
-from taichi_erosion.benchmark.scaling import tiled_bed
+from taichi_erosion.benchmark.grain_cases import device_bytes, tiled_bed
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.core.ti import ti
 

@@ -1,0 +1,172 @@
+"""Timed grains: beds, funnels, an ensemble, a patch under wind, and beds of two thousand to 200,000 grains.
+
+Of the cases with a speed the median of some rounds counts. The wide beds are copies of one settled bed
+side by side, the same packing at every size, on one thread and in its processor time: other work on the
+machine counts less.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from taichi_erosion.benchmark.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
+from taichi_erosion.benchmark.wind_cases import blowing_patch
+from taichi_erosion.core.setup import Floats, Numerics, Setup
+from taichi_erosion.core.transfer import device_fields, inner_shape
+from taichi_erosion.grains.neighbour_list import ENGAGED
+from taichi_erosion.simulation import Simulation, advance, assemble, export_bed, ledger, snapshot
+from taichi_erosion.simulation.stage_times import stage_times
+
+Precision = Literal["f32", "f64"]
+
+NUMBER_BYTES = {"f32": 4, "i32": 4, "f64": 8}  # of one number on the device
+START, WIDE_START = (
+    0.05,
+    0.02,
+)  # s, until contacts last and a funnel flows; of a funnel that would take a minute
+FUNNELS, WIDE_FUNNEL = (2000, 10_000), 50_000  # grains
+ENSEMBLE = 32  # replicas
+ROUNDS = 3  # the median is reported
+TILES = ((1, 1), (5, 1), (10, 5), (10, 10))  # copies along either period: 2,016 to 201,600 grains
+UNTIMED, WIDE_STEPS = (
+    200,
+    200,
+)  # steps before the clock starts, and of a round: contacts settle alike at all sizes
+
+
+@dataclass(frozen=True)
+class GrainCase:
+    """Grains of one kind of setup, on so many threads."""
+
+    name: str
+    begin: Callable[[Numerics], Simulation]  # past its start, kernels compiled
+    threads: int
+    precision: Precision = "f32"
+    steps: int = 1000
+
+    def __str__(self) -> str:
+        return f"{self.name}, {self.threads} thread(s), {self.precision}"
+
+
+def after(until: float, setups: Callable[[], list[Setup]]) -> Callable[[Numerics], Simulation]:
+    """Replicas that have run for a time [s]."""
+
+    def begin(numerics: Numerics) -> Simulation:
+        sim = assemble(setups(), LAWS, numerics)
+        advance(sim, [until] * len(sim.setups))
+        return sim
+
+    return begin
+
+
+def grain_cases(cores: int) -> list[GrainCase]:
+    """Beds, funnels, a patch of sand that blows, and ensembles on one core and on all."""
+    bed = after(START, lambda: [lattice_bed(0)])
+    beds = after(START, lambda: [lattice_bed(seed) for seed in range(ENSEMBLE)])
+    funnels = [after(START, lambda grains=grains: [filled_funnel(0, grains)]) for grains in FUNNELS]
+    return [
+        GrainCase("settled bed", bed, 1),
+        GrainCase("settled bed", bed, 1, "f64"),
+        *(GrainCase("funnel", funnel, 1) for funnel in funnels),
+        GrainCase("funnel", after(WIDE_START, lambda: [filled_funnel(0, WIDE_FUNNEL)]), 1, steps=200),
+        GrainCase("saltation patch", blowing_patch, 1),
+        GrainCase("ensemble of beds", beds, 1, steps=300),
+        GrainCase("ensemble of beds", beds, cores, steps=300),
+    ]
+
+
+def grain_count(sim: Simulation) -> int:
+    """Grains of all replicas."""
+    return sum(len(setup.grains.radius) for setup in sim.setups)
+
+
+def touching_pairs(sim: Simulation, replica: int) -> int:
+    """Pairs of grains that touch."""
+    label: Any = export_bed(sim, replica)["pair_label"]
+    return int((label.astype(np.int64) & ENGAGED).sum())
+
+
+def rate(sim: Simulation, steps: int, done: int) -> dict[str, float]:
+    """Grain-steps per second of `steps` more steps after `done`, contacts per grain, rebuilds."""
+    before, start = ledger(sim, 0).rebuilds, time.perf_counter()
+    advance(sim, [(done + steps) * setup.time_step for setup in sim.setups])
+    seconds, grains = time.perf_counter() - start, grain_count(sim)
+    return {
+        "grain_steps_per_s": grains * steps / seconds,
+        "contacts_per_grain": 2.0 * sum(touching_pairs(sim, r) for r in range(len(sim.setups))) / grains,
+        "rebuilds": ledger(sim, 0).rebuilds - before,
+    }
+
+
+def stage_shares(sim: Simulation, rebuilds_per_step: float) -> dict[str, float]:
+    """Share of a step's time that every stage takes [1]."""
+    cost = stage_times(sim)
+    cost["rebuild"] *= rebuilds_per_step
+    return {stage: spent / sum(cost.values()) for stage, spent in cost.items()}
+
+
+def device_bytes(owner: Any) -> int:
+    """Memory of all fields of a record [byte]."""
+    sizes = [
+        NUMBER_BYTES[field.dtype.to_string()] * np.prod((*field.shape, *inner_shape(field)), dtype=np.int64)
+        for field in device_fields(owner)
+    ]
+    return int(sum(sizes))
+
+
+def grain_case(case: GrainCase) -> dict[str, Any]:
+    """Median speed, with the share of every stage."""
+    sim = case.begin(Numerics("cpu", case.threads, case.precision))
+    done, grains = int(ledger(sim, 0).step), grain_count(sim)
+    rates = [rate(sim, case.steps, done + k * case.steps) for k in range(ROUNDS)]
+    middle = sorted(rates, key=lambda found: found["grain_steps_per_s"])[ROUNDS // 2]
+    speed = 1e-6 * middle["grain_steps_per_s"]
+    return {
+        "case": case.name,
+        "grains": grains,
+        "threads": case.threads,
+        "precision": case.precision,
+        "M grain-steps/s": speed,
+        "per core": speed / min(case.threads, sim.workers),
+        "contacts per grain": middle["contacts_per_grain"],
+        "bytes per grain": device_bytes(sim.world) / grains,
+        "stages": stage_shares(sim, middle["rebuilds"] / case.steps),
+    }
+
+
+def tiled_bed(position: Floats, period: float, tiles: tuple[int, int]) -> Setup:
+    """Copies of a bed side by side, so many along either period [m]."""
+    corners = [(period * x, period * y, 0.0) for x in range(tiles[0]) for y in range(tiles[1])]
+    whole = np.concatenate([position + corner for corner in corners])
+    return bed_setup(SOIL | {"position": whole, "period": (tiles[0] * period, tiles[1] * period)})
+
+
+def wide_bed_case(setup: Setup) -> dict[str, Any]:
+    """Nanoseconds of one thread for a grain-step, and bytes of a grain."""
+    sim = assemble([setup], LAWS, Numerics("cpu", 1, "f32"))
+    grains = grain_count(sim)
+    advance(sim, [UNTIMED * setup.time_step])
+    spent = []
+    for done in UNTIMED + WIDE_STEPS * np.arange(1, ROUNDS + 1):
+        start = time.process_time()
+        advance(sim, [done * setup.time_step])
+        spent.append(time.process_time() - start)
+    sums = ledger(sim, 0)
+    return {
+        "case": "wide bed",
+        "grains": grains,
+        "ns per grain-step": 1e9 * float(np.median(spent)) / (grains * WIDE_STEPS),
+        "bytes per grain": device_bytes(sim.world) / grains,
+        "touching": 2.0 * sums.contacts / grains,
+        "stages": stage_shares(sim, sums.rebuilds / (UNTIMED + ROUNDS * WIDE_STEPS)),
+    }
+
+
+def wide_bed_cases() -> list[dict[str, Any]]:
+    """Beds of all sizes, copies of one that has settled."""
+    sim = after(START, lambda: [lattice_bed(0)])(Numerics("cpu", 1, "f32"))
+    position, period = snapshot(sim, 0).position, sim.setups[0].period[0]
+    return [wide_bed_case(tiled_bed(position, period, tiles)) for tiles in TILES]
