@@ -223,7 +223,7 @@ def test_a_word_that_cannot_be_used_is_named_in_one_line(room, capsys, words, na
 
 
 def test_verify_fails_as_a_whole_where_one_claim_fails(room, capsys):
-    calls = room("taichi_erosion.verification", "verify", [HELD, BROKEN])
+    calls = room("taichi_erosion.verification.claims", "verify", [HELD, BROKEN])
     assert main(["verify", "V01", "V02", "--json"]) == 1
     (((ids,), words),) = calls
     assert ids == ("V01", "V02")
@@ -236,7 +236,7 @@ def test_verify_fails_as_a_whole_where_one_claim_fails(room, capsys):
 
 
 def test_verify_succeeds_where_all_claims_hold(room, capsys):
-    room("taichi_erosion.verification", "verify", [HELD])
+    room("taichi_erosion.verification.claims", "verify", [HELD])
     assert main(["verify"]) == 0
     assert "1 of 1 claims hold" in capsys.readouterr().out
 
