@@ -14,7 +14,8 @@ from taichi_erosion.cli.commands import app
 from taichi_erosion.cli.main import main
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", ROOT / "recordings" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TOP = [path for path in sorted(ROOT.glob("*.md")) if path.name != "CHANGELOG.md"]
+PAGES = [*TOP, ROOT / "recordings" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FENCE = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 INLINE = re.compile(r"`\./erosion ([^`]+)`")
 pytestmark = pytest.mark.docs
@@ -129,3 +130,19 @@ def test_every_picture_and_page_that_is_linked_is_there(page: Path) -> None:
     links = re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
     missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
     assert not missing
+
+
+FILE_PATH = re.compile(
+    r"`((?:[\w.-]+/)+[\w.*-]+\.(?:py|md|toml|csv|txt|png|rrd|json|npz|html|yml))(?:::?\w+)?`"
+)
+CREATED = re.compile(r"^(?:recordings|campaigns|my_scenes)/(?!README|sample)|results?/|^out/|peers/cases/")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: name_of(page))
+def test_every_file_that_a_page_names_exists(page: Path) -> None:
+    bases = (ROOT, ROOT / "taichi_erosion", ROOT / "doe", page.parent)
+    named = {
+        found for found in FILE_PATH.findall(page.read_text(encoding="utf-8")) if not CREATED.search(found)
+    }
+    missing = [path for path in sorted(named) if not any(any(base.glob(path)) for base in bases)]
+    assert missing == []
