@@ -9,7 +9,7 @@ from scipy import stats
 from doe.sealed.laboratory import Truth
 from doe.sealed.oracle import Difficulty
 from doe.sealed.solve import Outcome
-from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE
 
 STRONG, IDENTIFIABLE, DISTINCT = 7.0, 4.5, 3.0  # signal-to-noise ratios and separation [sd]
 BINS = 10  # of probabilities

@@ -97,10 +97,10 @@ def stored_results(study: Path) -> Results:
     """Stored results of a study. Raises BadInput where there are none."""
     folder = results_folder(study, read_evidence_study(study))
     found = Results(
-        results.recall(folder, study.stem, "compare"),
-        results.recall(folder, study.stem, "discover"),
-        results.recall(folder, study.stem, "adopt"),
-        results.recall(folder, study.stem, "next"),
+        results.read_answer(folder, study.stem, "compare"),
+        results.read_answer(folder, study.stem, "discover"),
+        results.read_answer(folder, study.stem, "adopt"),
+        results.read_answer(folder, study.stem, "next"),
         results.ladder(folder),
     )
     if found.comparison is None and found.discovery is None:

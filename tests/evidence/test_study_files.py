@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence.answers.commands import opened
+from taichi_erosion.evidence.answers.commands import open_study
 from taichi_erosion.evidence.data.problem import Budget, Candidate
 from taichi_erosion.evidence.models.load_study import load_study
 from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
@@ -229,5 +229,5 @@ def outcome(path: Path) -> str | None:
 
 
 def test_matrices_of_a_study_are_multiplied_on_one_thread(tmp_path):
-    with opened(write_study(tmp_path, {})):
+    with open_study(write_study(tmp_path, {})):
         assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {1}

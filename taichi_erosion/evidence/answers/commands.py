@@ -1,47 +1,51 @@
-"""The evidence loop as commands ask for it: a study file in, a document out, kept in the results folder."""
+"""Commands of the evidence loop: a study file in, a document out, which is stored in the results folder.
 
-from collections.abc import Iterator
+A function answers at once; scenes answer in rounds of simulations. The points of each round are stored beside
+the results: a command that is given again, or was stopped, makes the same rounds without new answers, and
+later commands use the runs of earlier ones.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from time import perf_counter
+from typing import Generic, Literal, TypeVar
 
 from threadpoolctl import threadpool_limits
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers import documents as results
-from taichi_erosion.evidence.answers.adopt import adopt
-from taichi_erosion.evidence.answers.adopted_study import write_adopted_study
+from taichi_erosion.evidence.answers import documents
+from taichi_erosion.evidence.answers.adopt import adopt, write_adopted_study
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.discover import discover
-from taichi_erosion.evidence.answers.documents import (
-    Document,
-    adopt_document,
-    compare_document,
-    discover_document,
-    next_document,
-    plain,
-)
+from taichi_erosion.evidence.answers.documents import Command, Document
 from taichi_erosion.evidence.answers.next_experiments import next_experiments, propose
-from taichi_erosion.evidence.answers.refinement_rounds import (
-    Asked,
-    BudgetName,
-    about_adoption,
-    about_comparison,
-    about_discovery,
-    answered,
-    due_before_outside,
-    last_budget,
-)
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Experiment, HypothesisFit
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
+from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.emulator.training_runs import (
+    emulated_study,
+    initial_training_runs,
+    refined_training_runs,
+    within_budget,
+)
 from taichi_erosion.evidence.models.load_study import Study, load_study
+from taichi_erosion.scene.load import file_text
+
+MOST_POINTS = 3  # explanations about which a round simulates
+MOST_REQUIRED = 2  # rounds beyond the planned ones, about points that an answer requires
+BudgetName = Literal["quick", "full"]
+Found = TypeVar("Found")
+Points = list[RefinementPoint]
+Rounds = dict[str, list[Points]]  # command and budget -> its rounds
 
 
 @contextmanager
-def opened(path: Path, budget: BudgetName | None = None) -> Iterator[Study]:
+def open_study(path: Path, budget: BudgetName | None = None) -> Iterator[Study]:
     """A study whose runs are safe in its store when the block is left, however it is left.
 
     Matrices are multiplied on one thread: on several their last bits would depend on how many there are, and
@@ -58,40 +62,41 @@ def opened(path: Path, budget: BudgetName | None = None) -> Iterator[Study]:
 def compare_study(path: Path, progress: Progress) -> Document:
     """Where the model fails."""
     start = perf_counter()
-    with opened(path) as study:
-        budget = last_budget(study)
+    with open_study(path) as study:
 
         def question(ready: Study) -> Comparison:
             return compare(ready.problem, progress, ready.file.study.seed)
 
-        found, ready = answered(study, budget, Asked("compare", question, about_comparison), progress)
-        return kept(ready, "compare", compare_document(ready, found), start)
+        found, ready = answered(
+            study, last_budget(study), Question("compare", question, comparison_points), progress
+        )
+        return stored(ready, "compare", documents.compare_document(ready, found), start)
 
 
 def discover_study(path: Path, budget: BudgetName | None, progress: Progress) -> Document:
     """Which effect is missing."""
     start = perf_counter()
-    with opened(path, budget) as study:
+    with open_study(path, budget) as study:
         seed, spent = study.file.study.seed, study.problem.budget.name
 
         def question(ready: Study) -> Discovery:
             return discover(ready.problem, seed, ready.problem.budget, progress)
 
-        asked = Asked("discover", question, about_discovery, names_of(study), due=due_before_outside)
+        asked = Question("discover", question, discovery_points, names_of(study), required=required_points)
         found, ready = answered(study, spent, asked, progress)
         if study.file.study.model is not None or not study.file.laboratory.ranges:
             experiments = next_experiments(ready.problem, found, laboratory_of(ready))
             found = replace(found, next_experiments=tuple(experiments))
-        adopted = results.recall(study.results, path.stem, "adopt")
-        seen = adopted["vault"] if adopted and adopted.get("digest") == study.digest[:12] else None
-        document = discover_document(ready, found, seen) | {"budget": spent}
-        return kept(ready, "discover", document, start)
+        adopted = documents.read_answer(study.results, path.stem, "adopt")
+        vault = adopted["vault"] if adopted and adopted.get("digest") == study.digest[:12] else None
+        document = documents.discover_document(ready, found, vault) | {"budget": spent}
+        return stored(ready, "discover", document, start)
 
 
 def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
     """The error before and after an effect is added, on data that no fit has seen; writes the new study."""
     start = perf_counter()
-    with opened(path) as study:
+    with open_study(path) as study:
         names, seed = names_of(study), study.file.study.seed
         if effect not in names:
             raise BadInput(f"{path}: {effect} is no candidate; there are: {', '.join(names) or 'none'}")
@@ -99,39 +104,42 @@ def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
         def question(ready: Study) -> Adoption:
             return adopt(ready.problem, effect, seed, progress)
 
-        asked = Asked(f"adopt {effect}", question, about_adoption, names)
+        asked = Question(f"adopt {effect}", question, adoption_points, names)
         found, ready = answered(study, last_budget(study), asked, progress)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, effect)
-        successor = write_adopted_study(study, found)
-        document = adopt_document(ready, found, count, str(successor))
-        extend_ladder(study, found)
-        return kept(ready, "adopt", document, start)
+        written = write_adopted_study(study, found)
+        document = documents.adopt_document(ready, found, count, str(written))
+        before = list(study.file.adopted)
+        if not documents.ladder(study.results):
+            documents.extend_ladder(study.results, rung(before, found.base))
+        documents.extend_ladder(study.results, rung([*before, effect], found.added))
+        return stored(ready, "adopt", document, start)
 
 
 def next_study(path: Path, progress: Progress) -> Document:
     """The experiments that would decide."""
     start = perf_counter()
-    with opened(path) as study:
+    with open_study(path) as study:
         seed, budget = study.file.study.seed, last_budget(study)
 
         def question(ready: Study) -> tuple[Discovery, list[Experiment]]:
             return propose(ready.problem, laboratory_of(ready), seed, progress)
 
-        def about(found: tuple[Discovery, list[Experiment]]) -> list[RefinementPoint]:
-            return about_discovery(found[0])
+        def points(found: tuple[Discovery, list[Experiment]]) -> Points:
+            return discovery_points(found[0])
 
-        asked = Asked("next", question, about, names_of(study), ahead=True)
+        asked = Question("next", question, points, names_of(study), ahead=True)
         found, ready = answered(study, budget, asked, progress)
-        return kept(ready, "next", next_document(ready, found[1]), start)
+        return stored(ready, "next", documents.next_document(ready, found[1]), start)
 
 
-def kept(study: Study, question: results.Question, document: Document, start: float) -> Document:
+def stored(study: Study, command: Command, document: Document, start: float) -> Document:
     """A document in the results folder, with what all of it has cost."""
     if study.simulations is not None:
         document |= {"runs": study.simulations, "wall_s": perf_counter() - start}
-    results.keep(study.results, study.path.stem, question, document)
+    documents.write_document(documents.document_file(study.results, study.path.stem, command), document)
     return document
 
 
@@ -146,21 +154,128 @@ def laboratory_of(study: Study) -> Laboratory:
     return Laboratory(ranges=dict(said.ranges), costs=dict(said.costs), repeats=said.repeats)
 
 
-def extend_ladder(study: Study, found: Adoption) -> None:
-    """Put the adoption on the error ladder, above the model that it started from."""
-    before = list(study.file.adopted)
-    if not results.ladder(study.results):
-        results.extend_ladder(study.results, rung(before, found.base))
-    results.extend_ladder(study.results, rung([*before, found.effect], found.added))
-
-
 def rung(effects: list[str], fit: HypothesisFit) -> Document:
-    """One rung: the errors per row with some effects in the model."""
-    return plain(
-        {
-            "effects": effects,
-            "chi2_fitted": fit.chi2,
-            "chi2_held_out": fit.vault_chi2,
-            "rmse_held_out": fit.vault_rmse,
-        }
-    )
+    """One rung of the error ladder: the errors per row with some effects in the model."""
+    errors = {"chi2_fitted": fit.chi2, "chi2_held_out": fit.vault_chi2, "rmse_held_out": fit.vault_rmse}
+    return documents.plain({"effects": effects} | errors)
+
+
+@dataclass(frozen=True)
+class Question(Generic[Found]):
+    """A function of the study, and the points about which its answer asks for simulations."""
+
+    name: str
+    answer: Callable[[Study], Found]
+    points: Callable[[Found], Points]
+    effects: Sequence[str] = ()  # that it needs to know
+    ahead: bool = False  # whether it looks at conditions that were not measured but could be
+    required: Callable[[Found], Points] = lambda _: []  # to be simulated about before the answer counts
+
+
+def answered(
+    study: Study, budget: BudgetName, question: Question[Found], progress: Progress
+) -> tuple[Found, Study]:
+    """The answer, and the study as it was when it was given.
+
+    Scenes are simulated about the plausible and the required points of each answer, and then the question is
+    answered again.
+    """
+    runs = initial_training_runs(study, question.effects, budget, question.ahead)
+    if runs is None:
+        return question.answer(study), study
+    past, key = read_rounds(study), f"{question.name} {budget}"
+    own = past.pop(key, [])
+    for name, rounds in [*past.items(), (key, own)]:
+        for number, points in enumerate(rounds):
+            runs = refined_training_runs(runs, points, f"{name}|{number}")
+    alike = [rounds for name, rounds in past.items() if name.endswith(budget)]
+    earlier = {acting(point) for rounds in alike for points in rounds for point in points}
+    while True:
+        ready = emulated_study(runs, progress)
+        found = question.answer(ready)
+        if len(own) < runs.amount.rounds:
+            points = [point for point in question.points(found) if acting(point) not in earlier]
+        else:
+            known = earlier | {acting(point) for points in own for point in points}
+            points = [point for point in question.required(found) if acting(point) not in known]
+            done = len(own) >= runs.amount.rounds + MOST_REQUIRED
+            if done or not points or not within_budget(runs, points):
+                return found, ready
+        runs = refined_training_runs(runs, points, f"{key}|{len(own)}")
+        own.append(points)
+        write_rounds(study, {**past, key: own})
+
+
+def acting(point: RefinementPoint) -> frozenset[str]:
+    """Effects that act at a point."""
+    return frozenset(name for name, strength in point.effects.items() if strength > 0.0)
+
+
+def read_rounds(study: Study) -> Rounds:
+    """Points of earlier rounds; none where the study or its table has changed since."""
+    document = documents.read_answer(study.results, study.path.stem, documents.ROUNDS)
+    if document is None or document.get("of") != state_of(study):
+        return {}
+    return {
+        name: [[RefinementPoint(**entry) for entry in points] for points in rounds]
+        for name, rounds in document["rounds"].items()
+    }
+
+
+def write_rounds(study: Study, rounds: Rounds) -> None:
+    """Store the points of all rounds."""
+    plain = {name: [[asdict(point) for point in points] for points in each] for name, each in rounds.items()}
+    file = documents.document_file(study.results, study.path.stem, documents.ROUNDS)
+    documents.write_document(file, {"of": state_of(study), "rounds": plain})
+
+
+def state_of(study: Study) -> str:
+    """Digest of a study file and its measurements."""
+    return sha256(f"{study.digest}|{file_text(study.path, str(study.path))}".encode()).hexdigest()[:16]
+
+
+def last_budget(study: Study) -> BudgetName:
+    """How much the last discovery of a study of scenes spent; its runs are there already."""
+    if study.file.study.model is not None:
+        return study.problem.budget.name
+    last = documents.read_answer(study.results, study.path.stem, "discover")
+    return "full" if last is not None and last.get("budget") == "full" else "quick"
+
+
+def comparison_points(found: Comparison) -> Points:
+    """The calibrated bare model."""
+    return [refinement_point({name: number.value for name, number in found.parameters.items()}, {})]
+
+
+def discovery_points(found: Discovery) -> Points:
+    """The likeliest explanations, the bare model first."""
+    likely = sorted(found.survivors, key=lambda each: bool(each.names))
+    return [refinement_point(each.parameters, each.strengths) for each in likely[:MOST_POINTS]]
+
+
+def required_points(found: Discovery) -> Points:
+    """The closest single effect and pair, before something that no candidate describes is blamed."""
+    closest = found.closest if found.verdict == "outside_library" else ()
+    return [refinement_point(each.parameters, each.strengths) for each in closest]
+
+
+def adoption_points(found: Adoption) -> Points:
+    """The model before and after, and with the controls."""
+    return [
+        refinement_point(
+            {name: number.value for name, number in fit.parameters.items()},
+            {name: number.value for name, number in fit.strengths.items()},
+        )
+        for fit in found.fits
+    ]
+
+
+def refinement_point(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> RefinementPoint:
+    """Calibrated numbers and strengths; the strength of an adopted effect may stand among the numbers."""
+    numbers, effects = {}, dict(strengths)
+    for name, value in parameters.items():
+        if name.startswith(EFFECTS) and name.endswith(STRENGTH):
+            effects[name[len(EFFECTS) : -len(STRENGTH)]] = value
+        else:
+            numbers[name] = value
+    return RefinementPoint(numbers, effects)

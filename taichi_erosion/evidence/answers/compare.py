@@ -17,12 +17,16 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     misfit_places,
     noise_table,
     observable_misfits,
-    residuals_of,
     rows_table,
 )
-from taichi_erosion.evidence.inference.intervals import parameter_fits
 from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, expand, score
+from taichi_erosion.evidence.inference.marginal_likelihood import (
+    ScoredHypothesis,
+    expand,
+    projected_residual,
+    score,
+)
+from taichi_erosion.evidence.inference.posterior import parameter_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
 SEED = 1  # of the runs where a study does not say; any other would do
@@ -30,7 +34,7 @@ GUESS_ROUNDS = 2  # calibrations from which a missing sd is guessed
 
 
 def no_progress(_: str, __: float) -> None:
-    """No progress is shown."""
+    """Progress that is not shown."""
 
 
 def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED) -> Comparison:
@@ -41,15 +45,14 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
     misfits = observable_misfits(prepared, base.expansion, table)
     if not known:
         misfits = {name: replace(misfit, chi2=nan, p=nan) for name, misfit in misfits.items()}
-    noise = noise_table(prepared, None, known)
     return Comparison(
         observables=misfits,
         where=misfit_places(prepared, base.expansion),
         chi2=chi_square(prepared, base.expansion) if known else nan,
-        dof=freedom(prepared, base.expansion),
-        p=misfit_p(residuals_of(prepared, base.expansion)) if known else nan,
-        noise=noise,
-        parameters=parameter_fits(prepared, base),
+        dof=freedom(projected_residual(prepared, base.expansion)),
+        p=misfit_p(prepared, base.expansion) if known else nan,
+        noise=noise_table(prepared, known=known),
+        parameters=parameter_estimates(prepared, base),
         rows=table,
         failures=prepared.predictor.cost.failures,
         warnings=prepared.warnings,
@@ -72,39 +75,38 @@ def calibrated_base(
         return *calibrated(prepared), True
     scatter = {name: first_guess(problem, name) for name in set(problem.visible().observable)}
     for _ in range(GUESS_ROUNDS - 1):
-        scatter |= residual_scatter(*guessed(problem, scatter, seed), scatter)
-    return *guessed(problem, scatter, seed), False
+        scatter |= residual_scatter(*calibrated_with_scatter(problem, scatter, seed), scatter)
+    return *calibrated_with_scatter(problem, scatter, seed), False
 
 
-def guessed(
+def calibrated(prepared: PreparedProblem) -> tuple[PreparedProblem, ScoredHypothesis]:
+    """Bare model at its best; notes on the calibration are among the warnings."""
+    prepared, best, notes = fit_base(prepared)
+    prepared = replace(prepared, warnings=(*prepared.warnings, *notes))
+    return prepared, score(prepared, expand(prepared, best))
+
+
+def calibrated_with_scatter(
     problem: Problem, scatter: dict[str, float], seed: int
 ) -> tuple[PreparedProblem, ScoredHypothesis]:
     """The bare model calibrated as if the scatter were known."""
     supposed = replace(problem, measurements=with_scatter(problem, scatter))
     prepared = prepare(supposed, supposed.visible(), seed)
-    told = tuple(
-        words for words in prepared.warnings if words != unchecked_noise_sentence(prepared.rows.freedom)
-    )
-    return calibrated(replace(prepared, warnings=told))
+    unchecked = unchecked_noise_sentence(prepared.rows.freedom)
+    warnings = tuple(words for words in prepared.warnings if words != unchecked)
+    return calibrated(replace(prepared, warnings=warnings))
 
 
 def residual_scatter(
     prepared: PreparedProblem, base: ScoredHypothesis, scatter: dict[str, float]
 ) -> dict[str, float]:
     """Scatter of the residuals of every observable with more than one row; never quite zero."""
-    residual, found = prepared.rows.z - base.expansion.mean, {}
-    for index, observable in enumerate(prepared.rows.observables):
-        own = residual[prepared.rows.which == index]
-        if own.size > 1:
-            found[observable.name] = max(float(np.std(own)), 1e-9 * scatter[observable.name])
-    return found
-
-
-def calibrated(prepared: PreparedProblem) -> tuple[PreparedProblem, ScoredHypothesis]:
-    """Bare model at its best, with whatever the calibration has to say among the warnings."""
-    prepared, fitted, notes = fit_base(prepared)
-    prepared = replace(prepared, warnings=(*prepared.warnings, *notes))
-    return prepared, score(prepared, expand(prepared, fitted))
+    residual = prepared.rows.z - base.expansion.mean
+    return {
+        observable.name: max(float(np.std(residual[rows])), 1e-9 * scatter[observable.name])
+        for observable, rows in prepared.by_observable()
+        if rows.sum() > 1
+    }
 
 
 def first_guess(problem: Problem, name: str) -> float:

@@ -1,6 +1,7 @@
-"""What was found about a study, kept in its results folder: one JSON document for every question asked.
+"""Renderings of findings: sentences for people, JSON documents for machines, and the folder that holds them.
 
-What was found, as plain tables that JSON can hold: the documents of the command line.
+Sentences and documents are made from the records alone. "Consistent with" and "not distinguished from" are
+said; "caused by" never.
 """
 
 import json
@@ -8,7 +9,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,33 +18,235 @@ import numpy as np
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Experiment, VaultErrors
+from taichi_erosion.evidence.data.findings import (
+    NONE,
+    OUTSIDE,
+    Adoption,
+    Comparison,
+    Discovery,
+    Experiment,
+    VaultErrors,
+)
+from taichi_erosion.evidence.inference.levels import (
+    HELD_OUT_MISFIT,
+    HELD_OUT_SHARE,
+    TOLD_RIVAL,
+    fails,
+    p_text,
+    too_few_rows,
+)
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.measures.result import without_nan
 
-Question = Literal["compare", "discover", "adopt", "next", "rounds"]
+Command = Literal["compare", "discover", "adopt", "next", "rounds"]
+Document = dict[str, Any]
 LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
-ROUNDS: Question = "rounds"  # no question: what the rounds of simulations were about
+ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
+FIGURE_ROWS = ("rows", "rows_before", "rows_after", "vault_rows")  # of a document, drawn but not printed
+LIBRARIES = ("numpy", "scipy")
+NO_CANDIDATE = "No candidate is listed, so nothing can be named; `compare` says where the model fails."
+RED_FLAG = "Red flag: a made-up effect explains the misfit better than any named one in the screen."
 
 
-def result_file(folder: Path, stem: str, question: str) -> Path:
-    """Where the answer to a question lies; studies that follow one another share a folder."""
-    return folder / f"{stem}.{question}.json"
+def discovery_sentences(found: Discovery) -> tuple[str, ...]:
+    """Verdict first, then where the model fails, then what would change the conclusion."""
+    if not found.effects:
+        return NO_CANDIDATE, *found.noise.sentences
+    if not found.noise.known:
+        return found.noise.sentences
+    sentences = [verdict_sentence(found)]
+    if found.calibrated_with and fails(found.p_misfit_after):
+        names, chance = " and ".join(found.calibrated_with), p_text(found.p_misfit_after)
+        sentences.append(
+            f"Even with {names} the model fails ({chance}): its law may be another than ours, or something "
+            "else acts too that these candidates do not describe."
+        )
+    if found.nearest is not None:
+        names, chance = " and ".join(found.nearest.names), p_text(found.nearest.p)
+        sentences.append(
+            f"Of the list, {names} comes closest: it takes away {found.nearest.explained:.0%} of the misfit "
+            f"beyond chance ({chance} of what it leaves)."
+        )
+    sentences += [place.sentence for place in found.where if fails(place.p)]
+    sentences += [trend.sentence for trend in found.clues]
+    sentences += found.noise.sentences
+    if found.decoy_rank == 1 and found.named:
+        sentences.append(RED_FLAG)
+    return *sentences, rival_sentence(found)
 
 
-def keep(folder: Path, stem: str, question: Question, document: dict[str, Any]) -> Path:
-    """Keep an answer in place of an earlier one."""
-    text = json.dumps(document, indent=1, allow_nan=False)
-    return write_atomic(result_file(folder, stem, question), (text + "\n").encode())
+def verdict_sentence(found: Discovery) -> str:
+    """One sentence for the verdict."""
+    if too_few_rows(found.n, found.calibrated):
+        return (
+            f"{found.n} rows of known scatter cannot decide where {found.calibrated} numbers are calibrated; "
+            f"nothing is named. Could be hiding: {', '.join(found.effects)}."
+        )
+    if found.verdict in ("none_detected", "not_testable"):
+        return silence_sentence(found)
+    if found.verdict == "outside_library":
+        sure = f"probability {found.probabilities[OUTSIDE]:.2g}"
+        chance = f"{p_text(found.p_misfit)} of the misfit, {found.p:.2g} of the best candidate"
+        return f"Something is missing and it is not in the list ({sure}; {chance})."
+    if found.verdict == "unstable":
+        return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
+    if found.verdict == "group":
+        named = f"{' and '.join(found.named)} is missing, and one of " if found.named else "One of "
+        group = ", ".join(name for name in found.group if name not in found.named)
+        return f"{named}{group} is missing; these measurements do not distinguish them."
+    details = "; ".join(found.effects[name].sentence for name in found.named)
+    return f"The misfit is consistent with a missing effect (family-wise p = {found.p:.2g}): {details}."
 
 
-def recall(folder: Path, stem: str, question: Question) -> dict[str, Any] | None:
-    """The last answer to a question, None if it has not been asked."""
-    return read_document(result_file(folder, stem, question))
+def silence_sentence(found: Discovery) -> str:
+    """What is excluded and what could be hiding; never a bare "nothing is missing"."""
+    excluded = [
+        f"{n} above {e.strength_high:.2g}" for n, e in found.effects.items() if e.status == "excluded"
+    ]
+    hiding = [name for name, effect in found.effects.items() if effect.status == "not_testable"]
+    words = "No detectable effect."
+    if excluded:
+        words += f" Excluded: {', '.join(excluded)}."
+    if hiding:
+        words += f" Could be hiding, because these measurements cannot test them: {', '.join(hiding)}."
+    return words
 
 
-def read_document(file: Path) -> dict[str, Any] | None:
-    """A document that was kept, None if there is none; raises BadInput for a damaged one."""
+def rival_sentence(found: Discovery) -> str:
+    """What would change the conclusion."""
+    accepted = {*found.named, *found.group}
+    accepted |= {NONE} if found.verdict in ("none_detected", "not_testable") else set()
+    accepted |= {OUTSIDE} if found.verdict == "outside_library" else set()
+    others = {key: p for key, p in found.probabilities.items() if not accepted & set(key.split("+"))}
+    rival = max(others, key=lambda key: others[key], default=NONE)
+    if others.get(rival, 0.0) < TOLD_RIVAL:
+        return "No other explanation is left with a probability worth naming."
+    called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}.get(rival, rival)
+    weak = sum(effect.status == "not_testable" for effect in found.effects.values())
+    return (
+        f"The next best explanation is {called} (probability {others[rival]:.2g}); {weak} of "
+        f"{len(found.effects)} candidates are not testable with these measurements, and data that test them "
+        "could change the conclusion."
+    )
+
+
+def adoption_sentence(found: Adoption) -> str:
+    """What the held-out rows say of an adopted effect."""
+    effect, base, added = found.effect, found.base, found.added
+    if isnan(added.vault_chi2):
+        return (
+            f"With {effect} the misfit per fitted row goes from {base.chi2:.3g} to {added.chi2:.3g}; "
+            f"no row was held out, so nothing is proved.{missing_sentence(found)}"
+        )
+    words = (
+        f"With {effect} the misfit per held-out row goes from {base.vault_chi2:.3g} to {added.vault_chi2:.3g}"
+    )
+    controls = ((found.best_wrong, "the best other candidate"), (found.random_wrong, "a random one"))
+    told = [
+        f"{fit.vault_chi2:.3g} with {what} ({fit.effects[0]})" for fit, what in controls if fit is not None
+    ]
+    words += f"; for comparison {', '.join(told)}." if told else "."
+    if base.vault_chi2 > HELD_OUT_MISFIT and added.vault_chi2 > HELD_OUT_SHARE * base.vault_chi2:
+        words += f" What was held out does not bear {effect} out."
+    return words + missing_sentence(found)
+
+
+def missing_sentence(found: Adoption) -> str:
+    """How many held-out rows do not count for want of a value; nothing where all do."""
+    if found.base.vault_rows is None:
+        return ""
+    missing = found.held_out - len(found.base.vault_rows.observable)
+    return f" For {missing} of {found.held_out} held-out rows there is no value." if missing else ""
+
+
+def plain(value: Any) -> Any:
+    """A nested value with lists for arrays and tuples, plain numbers for NumPy's, None for NaN."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [plain(entry) for entry in value]
+    return without_nan(value)
+
+
+def record(found: Any) -> Any:
+    """A record of findings as plain tables."""
+    return plain(asdict(found))
+
+
+def study_document(study: Study) -> Document:
+    """The part of every document that describes its study."""
+    table = study.problem.measurements
+    versions = {"taichi_erosion": __version__, "python": platform.python_version()}
+    return {
+        "study": str(study.path),
+        "title": study.file.study.title,
+        "model": study.model,
+        "measurements": study.file.study.measurements,
+        "digest": study.digest[:12],
+        "seed": study.file.study.seed,
+        "adopted": list(study.file.adopted),
+        "candidates": [candidate.name for candidate in study.problem.candidates],
+        "units": dict(zip(table.observable, table.unit, strict=True)),
+        "notes": list(study.notes),
+        "rows_visible": table.size - len(study.problem.vault.rows),
+        "rows_hidden": len(study.problem.vault.rows),
+        "versions": versions | {name: version(name) for name in LIBRARIES},
+    }
+
+
+def compare_document(study: Study, found: Comparison) -> Document:
+    """The document of `compare --json`, and the rows that figures are drawn from."""
+    return study_document(study) | record(found)
+
+
+def discover_document(study: Study, found: Discovery, vault: Document | None = None) -> Document:
+    """The document of `discover --json`; `vault` are the errors that an earlier `adopt` showed."""
+    document = study_document(study) | record(found)
+    return document | ({"vault": vault} if vault else {})
+
+
+def adopt_document(study: Study, found: Adoption, opened: int, written: str) -> Document:
+    """The document of `adopt --json`: errors on fitted and held-out rows, and the study written."""
+    control = found.random_wrong or found.best_wrong
+    wrong = control.vault_chi2 if control else nan
+    vault = VaultErrors(opened, found.base.vault_chi2, found.added.vault_chi2, wrong)
+    document = study_document(study) | record(found) | {"vault": record(vault), "written": written}
+    return document | plain({"chi2_before": found.base.chi2, "chi2_after": found.added.chi2})
+
+
+def next_document(study: Study, found: Sequence[Experiment]) -> Document:
+    """The document of `next --json`."""
+    return study_document(study) | {"next_experiments": [record(experiment) for experiment in found]}
+
+
+def without_rows(document: Document) -> Document:
+    """A document as printed: what figures are drawn from stays in the results folder."""
+    return {
+        key: without_rows(entry) if isinstance(entry, dict) else entry
+        for key, entry in document.items()
+        if key not in FIGURE_ROWS
+    }
+
+
+def document_file(folder: Path, stem: str, command: Command) -> Path:
+    """File of the last answer of a command; studies that follow one another share a folder."""
+    return folder / f"{stem}.{command}.json"
+
+
+def write_document(file: Path, document: Document) -> Path:
+    """Write a document in place of an earlier one."""
+    return write_atomic(file, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+
+
+def read_answer(folder: Path, stem: str, command: Command) -> Document | None:
+    """The last answer of a command, None if it has not been given."""
+    return read_document(document_file(folder, stem, command))
+
+
+def read_document(file: Path) -> Document | None:
+    """A stored document, None if there is none; raises BadInput for a damaged one."""
     if not file.exists():
         return None
     try:
@@ -55,100 +258,13 @@ def read_document(file: Path) -> dict[str, Any] | None:
     return document
 
 
-def extend_ladder(folder: Path, rung: dict[str, Any]) -> None:
+def extend_ladder(folder: Path, rung: Document) -> None:
     """Add a rung to the error ladder; adopting the same effects again replaces it and all above it."""
     kept = [r for r in ladder(folder) if len(r["effects"]) < len(rung["effects"])]
-    text = json.dumps({"rungs": [*kept, rung]}, indent=1, allow_nan=False)
-    write_atomic(folder / LADDER, (text + "\n").encode())
+    write_document(folder / LADDER, {"rungs": [*kept, rung]})
 
 
-def ladder(folder: Path) -> list[dict[str, Any]]:
+def ladder(folder: Path) -> list[Document]:
     """Rungs of the error ladder, from the model as it came to the last adoption."""
     document = read_document(folder / LADDER)
     return [] if document is None else list(document.get("rungs", []))
-
-
-LIBRARIES = ("numpy", "scipy")
-Document = dict[str, Any]
-
-
-def plain(value: Any) -> Any:
-    """A nested value with lists for arrays and tuples, plain numbers for NumPy's, None for NaN."""
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [plain(entry) for entry in value]
-    return without_nan(value)
-
-
-def record(found: Any) -> Any:
-    """A dataclass of findings as plain tables."""
-    return plain(asdict(found))
-
-
-def study_document(study: Study) -> Document:
-    """What every document says about its study."""
-    return {
-        "study": str(study.path),
-        "title": study.file.study.title,
-        "model": study.model,
-        "measurements": study.file.study.measurements,
-        "digest": study.digest[:12],
-        "seed": study.file.study.seed,
-        "adopted": list(study.file.adopted),
-        "candidates": [candidate.name for candidate in study.problem.candidates],
-        "units": dict(
-            zip(study.problem.measurements.observable, study.problem.measurements.unit, strict=True)
-        ),
-        "notes": list(study.notes),
-        "rows_visible": study.problem.measurements.size - len(study.problem.vault.rows),
-        "rows_hidden": len(study.problem.vault.rows),
-        "versions": versions(),
-    }
-
-
-def versions() -> dict[str, str]:
-    """Versions that a finding depends on."""
-    own = {"taichi_erosion": __version__, "python": platform.python_version()}
-    return own | {name: version(name) for name in LIBRARIES}
-
-
-def compare_document(study: Study, found: Comparison) -> Document:
-    """The document of `compare --json`, and the rows that figures are drawn from."""
-    return study_document(study) | record(found)
-
-
-def discover_document(study: Study, found: Discovery, vault: Document | None = None) -> Document:
-    """The document of `discover --json`; `vault` are the errors that an earlier `adopt` showed."""
-    document = study_document(study) | record(found)
-    document["vault"] = vault or document["vault"]
-    return document
-
-
-def adopt_document(study: Study, found: Adoption, opened: int, successor: str) -> Document:
-    """The document of `adopt --json`: errors on fitted and held-out rows, and the study written."""
-    control = found.random_wrong or found.best_wrong
-    wrong = control.vault_chi2 if control else nan
-    vault = VaultErrors(opened, found.base.vault_chi2, found.added.vault_chi2, wrong)
-    document = study_document(study) | record(found)
-    document |= {"vault": record(vault), "written": successor}
-    return document | plain({"chi2_before": found.base.chi2, "chi2_after": found.added.chi2})
-
-
-def next_document(study: Study, found: Sequence[Experiment]) -> Document:
-    """The document of `next --json`."""
-    return study_document(study) | {"next_experiments": [record(experiment) for experiment in found]}
-
-
-def without_rows(document: Document) -> Document:
-    """A document as printed: what figures are drawn from stays in the results folder."""
-    hidden = ("rows", "rows_before", "rows_after", "vault_rows")
-    return {
-        key: without_rows(entry) if isinstance(entry, dict) else entry
-        for key, entry in document.items()
-        if key not in hidden
-    }

@@ -1,4 +1,4 @@
-"""What to measure next: the experiments that would tell the surviving explanations apart.
+"""What to measure next: the experiments that would tell the remaining explanations apart.
 
 For every measurement x that the laboratory could make, explanations a and b with probabilities q predict
 mu_a(x) +- v_a(x), calibration and strengths being as uncertain as the present data leave them. The next one
@@ -14,6 +14,7 @@ Reference: Buzzi-Ferraris & Forzatti (1983), Chem. Eng. Sci. 38, 225, after Box 
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.stats import qmc
@@ -23,7 +24,14 @@ from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.findings import Discovery, Experiment, PlausibleHypothesis
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
-from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Laboratory, Problem, Progress
+from taichi_erosion.evidence.data.problem import (
+    Conditions,
+    Floats,
+    Laboratory,
+    Problem,
+    Progress,
+    expected_strength,
+)
 from taichi_erosion.evidence.data.transforms import from_scale, position_of, slope
 from taichi_erosion.evidence.inference.levels import DECIDED
 from taichi_erosion.evidence.inference.map_fit import Objective
@@ -33,7 +41,8 @@ from taichi_erosion.evidence.models.predictor import Predictor
 
 EXPERIMENTS = 6
 POINTS = 32  # settings considered per observable, the corners of the ranges among them
-LEAST_WEIGHT = 0.02  # of an explanation that is still standing
+MOST_CORNERED = 3  # conditions whose corners are considered, the others at their middle
+LEAST_WEIGHT = 0.02  # of an explanation that is not excluded
 MOST_RIVALS = 8
 OUTCOMES = 400  # simulated per explanation
 
@@ -43,8 +52,7 @@ class DesignPool:
     """Measurements that could be made."""
 
     predictor: Predictor
-    which: Integers
-    conditions: Conditions
+    rows: ComparisonRows  # whose values are meaningless: only observable and conditions count
     variance: Floats  # of the mean of the repeats, on the comparison scale
     cost: Floats
 
@@ -62,7 +70,7 @@ class RivalPrediction:
 def propose(
     problem: Problem, laboratory: Laboratory, seed: int, progress: Progress = no_progress
 ) -> tuple[Discovery, list[Experiment]]:
-    """The autopsy, and the experiments that would decide what it left open."""
+    """The discovery, and the experiments that would decide what it leaves open."""
     found = discover(problem, seed, problem.budget, progress)
     experiments = next_experiments(problem, found, laboratory)
     return replace(found, next_experiments=tuple(experiments)), experiments
@@ -74,7 +82,7 @@ def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory)
     if prepared.rows.size == 0 or not prepared.rows.conditions:
         return []
     pool = design_pool(prepared, laboratory)
-    rivals = [rival_prediction(prepared, pool, survivor) for survivor in rival_hypotheses(prepared, found)]
+    rivals = [rival_prediction(prepared, pool, each) for each in rival_hypotheses(prepared, found)]
     rivals = [rival for rival in rivals if np.all(np.isfinite(rival.mean))]
     if len(rivals) < 2:
         return []
@@ -82,136 +90,122 @@ def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory)
     rivals = [replace(rival, weight=max(rival.weight, LEAST_WEIGHT) / total) for rival in rivals]
     chosen = greedy_design(pool, rivals)
     chances = [decision_chance(pool, rivals, chosen[: k + 1], found.seed) for k in range(len(chosen))]
-    return [experiment(prepared, pool, rivals, at, odds) for at, odds in zip(chosen, chances, strict=True)]
+    return [experiment(pool, rivals, at, chance) for at, chance in zip(chosen, chances, strict=True)]
 
 
 def rival_hypotheses(prepared: PreparedProblem, found: Discovery) -> list[PlausibleHypothesis]:
-    """Surviving explanations; effects that could be hiding stand at their expected strength.
+    """Plausible explanations; effects that could be hiding have their expected strength.
 
     A fit that found nothing leaves a hidden effect at strength near zero, where it differs from nothing.
     """
-    bare = next((survivor for survivor in found.survivors if not survivor.names), None)
+    bare = next((each for each in found.survivors if not each.names), None)
     named = {*found.named, *found.group}
-    kept = [survivor for survivor in found.survivors if not survivor.names or named & set(survivor.names)]
-    if not kept:  # nothing was named, and yet the bare model has fallen: all that are left compete
+    kept = [each for each in found.survivors if not each.names or named & set(each.names)]
+    if not kept:  # nothing was named, and yet the bare model is excluded: all that are left compete
         kept = list(found.survivors)
-    have = {name for survivor in kept for name in survivor.names}
+    have = {name for each in kept for name in each.names}
     for name, effect in found.effects.items():
         if bare is not None and effect.status == "not_testable" and name not in have:
-            candidate = prepared.candidate(name)
-            strength = min(candidate.prior_scale, candidate.maximum)
-            hidden = {**bare.strengths, name: strength}
+            hidden = {**bare.strengths, name: expected_strength(prepared.candidate(name))}
             kept.append(PlausibleHypothesis((name,), LEAST_WEIGHT, bare.parameters, hidden))
     return kept[:MOST_RIVALS]
 
 
 def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool:
     """Settings within the laboratory's ranges, for every observable that was measured before."""
+    settings = pool_settings(prepared, laboratory)
+    size = next(iter(settings.values())).size if settings else POINTS
+    present = [int(index) for index in np.unique(prepared.rows.which)]
+    noise, cost = [], []
+    for observable, own in prepared.by_observable():
+        single, simulated = np.median(prepared.rows.variance[own]), np.median(prepared.seed_variance[own])
+        noise.append(single / laboratory.repeats + simulated / prepared.seeds.fitting.size)
+        cost.append(laboratory.costs.get(observable.name, 1.0))
+    which = np.repeat(present, size).astype(np.int64)
+    conditions = {name: np.tile(column, len(present)) for name, column in settings.items()}
+    zero = np.zeros(which.size)
+    rows = replace(
+        prepared.rows,
+        which=which,
+        z=zero,
+        variance=zero + 1.0,
+        censored=np.zeros(which.size, dtype=np.bool_),
+        shared=np.zeros((which.size, 0)),
+        conditions=conditions,
+        group=("",) * which.size,
+        slope=zero,
+    )
+    predictor = prepared.predictor.over(prepared.predictor.observables, which, conditions)
+    return DesignPool(predictor, rows, np.repeat(noise, size), np.repeat(cost, size))
+
+
+def pool_settings(prepared: PreparedProblem, laboratory: Laboratory) -> Conditions:
+    """Sobol' points and corners of the ranges: of the laboratory, or as measured."""
     ranges = {
         name: laboratory.ranges.get(name, (float(np.nanmin(column)), float(np.nanmax(column))))
         for name, column in prepared.rows.conditions.items()
         if np.any(np.isfinite(column))
     }
-    open_names = [name for name, (low, high) in ranges.items() if high > low]
-    share = qmc.Sobol(max(len(open_names), 1), scramble=False).random(POINTS)
-    corners = (
-        np.array(np.meshgrid(*[[0.0, 1.0]] * min(len(open_names), 3))).reshape(min(len(open_names), 3), -1).T
-    )
-    if open_names:
-        filled = np.full((corners.shape[0], len(open_names)), 0.5)
-        filled[:, : corners.shape[1]] = corners
-        share = np.unique(np.vstack([share, filled]), axis=0)  # Sobol's points begin in a corner
+    varied = [name for name, (low, high) in ranges.items() if high > low]
+    share = qmc.Sobol(max(len(varied), 1), scramble=False).random(POINTS)
+    if varied:
+        cornered = min(len(varied), MOST_CORNERED)
+        corners = np.full((2**cornered, len(varied)), 0.5)
+        corners[:, :cornered] = list(product((0.0, 1.0), repeat=cornered))
+        share = np.unique(np.vstack([share, corners]), axis=0)  # Sobol's points begin in a corner
     settings = {}
     for name, (low, high) in ranges.items():
-        part = share[:, open_names.index(name)] if name in open_names else np.zeros(share.shape[0])
+        part = share[:, varied.index(name)] if name in varied else np.zeros(share.shape[0])
         settings[name] = low * (high / low) ** part if low > 0.0 else low + part * (high - low)
-    present = [int(index) for index in np.unique(prepared.rows.which)]
-    which = np.repeat(present, share.shape[0]).astype(np.int64)
-    conditions = {name: np.tile(column, len(present)) for name, column in settings.items()}
-    noise = np.full(len(prepared.rows.observables), np.nan)
-    for index in present:
-        own = prepared.rows.which == index
-        single, simulated = np.median(prepared.rows.variance[own]), np.median(prepared.seed_variance[own])
-        noise[index] = single / laboratory.repeats + simulated / prepared.seeds.fitting.size
-    predictor = prepared.predictor.over(prepared.predictor.observables, which, conditions)
-    return DesignPool(
-        predictor,
-        which,
-        conditions,
-        noise[which],
-        np.array([laboratory.costs.get(prepared.rows.observables[i].name, 1.0) for i in which]),
-    )
+    return settings
 
 
 def rival_prediction(
-    prepared: PreparedProblem, pool: DesignPool, survivor: PlausibleHypothesis
+    prepared: PreparedProblem, pool: DesignPool, rival: PlausibleHypothesis
 ) -> RivalPrediction:
     """Predictions of one explanation, with the uncertainty that the present data leave it."""
     adopted = {candidate.name for candidate in prepared.problem.adopted}
-    x = position_of(
-        prepared.axes, survivor.parameters, {k: v for k, v in survivor.strengths.items() if k in adopted}
-    )
-    psi = np.array([survivor.strengths[name] for name in survivor.names])
-    position = np.concatenate([x, psi])
-    acting = dict(zip(survivor.names, map(float, psi), strict=True))
-    objective = Objective(prepared, survivor.names, prepared.seeds.fitting)
-    white = objective.jacobian(position, central=False)
-    shared = prepared.about(x, acting).rows.shared / prepared.sd[:, np.newaxis]
-    design = np.hstack([white, shared])
+    own = {name: value for name, value in rival.strengths.items() if name in adopted}
+    x = position_of(prepared.axes, rival.parameters, own)
+    acting = {name: float(rival.strengths[name]) for name in rival.names}
+    position = np.append(x, list(acting.values()))
+    objective = Objective(prepared, rival.names, prepared.seeds.fitting)
+    slopes = objective.jacobian(position, central=False)
+    design = np.hstack([slopes, prepared.with_model_errors(x, acting).white_shared])
     covariance = np.linalg.inv(design.T @ design + np.eye(design.shape[1]))[: position.size, : position.size]
-    there = replace(
-        prepared, rows=pool_rows(prepared, pool), predictor=pool.predictor, variance=np.ones(pool.which.size)
-    )
-    ahead = Objective(there, survivor.names, prepared.seeds.fitting)
-    mean = ahead.mean(position)
-    slopes = ahead.jacobian(position, central=False)
-    root = (
-        slopes @ np.linalg.cholesky(covariance + 1e-12 * np.eye(position.size)) if position.size else slopes
-    )
-    own = pool.predictor.model_errors(x, acting)
-    return RivalPrediction(label(survivor.names), survivor.probability, mean, np.hstack([root, own]))
-
-
-def pool_rows(prepared: PreparedProblem, pool: DesignPool) -> ComparisonRows:
-    """Rows that stand for the pool where only their number and conditions matter."""
-    size = pool.which.size
-    nothing = np.zeros(size)
-    return replace(
-        prepared.rows,
-        which=pool.which,
-        z=nothing,
-        variance=nothing + 1.0,
-        censored=np.zeros(size, dtype=np.bool_),
-        shared=np.zeros((size, 0)),
-        conditions=pool.conditions,
-        group=("",) * size,
-        slope=nothing,
-    )
+    there = replace(prepared, rows=pool.rows, predictor=pool.predictor, variance=np.ones(pool.rows.size))
+    ahead = replace(objective, prepared=there)
+    mean, root = ahead.mean(position), ahead.jacobian(position, central=False)
+    if position.size:
+        root = root @ np.linalg.cholesky(covariance + 1e-12 * np.eye(position.size))
+    errors = pool.predictor.model_errors(x, acting)
+    return RivalPrediction(label(rival.names), rival.probability, mean, np.hstack([root, errors]))
 
 
 def greedy_design(pool: DesignPool, rivals: list[RivalPrediction]) -> list[int]:
-    """Indices of the chosen measurements in order; what each teaches every rival is taken into account."""
-    roots = [rival.root for rival in rivals]
+    """Indices of the chosen measurements in order; each one reduces the uncertainty of every rival."""
     chosen: list[int] = []
     for _ in range(EXPERIMENTS):
-        spread = [np.einsum("ij,ij->i", root, root) for root in roots]
-        gain = np.zeros(pool.which.size)
-        for i in range(len(rivals)):
-            for j in range(i):
-                weight = rivals[i].weight * rivals[j].weight
-                gap = (rivals[i].mean - rivals[j].mean) ** 2
-                gain += weight * gap / (pool.variance + spread[i] + spread[j])
+        gain, spread = (
+            np.zeros(pool.rows.size),
+            [np.einsum("ij,ij->i", each.root, each.root) for each in rivals],
+        )
+        for i, one in enumerate(rivals):
+            for j, other in enumerate(rivals[:i]):
+                gap = (one.mean - other.mean) ** 2
+                gain += one.weight * other.weight * gap / (pool.variance + spread[i] + spread[j])
         gain[chosen] = 0.0
         best = int(np.argmax(gain / pool.cost))
         if gain[best] <= 0.0:
             break
         chosen.append(best)
-        roots = [rank_one_update(root, best, float(pool.variance[best])) for root in roots]
+        variance = float(pool.variance[best])
+        rivals = [replace(rival, root=rank_one_update(rival.root, best, variance)) for rival in rivals]
     return chosen
 
 
-def rank_one_update(root: Floats, at: int, variance: Floats | float) -> Floats:
-    """Remaining uncertainty after one more measurement (rank-one update of the covariance's root)."""
+def rank_one_update(root: Floats, at: int, variance: float) -> Floats:
+    """Root of the prediction covariance after one more measurement of row `at` with this variance."""
     row = root[at]
     size = float(row @ row)
     if size <= 0.0:
@@ -223,19 +217,16 @@ def rank_one_update(root: Floats, at: int, variance: Floats | float) -> Floats:
 def decision_chance(pool: DesignPool, rivals: list[RivalPrediction], chosen: list[int], seed: int) -> float:
     """Probability that the chosen measurements leave the true explanation with DECIDED or more."""
     generator = np.random.default_rng(seed)
-    factors, means = [], []
-    for rival in rivals:
-        root = rival.root[chosen]
-        factors.append(np.linalg.cholesky(root @ root.T + np.diag(pool.variance[chosen])))
-        means.append(rival.mean[chosen])
+    noise = np.diag(pool.variance[chosen])
+    factors = [np.linalg.cholesky(rival.root[chosen] @ rival.root[chosen].T + noise) for rival in rivals]
+    means = [rival.mean[chosen][:, np.newaxis] for rival in rivals]
     log_weight = np.log([rival.weight for rival in rivals])
     won = 0.0
     for index, rival in enumerate(rivals):
-        noise = generator.standard_normal((len(chosen), OUTCOMES))
-        outcome = means[index][:, np.newaxis] + factors[index] @ noise
+        outcome = means[index] + factors[index] @ generator.standard_normal((len(chosen), OUTCOMES))
         fits = np.empty((len(rivals), OUTCOMES))
         for other in range(len(rivals)):
-            scaled = np.linalg.solve(factors[other], outcome - means[other][:, np.newaxis])
+            scaled = np.linalg.solve(factors[other], outcome - means[other])
             level = float(np.sum(np.log(np.diag(factors[other]))))
             fits[other] = log_weight[other] - level - 0.5 * np.sum(scaled**2, axis=0)
         share = np.exp(fits[index] - log_sum_exp(fits, axis=0))
@@ -243,19 +234,17 @@ def decision_chance(pool: DesignPool, rivals: list[RivalPrediction], chosen: lis
     return won
 
 
-def experiment(
-    prepared: PreparedProblem, pool: DesignPool, rivals: list[RivalPrediction], at: int, odds: float
-) -> Experiment:
+def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance: float) -> Experiment:
     """One proposal in the laboratory's words."""
-    observable = prepared.rows.observables[int(pool.which[at])]
+    observable = pool.rows.observables[int(pool.rows.which[at])]
     predictions = {}
     for rival in sorted(rivals, key=lambda item: -item.weight):
         middle = float(from_scale(observable, rival.mean[[at]])[0])
         steep = float(slope(observable, np.array([middle]))[0])
         sd = float(np.sqrt(rival.root[at] @ rival.root[at] + pool.variance[at]))
         predictions[rival.name] = (middle, sd / steep if steep > 0.0 else float("nan"))
-    conditions = {name: float(column[at]) for name, column in pool.conditions.items()}
+    conditions = {name: float(column[at]) for name, column in pool.rows.conditions.items()}
     setting = ", ".join(f"{name} = {value:.3g}" for name, value in conditions.items())
     told = ", ".join(f"{m:.3g} +- {s:.2g} if {name}" for name, (m, s) in list(predictions.items())[:3])
-    words = f"Measure {observable.name} at {setting}: {told}; chance of deciding so far {odds:.0%}."
-    return Experiment(observable.name, conditions, predictions, odds, float(pool.cost[at]), words)
+    words = f"Measure {observable.name} at {setting}: {told}; chance of deciding so far {chance:.0%}."
+    return Experiment(observable.name, conditions, predictions, chance, float(pool.cost[at]), words)

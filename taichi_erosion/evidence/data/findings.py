@@ -1,13 +1,18 @@
-"""What an evidence study finds: plain records, one field per figure that a report prints."""
+"""Findings of an evidence study: one record per answer. Its document, text and page are rendered from it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import nan
 from typing import Literal
 
-from taichi_erosion.evidence.data.problem import Floats
+import numpy as np
+
+from taichi_erosion.evidence.data.problem import Bools, Floats
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "not_testable"]
+NONE, OUTSIDE = "none", "outside_library"  # keys of probabilities beside effects and pairs "a+b"
+FIGURES = ("measured", "measured_sd", "predicted", "predicted_sd", "residual")  # columns of `Rows`
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,16 @@ class Rows:
     predicted_sd: Floats  # standard error of the simulated mean
     residual: Floats  # whitened: in standard deviations
 
+    def select(self, chosen: Bools) -> "Rows":
+        """Some rows of the table."""
+        kept = np.flatnonzero(chosen)
+        return Rows(
+            tuple(self.observable[i] for i in kept),
+            tuple(self.group[i] for i in kept),
+            {name: column[kept] for name, column in self.conditions.items()},
+            *(getattr(self, name)[kept] for name in FIGURES),
+        )
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -78,9 +93,9 @@ class Estimate:
     at_bound: bool  # the calibration wants to leave the allowed range
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Does the model, calibrated as well as it can be, agree with the measurements?"""
+    """Answer of `compare`: does the model, calibrated as well as it can be, agree with the measurements?"""
 
     observables: Mapping[str, ObservableMisfit]
     where: tuple[MisfitPlace, ...]
@@ -93,25 +108,25 @@ class Comparison:
     failures: int  # model values that could not be computed
     warnings: tuple[str, ...]
     runs: int
-    wall_s: float
+    wall_s: float = nan
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EffectFinding:
-    """What the measurements say about one candidate effect."""
+    """What the measurements say about one candidate effect; the defaults are those of an untested one."""
 
-    status: Status
-    strength: float
-    strength_low: float  # 90 % interval
-    strength_high: float  # for an excluded effect: the strength above which it is excluded (95 %)
-    log_bayes_factor: float  # against the model without it
-    power: float  # chance that the test would see it at its expected strength [1]
-    absorption: float  # share of its signature that calibration can imitate [1]
-    signature_norm: float  # what is left of the signature at expected strength, in standard deviations
-    probability: float  # that it acts, alone or with others [1]
-    p: float  # family-wise, step-down
-    held_out_gain: float  # log score of left-out groups, against the model without it
-    held_out_error: float  # its standard error
+    status: Status = "not_testable"
+    strength: float = nan
+    strength_low: float = nan  # 90 % interval
+    strength_high: float = nan  # for an excluded effect: the strength above which it is excluded (95 %)
+    log_bayes_factor: float = 0.0  # against the model without it
+    power: float = 0.0  # chance that the test would see it at its expected strength [1]
+    absorption: float = nan  # share of its signature that calibration can imitate [1]
+    signature_norm: float = nan  # left of the signature at expected strength, in standard deviations
+    probability: float = 0.0  # that it acts, alone or with others [1]
+    p: float = 1.0  # family-wise, step-down
+    held_out_gain: float = nan  # log score of left-out groups, against the model without it
+    held_out_error: float = nan  # its standard error
     sentence: str
 
 
@@ -128,7 +143,7 @@ class Law:
 
 @dataclass(frozen=True)
 class ResidualTrend:
-    """What can be learnt when the missing effect is not in the library."""
+    """Structure of the residual of one observable, where the missing effect is not in the library."""
 
     observable: str
     axis: str
@@ -142,7 +157,7 @@ class ResidualTrend:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A measurement worth making next."""
+    """A measurement that tells the remaining explanations apart; an answer of `next`."""
 
     observable: str
     conditions: Mapping[str, float]
@@ -164,7 +179,7 @@ class VaultErrors:
 
 @dataclass(frozen=True)
 class PlausibleHypothesis:
-    """An explanation that is still standing: what the next experiment has to tell from the others."""
+    """An explanation that is not excluded: what the next experiment has to tell from the others."""
 
     names: tuple[str, ...]
     probability: float
@@ -173,41 +188,51 @@ class PlausibleHypothesis:
 
 
 @dataclass(frozen=True)
+class NearestHypothesis:
+    """The explanation of the list that takes away most of the misfit, where none suffices."""
+
+    names: tuple[str, ...]
+    explained: float  # share of the misfit beyond chance [1]
+    p: float  # of the misfit that it leaves
+
+
+@dataclass(frozen=True, kw_only=True)
 class Discovery:
-    """Which effect is missing, as far as these measurements can tell."""
+    """Answer of `discover`: which effect is missing, as far as these measurements can tell."""
 
     verdict: Verdict
-    named: tuple[str, ...]
-    group: tuple[str, ...]  # effects that these measurements do not tell apart
+    named: tuple[str, ...] = ()
+    group: tuple[str, ...] = ()  # effects that these measurements do not tell apart
     probabilities: Mapping[str, float]  # "none", "outside_library", every effect, "a+b" for pairs; sums to 1
     effects: Mapping[str, EffectFinding]
     parameters: Mapping[str, Estimate]  # calibrated with what was named
+    calibrated: int  # how many numbers were calibrated
+    calibrated_with: tuple[str, ...] = ()  # effects in the recalibrated model
     where: tuple[MisfitPlace, ...]
     chi2_before: float
     chi2_after: float
     n: int
     vault: VaultErrors
-    next_experiments: tuple[Experiment, ...]
-    clues: tuple[ResidualTrend, ...]
-    p: float  # family-wise, of the strongest candidate by chance
-    p_misfit: float  # of the calibrated base model
-    p_misfit_after: float  # of the recalibrated model with what is named; without a name, as before
+    next_experiments: tuple[Experiment, ...] = ()
+    clues: tuple[ResidualTrend, ...] = ()
+    p: float = 1.0  # family-wise, of the strongest candidate by chance
+    p_misfit: float = nan  # of the calibrated base model
+    p_misfit_after: float = nan  # of the recalibrated model with what is named; without a name, as before
     decoy_rank: int  # rank of the best made-up effect among all candidates; 1 is a red flag
-    stability: float  # share of repeats with new seeds that agree on the verdict's first name [1]
-    sentences: tuple[str, ...]
+    stability: float = 1.0  # share of repeats with new seeds that agree on the verdict's first name [1]
+    sentences: tuple[str, ...] = ()
     warnings: tuple[str, ...]
     noise: Noise
-    ambiguity: Mapping[str, tuple[str, ...]]  # effect -> effects with which it forms a group
-    absorbed_by: Mapping[str, str]  # effect -> parameter that imitates it best
-    survivors: tuple[PlausibleHypothesis, ...]
-    closest: tuple[
-        PlausibleHypothesis, ...
-    ]  # the single effect and the pair that leave least, however unlikely
+    ambiguity: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # effect -> others of its group
+    absorbed_by: Mapping[str, str] = field(default_factory=dict)  # effect -> parameter that imitates it best
+    survivors: tuple[PlausibleHypothesis, ...] = ()
+    closest: tuple[PlausibleHypothesis, ...] = ()  # effect and pair that leave least misfit
+    nearest: NearestHypothesis | None = None
     rows_before: Rows
     rows_after: Rows
     failures: int
     runs: int
-    wall_s: float
+    wall_s: float = nan
     seed: int
 
 
@@ -225,16 +250,23 @@ class HypothesisFit:
     vault_rows: Rows | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Adoption:
-    """The error before and after an effect is added, beside effects that should not help."""
+    """Answer of `adopt`: errors before and after an effect is added, beside effects that should not help."""
 
     effect: str
     base: HypothesisFit
     added: HypothesisFit
-    best_wrong: HypothesisFit | None
-    random_wrong: HypothesisFit | None
-    vault_opened: int
-    sentence: str
-    runs: int
-    wall_s: float
+    best_wrong: HypothesisFit | None = None
+    random_wrong: HypothesisFit | None = None
+    held_out: int = 0  # rows in the vault, with and without a value of the model
+    vault_opened: int = 0
+    sentence: str = ""
+    runs: int = 0
+    wall_s: float = nan
+
+    @property
+    def fits(self) -> list[HypothesisFit]:
+        """The model before and after, and the controls."""
+        fits = (self.base, self.added, self.best_wrong, self.random_wrong)
+        return [fit for fit in fits if fit is not None]

@@ -1,4 +1,4 @@
-"""Which effects these measurements do not tell apart, and what a calibration can pass for."""
+"""Confounding: effects that these measurements do not tell apart, and numbers that imitate an effect."""
 
 from collections.abc import Mapping
 
@@ -9,38 +9,31 @@ from scipy.spatial.distance import squareform
 from taichi_erosion.evidence.data.problem import Floats, expected_strength
 from taichi_erosion.evidence.inference.levels import ABSORBED, SEPARATION
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.screen import Screen, Signature
-
-
-def at_strength(signature: Signature, strength: float) -> Floats:
-    """Free signature at one strength."""
-    return signature.free[int(np.argmin(np.abs(signature.grid - strength)))]
+from taichi_erosion.evidence.inference.screen import Screen
 
 
 def separations(
-    prepared: PreparedProblem, found: Screen, strengths: Mapping[str, float]
+    prepared: PreparedProblem, screened: Screen, strengths: Mapping[str, float]
 ) -> tuple[list[str], Floats]:
     """Delta_ab = min over strengths of |g_a - psi g_b|, the sd between two effects when the rival may adapt.
 
     For straight paths this is |g_a| sin phi_ab; an effect and its opposite are no twins: strengths are >= 0.
     """
-    acting = [s for s in found.signatures if s.resolved]
-    names = [s.name for s in acting]
-    distance = np.zeros((len(acting), len(acting)))
-    for i, first in enumerate(acting):
-        default = expected_strength(prepared.candidate(first.name))
-        target = at_strength(first, strengths.get(first.name, default))
-        for j, second in enumerate(acting):
-            gap = second.free - target
+    resolved = [s for s in screened.signatures if s.resolved]
+    distance = np.zeros((len(resolved), len(resolved)))
+    for i, first in enumerate(resolved):
+        strength = strengths.get(first.name, expected_strength(prepared.candidate(first.name)))
+        for j, second in enumerate(resolved):
+            gap = second.free - first.free[first.at(strength)]
             distance[i, j] = np.sqrt(np.min(np.einsum("ij,ij->i", gap, gap))) if i != j else 0.0
-    return names, np.minimum(distance, distance.T)
+    return [s.name for s in resolved], np.minimum(distance, distance.T)
 
 
-def ambiguity(
-    prepared: PreparedProblem, found: Screen, strengths: Mapping[str, float]
+def confounded_effects(
+    prepared: PreparedProblem, screened: Screen, strengths: Mapping[str, float]
 ) -> dict[str, tuple[str, ...]]:
-    """Groups by complete linkage, cut at SEPARATION; every effect with the others of its group."""
-    names, distance = separations(prepared, found, strengths)
+    """Every effect with the others of its group: complete linkage, cut at SEPARATION."""
+    names, distance = separations(prepared, screened, strengths)
     if len(names) < 2:
         return {name: () for name in names}
     tree = hierarchy.linkage(squareform(distance, checks=False), method="complete")
@@ -51,17 +44,14 @@ def ambiguity(
     }
 
 
-def absorbed_by(prepared: PreparedProblem, found: Screen) -> dict[str, str]:
+def absorbed_by(prepared: PreparedProblem, screened: Screen) -> dict[str, str]:
     """The calibrated number that imitates each effect best, where calibration imitates most of it."""
     best = {}
-    slopes = found.base.jacobian / prepared.sd[:, np.newaxis]
-    for signature in found.signatures:
-        if signature.absorption < ABSORBED or not slopes.shape[1]:
-            continue
-        at = signature.raw[
-            int(np.argmin(np.abs(signature.grid - expected_strength(prepared.candidate(signature.name)))))
-        ]
-        norms = np.linalg.norm(slopes, axis=0) * max(float(np.linalg.norm(at)), 1e-300)
-        cosine = np.abs(slopes.T @ at) / np.maximum(norms, 1e-300)
-        best[signature.name] = prepared.axes[int(np.argmax(cosine))].name
+    slopes = screened.base.jacobian / prepared.sd[:, np.newaxis]
+    for signature in screened.signatures:
+        if signature.absorption >= ABSORBED and slopes.shape[1]:
+            raw = signature.raw[signature.at(expected_strength(prepared.candidate(signature.name)))]
+            norms = np.linalg.norm(slopes, axis=0) * max(float(np.linalg.norm(raw)), 1e-300)
+            cosine = np.abs(slopes.T @ raw) / np.maximum(norms, 1e-300)
+            best[signature.name] = prepared.axes[int(np.argmax(cosine))].name
     return best

@@ -1,7 +1,7 @@
-"""Does a hypothesis predict measurements that it was not fitted to? Groups left out one by one.
+"""Cross-validation by groups: each group of rows predicted from a fit to the others.
 
-Each group is predicted from a fit to the others, linearised about the whole fit; the log score of its rows is
-compared with that of the bare model. It does not decide, but it must not contradict.
+The fit to the others is linearised about the whole fit; the log score of the rows left out is compared with
+that of the bare model. It does not decide, but it must not contradict.
 
 Reference: Vehtari, Gelman & Gabry (2017), Stat. Comput. 27, 1413 (paired differences and their error).
 """
@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
@@ -22,8 +21,8 @@ LEAST_GROUPS = 4  # fewer set-ups say nothing about prediction; sets of equal co
 class ScoreGain:
     """Gain of the log score over the bare model, summed over groups, and its standard error."""
 
-    gain: float
-    error: float
+    gain: float = float("nan")
+    error: float = float("nan")
 
 
 def fold_numbers(prepared: PreparedProblem) -> Integers:
@@ -38,36 +37,34 @@ def fold_numbers(prepared: PreparedProblem) -> Integers:
 
 def fold_scores(prepared: PreparedProblem, expansion: Expansion, folds: Integers) -> Floats:
     """Log score of every fold, predicted from the others."""
-    work = working((prepared.rows.z - expansion.mean) / prepared.sd, prepared.rows.censored)
+    work = prepared.working(expansion.mean)
     scale = (work.weight / prepared.sd)[:, np.newaxis]
     design = np.hstack([expansion.local, expansion.jacobian, expansion.shared]) * scale
     loose, count = expansion.local.shape[1], len(prepared.axes)
     prior = np.ones(design.shape[1])
     prior[:loose] = [prepared.candidate(name).prior_scale ** -2.0 for name in expansion.fit.names]
     origin = np.zeros(design.shape[1])
-    origin[:loose] = expansion.fit.psi
-    origin[loose : loose + count] = expansion.fit.x
-    matrix, pull = design.T @ design + np.diag(prior), design.T @ work.residual - prior * origin
+    origin[: loose + count] = np.concatenate([expansion.fit.psi, expansion.fit.x])
+    matrix, gradient = design.T @ design + np.diag(prior), design.T @ work.residual - prior * origin
     scores = []
     for fold in range(int(folds.max()) + 1):
         rows = folds == fold
         own = design[rows]
         inverse = np.linalg.inv(matrix - own.T @ own)
-        change = inverse @ (pull - own.T @ work.residual[rows])
+        change = inverse @ (gradient - own.T @ work.residual[rows])
         change[:loose] = np.maximum(change[:loose], -origin[:loose])
         gap = work.residual[rows] - own @ change
         covariance = np.eye(gap.size) + own @ inverse @ own.T
-        scores.append(
-            -0.5 * float(gap @ np.linalg.solve(covariance, gap)) - 0.5 * np.linalg.slogdet(covariance)[1]
-        )
+        squares = float(gap @ np.linalg.solve(covariance, gap))
+        scores.append(-0.5 * squares - 0.5 * np.linalg.slogdet(covariance)[1])
     return np.array(scores)
 
 
-def held_out(prepared: PreparedProblem, base: Expansion, expansion: Expansion) -> ScoreGain:
-    """Paired comparison with the bare model."""
+def log_score_gain(prepared: PreparedProblem, base: Expansion, expansion: Expansion) -> ScoreGain:
+    """Paired comparison with the bare model; NaN where there is one fold only."""
     folds = fold_numbers(prepared)
     if folds.size == 0 or folds.max() == 0:
-        return ScoreGain(float("nan"), float("nan"))
+        return ScoreGain()
     difference = fold_scores(prepared, expansion, folds) - fold_scores(prepared, base, folds)
     error = float(np.sqrt(difference.size * np.var(difference, ddof=1)))
     return ScoreGain(float(difference.sum()), error)

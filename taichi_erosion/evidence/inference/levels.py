@@ -54,3 +54,13 @@ STABLE = 1.0  # share of repeats with other seeds that agree, below which this i
 def fails(p: float | None) -> bool:
     """Whether a misfit of this chance counts as one; an unknown chance (None, NaN) never does."""
     return p is not None and p < MISFIT_LEVEL
+
+
+def too_few_rows(rows: int, calibrated: int) -> bool:
+    """Whether there are no more rows than calibrated numbers: almost anything would explain them."""
+    return rows <= calibrated
+
+
+def p_text(p: float) -> str:
+    """A probability in words; one too small to be computed is not called zero."""
+    return f"p = {p:.2g}" if p >= LEAST_P else f"p < {LEAST_P:g}"

@@ -1,4 +1,8 @@
-"""Recalibration of one hypothesis in the model itself: global search, then damped Gauss-Newton steps."""
+"""Maximum a posteriori fit of one hypothesis in the model: global search, then Levenberg-Marquardt steps.
+
+The misfit is -2 ln(likelihood times prior) up to a constant, over the calibrated numbers x, in prior sd, and
+the strengths psi of the acting effects; errors that rows share are at their best.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,7 +12,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from taichi_erosion.evidence.data.linear_algebra import working
-from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
 
@@ -37,14 +41,17 @@ class Fit:
     misfit: float  # deviance + prior; infinite if the model fails here
 
     def acting(self) -> dict[str, float]:
-        return dict(zip(self.names, (float(value) for value in self.psi), strict=True))
+        return dict(zip(self.names, map(float, self.psi), strict=True))
 
 
-def posed(names: tuple[str, ...], position: Floats, calibrated: int) -> tuple[Floats, dict[str, float]]:
-    """Calibrated numbers and acting strengths out of one joint vector."""
-    return position[:calibrated], dict(
-        zip(names, (float(value) for value in position[calibrated:]), strict=True)
-    )
+def deviance(residual: Floats, shared: Floats, censored: Bools) -> float:
+    """Deviance of a whitened residual (n,) with the whitened shared errors (n, q) at their best."""
+    work = working(residual, censored)
+    if not shared.shape[1]:
+        return work.deviance
+    columns = shared * work.weight[:, np.newaxis]
+    slope = columns.T @ work.residual
+    return work.deviance - float(slope @ np.linalg.solve(columns.T @ columns + np.eye(slope.size), slope))
 
 
 @dataclass(frozen=True)
@@ -61,9 +68,8 @@ class Objective:
 
     @cached_property
     def high(self) -> Floats:
-        return np.concatenate(
-            [self.prepared.high, [self.prepared.candidate(name).maximum for name in self.names]]
-        )
+        maxima = [self.prepared.candidate(name).maximum for name in self.names]
+        return np.concatenate([self.prepared.high, maxima])
 
     @cached_property
     def scale(self) -> Floats:
@@ -71,28 +77,37 @@ class Objective:
         widths = [max(self.prepared.candidate(name).prior_scale, 1e-9) for name in self.names]
         return np.concatenate([np.ones(len(self.prepared.axes)), widths])
 
+    def split(self, position: Floats) -> tuple[Floats, dict[str, float]]:
+        """Calibrated numbers and acting strengths out of one joint vector."""
+        count = len(self.prepared.axes)
+        return position[:count], dict(zip(self.names, map(float, position[count:]), strict=True))
+
     def mean(self, position: Floats) -> Floats:
-        x, acting = posed(self.names, position, len(self.prepared.axes))
-        return self.prepared.predictor.mean(x, acting, self.seeds)
+        return self.prepared.predictor.mean(*self.split(position), self.seeds)
 
     def residual(self, position: Floats) -> Floats:
         return (self.prepared.rows.z - self.mean(position)) / self.prepared.sd
 
-    def runs(self, position: Floats) -> Floats:
-        x, acting = posed(self.names, position, len(self.prepared.axes))
-        return self.prepared.predictor.predict(x, acting, self.seeds)
+    def misfit(self, position: Floats, residual: Floats) -> float:
+        """Deviance + prior; infinite where the model fails."""
+        if not np.all(np.isfinite(residual)):
+            return inf
+        prior = position / self.scale
+        rows = self.prepared.rows
+        return deviance(residual, self.prepared.white_shared, rows.censored) + float(prior @ prior)
 
     def jacobian(self, position: Floats, central: bool, share: float = 1.0) -> Floats:
         """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds."""
         columns = np.empty((self.prepared.rows.size, position.size))
         for j, scale in enumerate(self.scale):
             step = (STEP_NOISY if self.prepared.noisy else STEP) * scale * share
-            up = min(position[j] + step, self.high[j])
-            down = max(position[j] - step, self.low[j])
+            down, at, up = (
+                max(position[j] - step, self.low[j]),
+                position[j],
+                min(position[j] + step, self.high[j]),
+            )
             if not central:
-                up, down = (
-                    (up, position[j]) if up - position[j] >= position[j] - down else (position[j], down)
-                )
+                down, up = (at, up) if up - at >= at - down else (down, at)
             columns[:, j] = self.difference(position, j, down, up) * scale
         return columns / self.prepared.sd[:, np.newaxis]
 
@@ -104,64 +119,47 @@ class Objective:
         for end in (down, up):
             moved = position.copy()
             moved[j] = end
-            ends.append(self.runs(moved))
+            ends.append(self.prepared.predictor.predict(*self.split(moved), self.seeds))
         change = paired_change(ends[1], ends[0], self.prepared.predictor)
         return np.where(np.isfinite(change), change / (up - down), 0.0)
-
-
-def misfit_of(objective: Objective, position: Floats, residual: Floats) -> float:
-    """Deviance + prior, shared errors at their best; infinite where the model fails."""
-    if not np.all(np.isfinite(residual)):
-        return inf
-    work = working(residual, objective.prepared.rows.censored)
-    shared = (
-        objective.prepared.rows.shared / objective.prepared.sd[:, np.newaxis] * work.weight[:, np.newaxis]
-    )
-    gain = 0.0
-    if shared.shape[1]:
-        pull = shared.T @ work.residual
-        gain = float(pull @ np.linalg.solve(shared.T @ shared + np.eye(shared.shape[1]), pull))
-    prior = position / objective.scale
-    return work.deviance - gain + float(prior @ prior)
 
 
 def newton_step(
     objective: Objective, position: Floats, residual: Floats, damping: float, slopes: Floats
 ) -> tuple[Floats, float]:
-    """Next position and the fall of the misfit that it promises.
+    """Next position of damped least squares within the bounds, and the fall of the misfit that it predicts.
 
-    Damped least squares; entries that would leave their range are held at its end.
+    Entries that would leave their range are fixed at its end (active set).
     """
-    prepared, scale = objective.prepared, objective.scale
+    prepared, scale, size = objective.prepared, objective.scale, position.size
     work = working(residual, prepared.rows.censored)
-    shared = prepared.rows.shared / prepared.sd[:, np.newaxis]
-    design = np.hstack([slopes, shared]) * work.weight[:, np.newaxis]
+    design = np.hstack([slopes, prepared.white_shared]) * work.weight[:, np.newaxis]
     matrix = design.T @ design + np.eye(design.shape[1])
-    pull = design.T @ work.residual
-    pull[: position.size] -= position / scale
-    straight = matrix.copy()
-    matrix[np.diag_indices(position.size)] *= 1.0 + damping
+    gradient = design.T @ work.residual
+    gradient[:size] -= position / scale
+    undamped = matrix.copy()
+    matrix[np.diag_indices(size)] *= 1.0 + damping
     low, high = (objective.low - position) / scale, (objective.high - position) / scale
     step, free = np.zeros(matrix.shape[0]), np.ones(matrix.shape[0], dtype=bool)
-    for _ in range(position.size + 1):
-        held = ~free
-        right = pull[free] - matrix[np.ix_(free, held)] @ step[held]
+    for _ in range(size + 1):
+        fixed = ~free
+        right = gradient[free] - matrix[np.ix_(free, fixed)] @ step[fixed]
         step[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
-        inside = step[: position.size]
-        out = free[: position.size] & ((inside < low) | (inside > high))
+        inside = step[:size]
+        out = free[:size] & ((inside < low) | (inside > high))
         if not out.any():
             break
-        step[: position.size] = np.where(out, np.clip(inside, low, high), inside)
-        free[: position.size] &= ~out
-    promised = float(2.0 * pull @ step - step @ straight @ step)
-    return np.clip(position + step[: position.size] * scale, objective.low, objective.high), promised
+        step[:size] = np.where(out, np.clip(inside, low, high), inside)
+        free[:size] &= ~out
+    predicted = float(2.0 * gradient @ step - step @ undamped @ step)
+    return np.clip(position + step[:size] * scale, objective.low, objective.high), predicted
 
 
 def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, float]:
-    """Damped Gauss-Newton (Levenberg-Marquardt) from one start; where coarse slopes stall, finer ones do."""
+    """Position and misfit after damped Gauss-Newton steps, with finer slopes where coarse ones stall."""
     position = np.clip(start, objective.low, objective.high)
     residual = objective.residual(position)
-    best, damping = misfit_of(objective, position, residual), 1e-3
+    best, damping = objective.misfit(position, residual), 1e-3
     enough = GOOD_NOISY if objective.prepared.noisy else GOOD_ENOUGH
     shares = iter((1.0,) if objective.prepared.noisy else SHARES)
     share = next(shares)
@@ -171,11 +169,11 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
         slopes = objective.jacobian(position, central=False, share=share)
         fall = 0.0
         for _ in range(TRIALS):
-            trial, promised = newton_step(objective, position, residual, damping, slopes)
-            if promised < enough:
+            trial, predicted = newton_step(objective, position, residual, damping, slopes)
+            if predicted < enough:
                 break
             trial_residual = objective.residual(trial)
-            value = misfit_of(objective, trial, trial_residual)
+            value = objective.misfit(trial, trial_residual)
             if value < best:
                 fall, best, position, residual = best - value, value, trial, trial_residual
                 damping *= 0.1
@@ -193,16 +191,17 @@ def refined(
 ) -> tuple[Floats, float]:
     """Best position from one start, and -2 ln of its likelihood times prior.
 
-    Weights hold while steps are made, or they would lead to where the model knows least. A model that may be
-    off has those of the start first, then those of what was found; the volume ln |1 + F^T V^-1 F| of its
-    errors F tells sure fits from vague ones.
+    Weights are fixed during the steps, or they would lead to where the model knows least. A model with errors
+    of its own has those of the start first, then those of what was found; the volume ln |1 + F^T V^-1 F| of
+    its errors F tells sure fits from vague ones.
     """
-    there = prepared.about(*posed(names, start, len(prepared.axes)))
-    position, misfit = refine(Objective(there, names, seeds), start, steps)
+    whole = Objective(prepared, names, seeds)
+    there = prepared.with_model_errors(*whole.split(start))
+    position, misfit = refine(replace(whole, prepared=there), start, steps)
     if prepared.predictor.uncertainty is None:
         return position, misfit
-    there = prepared.about(*posed(names, position, len(prepared.axes)))
-    position, misfit = refine(Objective(there, names, seeds), position, steps)
+    there = prepared.with_model_errors(*whole.split(position))
+    position, misfit = refine(replace(whole, prepared=there), position, steps)
     own = there.rows.shared[:, prepared.rows.shared.shape[1] :] / prepared.sd[:, np.newaxis]
     return position, misfit + float(np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1])
 
@@ -211,42 +210,36 @@ def fit(
     prepared: PreparedProblem,
     names: tuple[str, ...],
     starts: list[Floats],
-    steps: int,
-    seeds: Integers | None = None,
+    steps: int | None = None,
 ) -> Fit:
-    """Best of several starts of one hypothesis."""
-    chosen = prepared.seeds.fitting if seeds is None else seeds
-    results = [refined(prepared, names, start, steps, chosen) for start in starts]
+    """Best of several starts of one hypothesis; as many steps as the budget allows unless said otherwise."""
+    steps = (STEPS_QUICK if prepared.quick else STEPS) if steps is None else steps
+    results = [refined(prepared, names, start, steps, prepared.seeds.fitting) for start in starts]
     position, misfit = min(results, key=lambda result: result[1])
-    x, acting = posed(names, position, len(prepared.axes))
-    return Fit(names, x, np.array([acting[name] for name in names]), misfit)
+    count = len(prepared.axes)
+    return Fit(names, position[:count], position[count:].copy(), misfit)
 
 
 def fit_base(prepared: PreparedProblem) -> tuple[PreparedProblem, Fit, list[str]]:
-    """The bare model, calibrated honestly: a search of the prior, then several starts that should agree.
+    """The bare model calibrated from a prior search and several starts; warnings where these disagree.
 
-    Comes with the examination whose weights no longer depend on the noise of the values themselves.
+    Comes with the problem whose weights no longer depend on the noise of the values themselves.
     """
-    count = len(prepared.axes)
-    prior_mean = np.clip(np.zeros(count), prepared.low, prepared.high)
-    quick = prepared.problem.budget.name == "quick"
-    starts = [prior_mean] if quick or count == 0 else [prior_mean, *searched(prepared)]
-    objective = Objective(prepared, (), prepared.seeds.fitting)
+    seeds, steps = prepared.seeds.fitting, STEPS_QUICK if prepared.quick else STEPS
+    searching = not prepared.quick and len(prepared.axes) > 0
+    starts = [prepared.prior_mean, *(searched(prepared) if searching else [])]
     results: list[tuple[Floats, float]] = []
     for number, start in enumerate(starts):
         if number < STARTS or results[0][1] > POOR * prepared.rows.size:
-            results.append(
-                refined(prepared, (), start, STEPS_QUICK if quick else STEPS, prepared.seeds.fitting)
-            )
+            results.append(refined(prepared, (), start, steps, seeds))
             results.sort(key=lambda result: result[1])
     warnings = []
     if len(results) > 1 and results[1][1] < inf:
         gap = np.abs(results[0][0] - results[1][0]).max()
         if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > 0.1 * SEARCH_WIDTH:
             warnings.append("two starts of the calibration end at different places; the better one is used")
-    prepared = reweighted(prepared, objective.mean(results[0][0]))
-    position, misfit = refined(prepared, (), results[0][0], 2, prepared.seeds.fitting)
-    return prepared, Fit((), position, np.zeros(0), misfit), warnings
+    prepared = reweighted(prepared, Objective(prepared, (), seeds).mean(results[0][0]))
+    return prepared, fit(prepared, (), [results[0][0]], 2), warnings
 
 
 def reweighted(prepared: PreparedProblem, mean: Floats) -> PreparedProblem:
@@ -256,8 +249,8 @@ def reweighted(prepared: PreparedProblem, mean: Floats) -> PreparedProblem:
     fitted value is trusted within NEAR sd of the measured one; a constant relative sd needs no change.
     """
     rows, factor = prepared.rows, np.ones(prepared.rows.size)
-    for index, observable in enumerate(rows.observables):
-        own = (rows.which == index) & ~rows.censored & np.isfinite(mean)
+    for observable, chosen in prepared.by_observable():
+        own = chosen & ~rows.censored & np.isfinite(mean)
         sd = np.sqrt(rows.variance[own])
         if observable.transform == "identity" or own.sum() == 0 or np.ptp(sd) < SAME * sd.max():
             continue
@@ -265,18 +258,16 @@ def reweighted(prepared: PreparedProblem, mean: Floats) -> PreparedProblem:
         moved = np.clip(mean[own], z - NEAR * sd, z + NEAR * sd) - z
         factor[own] = np.exp(-2.0 * moved)
     variance = rows.variance * factor
-    return replace(
-        prepared, rows=replace(rows, variance=variance), variance=prepared.variance + variance - rows.variance
-    )
+    total = prepared.variance + variance - rows.variance
+    return replace(prepared, rows=replace(rows, variance=variance), variance=total)
 
 
 def searched(prepared: PreparedProblem) -> list[Floats]:
     """Best points of a Sobol' sample of the prior, one seed each."""
     count = len(prepared.axes)
-    low = np.maximum(prepared.low, -SEARCH_WIDTH)
-    high = np.minimum(prepared.high, SEARCH_WIDTH)
+    low, high = np.maximum(prepared.low, -SEARCH_WIDTH), np.minimum(prepared.high, SEARCH_WIDTH)
     sampler = qmc.Sobol(count, scramble=False)
     points = low + (high - low) * sampler.random_base2(int(np.ceil(np.log2(SEARCH_POINTS * count))))
     objective = Objective(prepared, (), prepared.seeds.fitting[:1])
-    values = [misfit_of(objective, point, objective.residual(point)) for point in points]
+    values = [objective.misfit(point, objective.residual(point)) for point in points]
     return [points[int(k)] for k in np.argsort(values)[:MOST_STARTS]]

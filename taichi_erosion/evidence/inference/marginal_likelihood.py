@@ -1,4 +1,4 @@
-"""How well each hypothesis explains the measurements: its evidence, from an expansion about its own best fit.
+"""Marginal likelihood of each hypothesis, from a Laplace expansion about its own best fit.
 
     ln Z = ln int p(psi) exp(-1/2 S(psi) - 1/2 ln |A| + ln box) dpsi - sum ln s_i
 
@@ -15,22 +15,22 @@ from math import inf
 import numpy as np
 from scipy import interpolate
 
-from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, working
+from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, stack, working
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.inference.map_fit import Fit, Objective
+from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
 
 GRID = 33  # strengths at which a single effect is integrated
 PAIR_GRID = 13  # per effect of a pair
 WIDTH = 4.0  # posterior sd that the fine part of the grid spans to either side
-PROMISE, PROMISE_NOISY = 0.5, 2.0  # misfit by which an expansion may undercut the fit that it starts from [1]
+UNDERCUT, UNDERCUT_NOISY = 0.5, 2.0  # misfit by which an expansion may lie below the fit it starts from [1]
 NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best strength
 
 
 @dataclass(frozen=True)
 class Path:
-    """Change of the mean along the strength of one effect, the calibrated numbers giving way."""
+    """Change of the mean along the strength of one effect, the calibrated numbers following."""
 
     grid: Floats  # strengths
     change: Floats  # (strengths, n)
@@ -40,7 +40,7 @@ class Path:
 
 @dataclass(frozen=True)
 class Expansion:
-    """One hypothesis about its best fit, judged with fresh seeds."""
+    """One hypothesis about its best fit, its mean simulated with fresh seeds."""
 
     fit: Fit
     mean: Floats  # (n,)
@@ -49,35 +49,88 @@ class Expansion:
     local: Floats  # (n, effects), derivative of the mean along each strength
     shared: Floats  # (n, q), errors of one sd that rows share: of instruments, and of the model itself here
 
+    @property
+    def finite(self) -> bool:
+        """Whether the model works at the best fit."""
+        return bool(np.all(np.isfinite(self.mean)))
+
 
 @dataclass(frozen=True)
 class StrengthLikelihood:
-    """Evidence of one hypothesis at one noise factor, strength by strength."""
+    """Likelihood of one hypothesis at one noise factor, strength by strength."""
 
     log_likelihood: Floats  # (columns,), calibrated numbers integrated out
     position: Floats  # (p, columns), best calibrated numbers
     covariance: Floats  # (p, p)
 
 
-def expand(prepared: PreparedProblem, fit: Fit) -> Expansion:
-    """Slopes and paths of one hypothesis with the signature seeds, its mean with the judging seeds."""
-    prepared = prepared.about(fit.x, fit.acting())
-    position = np.concatenate([fit.x, fit.psi])
-    objective = Objective(prepared, fit.names, prepared.seeds.signature)
-    slopes = objective.jacobian(position, central=prepared.problem.budget.name == "full")
+@dataclass(frozen=True)
+class ScoredHypothesis:
+    """Evidence of one hypothesis over the grid of noise factors."""
+
+    expansion: Expansion
+    likelihoods: tuple[StrengthLikelihood, ...]  # per noise factor; none where the model fails
+    log_evidence: Floats  # per noise factor
+
+
+@dataclass(frozen=True)
+class ProjectedResidual:
+    """Whitened residual of a hypothesis, and the part that neither calibration nor effects can remove."""
+
+    whole: Floats  # (n,)
+    stacked: Floats  # (n + p + q,), projected
+    basis: Floats  # (n + p + q, p + q) of what is projected out
+    scale: Floats  # (n,), whitening factor of every row
+
+    @property
+    def free(self) -> Floats:
+        """Projected residual of the rows (n,)."""
+        return self.stacked[: self.whole.size]
+
+    @property
+    def row_basis(self) -> Floats:
+        """Rows of the basis that belong to measurements (n, p + q)."""
+        return self.basis[: self.whole.size]
+
+    def project(self, columns: Floats) -> Floats:
+        """Whitened columns (n, ...) without what calibration can imitate."""
+        return columns - self.row_basis @ (self.row_basis.T @ columns)
+
+    def project_signature(self, raw: Floats) -> Floats:
+        """Whitened signatures (strengths, n) stacked and projected (strengths, n + p + q)."""
+        below = np.vstack([raw.T, np.zeros((self.stacked.size - raw.shape[1], raw.shape[0]))])
+        return (below - self.basis @ (self.basis.T @ below)).T
+
+
+def projected_residual(prepared: PreparedProblem, expansion: Expansion) -> ProjectedResidual:
+    """Residual of one hypothesis; strengths of its effects are fitted without a prior."""
+    work = prepared.working(expansion.mean)
+    scale, loose = work.weight / prepared.sd, expansion.local.shape[1]
+    columns = np.hstack([expansion.local, expansion.jacobian]) * scale[:, np.newaxis]
+    part = projection(columns, expansion.shared * scale[:, np.newaxis], loose)
+    x = np.concatenate([np.zeros(loose), expansion.fit.x])
+    stacked = part.free(stack(work.residual, x, expansion.shared.shape[1]))
+    return ProjectedResidual(work.residual, stacked, part.basis, scale)
+
+
+def expand(prepared: PreparedProblem, best: Fit) -> Expansion:
+    """Slopes and paths of one hypothesis with the signature seeds, its mean with the scoring seeds."""
+    prepared = prepared.with_model_errors(best.x, best.acting())
+    objective = Objective(prepared, best.names, prepared.seeds.signature)
+    slopes = objective.jacobian(np.concatenate([best.x, best.psi]), central=not prepared.quick)
     slopes = slopes * prepared.sd[:, np.newaxis] / objective.scale
     count = len(prepared.axes)
-    mean = prepared.predictor.mean(fit.x, fit.acting(), prepared.seeds.scoring)
+    mean = prepared.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)
     spread, ridge = strength_sd(prepared, slopes, count)
     paths = tuple(
-        path_of(prepared, fit, index, float(spread[index]), ridge[:, index])
-        for index in range(len(fit.names))
+        path_of(prepared, best, index, float(spread[index]), ridge[:, index])
+        for index in range(len(best.names))
     )
-    return Expansion(fit, mean, slopes[:, :count], paths, slopes[:, count:], prepared.rows.shared)
+    return Expansion(best, mean, slopes[:, :count], paths, slopes[:, count:], prepared.rows.shared)
 
 
 def strength_sd(prepared: PreparedProblem, slopes: Floats, count: int) -> tuple[Floats, Floats]:
-    """Posterior sd of each strength, and how the calibrated numbers give way per unit of it, from the slopes.
+    """Posterior sd of each strength, and the shift of the calibrated numbers per unit of it, from the slopes.
 
     The ridge dx/dpsi = cov(x, psi) / var(psi) is where rivals compete: at fixed numbers a strength far from
     the best one leaves the range in which slopes mean anything.
@@ -87,36 +140,36 @@ def strength_sd(prepared: PreparedProblem, slopes: Floats, count: int) -> tuple[
         return np.zeros(0), np.zeros((count, 0))
     white = slopes / prepared.sd[:, np.newaxis]
     order = np.hstack([white[:, count:], white[:, :count]])
-    covariance = projection(order, prepared.rows.shared / prepared.sd[:, np.newaxis], loose).covariance()
+    covariance = projection(order, prepared.white_shared, loose).covariance()
     variance = np.diag(covariance)[:loose]
     return np.sqrt(variance), covariance[loose : loose + count, :loose] / variance
 
 
 def path_of(prepared: PreparedProblem, fit: Fit, index: int, spread: float, ridge: Floats) -> Path:
     """Path along one strength and its ridge, the other strength at its best."""
-    name = fit.names[index]
+    name, seeds = fit.names[index], prepared.seeds.signature
     candidate, best = prepared.candidate(name), float(fit.psi[index])
     spread = min(spread, 0.5 * candidate.maximum)
     wanted = [best + node * spread for node in NODES] + [0.0, candidate.maximum]
     nodes = np.array(sorted({round(min(max(node, 0.0), candidate.maximum), 12) for node in wanted}))
     changes, predictor = [], prepared.predictor
-    bare = predictor.predict(fit.x, fit.acting(), prepared.seeds.signature)
+    bare = predictor.predict(fit.x, fit.acting(), seeds)
     for node in nodes:
-        acting = {**fit.acting(), name: float(node)}
         x = np.clip(fit.x + ridge * (node - best), prepared.low, prepared.high)
-        runs = predictor.predict(x, acting, prepared.seeds.signature)
+        runs = predictor.predict(x, {**fit.acting(), name: float(node)}, seeds)
         changes.append(paired_change(runs, bare, predictor))
     change = np.array(changes)
     good = np.all(np.isfinite(change), axis=1)
     nodes, change = nodes[good], change[good]
-    grid = strength_grid(nodes[0], nodes[-1], best, spread, GRID if len(fit.names) == 1 else PAIR_GRID)
+    count = GRID if len(fit.names) == 1 else PAIR_GRID
+    grid = integration_grid(nodes[0], nodes[-1], best, spread, count)
     shift = np.clip(fit.x + np.outer(grid - best, ridge), prepared.low, prepared.high) - fit.x
     smooth = smooth_path(prepared, nodes, change, best, grid)
     return Path(grid, smooth, shift, log_prior(grid, candidate.prior_scale))
 
 
-def strength_grid(low: float, high: float, best: float, spread: float, count: int) -> Floats:
-    """Fine about the best strength, coarse over the rest of the allowed range."""
+def integration_grid(low: float, high: float, best: float, spread: float, count: int) -> Floats:
+    """Strengths, fine about the best one and coarse over the rest of the allowed range."""
     fine = np.linspace(max(low, best - WIDTH * spread), min(high, best + WIDTH * spread), (2 * count) // 3)
     return np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [best]]))
 
@@ -136,12 +189,18 @@ def smooth_path(
     return ((grid - best) / scale)[:, np.newaxis] ** powers @ coefficients
 
 
+def cell_width(grid: Floats) -> Floats:
+    """Trapezoid widths of a grid; 1 for a single point."""
+    if grid.size < 2:
+        return np.ones(grid.size)
+    width = np.gradient(grid)
+    width[[0, -1]] *= 0.5
+    return width
+
+
 def log_prior(grid: Floats, scale: float) -> Floats:
     """Ln of half-normal density times trapezoid width, normalised on the grid's range."""
-    width = np.gradient(grid) if grid.size > 1 else np.ones(1)
-    if grid.size > 1:
-        width[[0, -1]] *= 0.5
-    weight = -0.5 * (grid / max(scale, 1e-9)) ** 2 + np.log(np.maximum(width, 1e-300))
+    weight = -0.5 * (grid / max(scale, 1e-9)) ** 2 + np.log(np.maximum(cell_width(grid), 1e-300))
     return weight - log_sum_exp(weight)
 
 
@@ -160,45 +219,51 @@ def columns_of(prepared: PreparedProblem, expansion: Expansion) -> StrengthColum
     """Changes of the mean, calibrated numbers and ln prior weights over all strengths of a hypothesis."""
     paths, x = expansion.paths, expansion.fit.x
     if not paths:
-        return StrengthColumns(
-            np.zeros((expansion.mean.size, 1)), x[:, np.newaxis], np.zeros(1), np.zeros(1), 0
-        )
-    penalties = [
-        (path.grid / max(prepared.candidate(name).prior_scale, 1e-9)) ** 2
-        for name, path in zip(expansion.fit.names, paths, strict=True)
-    ]
+        zero = np.zeros(1)
+        return StrengthColumns(np.zeros((expansion.mean.size, 1)), x[:, np.newaxis], zero, zero, 0)
+    scales = [max(prepared.candidate(name).prior_scale, 1e-9) for name in expansion.fit.names]
+    penalties = [(path.grid / scale) ** 2 for path, scale in zip(paths, scales, strict=True)]
     centres = [int(np.argmin(np.abs(p.grid - psi))) for p, psi in zip(paths, expansion.fit.psi, strict=True)]
+    first = paths[0]
     if len(paths) == 1:
-        only = paths[0]
-        return StrengthColumns(only.change.T, (x + only.shift).T, only.log_prior, penalties[0], centres[0])
-    first, second = paths
+        return StrengthColumns(first.change.T, (x + first.shift).T, first.log_prior, penalties[0], centres[0])
+    second = paths[1]
     change = first.change[:, np.newaxis, :] + second.change[np.newaxis, :, :]
     shift = first.shift[:, np.newaxis, :] + second.shift[np.newaxis, :, :]
     start = np.clip(x + shift.reshape(-1, x.size), prepared.low, prepared.high)
-    prior = first.log_prior[:, np.newaxis] + second.log_prior[np.newaxis, :]
+    prior = np.add.outer(first.log_prior, second.log_prior).ravel()
+    penalty = np.add.outer(*penalties).ravel()
     centre = centres[0] * second.grid.size + centres[1]
-    penalty = penalties[0][:, np.newaxis] + penalties[1][np.newaxis, :]
-    return StrengthColumns(
-        change.reshape(-1, expansion.mean.size).T, start.T, prior.ravel(), penalty.ravel(), centre
-    )
+    return StrengthColumns(change.reshape(-1, expansion.mean.size).T, start.T, prior, penalty, centre)
 
 
-def surface(
+def score(prepared: PreparedProblem, expansion: Expansion) -> ScoredHypothesis:
+    """Ln Z of a hypothesis for every noise factor; -inf where the model fails at its best fit."""
+    factors = prepared.doubt.factor
+    if not expansion.finite:
+        return ScoredHypothesis(expansion, (), np.full(factors.size, -inf))
+    columns = columns_of(prepared, expansion)
+    found = tuple(likelihood(prepared, expansion, columns, float(factor)) for factor in factors)
+    values = np.array([log_sum_exp(each.log_likelihood + columns.log_prior) for each in found])
+    return ScoredHypothesis(expansion, found, values)
+
+
+def likelihood(
     prepared: PreparedProblem, expansion: Expansion, columns: StrengthColumns, factor: float
 ) -> StrengthLikelihood:
-    """Evidence along all strengths at one noise factor; slopes may not promise more than refits found."""
-    sd = factor * prepared.sd
+    """Likelihood along all strengths at one noise factor; slopes may not promise more than refits found."""
+    sd, censored = factor * prepared.sd, prepared.rows.censored
     residual = ((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
     jacobian, shared = expansion.jacobian / sd[:, np.newaxis], expansion.shared / sd[:, np.newaxis]
-    found = (censored_least_squares if prepared.rows.censored.any() else least_squares)(
-        prepared, jacobian, shared, residual, columns.x
-    )
-    start = starting_misfit(prepared, residual[:, columns.centre], shared, columns.x[:, columns.centre])
-    promise = PROMISE_NOISY if prepared.noisy else PROMISE
-    floor = start + columns.penalty[columns.centre] - promise
+    solve = censored_least_squares if censored.any() else least_squares
+    found = solve(prepared, jacobian, shared, residual, columns.x)
+    x = columns.x[:, columns.centre]
+    start = deviance(residual[:, columns.centre], shared, censored) + float(x @ x)
+    undercut = UNDERCUT_NOISY if prepared.noisy else UNDERCUT
+    floor = start + columns.penalty[columns.centre] - undercut
     misfit = np.maximum(found.misfit + columns.penalty, floor) - columns.penalty
-    level = -float(np.sum(np.log(sd[~prepared.rows.censored])))
-    return StrengthLikelihood(level - 0.5 * misfit + found.occam, found.position, found.covariance)
+    level = -float(np.sum(np.log(sd[~censored])))
+    return StrengthLikelihood(level - 0.5 * misfit + found.log_volume, found.position, found.covariance)
 
 
 @dataclass(frozen=True)
@@ -206,7 +271,7 @@ class LeastSquares:
     """Least squares over columns of residuals."""
 
     misfit: Floats  # (columns,)
-    occam: Floats  # (columns,), -1/2 ln |A| + ln box
+    log_volume: Floats  # (columns,), -1/2 ln |A| + ln box
     position: Floats  # (p, columns)
     covariance: Floats  # (p, p), at the best column
 
@@ -230,55 +295,22 @@ def censored_least_squares(
     """Every column in the working weights that its own censored rows have, all columns at once."""
     count, columns = len(prepared.axes), x.shape[1]
     work = working(residual, prepared.rows.censored)
-    design = (
-        np.hstack([jacobian, shared])[np.newaxis] * work.weight.T[:, :, np.newaxis]
-    )  # (columns, n, p + q)
+    slopes = np.hstack([jacobian, shared])[np.newaxis]
+    design = slopes * work.weight.T[:, :, np.newaxis]  # (columns, n, p + q)
     matrix = np.einsum("cni,cnj->cij", design, design) + np.eye(design.shape[2])
     below = np.vstack([x, np.zeros((shared.shape[1], columns))]).T
-    pull = np.einsum("cni,nc->ci", design, work.residual) - below
+    gradient = np.einsum("cni,nc->ci", design, work.residual) - below
     inverse = np.linalg.inv(matrix)
-    step = np.einsum("cij,cj->ci", inverse, pull)
+    step = np.einsum("cij,cj->ci", inverse, gradient)
     left = work.residual - np.einsum("cni,ci->nc", design, step)
     above = work.deviances - np.einsum("nc,nc->c", work.residual, work.residual)
     misfit = np.einsum("nc,nc->c", left, left) + np.sum((below + step) ** 2, axis=1) + above
     change = step[:, :count].T
     sd = np.sqrt(np.einsum("cii->ic", inverse)[:count])
-    occam = log_bound_share(prepared, x, change, sd) - 0.5 * np.linalg.slogdet(matrix)[1]
-    return LeastSquares(misfit, occam, x + change, inverse[int(np.argmin(misfit)), :count, :count])
+    volume = log_bound_share(prepared, x, change, sd) - 0.5 * np.linalg.slogdet(matrix)[1]
+    return LeastSquares(misfit, volume, x + change, inverse[int(np.argmin(misfit)), :count, :count])
 
 
 def log_bound_share(prepared: PreparedProblem, x: Floats, change: Floats, sd: Floats) -> Floats:
     """Ln of the share of the posterior within the bounds of the calibrated numbers, column by column."""
     return log_box(prepared.low[:, np.newaxis] - x, prepared.high[:, np.newaxis] - x, change, sd)
-
-
-def starting_misfit(prepared: PreparedProblem, residual: Floats, shared: Floats, x: Floats) -> float:
-    """Misfit where the expansion starts: reached in the model itself, only shared errors at their best."""
-    work = working(residual, prepared.rows.censored)
-    gain = 0.0
-    if shared.shape[1]:
-        columns = shared * work.weight[:, np.newaxis]
-        pull = columns.T @ work.residual
-        gain = float(pull @ np.linalg.solve(columns.T @ columns + np.eye(pull.size), pull))
-    return work.deviance - gain + float(x @ x)
-
-
-@dataclass(frozen=True)
-class ScoredHypothesis:
-    """Evidence of one hypothesis over the grid of noise factors."""
-
-    expansion: Expansion
-    likelihoods: tuple[StrengthLikelihood, ...]
-    log_evidence: Floats  # per noise factor
-
-
-def score(prepared: PreparedProblem, expansion: Expansion) -> ScoredHypothesis:
-    """Ln Z of a hypothesis for every noise factor; -inf where the model fails at its best fit."""
-    if not np.all(np.isfinite(expansion.mean)):
-        return ScoredHypothesis(expansion, (), np.full(prepared.doubt.factor.size, -inf))
-    columns = columns_of(prepared, expansion)
-    likelihoods = tuple(
-        surface(prepared, expansion, columns, float(factor)) for factor in prepared.doubt.factor
-    )
-    values = np.array([log_sum_exp(s.log_likelihood + columns.log_prior) for s in likelihoods])
-    return ScoredHypothesis(expansion, likelihoods, values)

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection, stack, working
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
+from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, projected_residual
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import standard_axis
 
@@ -39,12 +39,8 @@ class Kernel:
 
 def condition_axes(prepared: PreparedProblem) -> dict[str, Floats]:
     """Conditions that vary, standardised; by their logarithm where they span a wide positive range."""
-    axes = {}
-    for name, column in prepared.rows.conditions.items():
-        values = standard_axis(column)
-        if values is not None:
-            axes[name] = values
-    return axes
+    axes = {name: standard_axis(column) for name, column in prepared.rows.conditions.items()}
+    return {name: values for name, values in axes.items() if values is not None}
 
 
 def kernels(prepared: PreparedProblem) -> list[Kernel]:
@@ -52,13 +48,12 @@ def kernels(prepared: PreparedProblem) -> list[Kernel]:
     axes = condition_axes(prepared)
     same = prepared.rows.which[:, np.newaxis] == prepared.rows.which[np.newaxis, :]
     typical = np.ones(prepared.rows.size)
-    for index in np.unique(prepared.rows.which):
-        rows = prepared.rows.which == index
+    for _, rows in prepared.by_observable():
         typical[rows] = np.median(prepared.sd[rows])
     height = typical / prepared.sd
     found = []
     for length in LENGTHS:
-        distances = {name: distance(values, length) for name, values in axes.items()}
+        distances = {name: squared_distance(values, length) for name, values in axes.items()}
         if len(distances) > 1:
             distances["all"] = np.sum(list(distances.values()), axis=0)
         for name, square in distances.items():
@@ -67,7 +62,7 @@ def kernels(prepared: PreparedProblem) -> list[Kernel]:
     return found
 
 
-def distance(values: Floats, length: float) -> Floats:
+def squared_distance(values: Floats, length: float) -> Floats:
     """Squared distance along one axis over the squared length."""
     return ((values[:, np.newaxis] - values[np.newaxis, :]) / length) ** 2
 
@@ -82,7 +77,7 @@ def low_rank(matrix: Floats) -> Floats:
 def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: list[Kernel]) -> Floats:
     """Ln evidence gained by a discrepancy on top of a hypothesis, per noise factor."""
     factors = prepared.doubt.factor
-    if not family or not np.all(np.isfinite(expansion.mean)):
+    if not family or not expansion.finite:
         return np.full(factors.size, -np.inf)
     if expansion.shared.shape[1] == prepared.rows.shared.shape[1]:
         return gains(prepared, expansion, family, factors)
@@ -93,30 +88,14 @@ def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: li
 
 def gains(prepared: PreparedProblem, expansion: Expansion, family: list[Kernel], factors: Floats) -> Floats:
     """Ln evidence gained at every noise factor where one balance of errors serves all of them."""
-    residual, basis = free_residual(prepared, expansion)
-    terms = []
-    amplitude = np.array(AMPLITUDES)[:, np.newaxis] ** 2
+    left = projected_residual(prepared, expansion)
+    terms, amplitude = [], np.array(AMPLITUDES)[:, np.newaxis] ** 2
     for kernel in family:
-        upper = kernel.factor
-        free = upper - basis[: prepared.rows.size] @ (basis[: prepared.rows.size].T @ upper)
-        values, vectors = np.linalg.eigh(upper.T @ free)
+        values, vectors = np.linalg.eigh(kernel.factor.T @ left.project(kernel.factor))
         values = np.maximum(values, 1e-12)
-        squares = (vectors.T @ (upper.T @ residual)) ** 2 / values
+        squares = (vectors.T @ (kernel.factor.T @ left.free)) ** 2 / values
         loss = -0.5 * np.sum(np.log1p(amplitude * values), axis=1)
-        share = amplitude * values / (1.0 + amplitude * values)
-        gained = 0.5 * (share @ squares)
+        gained = 0.5 * (amplitude * values / (1.0 + amplitude * values) @ squares)
         terms.append(loss[:, np.newaxis] + gained[:, np.newaxis] / factors**2)
     stacked = np.concatenate(terms, axis=0)
     return log_sum_exp(stacked, axis=0) - np.log(stacked.shape[0])
-
-
-def free_residual(prepared: PreparedProblem, expansion: Expansion) -> tuple[Floats, Floats]:
-    """Residual rows that neither calibration nor the effects can remove, and the basis removed."""
-    work = working((prepared.rows.z - expansion.mean) / prepared.sd, prepared.rows.censored)
-    scale = (work.weight / prepared.sd)[:, np.newaxis]
-    columns = np.hstack([expansion.local, expansion.jacobian]) * scale
-    loose = expansion.local.shape[1]
-    part = projection(columns, expansion.shared * scale, loose)
-    x = np.concatenate([np.zeros(loose), expansion.fit.x])
-    stacked = stack(work.residual, x, expansion.shared.shape[1])
-    return part.free(stacked)[: prepared.rows.size], part.basis

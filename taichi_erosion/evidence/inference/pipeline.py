@@ -1,184 +1,161 @@
-"""All stages of one examination, in order: calibrate, sign, screen, refit, weigh, decide."""
+"""All stages of the inference, in order: calibrate, screen, refit, weigh, decide."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_erosion.evidence.data.findings import MisfitPlace
+from taichi_erosion.evidence.data.findings import NONE, MisfitPlace
 from taichi_erosion.evidence.data.problem import Floats, Progress
-from taichi_erosion.evidence.inference.cross_validation import ScoreGain, held_out
+from taichi_erosion.evidence.inference.cross_validation import ScoreGain, log_score_gain
 from taichi_erosion.evidence.inference.familywise_test import DRAWS, FamilywiseTest, familywise_test, power
-from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places, residuals_of
-from taichi_erosion.evidence.inference.levels import UNSTABLE
+from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places
+from taichi_erosion.evidence.inference.levels import UNSTABLE, too_few_rows
 from taichi_erosion.evidence.inference.map_fit import Fit, fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
-from taichi_erosion.evidence.inference.model_discrepancy import Kernel, discrepancy_gain, kernels
-from taichi_erosion.evidence.inference.pairs import fit_pairs
-from taichi_erosion.evidence.inference.posterior import Posterior, label, posterior
+from taichi_erosion.evidence.inference.marginal_likelihood import expand
+from taichi_erosion.evidence.inference.model_discrepancy import Kernel, kernels
+from taichi_erosion.evidence.inference.posterior import Posterior, posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.refit import FittedHypothesis, chosen_singles, fit_singles, hypotheses
+from taichi_erosion.evidence.inference.refit import (
+    FittedHypothesis,
+    fit_pairs,
+    fit_singles,
+    hypotheses,
+    scored_expansion,
+    shortlist,
+)
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.verdict import Decision, adequate_decision, best_hypothesis, decide
 from taichi_erosion.evidence.models.predictor import seed_mean
 
-ROUGH_DRAWS = 200  # of a null that only ranks
+RANKING_DRAWS = 200  # of a null that only ranks
+
+
+@dataclass(frozen=True)
+class FittedHypotheses:
+    """All hypotheses fitted on one prepared problem."""
+
+    prepared: PreparedProblem
+    base: FittedHypothesis
+    screened: Screen
+    ranking: FamilywiseTest
+    refits: list[FittedHypothesis]
+    family: list[Kernel]
+
+    def posterior(self) -> Posterior:
+        """Probabilities of all explanations."""
+        listed = hypotheses(self.prepared, self.base, self.screened, self.ranking, self.refits)
+        return posterior_of(self.prepared, listed)
+
+    def rescored(self, seeds: np.ndarray) -> "FittedHypotheses":
+        """The same weighed with other scoring seeds, out of runs that were made already."""
+        prepared = replace(
+            self.prepared,
+            seeds=replace(self.prepared.seeds, scoring=seeds),
+            variance=self.prepared.rows.variance + self.prepared.seed_variance / seeds.size,
+        )
+
+        def again(item: FittedHypothesis) -> FittedHypothesis:
+            expansion = replace(item.expansion, mean=mean_over_seeds(prepared, item.fit))
+            return scored_expansion(prepared, expansion, self.family)
+
+        refits = [again(item) for item in self.refits]
+        return replace(self, prepared=prepared, base=again(self.base), refits=refits)
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """Everything that the stages found, before it is put into words."""
+    """Outcome of all stages."""
 
-    prepared: PreparedProblem
-    base: FittedHypothesis
-    found: Screen
-    seen: FamilywiseTest
-    judged: list[FittedHypothesis]
-    believed: Posterior
+    fitted: FittedHypotheses
+    test: FamilywiseTest
+    posterior: Posterior
     decision: Decision
     final: FittedHypothesis  # the hypothesis whose calibration is reported
     p_misfit: float
     p_misfit_after: float  # of what the final hypothesis leaves
-    where: tuple[MisfitPlace, ...]  # the bare model fails, worst first
-    family: list[Kernel]
-    held_out: dict[str, ScoreGain]
+    places: tuple[MisfitPlace, ...]  # of the bare model, worst first
+    gains: dict[str, ScoreGain]  # of single effects, over left-out groups
     stability: float
     warnings: tuple[str, ...]
 
 
 def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysis:
-    """All stages of one examination."""
+    """All stages on one prepared problem."""
     progress("calibrating the bare model", 0.05)
-    prepared, fitted, warnings = fit_base(prepared)
-    expansion = expand(prepared, fitted)
-    family = kernels(prepared)
-    base = FittedHypothesis((), score(prepared, expansion), discrepancy_gain(prepared, expansion, family))
+    prepared, best, warnings = fit_base(prepared)
+    expansion, family = expand(prepared, best), kernels(prepared)
+    base = scored_expansion(prepared, expansion, family)
     progress("making signatures", 0.15)
-    found = screen(prepared, expansion)
-    p_misfit, where = misfit_p(residuals_of(prepared, expansion)), misfit_places(prepared, expansion)
-    rough = familywise_test(prepared, found, np.ones(ROUGH_DRAWS), seed)
-    judged = fit_singles(prepared, found, chosen_singles(prepared, found, rough), family, progress)
-    judged += fit_pairs(prepared, found, judged, family, progress)
+    screened = screen(prepared, expansion)
+    p_misfit, places = misfit_p(prepared, expansion), misfit_places(prepared, expansion)
+    ranking = familywise_test(prepared, screened, np.ones(RANKING_DRAWS), seed)
+    refits = fit_singles(prepared, screened, shortlist(prepared, screened, ranking), family, progress)
+    refits += fit_pairs(prepared, screened, refits, family, progress)
     progress("weighing the evidence", 0.9)
-    believed = posterior(prepared, hypotheses(prepared, base, found, rough, judged))
-    seen = familywise_test(prepared, found, noise_draws(prepared, believed, seed), seed)
-    least = min([p_misfit, *(place.p for place in where)])
-    decision = initial_decision(prepared, found, judged, believed, seen, least)
-    gains = {item.names[0]: held_out(prepared, expansion, item.scored.expansion) for item in usable(judged)}
-    stability, decision = seed_stability(prepared, base, found, rough, judged, family, decision)
-    decision, final, left = final_decision(prepared, base, judged, believed, decision)
+    fitted = FittedHypotheses(prepared, base, screened, ranking, refits, family)
+    posterior = fitted.posterior()
+    test = familywise_test(prepared, screened, noise_draws(prepared, posterior, seed), seed)
+    least = min([p_misfit, *(place.p for place in places)])
+    decision = initial_decision(fitted, posterior, test, least)
+    usable = [item for item in refits if len(item.names) == 1 and item.usable]
+    gains = {item.names[0]: log_score_gain(prepared, expansion, item.expansion) for item in usable}
+    stability, decision = seed_stability(fitted, decision)
+    decision, final, p_left = final_decision(fitted, posterior, decision)
     return Analysis(
-        prepared,
-        base,
-        found,
-        seen,
-        judged,
-        believed,
-        decision,
-        final,
-        p_misfit,
-        left,
-        where,
-        family,
-        gains,
-        stability,
-        tuple(warnings),
+        fitted, test, posterior, decision, final, p_misfit, p_left, places, gains, stability, tuple(warnings)
     )
 
 
 def initial_decision(
-    prepared: PreparedProblem,
-    found: Screen,
-    judged: list[FittedHypothesis],
-    believed: Posterior,
-    seen: FamilywiseTest,
-    p_misfit: float,
+    fitted: FittedHypotheses, posterior: Posterior, test: FamilywiseTest, p_misfit: float
 ) -> Decision:
     """The first verdict; none where almost anything would explain the rows."""
-    powers = [power(signature.norm, seen.threshold) for signature in found.signatures]
-    if too_few_rows(prepared):
-        return Decision("not_testable", (), ())
-    return decide(believed, judged, seen.p, p_misfit, powers)
+    if too_few_rows(fitted.prepared.rows.size, len(fitted.prepared.axes)):
+        return Decision("not_testable")
+    powers = [power(signature.norm, test.threshold) for signature in fitted.screened.signatures]
+    return decide(posterior, fitted.refits, test.p, p_misfit, powers)
 
 
 def final_decision(
-    prepared: PreparedProblem,
-    base: FittedHypothesis,
-    judged: list[FittedHypothesis],
-    believed: Posterior,
-    decision: Decision,
+    fitted: FittedHypotheses, posterior: Posterior, decision: Decision
 ) -> tuple[Decision, FittedHypothesis, float]:
     """The verdict, the hypothesis whose calibration is reported, and the chance of what that leaves."""
-    names = best_hypothesis(believed, judged, decision)
-    final = next((item for item in judged if item.names == names), base)
-    left = misfit_p(residuals_of(prepared, final.scored.expansion))
-    kept = adequate_decision(decision, believed, left)
-    if kept != decision:
-        return final_decision(prepared, base, judged, believed, kept)
-    return decision, final, left
+    names = best_hypothesis(posterior, fitted.refits, decision)
+    final = next((item for item in fitted.refits if item.names == names), fitted.base)
+    p_left = misfit_p(fitted.prepared, final.expansion)
+    kept = adequate_decision(decision, posterior, p_left)
+    return (decision, final, p_left) if kept == decision else final_decision(fitted, posterior, kept)
 
 
-def too_few_rows(prepared: PreparedProblem) -> bool:
-    """Whether there are no more rows than calibrated numbers: almost anything would explain them."""
-    return prepared.rows.size <= len(prepared.axes)
-
-
-def usable(judged: list[FittedHypothesis]) -> list[FittedHypothesis]:
-    """Singles at whose best fit the model works."""
-    return [item for item in judged if len(item.names) == 1 and item.scored.likelihoods]
-
-
-def noise_draws(prepared: PreparedProblem, believed: Posterior, seed: int) -> Floats:
-    """Noise factors as the posterior has them."""
-    weight = believed.noise_weight / believed.noise_weight.sum()
+def noise_draws(prepared: PreparedProblem, posterior: Posterior, seed: int) -> Floats:
+    """Draws of the noise factor from its posterior."""
+    weight = posterior.noise_weight / posterior.noise_weight.sum()
     return np.random.default_rng(seed + 1).choice(prepared.doubt.factor, size=DRAWS, p=weight)
 
 
-def seed_stability(
-    prepared: PreparedProblem,
-    base: FittedHypothesis,
-    found: Screen,
-    rough: FamilywiseTest,
-    judged: list[FittedHypothesis],
-    family: list[Kernel],
-    decision: Decision,
-) -> tuple[float, Decision]:
-    """Share of the two halves of the judging seeds that agree on the name, and the verdict after that.
+def seed_stability(fitted: FittedHypotheses, decision: Decision) -> tuple[float, Decision]:
+    """Share of the two halves of the scoring seeds that agree on the name, and the verdict after that.
 
     A half that is more than even on another name makes the verdict unstable.
     """
-    if not prepared.noisy or decision.verdict not in ("present", "group"):
+    if not fitted.prepared.noisy or decision.verdict not in ("present", "group"):
         return 1.0, decision
-    accepted = {*decision.named, *decision.group}
-    half, agree, against = prepared.seeds.scoring.size // 2, 0, 0
-    for seeds in (prepared.seeds.scoring[:half], prepared.seeds.scoring[half:]):
-        part = replace(
-            prepared,
-            seeds=replace(prepared.seeds, scoring=seeds),
-            variance=prepared.rows.variance + prepared.seed_variance / seeds.size,
-        )
-        halves = [rescored(part, item, family) for item in judged]
-        believed = posterior(part, hypotheses(part, rescored(part, base, family), found, rough, halves))
-        top = max(believed.probability, key=lambda key: believed.probability[key])
-        agree += bool(accepted & set(top.split("+")))
-        against += (
-            top != label(()) and not accepted & set(top.split("+")) and believed.probability[top] > UNSTABLE
-        )
+    scoring = fitted.prepared.seeds.scoring
+    agree = against = 0
+    for seeds in (scoring[: scoring.size // 2], scoring[scoring.size // 2 :]):
+        probability = fitted.rescored(seeds).posterior().probability
+        top = max(probability, key=lambda key: probability[key])
+        same = bool(decision.accepted & set(top.split("+")))
+        agree += same
+        against += not same and top != NONE and probability[top] > UNSTABLE
     return agree / 2.0, replace(decision, verdict="unstable") if against else decision
 
 
-def rescored(prepared: PreparedProblem, item: FittedHypothesis, family: list[Kernel]) -> FittedHypothesis:
-    """The same hypothesis weighed with other judging seeds, out of runs that were made already."""
-    expansion = replace(item.scored.expansion, mean=part_mean(prepared, item.scored.expansion.fit))
-    return replace(
-        item, scored=score(prepared, expansion), gain=discrepancy_gain(prepared, expansion, family)
-    )
-
-
-def part_mean(prepared: PreparedProblem, fit: Fit) -> Floats:
-    """Mean over some of the judging seeds."""
+def mean_over_seeds(prepared: PreparedProblem, best: Fit) -> Floats:
+    """Mean of a fit over the scoring seeds, out of runs with more seeds where there are any."""
     for (x, acting, seeds), values in prepared.predictor.seen.items():
         drawn = np.frombuffer(seeds, dtype=np.int64)
-        same = x == fit.x.tobytes() and dict(acting) == fit.acting()
+        same = x == best.x.tobytes() and dict(acting) == best.acting()
         if same and np.isin(prepared.seeds.scoring, drawn).all():
             return seed_mean(values[np.isin(drawn, prepared.seeds.scoring)])
-    return prepared.predictor.mean(fit.x, fit.acting(), prepared.seeds.scoring)
+    return prepared.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)

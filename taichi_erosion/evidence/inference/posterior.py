@@ -1,16 +1,30 @@
-"""Probabilities of every explanation: nothing missing, one effect, two effects, something not in the list."""
+"""Posterior probabilities of the explanations, and credible intervals of strengths and calibrated numbers.
+
+The explanations are exclusive: nothing missing, one effect, two effects, something that is not in the list.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Estimate
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.inference.levels import PRIOR_NONE, PRIOR_OUTSIDE, PRIOR_PAIRS, PRIOR_REMAINDER
+from taichi_erosion.evidence.data.transforms import axis_value, effect_of
+from taichi_erosion.evidence.inference.levels import (
+    INTERVAL_TAIL,
+    PRIOR_NONE,
+    PRIOR_OUTSIDE,
+    PRIOR_PAIRS,
+    PRIOR_REMAINDER,
+)
+from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, cell_width
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
-NONE, OUTSIDE = "none", "outside_library"
+HALF_WIDTH = float(stats.norm.ppf(1.0 - INTERVAL_TAIL))  # of a normal 90 % interval, in sd
+BOUND = 1e-3  # of a prior sd: closer to an end of its range a number is called bound
 
 
 @dataclass(frozen=True)
@@ -21,7 +35,7 @@ class Hypothesis:
     outside: bool  # a smooth discrepancy acts too
     log_prior: float
     log_evidence: Floats
-    told: bool = True  # its probability speaks for its names; else for something that is not in the list
+    rejected: bool = False  # its probability counts for something that is not in the list
 
 
 @dataclass(frozen=True)
@@ -33,9 +47,14 @@ class Posterior:
     log_bayes: Mapping[str, float]  # effect -> ln evidence over the base
     noise_weight: Floats  # of every noise factor
 
+    @property
+    def named(self) -> float:
+        """Probability that listed effects act."""
+        return 1.0 - self.probability[NONE] - self.probability[OUTSIDE]
+
 
 def label(names: tuple[str, ...]) -> str:
-    """How a set of effects is called in the table of probabilities."""
+    """Key of a set of effects in the table of probabilities."""
     return "+".join(names) if names else NONE
 
 
@@ -51,26 +70,87 @@ def log_prior_of(names: tuple[str, ...], outside: bool, count: int) -> float:
     return float(np.log(share_pairs / pairs))
 
 
-def posterior(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Posterior:
+def posterior_of(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Posterior:
     """Probabilities over all hypotheses, noise factors averaged."""
     doubt = prepared.doubt.log_weight
     joint = np.array([h.log_prior + doubt + h.log_evidence for h in hypotheses])
-    joint -= log_sum_exp(joint)
-    weight = np.exp(joint)
-    each = weight.sum(axis=1)
-    probability: dict[str, float] = {NONE: 0.0, OUTSIDE: 0.0}
+    weight = np.exp(joint - log_sum_exp(joint))
     inclusion = {candidate.name: 0.0 for candidate in prepared.problem.candidates}
-    probability |= inclusion
-    for hypothesis, share in zip(hypotheses, each, strict=True):
-        key = label(hypothesis.names) if hypothesis.told else OUTSIDE
+    probability: dict[str, float] = {NONE: 0.0, OUTSIDE: 0.0} | inclusion
+    for hypothesis, share in zip(hypotheses, weight.sum(axis=1), strict=True):
+        key = OUTSIDE if hypothesis.rejected else label(hypothesis.names)
         probability[key] = probability.get(key, 0.0) + float(share)
-        for name in hypothesis.names if hypothesis.told else ():
+        for name in () if hypothesis.rejected else hypothesis.names:
             inclusion[name] += float(share)
-    return Posterior(probability, inclusion, bayes_factors(prepared, hypotheses), weight.sum(axis=0))
-
-
-def bayes_factors(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> dict[str, float]:
-    """Ln of every single effect's evidence over the base, without and with a remainder at prior weights."""
-    doubt = prepared.doubt.log_weight
     alone = {h.names: log_sum_exp(doubt + h.log_evidence) for h in hypotheses if not h.outside}
-    return {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}
+    factors = {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}
+    return Posterior(probability, inclusion, factors, weight.sum(axis=0))
+
+
+def joint_weight(prepared: PreparedProblem, scored: ScoredHypothesis, with_prior: bool) -> Floats:
+    """Weights (noise factors, columns of strengths), summing to 1."""
+    prior, width = np.zeros(1), np.ones(1)
+    for path in scored.expansion.paths:
+        prior = np.add.outer(prior, path.log_prior).ravel()
+        width = np.multiply.outer(width, cell_width(path.grid)).ravel()
+    shift = prior if with_prior else np.log(np.maximum(width, 1e-300))
+    weight = np.array([each.log_likelihood + shift for each in scored.likelihoods])
+    weight += prepared.doubt.log_weight[:, np.newaxis]
+    return np.exp(weight - log_sum_exp(weight))
+
+
+def strength_estimates(prepared: PreparedProblem, scored: ScoredHypothesis) -> dict[str, Estimate]:
+    """Strength of every acting effect with its 90 % interval, no prior but the allowed range."""
+    if not scored.likelihoods:
+        return {}
+    paths, best = scored.expansion.paths, scored.expansion.fit
+    weight = joint_weight(prepared, scored, with_prior=False).sum(axis=0)
+    table = weight.reshape([path.grid.size for path in paths])
+    found = {}
+    for index, (name, value) in enumerate(best.acting().items()):
+        share = table.sum(axis=1 - index) if len(paths) == 2 else table
+        low, high = (quantile(paths[index].grid, share, q) for q in (INTERVAL_TAIL, 1.0 - INTERVAL_TAIL))
+        bound = value >= prepared.candidate(name).maximum * (1.0 - BOUND)
+        found[name] = Estimate(value, min(low, value), max(high, value), bound)
+    return found
+
+
+def quantile(grid: Floats, share: Floats, level: float) -> float:
+    """Quantile of cell probabilities on a grid, linear within cells."""
+    if grid.size < 2:
+        return float(grid[0]) if grid.size else 0.0
+    density = share / cell_width(grid)
+    pieces = 0.5 * (density[1:] + density[:-1]) * np.diff(grid)
+    cumulative = np.concatenate([[0.0], np.cumsum(pieces)])
+    return float(np.interp(level * cumulative[-1], cumulative, grid))
+
+
+def upper_strength(grid: Floats, log_likelihood: Floats) -> float:
+    """Strength above which an effect is excluded with 95 %."""
+    weight = np.exp(log_likelihood - log_likelihood.max()) * cell_width(grid)
+    return quantile(grid, weight, 1.0 - INTERVAL_TAIL)
+
+
+def parameter_estimates(prepared: PreparedProblem, scored: ScoredHypothesis) -> dict[str, Estimate]:
+    """Calibrated numbers with 90 % intervals, strengths and noise factors integrated out.
+
+    Numbers of a candidate that does not act are left out: the measurements say nothing about them.
+    """
+    if not prepared.axes or not scored.likelihoods:
+        return {}
+    weight = joint_weight(prepared, scored, with_prior=True)
+    x = scored.expansion.fit.x
+    centres = np.array([each.position for each in scored.likelihoods])
+    variances = np.array([np.diag(each.covariance) for each in scored.likelihoods])
+    mean = np.einsum("fc,fpc->p", weight, centres)
+    second = np.einsum("fc,fpc->p", weight, centres**2) + np.einsum("fc,fp->p", weight, variances)
+    sd = np.sqrt(np.maximum(second - mean**2, 0.0))
+    absent = {candidate.name for candidate in prepared.problem.candidates} - set(scored.expansion.fit.names)
+    found = {}
+    for j, axis in enumerate(prepared.axes):
+        if effect_of(axis.name) not in absent:
+            points = np.clip(mean[j] + HALF_WIDTH * sd[j] * np.array([-1.0, 0.0, 1.0]), axis.low, axis.high)
+            low, middle, high = (axis_value(axis, float(point)) for point in points)
+            bound = bool(x[j] - axis.low < BOUND or axis.high - x[j] < BOUND)
+            found[axis.name] = Estimate(middle, min(low, high), max(low, high), bound)
+    return found

@@ -1,8 +1,8 @@
-"""What can be learnt about an effect that no library holds: where it acts, which way, how it scales, a law.
+"""Structure of the residual where no listed effect explains it: axis, sign, scaling exponent, a fitted law.
 
 The scaling exponent b belongs to residual ~ c x^b on the comparison scale (an additive term) fitted with
 what calibration can imitate projected out; its interval is the profile of the misfit. The law is a hypothesis
-found by exhaustive search over products of powers of at most two conditions, one or two terms, judged on
+found by exhaustive search over products of powers of at most two conditions, one or two terms, scored on
 left-out groups.
 """
 
@@ -15,9 +15,13 @@ from scipy import stats
 from taichi_erosion.evidence.data.findings import Law, MisfitPlace, ResidualTrend
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
-from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS, Residuals, residuals_of
+from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS
 from taichi_erosion.evidence.inference.levels import SECOND_TERM, fails
-from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
+from taichi_erosion.evidence.inference.marginal_likelihood import (
+    Expansion,
+    ProjectedResidual,
+    projected_residual,
+)
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 POWERS = (-2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0)  # of a condition in a term
@@ -28,29 +32,31 @@ FIRST_TERMS = 12  # single terms that are tried with a second one
 
 
 def residual_trends(
-    prepared: PreparedProblem, base: Expansion, where: tuple[MisfitPlace, ...]
+    prepared: PreparedProblem, base: Expansion, places: tuple[MisfitPlace, ...]
 ) -> tuple[ResidualTrend, ...]:
-    """A clue for every observable in which the model fails, worst first."""
-    left = residuals_of(prepared, base)
-    clues = []
-    for index, observable in enumerate(prepared.rows.observables):
-        places = [place for place in where if place.observable == observable.name and fails(place.p)]
-        rows = prepared.rows.which == index
-        if places and rows.sum() > 2:
-            axes = [place for place in places if place.axis != LEVEL_AXIS] or places
-            clues.append((places[0].p, residual_trend(prepared, left, rows, axes[0])))
-    return tuple(clue for _, clue in sorted(clues, key=lambda item: item[0]))
+    """The trend of every observable in which the model fails, worst first."""
+    left, trends = projected_residual(prepared, base), []
+    for observable, rows in prepared.by_observable():
+        failing = [place for place in places if place.observable == observable.name and fails(place.p)]
+        if failing and rows.sum() > 2:
+            axes = [place for place in failing if place.axis != LEVEL_AXIS] or failing
+            trends.append((failing[0].p, residual_trend(prepared, left, rows, axes[0])))
+    return tuple(trend for _, trend in sorted(trends, key=lambda item: item[0]))
 
 
 def residual_trend(
-    prepared: PreparedProblem, left: Residuals, rows: Bools, place: MisfitPlace
+    prepared: PreparedProblem, left: ProjectedResidual, rows: Bools, place: MisfitPlace
 ) -> ResidualTrend:
     """Axis, sign, exponent and law of one observable."""
     law = best_law(prepared, left, rows, place.observable)
+    told = ""
+    if law is not None:
+        share = f"explains {law.held_out_share:.0%} of the misfit of left-out groups"
+        told = f"; hypothesis: {law.expression} ({share})"
     column = prepared.rows.conditions.get(place.axis)
     if column is None:
         sign = int(np.sign(left.free[rows].sum()))
-        words = f"{place.observable}: off as a whole, along no condition in particular{law_words(law)}"
+        words = f"{place.observable}: off as a whole, along no condition in particular{told}"
         return ResidualTrend(place.observable, place.axis, sign, np.nan, np.nan, np.nan, words, law)
     order = np.argsort(column[rows])
     upper = left.free[rows][order][-max(2, int(rows.sum()) // 3) :]
@@ -59,29 +65,17 @@ def residual_trend(
     words = f"{place.observable}: measured {'above' if sign > 0 else 'below'} predicted at large {place.axis}"
     if np.isfinite(exponent):
         words += f", scaling like {place.axis}^{exponent:.2g} ({low:.2g} to {high:.2g})"
-    return ResidualTrend(place.observable, place.axis, sign, exponent, low, high, words + law_words(law), law)
+    return ResidualTrend(place.observable, place.axis, sign, exponent, low, high, words + told, law)
 
 
-def law_words(law: Law | None) -> str:
-    """The law, marked as what it is."""
-    if law is None:
-        return ""
-    return (
-        f"; hypothesis: {law.expression} (explains {law.held_out_share:.0%} of the misfit of left-out groups)"
-    )
-
-
-def explained(prepared: PreparedProblem, left: Residuals, columns: Floats) -> Floats:
-    """Fall of the misfit by each column (n, c) alone, calibration giving way."""
-    white = columns / prepared.sd[:, np.newaxis]
-    free = white - left.basis @ (left.basis.T @ white)
-    energy = np.einsum("ij,ij->j", white, free)
-    pull = white.T @ left.free
-    return np.where(energy > 1e-9, pull**2 / np.maximum(energy, 1e-9), 0.0)
+def misfit_fall(left: ProjectedResidual, white: Floats) -> Floats:
+    """Fall of the misfit by each whitened column (n, c) alone, recalibration included."""
+    energy = np.einsum("ij,ij->j", white, left.project(white))
+    return np.where(energy > 1e-9, (white.T @ left.free) ** 2 / np.maximum(energy, 1e-9), 0.0)
 
 
 def scaling(
-    prepared: PreparedProblem, left: Residuals, rows: Bools, column: Floats
+    prepared: PreparedProblem, left: ProjectedResidual, rows: Bools, column: Floats
 ) -> tuple[float, float, float]:
     """Exponent b of c x^b with its 90 % interval; NaN where the condition is not positive everywhere."""
     values = column[rows]
@@ -91,7 +85,7 @@ def scaling(
     logs = np.log(values / np.exp(np.mean(np.log(values))))
     exponents = np.where(np.abs(EXPONENTS) < 1e-9, 1e-3, EXPONENTS)
     shape[rows] = np.exp(np.outer(logs, exponents))
-    fall = explained(prepared, left, shape)
+    fall = misfit_fall(left, shape / prepared.sd[:, np.newaxis])
     kept = EXPONENTS[fall > fall.max() - FALL]
     return float(EXPONENTS[int(np.argmax(fall))]), float(kept.min()), float(kept.max())
 
@@ -130,42 +124,39 @@ def typical(values: Floats) -> float:
     return float(np.median(sizes)) if sizes.size else 1.0
 
 
-def best_law(prepared: PreparedProblem, left: Residuals, rows: Bools, observable: str) -> Law | None:
+def best_law(prepared: PreparedProblem, left: ProjectedResidual, rows: Bools, observable: str) -> Law | None:
     """The law of one or two terms that predicts left-out groups best; None if none predicts them at all."""
     terms = list(terms_of(prepared, rows))
     if not terms:
         return None
     columns = np.column_stack([term_column(prepared, rows, term) for term in terms])
     columns[~np.isfinite(columns)] = 0.0
-    ranked = [int(i) for i in np.argsort(-explained(prepared, left, columns))]
+    white = columns / prepared.sd[:, np.newaxis]
+    ranked = [int(i) for i in np.argsort(-misfit_fall(left, white))][:FIRST_TERMS]
     folds = fold_numbers(prepared)
-    first = max(ranked[:FIRST_TERMS], key=lambda i: held_out_share(prepared, left, columns[:, [i]], folds))
-    share, chosen = held_out_share(prepared, left, columns[:, [first]], folds), [first]
-    best_pair = share + SECOND_TERM
-    for pair in ([i, j] for i, j in combinations(ranked[:FIRST_TERMS], 2)):
-        value = held_out_share(prepared, left, columns[:, pair], folds)
-        if value > best_pair:
-            best_pair, chosen = value, pair
-    share = best_pair if len(chosen) > 1 else share
+
+    def held_out(chosen: list[int]) -> float:
+        return held_out_share(left, left.project(white[:, chosen]), folds)
+
+    chosen = max(([i] for i in ranked), key=held_out)
+    share = held_out(chosen)
+    limit = share + SECOND_TERM
+    for pair in map(list, combinations(ranked, 2)):
+        value = held_out(pair)
+        if value > limit:
+            limit = share = value
+            chosen = pair
     if share <= 0.0:
         return None
-    white = columns[:, chosen] / prepared.sd[:, np.newaxis]
-    free = white - left.basis @ (left.basis.T @ white)
-    coefficients = np.asarray(np.linalg.lstsq(free, left.free, rcond=None)[0], dtype=np.float64)
-    chosen_terms = tuple(terms[i] for i in chosen)
-    return Law(
-        observable,
-        expression(prepared, rows, observable, chosen_terms, coefficients),
-        chosen_terms,
-        tuple(float(value) for value in coefficients),
-        share,
-    )
+    solved = np.linalg.lstsq(left.project(white[:, chosen]), left.free, rcond=None)[0]
+    coefficients = tuple(float(value) for value in solved)
+    law = tuple(terms[i] for i in chosen)
+    words = expression(prepared, rows, observable, law, coefficients)
+    return Law(observable, words, law, coefficients, share)
 
 
-def held_out_share(prepared: PreparedProblem, left: Residuals, columns: Floats, folds: Integers) -> float:
+def held_out_share(left: ProjectedResidual, free: Floats, folds: Integers) -> float:
     """Share of the left-out misfit explained by columns whose coefficients come from the other groups."""
-    white = columns / prepared.sd[:, np.newaxis]
-    free = white - left.basis @ (left.basis.T @ white)
     before = after = 0.0
     for fold in np.unique(folds):
         out = folds == fold

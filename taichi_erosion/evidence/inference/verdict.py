@@ -1,10 +1,10 @@
-"""From probabilities to words: what may be named, what is a group, what the data cannot tell."""
+"""Decision rules: what may be named, what is a group, what the data cannot tell."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_erosion.evidence.data.findings import Verdict
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Verdict
 from taichi_erosion.evidence.inference.levels import (
     ALONE,
     CREDIBLE,
@@ -17,42 +17,43 @@ from taichi_erosion.evidence.inference.levels import (
     TESTABLE_SHARE,
     fails,
 )
-from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, Posterior, label
+from taichi_erosion.evidence.inference.posterior import Posterior, label
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 
 
 @dataclass(frozen=True)
 class Decision:
-    """The verdict and whom it names."""
+    """The verdict and the effects that it names."""
 
     verdict: Verdict
-    named: tuple[str, ...]
-    group: tuple[str, ...]
+    named: tuple[str, ...] = ()
+    group: tuple[str, ...] = ()
+
+    @property
+    def accepted(self) -> set[str]:
+        return {*self.named, *self.group}
 
 
-def detected(believed: Posterior, p: float, p_misfit: float) -> bool:
+def detected(posterior: Posterior, p: float, p_misfit: float) -> bool:
     """Whether anything at all is missing: unlikely by chance, and clearly likelier than not.
 
     `p` is that of the best signature, `p_misfit` the least of the misfit as a whole and of its worst place.
     """
-    return believed.probability[NONE] < NONE_LIMIT and (p < FAMILYWISE_LEVEL or fails(p_misfit))
+    return posterior.probability[NONE] < NONE_LIMIT and (p < FAMILYWISE_LEVEL or fails(p_misfit))
 
 
 def decide(
-    believed: Posterior, judged: list[FittedHypothesis], p: float, p_misfit: float, powers: list[float]
+    posterior: Posterior, refits: list[FittedHypothesis], p: float, p_misfit: float, powers: list[float]
 ) -> Decision:
     """Verdict of the whole study: the likeliest of nothing, something unknown, something named."""
-    named_mass = 1.0 - believed.probability[NONE] - believed.probability[OUTSIDE]
-    likeliest = max(named_mass, believed.probability[OUTSIDE])
-    if not detected(believed, p, p_misfit) or likeliest < believed.probability[NONE]:
+    none, outside, named = posterior.probability[NONE], posterior.probability[OUTSIDE], posterior.named
+    if not detected(posterior, p, p_misfit) or max(named, outside) < none:
         testable = np.mean([power >= TESTABLE_POWER for power in powers]) if powers else 0.0
-        return Decision("none_detected" if testable >= TESTABLE_SHARE else "not_testable", (), ())
-    if believed.probability[OUTSIDE] > named_mass:
-        return Decision("outside_library", (), ())
-    return name(believed, judged, named_mass)
+        return Decision("none_detected" if testable >= TESTABLE_SHARE else "not_testable")
+    return Decision("outside_library") if outside > named else name_effects(posterior, refits)
 
 
-def adequate_decision(decision: Decision, believed: Posterior, p_left: float) -> Decision:
+def adequate_decision(decision: Decision, posterior: Posterior, p_left: float) -> Decision:
     """The decision, but that a name which leaves a misfit must be clearly likelier than something unlisted.
 
     An effect of the list imitates one that is not there, and takes most of the misfit away: its probability
@@ -60,61 +61,57 @@ def adequate_decision(decision: Decision, believed: Posterior, p_left: float) ->
 
     Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773, section 3.2.
     """
-    outside = believed.probability[OUTSIDE]
-    named = 1.0 - believed.probability[NONE] - outside
-    if decision.verdict in ("present", "group") and fails(p_left) and named < NAME_ODDS * outside:
-        return Decision("outside_library", (), ())
+    unlikely = posterior.named < NAME_ODDS * posterior.probability[OUTSIDE]
+    if decision.verdict in ("present", "group") and fails(p_left) and unlikely:
+        return Decision("outside_library")
     return decision
 
 
-def name(believed: Posterior, judged: list[FittedHypothesis], mass: float) -> Decision:
+def name_effects(posterior: Posterior, refits: list[FittedHypothesis]) -> Decision:
     """Effects that stand alone, and those among which the data do not decide."""
-    share = {effect: value / mass for effect, value in believed.inclusion.items()}
+    mass = posterior.named
+    share = {effect: value / mass for effect, value in posterior.inclusion.items()}
     ranked = sorted(share.items(), key=lambda item: -item[1])
     sure = [effect for effect, value in ranked if value >= SURE and value * mass >= ALONE]
-    rivals = equal_rivals(judged, sure)
-    if sure and not rivals and not second_effect_open(believed, sure, mass):
-        return Decision("present", tuple(sure), ())
-    group = credible_group(believed, mass)
-    group = tuple(dict.fromkeys([*group, *sure, *rivals]))
-    alone = tuple(effect for effect in sure if not rivals)
-    return Decision("group", alone if alone else (group[0],), group)
+    rivals = equal_rivals(refits, sure)
+    if sure and not rivals and not second_effect_open(posterior, sure):
+        return Decision("present", tuple(sure))
+    group = tuple(dict.fromkeys([*credible_group(posterior), *sure, *rivals]))
+    return Decision("group", tuple(sure) if sure and not rivals else (group[0],), group)
 
 
-def second_effect_open(believed: Posterior, sure: list[str], mass: float) -> bool:
+def second_effect_open(posterior: Posterior, sure: list[str]) -> bool:
     """Whether a second effect acts too, but which one is open."""
-    pairs = sum(value for key, value in believed.probability.items() if "+" in key and key.split("+")[0])
-    return len(sure) == 1 and pairs / mass > 0.5
+    pairs = sum(value for key, value in posterior.probability.items() if "+" in key)
+    return len(sure) == 1 and pairs / posterior.named > 0.5
 
 
-def equal_rivals(judged: list[FittedHypothesis], sure: list[str]) -> list[str]:
+def equal_rivals(refits: list[FittedHypothesis], sure: list[str]) -> list[str]:
     """Singles that fit as well as the one that stands alone; its probability may come from priors only."""
-    if len(sure) != 1:
+    misfit = {item.names[0]: item.fit.misfit for item in refits if len(item.names) == 1}
+    if len(sure) != 1 or sure[0] not in misfit:
         return []
-    misfit = {item.names[0]: item.scored.expansion.fit.misfit for item in judged if len(item.names) == 1}
-    best = misfit.get(sure[0])
-    if best is None:
-        return []
-    return [other for other, value in misfit.items() if other != sure[0] and value < best + RIVAL_MISFIT]
+    limit = misfit[sure[0]] + RIVAL_MISFIT
+    return [other for other, value in misfit.items() if other != sure[0] and value < limit]
 
 
-def credible_group(believed: Posterior, mass: float) -> list[str]:
+def credible_group(posterior: Posterior) -> list[str]:
     """Effects of the smallest set of named explanations that holds CREDIBLE of their probability."""
-    named = {k: v for k, v in believed.probability.items() if k not in (NONE, OUTSIDE)}
+    named = {k: v for k, v in posterior.probability.items() if k not in (NONE, OUTSIDE)}
     effects, total = [], 0.0
     for key, value in sorted(named.items(), key=lambda item: -item[1]):
         effects += [effect for effect in key.split("+") if effect not in effects]
-        total += value / mass
+        total += value / posterior.named
         if total >= CREDIBLE:
             break
     return effects
 
 
 def best_hypothesis(
-    believed: Posterior, judged: list[FittedHypothesis], decision: Decision
+    posterior: Posterior, refits: list[FittedHypothesis], decision: Decision
 ) -> tuple[str, ...]:
     """The set of effects whose calibration is reported."""
     if decision.verdict not in ("present", "group", "unstable"):
         return ()
-    done = [item.names for item in judged]
-    return max(done, key=lambda names: believed.probability.get(label(names), 0.0), default=())
+    done = [item.names for item in refits]
+    return max(done, key=lambda names: posterior.probability.get(label(names), 0.0), default=())

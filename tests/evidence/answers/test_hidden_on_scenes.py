@@ -18,7 +18,7 @@ import pytest
 from taichi_erosion.cli.main import main
 from tests.evidence.small_scenes import HIDDEN, STUDIES
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SEED = 7
 
 

@@ -14,7 +14,7 @@ import pytest
 from taichi_erosion.cli.main import main
 from tests.evidence.small_study import study_text
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MAKER = """
 import json, random, sys
 from hashlib import sha256

@@ -1,0 +1,43 @@
+"""Goodness of fit: chances against closed forms, and the place of a misfit in words."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from taichi_erosion.evidence.data.problem import Observable
+from taichi_erosion.evidence.data.transforms import from_scale, to_scale
+from taichi_erosion.evidence.inference.goodness_of_fit import (
+    failing_range,
+    holm,
+    place_sentence,
+    quadratic_form_p,
+)
+
+
+def test_a_quadratic_form_of_equal_weights_is_chi_square():
+    for value in (2.0, 7.0, 20.0):
+        assert quadratic_form_p(3.0 * value, np.full(5, 3.0)) == pytest.approx(stats.chi2.sf(value, 5))
+    assert quadratic_form_p(1.0, np.zeros(3)) == 1.0, "nothing is left to test"
+
+
+def test_holm_multiplies_by_the_tests_that_are_left():
+    assert holm([0.01, 0.04, 0.02]) == pytest.approx([0.03, 0.04, 0.04])
+
+
+def test_an_axis_of_few_values_is_told_by_the_value_where_the_model_fails():
+    column = np.repeat([1.0, 2.0, 4.0, 8.0], 4)
+    free = np.where(column == 2.0, 3.0, 0.0)
+    assert failing_range("size", column, free) == "too low at size = 2"
+
+
+def test_a_place_that_does_not_fail_is_told_as_none():
+    assert place_sentence("angle", "size", "too low", 0.02) == "angle: no misfit seen along size (p = 0.02)"
+    assert place_sentence("angle", "level", "too low as a whole", 1e-20) == (
+        "angle: the model is too low as a whole (p < 1e-16)"
+    )
+
+
+def test_a_flux_of_which_only_rounding_is_left_is_none():
+    flux = Observable("flux", "log_floor", floor=2e-4)
+    assert from_scale(flux, to_scale(flux, np.array([0.0, 1e-12]))) == pytest.approx([0.0, 1e-12], rel=1e-3)
+    assert np.all(from_scale(flux, np.log([2e-4 * (1.0 - 1e-15)])) == 0.0)
