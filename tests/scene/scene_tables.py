@@ -1,11 +1,18 @@
 """Raw scenes for the tests: one that is right, and hundreds that are wrong in one place each."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from datetime import date
 from math import inf, nan
+from pathlib import Path
 from typing import Any
 
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene import parse_scene
+
+SCENES = Path(__file__).parents[2] / "scenes"
 ABSENT = object()  # stands for a key that is taken away
 
 
@@ -202,3 +209,25 @@ def wrong_places() -> Iterator[tuple[str, Any]]:
     yield from WRONG_NAMES.items()
     yield from (("grains.size", size) for size in WHOLE_SIZES)
     yield from (("fill", fill) for fill in WHOLE_FILLS)
+
+
+def complaint(table: dict[str, Any], **known: Any) -> str:
+    """The line in which a bad scene is refused."""
+    with pytest.raises(BadInput) as caught:
+        parse_scene(table, "scenes/bad.toml", **known)
+    return str(caught.value)
+
+
+def refusal(load: Callable[[], Any]) -> str | None:
+    """The line in which a scene is refused, None where it loads."""
+    try:
+        load()
+    except BadInput as error:
+        return str(error)
+    return None
+
+
+def told_or_loaded(table: dict[str, Any], *orders: str) -> None:
+    """A scene, or one line that names the file."""
+    line = refusal(lambda: parse_scene(table, "scenes/bad.toml", Path(), orders))
+    assert line is None or (line.startswith("scenes/bad.toml: ") and "\n" not in line)

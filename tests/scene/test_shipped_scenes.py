@@ -1,21 +1,23 @@
-"""The scenes that come with the program, their walls, and the schema beside them."""
+"""The scenes that come with the program."""
 
-import json
 from math import atan, degrees
-from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_tables import changed, good_table
+from scene_tables import SCENES
 
-from taichi_erosion.core.setup import PrimitiveKind
-from taichi_erosion.scene import build_setup, explain, load_scene, parse_scene
-from taichi_erosion.scene.diameters import parts_of, scaling_names
-from taichi_erosion.scene.paths import schema_text
-from taichi_erosion.scene.schema.fields import unit_of
-from taichi_erosion.scene.schema.scene import Scene
+from taichi_erosion.scene import build_setup, explain, load_scene
+from taichi_erosion.scene.load import load_air_scene
 
-SCENES = Path(__file__).parents[2] / "scenes"
+TUNNEL = SCENES / "tunnel_section.toml"
+
+
+def test_the_tunnel_is_the_published_working_section():
+    air = load_air_scene(TUNNEL).air
+    assert air.extents == (7.2, 0.6, 1.0)  # half of the width of 1.2 m
+    assert air.sides["y_high"].kind == "symmetry"
+
+
 NAMES = ("column_collapse", "funnel_repose", "incline", "lifting_cylinder", "rotating_drum")
 
 
@@ -65,86 +67,3 @@ def test_the_incline_lets_go_at_the_friction_angle_before_it_tips():
     assert np.all((grains.position[:, 2] > grains.radius) & (grains.position[:, 2] < 1.02 * grains.radius))
     tilt = scene.stages[1]
     assert tilt.tilt_rate * tilt.duration_max > scene.measured["sliding_angle"].value
-
-
-def test_the_schema_beside_the_scenes_is_fresh():
-    assert (SCENES / "scene.schema.json").read_text(encoding="utf-8") == schema_text(), (
-        "run write_schema again"
-    )
-
-
-def test_every_number_of_the_schema_has_a_unit():
-    def numbers(part: object, name: str = ""):
-        if isinstance(part, dict):
-            kinds = {part.get("type")} | {option.get("type") for option in part.get("anyOf", ())}
-            if kinds & {"number", "integer"} and "unit" not in part:
-                yield name
-            for key, entry in part.items():
-                # the parts of a vector or of an option carry the unit of the whole
-                if key not in ("anyOf", "prefixItems", "items", "additionalProperties"):
-                    yield from numbers(entry, f"{name}.{key}")
-
-    assert list(numbers(json.loads(schema_text())["$defs"])) == []
-
-
-def test_a_name_that_may_be_given_in_diameters_has_one_kind_of_unit():
-    scaled = scaling_names()
-    units = {
-        (name, unit_of(field))
-        for part in parts_of(Scene)
-        for name, field in part.model_fields.items()
-        if name in scaled and part.__name__ != "ClumpSphere"  # [grains] is never expanded
-    }
-    assert sorted(name for name, _ in units) == sorted(scaled)
-
-
-def test_walls_become_the_primitives_that_they_describe():
-    table = good_table()
-    table["geometry"] |= {
-        "box": {"shape": "box", "material": "steel", "low": [-1.0, -1.0, -1.0], "high": [1.0, 1.0, 1.0]},
-        "floor": {"shape": "plane", "material": "soil", "point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 2.0]},
-        "tube": {
-            "shape": "cylinder",
-            "material": "steel",
-            "radius": 0.03,
-            "length": 0.2,
-            "axis": [0.0, 3.0, 0.0],
-        },
-        "cone": {
-            "shape": "cone",
-            "material": "steel",
-            "radius_low": 0.01,
-            "radius_high": 0.02,
-            "length": 0.1,
-        },
-    }
-    table["geometry"]["funnel"]["stem_length"] = 0.01
-    setup = build_setup(parse_scene(table), 1)
-    assert [surface.name for surface in setup.surfaces] == ["box", "cone", "floor", "funnel", "plate", "tube"]
-    rows = {
-        surface.name: setup.primitives.shape[setup.primitives.surface == k]
-        for k, surface in enumerate(setup.surfaces)
-    }
-    kinds = dict(zip(setup.primitives.surface.tolist(), setup.primitives.kind.tolist(), strict=True))
-    assert [kinds[k] for k in range(6)] == [PrimitiveKind.PLANE, 1, 0, PrimitiveKind.REVOLVED, 1, 1]
-    assert len(rows["box"]) == 5
-    assert rows["box"][3, :6].tolist() == [1.0, 1.0, 1.0, 0.0, -1.0, 0.0]
-    assert rows["floor"][0, :6].tolist() == [0.0, 0.0, -0.5, 0.0, 0.0, 1.0]
-    assert rows["tube"][0].tolist() == [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.03, 0.0, 0.03, 0.2]
-    assert rows["plate"][0, 6:].tolist() == [0.0, 0.0, 0.1, 0.0]
-    assert rows["cone"][0, 6:].tolist() == [0.01, 0.0, 0.02, 0.1]
-    # stem and cone of a funnel share an edge
-    assert rows["funnel"][0, 8:].tolist() == rows["funnel"][1, 6:8].tolist() == pytest.approx([0.01, 0.01])
-
-
-def test_gravity_starts_along_its_direction():
-    table = changed("gravity", {"magnitude": 1.62, "direction": [0.0, 3.0, -4.0]})
-    assert build_setup(parse_scene(table), 1).gravity == pytest.approx((0.0, 0.6 * 1.62, -0.8 * 1.62))
-
-
-def test_a_plane_leaves_more_room_to_run_away_than_a_plate():
-    bounded = build_setup(parse_scene(good_table()), 1).domain
-    table = good_table()
-    table["geometry"]["floor"] = {"shape": "plane", "material": "steel"}
-    endless = build_setup(parse_scene(table), 1).domain
-    assert endless[1][0] > 2.0 * bounded[1][0] > 0.2

@@ -14,6 +14,8 @@ from taichi_erosion.scene.build.clump import Body, quadrature, template_spheres
 from taichi_erosion.scene.schema.grains import Clump
 
 DENSITY = 2130.0
+
+
 # the surface cells of a sphere 160 (or 80) cells across miss its volume by a few parts in 1e4
 COUNTING = 2e-3
 

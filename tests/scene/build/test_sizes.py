@@ -21,8 +21,14 @@ from taichi_erosion.scene.build.sizes import (
 from taichi_erosion.scene.schema.grains import Size
 
 MANY = 200_000
+
+
 COARSE = {"law": "sieve", "table": "hao2022", "low": 0.25e-3, "high": 2e-3, "scale": 4.0}
+
+
 NARROW = {"law": "sieve", "rows": ((1e-3, 2e-3, 30.0), (2e-3, 3e-3, 60.0), (4e-3, 5e-3, 10.0))}
+
+
 BROAD = {"law": "lognormal", "median": 1e-3, "sigma_log": 0.4, "low": 0.4e-3, "high": 2e-3}
 
 
@@ -96,18 +102,3 @@ def test_the_published_sieve_table_is_shipped_as_printed():
     assert rows[:, 2].tolist() == [52.96, 18.56, 8.53, 2.83, 16.93]
     assert rows[:, 2].sum() == pytest.approx(99.81)
     assert rows[1:, 0].tolist() == rows[:-1, 1].tolist() == [0.25e-3, 0.5e-3, 1e-3, 2e-3]
-
-
-def test_streams_repeat_by_seed_and_differ_by_seed_and_purpose():
-    first, again = stream(3, "places").random(8), stream(3, "places").random(8)
-    assert np.array_equal(first, again)
-    others = [stream(4, "places").random(8), stream(3, "diameters").random(8)]
-    assert all(not np.any(first == other) for other in others)
-
-
-def test_streams_of_neighbouring_seeds_are_independent():
-    samples = np.array([stream(seed, "places").random(1000) for seed in range(40)])
-    correlation = np.corrcoef(samples)[np.triu_indices(40, 1)]
-    # 780 correlations with standard deviation 1 / sqrt(1000): the largest of them lies near 3.2 of these
-    assert np.abs(correlation).max() < 5.0 / sqrt(1000)
-    assert samples.mean() == pytest.approx(0.5, abs=4.0 / sqrt(12 * samples.size))

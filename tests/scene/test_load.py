@@ -1,18 +1,22 @@
-"""One physical situation has one name; overrides change what they address."""
+"""Reading of scene files: hash, resolved scene, and one clear line for whatever cannot be a scene."""
 
 import copy
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from scene_tables import changed, good_table
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scene_tables import NUMBERS, SCENES, TABLES, WORDS, changed, good_table, refusal, told_or_loaded
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolved, scene_hash
+from taichi_erosion.scene.load import parse_air_scene
 
-FUNNEL = Path(__file__).parents[2] / "scenes" / "funnel_repose.toml"
+FUNNEL = SCENES / "funnel_repose.toml"
 
 
 def hash_with(*orders: str) -> str:
@@ -85,60 +89,11 @@ def test_the_resolved_scene_is_complete_and_reads_back_as_itself():
     assert resolved(parse_scene(table)) == table
 
 
-@pytest.mark.parametrize(
-    ("order", "path", "value"),
-    [
-        ("grains.count=77", ("grains", "count"), 77),
-        ("contact.soil-steel.restitution = 0.3", ("contact", "steel-soil", "restitution"), 0.3),
-        ("stages.1.duration_max=0.25", ("stages", 1, "duration_max"), 0.25),
-        ("run.skin=0.1", ("run", "skin"), 0.1),
-        ("laws.normal=jkr", ("laws", "normal"), "jkr"),
-        ("conditions.diameter=2e-3", ("conditions", "diameter"), 2e-3),
-        ("geometry.plate.centre=[0, 0, 0.01]", ("geometry", "plate", "centre"), [0.0, 0.0, 0.01]),
-        ("geometry.plate.radius_d=40", ("geometry", "plate", "radius"), 0.08),
-        ("effects.lift.strength=0.5", ("effects", "lift", "strength"), 0.5),
-    ],
-)
-def test_any_parameter_can_be_set_by_its_dotted_path(order: str, path: tuple[Any, ...], value: Any):
-    place: Any = resolved(parse_scene(good_table(), overrides=[order]))
-    for key in path:
-        place = place[key]
-    assert place == (pytest.approx(value) if isinstance(value, float) else value)
-
-
-@pytest.mark.parametrize(
-    "order",
-    [
-        "grains.count",
-        "=3",
-        "grains..count=3",
-        "stages.9.name=x",
-        "stages.x=1",
-        "grains.count.a.b=3",
-        "grains.count=1 2",
-    ],
-)
-def test_an_order_that_cannot_be_followed_is_told(order: str):
-    with pytest.raises(BadInput, match="--set"):
-        parse_scene(good_table(), overrides=[order])
-
-
 def test_loading_leaves_the_given_table_alone():
     table = changed("geometry.plate", {"shape": "disc", "material": "steel", "radius_d": 40.0})
     kept = copy.deepcopy(table)
     parse_scene(table, overrides=["grains.count=5"])
     assert table == kept
-
-
-def test_an_apparatus_in_diameters_grows_with_its_grains():
-    table = changed("geometry.plate", {"shape": "disc", "material": "steel", "radius_d": 40.0})
-    table["run"] |= {"time_step_d": 2e-3}
-    sizes = [
-        f"grains.size.{name}={value}" for name, value in (("low", 2e-3), ("median", 3e-3), ("high", 4e-3))
-    ]
-    scene = parse_scene(table, overrides=sizes)
-    assert scene.geometry["plate"].radius == pytest.approx(0.12)
-    assert scene.run.time_step == pytest.approx(6e-6)
 
 
 def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
@@ -154,3 +109,80 @@ def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
         shape = build_setup(scene, 1).primitives.shape
         assert shape[-1, :9] == pytest.approx([0.0, 0.0, 0.0, 0.1 * x, 0.0, 0.0, 0.0, 0.1, 0.0])
     assert names[0] != names[1]
+
+
+INCLINE = (SCENES / "incline.toml").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (b"", "grains is missing"),
+        (b"\xff\xfe\x00", "byte 0 is not UTF-8 text"),
+        (b"[scene\nkind = 1", "not a TOML file"),
+        (b"a = " + b"[" * 5000, "not a TOML file"),
+        (b"a = 1" + b"0" * 5000, "not a TOML file"),
+        (b"[scene]\nkind = 'repose'\nkind = 'drum'", "not a TOML file"),
+        (b"x" * 5_000_000, "5000000 bytes is too large"),
+    ],
+)
+def test_a_file_that_holds_no_scene_is_told_in_one_line(tmp_path: Path, content: bytes, word: str):
+    path = tmp_path / "bad.toml"
+    path.write_bytes(content)
+    with pytest.raises(BadInput) as caught:
+        load_scene(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["nowhere.toml", ".", "nul\0byte.toml"])
+def test_a_path_without_a_file_is_told_in_one_line(tmp_path: Path, name: str):
+    with pytest.raises(BadInput, match=r"no such file|is not a file|cannot be read"):
+        load_scene(tmp_path / name)
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.dates() | st.times(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=300)
+@given(st.lists(st.tuples(st.sampled_from(NUMBERS + TABLES + WORDS), VALUES), min_size=1, max_size=2))
+def test_random_values_anywhere_give_a_scene_or_one_line(mistakes: list[tuple[str, Any]]):
+    table = changed(*mistakes[0])
+    for path, value in mistakes[1:]:
+        if path.split(".")[0] != mistakes[0][0].split(".")[0]:
+            place = path.split(".")
+            table[place[0]] = changed(path, value).get(place[0])
+    told_or_loaded(table)
+
+
+@settings(max_examples=100)
+@given(st.dictionaries(st.sampled_from(sorted(good_table())), VALUES, max_size=12))
+def test_random_tables_give_one_line(table: dict[str, Any]):
+    told_or_loaded(table)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, len(INCLINE) - 1), st.binary(max_size=6))
+def test_a_file_damaged_anywhere_gives_a_scene_or_one_line(tmp_path_factory: Any, place: int, damage: bytes):
+    path = tmp_path_factory.mktemp("damaged") / "scene.toml"
+    path.write_bytes(INCLINE[:place] + damage + INCLINE[place + len(damage) :])
+    line = refusal(lambda: load_scene(path))
+    assert line is None or (line.startswith(f"{path}: ") and "\n" not in line)
+
+
+TUNNEL = SCENES / "tunnel_section.toml"
+
+
+def table() -> dict[str, Any]:
+    return tomllib.loads(TUNNEL.read_text(encoding="utf-8"))
+
+
+def test_the_hash_follows_the_flow_and_not_its_title():
+    plain, titled = parse_air_scene(table()), parse_air_scene(table(), overrides=["scene.title='other'"])
+    faster = parse_air_scene(table(), overrides=["air.inlet.speed=7.0"])
+    assert scene_hash(plain) == scene_hash(titled) != scene_hash(faster)

@@ -6,7 +6,7 @@ import pytest
 from scene_tables import changed, good_table
 
 from taichi_erosion.core.setup import pair_row
-from taichi_erosion.scene import build_setup, laws, parse_scene
+from taichi_erosion.scene import build_setup, parse_scene
 from taichi_erosion.scene.build.contacts import young_effective
 from taichi_erosion.scene.change import with_contacts
 
@@ -74,11 +74,6 @@ def test_at_a_wall_the_effective_modulus_counts():
     ratio = young_effective(soil, steel) / young_effective(stiff, steel)
     contacts = build_setup(scene, 1).contacts
     assert contacts.surface_energy[pair_row(SOIL, STEEL, 2)] == pytest.approx(0.02 * ratio**0.4)
-
-
-def test_laws_are_those_of_the_scene():
-    chosen = laws(parse_scene(softened("bond_number", 0.02)))
-    assert (chosen.normal, chosen.rolling, chosen.friction_cap) == ("jkr", "elastic_plastic", "thornton")
 
 
 @pytest.mark.parametrize("name", ["soil", "steel"])

@@ -49,12 +49,12 @@ def note(event: str, arguments: tuple[Any, ...]) -> None:
         if not arguments[0].co_filename.startswith(OWN_CODE):
             watch.trespasses.append(f"executed {arguments[0].co_filename}")
     elif event == "open" and isinstance(arguments[2], int) and arguments[2] & WRITING:
-        look_at(watch, event, arguments[0])
+        note_change(watch, event, arguments[0])
     elif event in CHANGES:
-        look_at(watch, event, arguments[0])
+        note_change(watch, event, arguments[0])
 
 
-def look_at(watch: Watch, event: str, place: object) -> None:
+def note_change(watch: Watch, event: str, place: object) -> None:
     """Whether a place that is changed lies outside the folder; compiled Python of a first import may."""
     if isinstance(place, str | bytes):
         path = os.path.abspath(os.fsdecode(place))

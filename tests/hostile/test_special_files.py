@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from corpus import ROOT, SCENES
-from sentry import watched
+from audit_hook import watched
+from damaged_files import ROOT, SCENES
 
 from taichi_erosion.cli.main import ExitCode, main
 

@@ -1,17 +1,71 @@
-"""Scenes under wind: what is shipped loads, what does not fit together is refused in one line."""
+"""Scenes whose sections do not fit together are refused in one line."""
 
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
+from scene_tables import SCENES, complaint, good_table
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run import check_scene
-from taichi_erosion.scene import build_setup, load_scene
-from taichi_erosion.scene.build.air import surface_height
-from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter
+from taichi_erosion.run.checks import AIR_OBSERVABLES
+from taichi_erosion.scene.load import parse_air_scene
 
-SCENES = Path(__file__).parents[2] / "scenes"
-NAMES = ("gusty_patch", "impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
+
+def test_an_unknown_effect_or_observable_is_told_with_those_that_exist():
+    line = complaint(good_table(), effects={"lift": ("strength",), "drag": ()})
+    assert line == "scenes/bad.toml: effects.plain_pull is unknown; known effects: drag, lift"
+    line = complaint(good_table(), effects={"plain_pull": ("force",)})
+    assert line == "scenes/bad.toml: effects.plain_pull.strength is unknown; allowed: force"
+    line = complaint(good_table(), observables=("pile_height",))
+    assert line == "scenes/bad.toml: measure.repose_angle is unknown; known observables: pile_height"
+
+
+def test_two_grains_in_one_place_are_refused():
+    table = good_table()
+    table["grains"]["count"] = 2
+    table["fill"] = {"law": "positions", "grains": [{"position": [0.0, 0.0, z]} for z in (0.010, 0.011)]}
+    assert "fill.grains.1 overlaps fill.grains.0 by 0.001 m" in complaint(table)
+
+
+TUNNEL = SCENES / "tunnel_section.toml"
+
+
+def table() -> dict[str, Any]:
+    return tomllib.loads(TUNNEL.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("order", "line"),
+    [
+        ("air.sides.x_high.kind=wall", "an inlet needs an outlet"),
+        ("run.time_step=0.1", "CFL"),
+        ("air.sides.z_high.kind=inlet", "may stand at x_low or z_low only"),
+        ("air.sides.y_low.kind=periodic", "both are periodic or none"),
+        ("air.sides.z_high.kind=stress", "air.friction_velocity = 0.0"),
+        ("air.viscosity=-1.0", r"air.viscosity = -1.0 lies outside"),
+        ("air.inlet.law=steady", "air.inlet.law = 'steady' is not one of"),
+        ("air.speed=3.0", "air.speed is unknown"),
+        ("air.lowest=0.1", "are higher than the box"),
+        ("air.sides.z_low.roughness_length=0.01", "exceeds half a cell"),
+        ("air.cells=[100000, 1000, 40]", "at most"),
+        ("measure.speed.place=1.0", "measure.speed is unknown"),
+    ],
+)
+def test_a_bad_air_scene_gets_one_line(order: str, line: str):
+    with pytest.raises(BadInput, match=line) as refusal:
+        parse_air_scene(table(), "tunnel.toml", [order], AIR_OBSERVABLES)
+    assert str(refusal.value).startswith("tunnel.toml: ")
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_side_that_is_left_out_is_named():
+    raw = table()
+    del raw["air"]["sides"]["y_low"]
+    with pytest.raises(BadInput, match=r"air\.sides\.y_low is missing"):
+        parse_air_scene(raw)
+
 
 REFUSED = [
     ("wind_threshold", "wind.height=5e-4", "the lid lies inside the bed"),
@@ -42,16 +96,6 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_shipped_scene_under_wind_loads_and_builds(name: str):
-    told = check_scene(SCENES / f"{name}.toml")
-    scene = load_scene(SCENES / f"{name}.toml")
-    setup = build_setup(scene, scene.run.seed)
-    assert setup.air is not None
-    assert setup.coupling.surface < setup.air.high[2]
-    assert told["limits"]["time_step"] == setup.time_step
-
-
 @pytest.mark.parametrize(("name", "order", "message"), REFUSED)
 def test_a_wind_that_does_not_fit_its_patch_is_refused(name: str, order: str, message: str):
     with pytest.raises(BadInput, match=message):
@@ -66,33 +110,7 @@ def test_a_mean_over_a_stage_needs_its_interval(tmp_path: Path):
         check_scene(path)
 
 
-def test_air_may_rise_later_where_only_a_stage_says_so():
-    scene = load_scene(SCENES / "packed_bed.toml", ["wind.through_flow=0.0"])
-    assert build_setup(scene, 1).coupling.rising
-
-
-def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
-    scene = load_scene(SCENES / "wind_threshold.toml")
-    wind, size = scene.wind, scene.grains.size
-    assert wind is not None
-    sampled = build_setup(scene, 1).grains.radius
-    solid = (4.0 / 3.0 * 3.14159265 * sampled**3).sum()
-    # of a sample of some hundred grains: the mean cube scatters by a few percent
-    assert mean_cube(size) < nominal_diameter(size) ** 3
-    assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
-
-
 GRID = ("wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
-
-
-def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
-    scene = load_scene(SCENES / "wind_threshold.toml", [*GRID, "wind.look_steps=5"])
-    air = build_setup(scene, 3).air
-    assert air is not None
-    assert air.stir is not None
-    assert air.cells[:2] == (8, 8)
-    assert air.sides["z_high"].kind == "symmetry"
-    assert (air.model.closure, air.model.scheme, air.stir.seed) == ("smagorinsky", "runge_kutta", 3)
 
 
 def test_a_gust_crosses_no_more_than_a_cell_between_two_looks():

@@ -99,7 +99,7 @@ def next_sign(content: bytes, place: int) -> int:
 
 
 @st.composite
-def damaged_files(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
+def damaged_file(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
     """Name and content of a damaged file."""
     name = draw(st.sampled_from(sorted(files)))
     return name, damaged(files[name], draw(st.lists(blows, min_size=1, max_size=4)))

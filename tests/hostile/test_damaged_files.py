@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 import tomli_w
-from corpus import (
+from audit_hook import watched
+from damaged_files import (
     MEASURED,
     MESHES,
     PICTURES,
@@ -21,12 +22,11 @@ from corpus import (
     STUDIES,
     VALUES,
     WORDS,
-    damaged_files,
+    damaged_file,
     tables,
 )
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from sentry import watched
 
 from taichi_erosion.campaign.study_file import read_calibration_study, read_evidence_study
 from taichi_erosion.cli.main import ExitCode, main
@@ -92,7 +92,7 @@ def put(folder: Path, name: str, content: bytes) -> Path:
     return path
 
 
-@tried(damaged_files(SCENES))
+@tried(damaged_file(SCENES))
 def test_a_damaged_scene(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "scene.toml", example[1])
     command_ends_well(["run", str(path), "--check"], folder, capsys)
@@ -106,21 +106,21 @@ def test_an_order_that_changes_a_scene(example: Any, folder: Path, capsys: Any) 
     command_ends_well(["run", str(ROOT / name), "--check", *words], folder, capsys)
 
 
-@tried(damaged_files(STUDIES))
+@tried(damaged_file(STUDIES))
 def test_a_damaged_study(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "study.toml", example[1])
     read_or_refused(read_evidence_study, path)
     read_or_refused(read_calibration_study, path)
 
 
-@tried(damaged_files(MEASURED) | st.tuples(st.just("table.csv"), tables))
+@tried(damaged_file(MEASURED) | st.tuples(st.just("table.csv"), tables))
 def test_a_damaged_table_of_measurements(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "measured.csv", example[1])
     read_or_refused(read_table, path)
     read_or_refused(read_design, path)
 
 
-@tried(damaged_files(PUBLISHED) | st.tuples(st.just("table.csv"), tables))
+@tried(damaged_file(PUBLISHED) | st.tuples(st.just("table.csv"), tables))
 def test_a_damaged_table_of_runs(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "published.csv", example[1])
     command_ends_well(["audit", str(path)], folder, capsys)
@@ -132,7 +132,7 @@ def test_a_level_beyond_all_integers_is_audited(tmp_path: Path) -> None:
     assert main(["audit", str(put(tmp_path, "published.csv", table))]) == ExitCode.SUCCESS
 
 
-@tried(damaged_files(MESHES))
+@tried(damaged_file(MESHES))
 def test_a_damaged_mesh(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     name, content = example
     put(folder, name, content)
@@ -150,7 +150,7 @@ def test_a_mesh_whose_corners_are_flat_is_refused(tmp_path: Path, capsys: Any) -
     assert "flat.obj" in capsys.readouterr().err
 
 
-@tried(damaged_files(PICTURES))
+@tried(damaged_file(PICTURES))
 def test_a_damaged_picture(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, *example)
     command_ends_well(["measure", "repose", str(path)], folder, capsys)

@@ -1,0 +1,77 @@
+"""Air of a scene: over a patch of grains, and alone."""
+
+import numpy as np
+import pytest
+from scene_tables import SCENES
+
+from taichi_erosion.run import check_scene
+from taichi_erosion.run.checks import AIR_OBSERVABLES
+from taichi_erosion.scene import build_setup, load_scene
+from taichi_erosion.scene.build.air import build_air, inlet_speed, longest_step, surface_height
+from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter
+from taichi_erosion.scene.load import is_air_scene, load_air_scene
+from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
+
+
+@pytest.mark.parametrize("name", ["lid_cavity", "channel", "tunnel_section"])
+def test_a_shipped_air_scene_loads_and_builds(name: str):
+    path = SCENES / f"{name}.toml"
+    assert is_air_scene(path)
+    scene = load_air_scene(path, observables=AIR_OBSERVABLES)
+    setup = build_air(scene, scene.run.seed)
+    assert len(setup.faces_z) == setup.cells[2] + 1
+    assert setup.time_step <= longest_step(scene)
+
+
+def test_inlet_profiles_follow_their_laws():
+    height = np.array([0.001, 0.01, 0.2])
+    logarithmic = LogProfile(law="log", friction_velocity=0.3, roughness_length=1e-4)
+    assert inlet_speed(logarithmic, height, 0.4) == pytest.approx(0.75 * np.log1p(height / 1e-4))
+    power = PowerProfile(law="power", speed=6.0, thickness=0.1)
+    assert inlet_speed(power, height, 0.4) == pytest.approx(
+        [6.0 * 0.01 ** (1 / 7), 6.0 * 0.1 ** (1 / 7), 6.0]
+    )
+    listed = TableProfile(law="table", heights=(0.0, 0.02), speeds=(0.0, 4.0))
+    assert inlet_speed(listed, height, 0.4) == pytest.approx([0.2, 2.0, 4.0])
+
+
+NAMES = ("gusty_patch", "impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_shipped_scene_under_wind_loads_and_builds(name: str):
+    told = check_scene(SCENES / f"{name}.toml")
+    scene = load_scene(SCENES / f"{name}.toml")
+    setup = build_setup(scene, scene.run.seed)
+    assert setup.air is not None
+    assert setup.coupling.surface < setup.air.high[2]
+    assert told["limits"]["time_step"] == setup.time_step
+
+
+def test_air_may_rise_later_where_only_a_stage_says_so():
+    scene = load_scene(SCENES / "packed_bed.toml", ["wind.through_flow=0.0"])
+    assert build_setup(scene, 1).coupling.rising
+
+
+def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
+    scene = load_scene(SCENES / "wind_threshold.toml")
+    wind, size = scene.wind, scene.grains.size
+    assert wind is not None
+    sampled = build_setup(scene, 1).grains.radius
+    solid = (4.0 / 3.0 * 3.14159265 * sampled**3).sum()
+    # of a sample of some hundred grains: the mean cube scatters by a few percent
+    assert mean_cube(size) < nominal_diameter(size) ** 3
+    assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
+
+
+GRID = ("wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
+
+
+def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
+    scene = load_scene(SCENES / "wind_threshold.toml", [*GRID, "wind.look_steps=5"])
+    air = build_setup(scene, 3).air
+    assert air is not None
+    assert air.stir is not None
+    assert air.cells[:2] == (8, 8)
+    assert air.sides["z_high"].kind == "symmetry"
+    assert (air.model.closure, air.model.scheme, air.stir.seed) == ("smagorinsky", "runge_kutta", 3)

@@ -1,0 +1,70 @@
+"""Walls of a scene become primitives, and the box that no grain may leave."""
+
+from pathlib import Path
+
+import pytest
+from scene_tables import changed, good_table
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import PrimitiveKind
+from taichi_erosion.scene import build_setup, parse_scene
+
+
+def test_a_mesh_that_is_none_is_told_with_its_path(tmp_path: Path):
+    (tmp_path / "wall.stl").write_bytes(b"solid nothing")
+    for file, word in (
+        ("wall.stl", "triangle"),
+        ("no.stl", "no such file"),
+        ("../x.stl", "beside"),
+        ("a", "no such"),
+    ):
+        table = changed("geometry.plate", {"shape": "mesh", "material": "steel", "file": file})
+        with pytest.raises(BadInput, match=rf"geometry\.plate.*{word}"):
+            parse_scene(table, "bad.toml", tmp_path)
+
+
+def test_walls_become_the_primitives_that_they_describe():
+    table = good_table()
+    table["geometry"] |= {
+        "box": {"shape": "box", "material": "steel", "low": [-1.0, -1.0, -1.0], "high": [1.0, 1.0, 1.0]},
+        "floor": {"shape": "plane", "material": "soil", "point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 2.0]},
+        "tube": {
+            "shape": "cylinder",
+            "material": "steel",
+            "radius": 0.03,
+            "length": 0.2,
+            "axis": [0.0, 3.0, 0.0],
+        },
+        "cone": {
+            "shape": "cone",
+            "material": "steel",
+            "radius_low": 0.01,
+            "radius_high": 0.02,
+            "length": 0.1,
+        },
+    }
+    table["geometry"]["funnel"]["stem_length"] = 0.01
+    setup = build_setup(parse_scene(table), 1)
+    assert [surface.name for surface in setup.surfaces] == ["box", "cone", "floor", "funnel", "plate", "tube"]
+    rows = {
+        surface.name: setup.primitives.shape[setup.primitives.surface == k]
+        for k, surface in enumerate(setup.surfaces)
+    }
+    kinds = dict(zip(setup.primitives.surface.tolist(), setup.primitives.kind.tolist(), strict=True))
+    assert [kinds[k] for k in range(6)] == [PrimitiveKind.PLANE, 1, 0, PrimitiveKind.REVOLVED, 1, 1]
+    assert len(rows["box"]) == 5
+    assert rows["box"][3, :6].tolist() == [1.0, 1.0, 1.0, 0.0, -1.0, 0.0]
+    assert rows["floor"][0, :6].tolist() == [0.0, 0.0, -0.5, 0.0, 0.0, 1.0]
+    assert rows["tube"][0].tolist() == [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.03, 0.0, 0.03, 0.2]
+    assert rows["plate"][0, 6:].tolist() == [0.0, 0.0, 0.1, 0.0]
+    assert rows["cone"][0, 6:].tolist() == [0.01, 0.0, 0.02, 0.1]
+    # stem and cone of a funnel share an edge
+    assert rows["funnel"][0, 8:].tolist() == rows["funnel"][1, 6:8].tolist() == pytest.approx([0.01, 0.01])
+
+
+def test_a_plane_leaves_more_room_to_run_away_than_a_plate():
+    bounded = build_setup(parse_scene(good_table()), 1).domain
+    table = good_table()
+    table["geometry"]["floor"] = {"shape": "plane", "material": "steel"}
+    endless = build_setup(parse_scene(table), 1).domain
+    assert endless[1][0] > 2.0 * bounded[1][0] > 0.2

@@ -1,0 +1,44 @@
+"""Lengths and times in grain diameters."""
+
+import pytest
+from scene_tables import changed, complaint, good_table
+
+from taichi_erosion.scene import parse_scene
+from taichi_erosion.scene.diameters import parts_of, scaling_names
+from taichi_erosion.scene.schema.fields import unit_of
+from taichi_erosion.scene.schema.scene import Scene
+
+
+def test_an_apparatus_in_diameters_grows_with_its_grains():
+    table = changed("geometry.plate", {"shape": "disc", "material": "steel", "radius_d": 40.0})
+    table["run"] |= {"time_step_d": 2e-3}
+    sizes = [
+        f"grains.size.{name}={value}" for name, value in (("low", 2e-3), ("median", 3e-3), ("high", 4e-3))
+    ]
+    scene = parse_scene(table, overrides=sizes)
+    assert scene.geometry["plate"].radius == pytest.approx(0.12)
+    assert scene.run.time_step == pytest.approx(6e-6)
+
+
+def test_a_length_in_diameters_is_told_as_the_user_wrote_it():
+    table = good_table()
+    table["geometry"]["plate"] = {"shape": "disc", "material": "steel", "radius_d": -9.0}
+    # the median of the good scene is 2 mm
+    assert "geometry.plate.radius_d = -9.0 diameters: -0.018" in complaint(table)
+
+
+def test_without_a_diameter_only_the_grains_are_judged():
+    table = changed("grains.size.median", "2 mm")
+    table["run"] = {"time_step_d": 1e-2}
+    assert complaint(table) == "scenes/bad.toml: grains.size.median = '2 mm' must be a number"
+
+
+def test_a_name_that_may_be_given_in_diameters_has_one_kind_of_unit():
+    scaled = scaling_names()
+    units = {
+        (name, unit_of(field))
+        for part in parts_of(Scene)
+        for name, field in part.model_fields.items()
+        if name in scaled and part.__name__ != "ClumpSphere"  # [grains] is never expanded
+    }
+    assert sorted(name for name, _ in units) == sorted(scaled)

@@ -1,0 +1,79 @@
+"""Dotted paths of a scene: overrides, and the JSON schema that documents them."""
+
+import json
+import string
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scene_tables import SCENES, good_table, told_or_loaded
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene import parse_scene, resolved
+from taichi_erosion.scene.paths import schema_text
+
+
+@pytest.mark.parametrize(
+    ("order", "path", "value"),
+    [
+        ("grains.count=77", ("grains", "count"), 77),
+        ("contact.soil-steel.restitution = 0.3", ("contact", "steel-soil", "restitution"), 0.3),
+        ("stages.1.duration_max=0.25", ("stages", 1, "duration_max"), 0.25),
+        ("run.skin=0.1", ("run", "skin"), 0.1),
+        ("laws.normal=jkr", ("laws", "normal"), "jkr"),
+        ("conditions.diameter=2e-3", ("conditions", "diameter"), 2e-3),
+        ("geometry.plate.centre=[0, 0, 0.01]", ("geometry", "plate", "centre"), [0.0, 0.0, 0.01]),
+        ("geometry.plate.radius_d=40", ("geometry", "plate", "radius"), 0.08),
+        ("effects.lift.strength=0.5", ("effects", "lift", "strength"), 0.5),
+    ],
+)
+def test_any_parameter_can_be_set_by_its_dotted_path(order: str, path: tuple[Any, ...], value: Any):
+    place: Any = resolved(parse_scene(good_table(), overrides=[order]))
+    for key in path:
+        place = place[key]
+    assert place == (pytest.approx(value) if isinstance(value, float) else value)
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        "grains.count",
+        "=3",
+        "grains..count=3",
+        "stages.9.name=x",
+        "stages.x=1",
+        "grains.count.a.b=3",
+        "grains.count=1 2",
+    ],
+)
+def test_an_order_that_cannot_be_followed_is_told(order: str):
+    with pytest.raises(BadInput, match="--set"):
+        parse_scene(good_table(), overrides=[order])
+
+
+@settings(max_examples=100)
+@given(st.text(string.printable, max_size=40), st.text(string.printable, max_size=20))
+def test_random_orders_give_a_scene_or_one_line(path: str, value: str):
+    told_or_loaded(good_table(), f"{path}={value}")
+    told_or_loaded(good_table(), f"grains.size.{value}={path}")
+
+
+def test_the_schema_beside_the_scenes_is_fresh():
+    assert (SCENES / "scene.schema.json").read_text(encoding="utf-8") == schema_text(), (
+        "run write_schema again"
+    )
+
+
+def test_every_number_of_the_schema_has_a_unit():
+    def numbers(part: object, name: str = ""):
+        if isinstance(part, dict):
+            kinds = {part.get("type")} | {option.get("type") for option in part.get("anyOf", ())}
+            if kinds & {"number", "integer"} and "unit" not in part:
+                yield name
+            for key, entry in part.items():
+                # the parts of a vector or of an option carry the unit of the whole
+                if key not in ("anyOf", "prefixItems", "items", "additionalProperties"):
+                    yield from numbers(entry, f"{name}.{key}")
+
+    assert list(numbers(json.loads(schema_text())["$defs"])) == []

@@ -1,0 +1,70 @@
+"""Every mistake in a scene is told in one line, with its dotted path and what is allowed."""
+
+from typing import Any
+
+import pytest
+from scene_tables import ABSENT, NUMBERS, changed, complaint, good_table, wrong_places
+
+from taichi_erosion.scene import parse_scene
+
+MISTAKES = list(wrong_places())
+
+
+def test_there_are_at_least_two_hundred_different_mistakes():
+    assert len({(path, repr(value)) for path, value in MISTAKES}) == len(MISTAKES) >= 200
+
+
+def test_the_scene_that_the_mistakes_start_from_is_right():
+    parse_scene(good_table())
+
+
+@pytest.mark.parametrize(
+    ("path", "value"), MISTAKES, ids=lambda part: "absent" if part is ABSENT else str(part)[:40]
+)
+def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: str, value: Any):
+    line = complaint(changed(path, value))
+    assert line.startswith("scenes/bad.toml: ")
+    assert "\n" not in line
+    assert len(line) < 400
+    # a contradiction between sections may be told at either of them
+    told_elsewhere = {"run", "grains", "stages", "contact", "materials", "fill", "measure"}
+    section = path.split(".")[0]
+    assert any(name in line for name in {section} | (told_elsewhere if section in told_elsewhere else set()))
+
+
+@pytest.mark.parametrize("path", [path for path in NUMBERS if "measured" not in path])
+def test_a_word_for_a_number_is_told_with_its_dotted_path(path: str):
+    assert complaint(changed(path, "much")).startswith(f"scenes/bad.toml: {path} = 'much' must be a ")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "line"),
+    [
+        ("contact.soil-soil.restitution", 7.0, "contact.soil-soil.restitution = 7.0 lies outside [0, 1]"),
+        (
+            "materials.soil.density",
+            2.13e9,
+            "materials.soil.density = 2130000000.0 lies outside [1, 30000] kg m-3",
+        ),
+        (
+            "contact.soil-soil.restituton",
+            0.5,
+            "contact.soil-soil.restituton is unknown; did you mean 'restitution'?",
+        ),
+        ("materials.soil.density", ABSENT, "materials.soil.density is missing"),
+        ("laws.normal", "hetrz", "laws.normal = 'hetrz' is not one of 'hertz' or 'jkr'"),
+        ("contact.steel-soil", ABSENT, "contact.soil-steel is missing"),
+        ("grains.material", "sand", "grains.material = 'sand' is not among [materials]: soil, steel"),
+        ("fill.law", ABSENT, "fill.law is missing"),
+        ("stages.2.remove", ["lid"], "stages.2.remove: 'lid' is not standing: funnel, plate"),
+    ],
+)
+def test_the_line_says_what_is_allowed(path: str, value: Any, line: str):
+    assert complaint(changed(path, value)) == f"scenes/bad.toml: {line}"
+
+
+def test_several_mistakes_give_the_first_and_their_number():
+    table = changed("contact.soil-soil.restitution", 7.0)
+    table["contact"]["soil-soil"]["friction_sliding"] = -1.0
+    table["grains"]["count"] = 0
+    assert complaint(table).endswith("lies outside [1, 5e+06] (and 2 more)")
