@@ -1,19 +1,18 @@
-"""V21, V23: the same bits after a restart, on any number of threads, and alone or in company.
+"""V21-V24: restarts, precisions, threads and ensembles give the same results; bad starts stop with a reason.
 
-Forty grains fall through each other into a tube, with friction, rolling resistance and adhesion, long
-enough for several renewals of the neighbour lists.
+V21, V23: the same bits after a restart, on any number of threads, and alone or among other replicas. Forty
+grains fall through each other into a tube, with friction, rolling resistance and adhesion, long enough for
+several rebuilds of the neighbour lists.
 
-V22: single precision against double, for one contact and for a heap.
-
-The claim is about a graphics processor in single precision; the same comparison is made on the CPU, where
-both precisions run everywhere.
+V22: single precision against double, for one contact and for a heap. The claim is about a graphics processor
+in single precision; the same comparison is made on the CPU, where both precisions run everywhere.
 
 V24: what cannot be simulated stops with a reason, and the other replicas go on.
 """
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import nan, pi, sqrt
 
 import numpy as np
@@ -21,7 +20,7 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.core.snapshot import Failure, Snapshot, Status
-from taichi_erosion.simulation import Simulation, advance, export_state, failure, import_state, snapshot
+from taichi_erosion.simulation import export_state, failure, import_state, snapshot
 from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, holds
 from taichi_erosion.verification.contact.bulk import (
     BASE,
@@ -32,53 +31,44 @@ from taichi_erosion.verification.contact.bulk import (
     soft_touch,
 )
 from taichi_erosion.verification.contact.normal_impact import hertz_cases
-from taichi_erosion.verification.contact.oblique_impact import SOLIDS, impact_at, scenes
-from taichi_erosion.verification.small_scenes import final_states, simulation_of
+from taichi_erosion.verification.contact.oblique_impact import OXIDE, impact_at, scenes
+from taichi_erosion.verification.small_scenes import advance_all, final_states, simulation_of
 
 LAWS = Laws(normal="jkr", rolling="elastic_plastic")
 HALF, WHOLE = 0.05, 0.10  # s
 STATE = ("position", "velocity", "spin", "contacts")
+HEAP_SEEDS = (11, 12, 13, 14)
 
 
-def tumbling(seed: int, count: int = 40) -> Setup:
+def tumbling(seed: int, count: int = 40, surface_energy: float = 0.01) -> Setup:
     """Grains poured into a narrow tube."""
-    touch = soft_touch(friction=0.5, friction_rolling=0.2, surface_energy=0.01)
+    touch = soft_touch(friction=0.5, friction_rolling=0.2, surface_energy=surface_energy)
     return column_scene(touch, count, 3.0 * DIAMETER, seed)
 
 
-def fingerprint(state: Snapshot) -> str:
-    """Hash of every bit of the state."""
-    digest = hashlib.sha256()
-    for name in STATE:
-        digest.update(np.ascontiguousarray(getattr(state, name)).tobytes())
-    return digest.hexdigest()
-
-
-def run_to(sim: Simulation, time: float) -> None:
-    """Advance all replicas."""
-    advance(sim, [time] * len(sim.setups))
+def state_bytes(state: Snapshot) -> bytes:
+    """Every bit of the state."""
+    return b"".join(np.ascontiguousarray(getattr(state, name)).tobytes() for name in STATE)
 
 
 def differing(first: Snapshot, second: Snapshot) -> int:
-    """Numbers of the state that differ in any bit."""
-    return sum(
-        int(np.count_nonzero(getattr(first, name).view(np.uint8) != getattr(second, name).view(np.uint8)))
-        for name in STATE
-    )
+    """Bytes of the state that differ."""
+    one, other = (np.frombuffer(state_bytes(state), np.uint8) for state in (first, second))
+    return int(np.count_nonzero(one != other))
 
 
 def restart() -> Iterator[Outcome]:
-    """V21: half a run, exported, taken over by a fresh simulation and finished, against the run in one go."""
+    """V21: half a run, exported, imported by a fresh simulation and finished, against the run in one go."""
     setups = [tumbling(1), tumbling(2)]
     for precision in PRECISIONS:
         whole = simulation_of(setups, precision, LAWS)
-        run_to(whole, HALF)
+        advance_all(whole, HALF)
         kept = export_state(whole)
-        run_to(whole, WHOLE)
+        advance_all(whole, WHOLE)
         wanted = [snapshot(whole, k) for k in range(2)]
         resumed = simulation_of(setups, precision, LAWS)
         import_state(resumed, kept)
-        run_to(resumed, WHOLE)
+        advance_all(resumed, WHOLE)
         bits = sum(differing(snapshot(resumed, k), wanted[k]) for k in range(2))
         yield Outcome("restart: bytes of the state that differ", float(bits), 0.0, 0.0, precision)
 
@@ -86,50 +76,38 @@ def restart() -> Iterator[Outcome]:
 def threads_and_ensembles() -> Iterator[Outcome]:
     """V23: one hash on one and two threads, alone and among other replicas."""
     target = tumbling(3)
-    company = [
-        tumbling(4),
-        target,
-        replace(tumbling(5), time_step=target.time_step / 2.0),
-        tumbling(6, count=25),
-    ]
+    half_step = replace(tumbling(5), time_step=target.time_step / 2.0)
+    company = [tumbling(4), target, half_step, tumbling(6, count=25)]
+    cases = {
+        "1 thread": ([target], 0, 1),
+        "2 threads": ([target], 0, 2),
+        "in company, 2 threads": (company, 1, 2),
+    }
     for precision in PRECISIONS:
-        prints = {}
-        for name, setups, place, threads in (
-            ("1 thread", [target], 0, 1),
-            ("2 threads", [target], 0, 2),
-            ("in company, 2 threads", company, 1, 2),
-        ):
+        hashes = {}
+        for name, (setups, place, threads) in cases.items():
             sim = simulation_of(setups, precision, LAWS, threads)
-            run_to(sim, WHOLE)
-            prints[name] = fingerprint(snapshot(sim, place))
-        for name in list(prints)[1:]:
-            yield holds(
-                f"same hash alone on 1 thread and {name}", prints[name] == prints["1 thread"], precision
-            )
-
-
-HEAP_SEEDS = (11, 12, 13, 14)
+            advance_all(sim, WHOLE)
+            hashes[name] = hashlib.sha256(state_bytes(snapshot(sim, place))).hexdigest()
+        for name in list(cases)[1:]:
+            same = hashes[name] == hashes["1 thread"]
+            yield holds(f"same hash alone on 1 thread and {name}", same, precision)
 
 
 def single_and_double() -> Iterator[Outcome]:
-    """V22."""
-    yield from contact_outcomes()
-    angles = {p: heap_angles([(BASE, seed) for seed in HEAP_SEEDS], p) for p in ("f64", "f32")}
+    """V22: impacts to 1e-5 of the speed of approach, a heap within the scatter of its seeds."""
+    head_on = [case.setup for case in hertz_cases()]
+    oblique = scenes(impact_at(OXIDE, np.array([10.0, 30.0, 60.0])))
+    for name, setups, steps in (("head-on", head_on, 220), ("oblique", oblique, 2400)):
+        ends = [steps * setup.time_step for setup in setups]
+        double, single = (final_states(setups, ends, p) for p in PRECISIONS)
+        errors = [rebound_error(*pair) for pair in zip(double, single, setups, strict=True)]
+        yield below(f"{name} impacts: rebound f32 - f64, over the speed", errors, 1e-5, "f32")
+    angles = {p: heap_angles([(BASE, seed) for seed in HEAP_SEEDS], p) for p in PRECISIONS}
     mean = {name: float(np.mean(found)) for name, found in angles.items()}
     scatter = float(np.std(np.concatenate(list(angles.values())), ddof=1))
     name = f"heap angle [deg], f32 against f64, mean of {len(HEAP_SEEDS)} seeds within their sd"
     yield Outcome(name, mean["f32"], mean["f64"], scatter, "f32")
-
-
-def contact_outcomes() -> Iterator[Outcome]:
-    """Velocities and surface speeds after head-on and oblique impacts, 1e-5 of the speed of approach."""
-    head_on = [case.setup for case in hertz_cases()]
-    oblique = scenes(impact_at(SOLIDS["aluminium oxide"], np.array([10.0, 30.0, 60.0])))
-    for name, setups, steps in (("head-on", head_on, 220), ("oblique", oblique, 2400)):
-        ends = [steps * setup.time_step for setup in setups]
-        double, single = (final_states(setups, ends, p) for p in ("f64", "f32"))
-        errors = [rebound_error(*pair) for pair in zip(double, single, setups, strict=True)]
-        yield below(f"{name} impacts: rebound f32 - f64, over the speed", errors, 1e-5, "f32")
 
 
 def rebound_error(double: Snapshot, single: Snapshot, setup: Setup) -> float:
@@ -140,28 +118,15 @@ def rebound_error(double: Snapshot, single: Snapshot, setup: Setup) -> float:
     return float(max(moving, turning) / speed)
 
 
-DURATION = 0.05  # s
-
-
-@dataclass(frozen=True)
-class Hostile:
-    """A scene that must stop, and the reasons that count as right."""
-
-    name: str
-    setup: Setup
-    reasons: tuple[Status, ...]
-
-
 def healthy() -> Setup:
     """Forty grains falling into a tube, guarded as a scene is by default."""
-    touch = soft_touch(friction=0.5, friction_rolling=0.2, surface_energy=1e-3)
-    return replace(column_scene(touch, 40, 3.0 * DIAMETER, seed=1), overlap_limit=0.2)
+    return replace(tumbling(1, surface_energy=1e-3), overlap_limit=0.2)
 
 
 def rayleigh_time() -> float:
     """Pi R sqrt(rho/G)/(0.1631 nu + 0.8766) [s]."""
-    wave = sqrt(SOFT_GLASS.density / SOFT_GLASS.shear)
-    return pi * DIAMETER / 2.0 * wave / (0.1631 * SOFT_GLASS.poisson + 0.8766)
+    slowness = sqrt(SOFT_GLASS.density / SOFT_GLASS.shear)
+    return pi * DIAMETER / 2.0 * slowness / (0.1631 * SOFT_GLASS.poisson + 0.8766)
 
 
 def overlapping() -> Setup:
@@ -172,47 +137,42 @@ def overlapping() -> Setup:
     return replace(setup, grains=replace(setup.grains, position=position))
 
 
-def poisoned() -> Setup:
-    """The surface energy is not a number."""
-    setup = healthy()
-    energy = np.full_like(setup.contacts.surface_energy, nan)
-    return replace(setup, contacts=replace(setup.contacts, surface_energy=energy))
-
-
 def bad_starts() -> Iterator[Outcome]:
     """V24."""
     blown_up = (Status.OVERLAP, Status.ENERGY, Status.NOT_FINITE, Status.LOST)
-    slow = 5.0 * rayleigh_time()
-    cases = [
-        Hostile("overlapping start", overlapping(), (Status.OVERLAP,)),
-        Hostile("time step of five Rayleigh times", replace(healthy(), time_step=slow), blown_up),
-    ]
+    unstable = replace(healthy(), time_step=5.0 * rayleigh_time())
+    cases = {  # name: scene that must stop, reasons that count as right
+        "overlapping start": (overlapping(), (Status.OVERLAP,)),
+        "time step of five Rayleigh times": (unstable, blown_up),
+    }
     for precision in PRECISIONS:
-        sim = simulation_of([healthy(), *(case.setup for case in cases)], precision, LAWS)
-        advance(sim, [DURATION] * (1 + len(cases)))
-        for replica, case in enumerate(cases, start=1):
-            yield stops(case, failure(sim, replica), precision)
+        sim = simulation_of([healthy(), *(setup for setup, _ in cases.values())], precision, LAWS)
+        advance_all(sim, HALF)
+        for replica, (name, (_, reasons)) in enumerate(cases.items(), start=1):
+            yield stops(name, failure(sim, replica), reasons, precision)
         kept = snapshot(sim, 0)
         alone = simulation_of([healthy()], precision, LAWS)
-        advance(alone, [DURATION])
+        advance_all(alone, HALF)
         same = failure(alone, 0) is None and np.array_equal(kept.position, snapshot(alone, 0).position)
         yield holds("a healthy replica beside them ends as if alone", bool(same), precision)
-        yield poisoned_outcome(precision)
+        yield not_a_number(precision)
 
 
-def stops(case: Hostile, fault: Failure | None, precision: Precision) -> Outcome:
-    """Whether the replica stopped for one of its reasons."""
+def stops(name: str, fault: Failure | None, reasons: tuple[Status, ...], precision: Precision) -> Outcome:
+    """Whether the replica stopped for one of the reasons."""
     reason = fault.status.name if fault else "it went on"
-    right = fault is not None and fault.status in case.reasons
-    return holds(f"{case.name}: stops with a reason ({reason})", right, precision)
+    right = fault is not None and fault.status in reasons
+    return holds(f"{name}: stops with a reason ({reason})", right, precision)
 
 
-def poisoned_outcome(precision: Precision) -> Outcome:
-    """A parameter that is not a number is refused at the door or stops the run."""
-    case = Hostile("surface energy NaN", poisoned(), (Status.NOT_FINITE,))
+def not_a_number(precision: Precision) -> Outcome:
+    """A surface energy that is NaN is refused at the door or stops the run."""
+    setup = healthy()
+    energy = np.full_like(setup.contacts.surface_energy, nan)
     try:
-        sim = simulation_of([case.setup], precision, LAWS)
+        contacts = replace(setup.contacts, surface_energy=energy)
+        sim = simulation_of([replace(setup, contacts=contacts)], precision, LAWS)
     except BadInput as refusal:
-        return holds(f"{case.name}: refused ({refusal})", True, precision)
-    advance(sim, [DURATION])
-    return stops(case, failure(sim, 0), precision)
+        return holds(f"surface energy NaN: refused ({refusal})", True, precision)
+    advance_all(sim, HALF)
+    return stops("surface energy NaN", failure(sim, 0), (Status.NOT_FINITE,), precision)

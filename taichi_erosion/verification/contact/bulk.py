@@ -1,17 +1,15 @@
-"""A few hundred to a few thousand soft glass grains: loose filling, cylinder, orifice, slot, plate.
+"""V33, V34: discharge of silos and angles of repose, by a few hundred to a few thousand soft glass grains.
 
 Grains are 2 mm glass with the shear modulus lowered to 5 MPa, so that 15 us is a fifth of the Rayleigh
 time; in beds of a few centimetres the overlap stays below 0.3 % of the radius, where flow and angle do not
 depend on stiffness.
 
-V34: angles of repose rise with friction, rolling friction and adhesion; a plate heap stands as Zhou's
-formula says.
+V34. Angles of repose rise with friction, rolling friction and adhesion; a plate heap stands as Zhou's
+formula says. Heaps of a lifted tube, an ensemble of settings and seeds in one launch; the angle is measured
+on side silhouettes. They are small (a few hundred grains), so the angles are those of this apparatus, good
+for trends. The plate heap is the discharge apparatus of Zhou et al. (2002) in the limit of a thick container.
 
-Heaps of a lifted tube, an ensemble of settings and seeds in one launch; the angle is measured on side
-silhouettes. They are small (a few hundred grains), so the angles are those of this apparatus, good for
-trends. The plate heap is the discharge apparatus of Zhou et al. (2002) in the limit of a thick container.
-
-V33: grains flow out of flat-bottomed silos as (D - k d)^(5/2) through round holes, with 3/2 through slots.
+V33. Grains flow out of flat-bottomed silos as (D - k d)^(5/2) through round holes, with 3/2 through slots.
 
     W = C rho_b sqrt(g) (D - k d)^(5/2)        round hole
     W = C rho_b sqrt(g) l (D - k d)^(3/2)      slot of length l
@@ -42,12 +40,12 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.simulation import Simulation, advance, move_surface, remove_surface, snapshot
 from taichi_erosion.verification.claim import Outcome, Precision, holds
-from taichi_erosion.verification.reference import flow
-from taichi_erosion.verification.reference import flow as bulk
+from taichi_erosion.verification.reference import flow as exact
 from taichi_erosion.verification.reference.contact import Solid, sphere_mass
 from taichi_erosion.verification.small_scenes import (
     FLOOR,
     Touch,
+    advance_all,
     joined,
     planes,
     primitive_table,
@@ -96,11 +94,6 @@ def loose_grains(count: int, half_width: tuple[float, float], round_base: bool, 
     return spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)
 
 
-def tube(radius: float, low: float, high: float) -> PrimitiveTable:
-    """Upright cylinder about the z axis, open at both ends."""
-    return revolved_segment((radius, low), (radius, high))
-
-
 def revolved_segment(first: tuple[float, float], second: tuple[float, float]) -> PrimitiveTable:
     """Segment between two points (radius, height) [m], turned about the z axis."""
     return primitive_table(PrimitiveKind.REVOLVED, [(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *first, *second)])
@@ -109,8 +102,8 @@ def revolved_segment(first: tuple[float, float], second: tuple[float, float]) ->
 def column_scene(touch: Touch, count: int, radius: float, seed: int) -> Setup:
     """Grains in a tube on a floor: surface wall0 is the floor, wall1 the tube."""
     grains = loose_grains(count, (radius, radius), True, seed)
-    walls = joined(planes(FLOOR), tube(radius, 0.0, 60.0 * DIAMETER))
-    return sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY)
+    tube = revolved_segment((radius, 0.0), (radius, 60.0 * DIAMETER))
+    return sphere_setup(grains, touch, TIME_STEP, joined(planes(FLOOR), tube), GRAVITY)
 
 
 def silo_scene(touch: Touch, count: int, width: float, hole: float, seed: int) -> Setup:
@@ -121,7 +114,7 @@ def silo_scene(touch: Touch, count: int, width: float, hole: float, seed: int) -
     radius, reach = width / 2.0, hole / 2.0
     grains = loose_grains(count, (radius, radius), True, seed)
     walls = joined(
-        tube(radius, 0.0, 80.0 * DIAMETER),
+        revolved_segment((radius, 0.0), (radius, 80.0 * DIAMETER)),
         revolved_segment((reach, 0.0), (radius, 0.0)),
         revolved_segment((0.0, 0.0), (reach, 0.0)),
         planes(TRAY),
@@ -142,8 +135,7 @@ def slot_scene(touch: Touch, count: int, width: float, slot: float, seed: int) -
         planes(TRAY),
     )
     grains = loose_grains(count, (half, SLOT_LENGTH / 2.0), False, seed)
-    setup = sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY)
-    return replace(setup, domain=endless(SLOT_LENGTH), period=(0.0, SLOT_LENGTH, 0.0))
+    return periodic(sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY), SLOT_LENGTH)
 
 
 def strip(left: float, right: float) -> list[list[float]]:
@@ -153,40 +145,33 @@ def strip(left: float, right: float) -> list[list[float]]:
     return [corners[0] + corners[1] + corners[2], corners[0] + corners[2] + corners[3]]
 
 
-def endless(width: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Corners of a domain that is periodic along y and open elsewhere [m]."""
-    inf = float("inf")
-    return (-inf, -width / 2.0, -inf), (inf, width / 2.0, inf)
+def periodic(setup: Setup, width: float) -> Setup:
+    """The scene in a domain with a period along y [m], open elsewhere."""
+    corner = np.array([np.inf, width / 2.0, np.inf])
+    low, high = tuple(map(float, -corner)), tuple(map(float, corner))
+    return replace(setup, domain=(low, high), period=(0.0, width, 0.0))
 
 
-def plate_scene(grain: Touch, plate: Touch, count: int, half_length: float, seed: int) -> Setup:
+def plate_scene(touch: Touch, count: int, half_length: float, seed: int) -> Setup:
     """Grains on a plate between dams, periodic along y; wall0 plate, wall1 and wall2 dams, wall3 floor.
 
     The front and back walls of the apparatus are left out: its formula is for containers so thick that they
     do not matter.
     """
-    width = 5.0 * DIAMETER
-    x = half_length
-    walls = joined(
-        primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x)),
-        planes(
-            (-x, 0.0, 0.0, 1.0, 0.0, 0.0),
-            (x, 0.0, 0.0, -1.0, 0.0, 0.0),
-            (0.0, 0.0, -12.0 * DIAMETER, 0.0, 0.0, 1.0),
-        ),
-    )
+    width, x = 5.0 * DIAMETER, half_length
+    dams = (-x, 0.0, 0.0, 1.0, 0.0, 0.0), (x, 0.0, 0.0, -1.0, 0.0, 0.0)
+    floor = (0.0, 0.0, -12.0 * DIAMETER, 0.0, 0.0, 1.0)
+    walls = joined(primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x)), planes(*dams, floor))
     grains = loose_grains(count, (x, width / 2.0), False, seed)
-    setup = sphere_setup(grains, grain, TIME_STEP, walls, GRAVITY)
-    return replace(setup, domain=endless(width), period=(0.0, width, 0.0))
+    return periodic(sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY), width)
 
 
-HEAP_LAWS = Laws(normal="jkr", rolling="elastic_plastic")
+ADHESIVE, ROLLING = Laws(normal="jkr", rolling="elastic_plastic"), Laws(rolling="elastic_plastic")
 COUNT, TUBE_RADIUS = 800, 6.0 * DIAMETER
 HEAP_SETTLE, LIFT_SPEED, LIFTED, REST = 0.12, 0.08, 0.24, 0.20  # s, m s-1, s, s
 SEEDS = (1, 2, 3)
 PLATE_COUNT, PLATE_HALF = 1500, 16.0 * DIAMETER
 PLATE_FRICTION, PLATE_ROLLING = 0.4, 0.02
-PLATE_SEEDS = (1, 2, 3)
 
 
 @dataclass(frozen=True)
@@ -215,15 +200,14 @@ def heap_scene(setting: Setting, seed: int) -> Setup:
 
 def heap_angles(runs: Sequence[tuple[Setting, int]], precision: Precision) -> Floats:
     """Angle of repose of each (setting, seed) [deg]."""
-    sim = simulation_of([heap_scene(setting, seed) for setting, seed in runs], precision, HEAP_LAWS)
-    count = len(runs)
-    advance(sim, [HEAP_SETTLE] * count)
-    for replica in range(count):
+    sim = simulation_of([heap_scene(setting, seed) for setting, seed in runs], precision, ADHESIVE)
+    advance_all(sim, HEAP_SETTLE)
+    for replica in range(len(runs)):
         move_surface(sim, replica, "wall1", Motion(velocity=(0.0, 0.0, LIFT_SPEED)))
-    advance(sim, [HEAP_SETTLE + LIFTED] * count)
-    for replica in range(count):
+    advance_all(sim, HEAP_SETTLE + LIFTED)
+    for replica in range(len(runs)):
         remove_surface(sim, replica, "wall1")
-    advance(sim, [HEAP_SETTLE + LIFTED + REST] * count)
+    advance_all(sim, HEAP_SETTLE + LIFTED + REST)
     return np.array([repose_angle(state).value for state in states(sim)])
 
 
@@ -244,19 +228,19 @@ def repose_trends() -> Iterator[Outcome]:
 
 def plate_outcomes() -> Iterator[Outcome]:
     """Plate heap of 2 mm glass against Zhou's formula, 3 deg."""
-    grain = soft_touch(PLATE_FRICTION, PLATE_ROLLING)
-    setups = [plate_scene(grain, grain, PLATE_COUNT, PLATE_HALF, seed) for seed in PLATE_SEEDS]
-    sim = simulation_of(setups, "f32", Laws(rolling="elastic_plastic"))
-    advance(sim, [HEAP_SETTLE] * len(setups))
+    touch = soft_touch(PLATE_FRICTION, PLATE_ROLLING)
+    setups = [plate_scene(touch, PLATE_COUNT, PLATE_HALF, seed) for seed in SEEDS]
+    sim = simulation_of(setups, "f32", ROLLING)
+    advance_all(sim, HEAP_SETTLE)
     for replica in range(len(setups)):
         remove_surface(sim, replica, "wall1")
         remove_surface(sim, replica, "wall2")
-    advance(sim, [HEAP_SETTLE + 0.9] * len(setups))
+    advance_all(sim, HEAP_SETTLE + 0.9)
     angles = np.array([plate_angle(state) for state in states(sim)])
     # the torque mu_r R* F is a length times F: R* is a quarter of the diameter between grains, half of it
     # at the plate
     lengths = PLATE_ROLLING * DIAMETER / 4.0, PLATE_ROLLING * DIAMETER / 2.0
-    wanted = flow.zhou_angle(PLATE_FRICTION, PLATE_FRICTION, *lengths, DIAMETER)
+    wanted = exact.zhou_angle(PLATE_FRICTION, PLATE_FRICTION, *lengths, DIAMETER)
     name = f"plate heap of 2 mm glass against Zhou (2002) [deg], seed sd {angles.std(ddof=1):.1f} deg"
     yield Outcome(name, float(angles.mean()), wanted, 3.0, "f32")
 
@@ -281,9 +265,8 @@ def plate_angle(state: Snapshot) -> float:
     return float(np.degrees(np.arctan(-np.mean(slopes))))
 
 
-SILO_LAWS = Laws(rolling="elastic_plastic")
 HEAD = 1.2  # of the filling over the width of the silo when the reading ends [1]
-CROWD = 1.15  # grains per cube of the diameter in a filling of packing 0.6, denser than ours [1]
+GRAINS_PER_CUBE = 1.15  # grains per cube of the diameter in a filling of packing 0.6, denser than ours [1]
 SILO_SETTLE, SAMPLE, LONGEST = 0.17, 0.005, 2.0  # s
 FRICTION, FRICTION_ROLLING = 0.5, 0.05  # of grains on each other and on all walls [1]
 READ = 800  # grains let out while the flow is read
@@ -306,7 +289,7 @@ class Silos:
     @property
     def before(self) -> Floats:
         """Grains that leave each silo before the flow is read."""
-        return CROWD * self.mouths * self.openings
+        return GRAINS_PER_CUBE * self.mouths * self.openings
 
     @property
     def until(self) -> Floats:
@@ -317,7 +300,7 @@ class Silos:
     @property
     def stock(self) -> Floats:
         """Grains in each silo."""
-        return np.ceil(CROWD * HEAD * self.widths * self.sections + self.until)
+        return np.ceil(GRAINS_PER_CUBE * HEAD * self.widths * self.sections + self.until)
 
 
 def with_holes(*holes: float) -> Silos:
@@ -325,7 +308,7 @@ def with_holes(*holes: float) -> Silos:
     opening = np.array(holes)
     width = 2.5 * opening
     sections = 0.25 * np.pi * width**2, 0.25 * np.pi * opening**2
-    return Silos("round holes", bulk.HOLE_EXPONENT, opening, width, *sections, 1.0, silo_scene)
+    return Silos("round holes", exact.HOLE_EXPONENT, opening, width, *sections, 1.0, silo_scene)
 
 
 def with_slots(*slots: float) -> Silos:
@@ -333,7 +316,7 @@ def with_slots(*slots: float) -> Silos:
     opening, length = np.array(slots), SLOT_LENGTH / DIAMETER
     width = opening + 30.0
     sections = length * width, length * opening
-    return Silos("slots", bulk.SLOT_EXPONENT, opening, width, *sections, SLOT_LENGTH, slot_scene)
+    return Silos("slots", exact.SLOT_EXPONENT, opening, width, *sections, SLOT_LENGTH, slot_scene)
 
 
 HOLES, SLOTS = with_holes(6.0, 7.5, 9.0), with_slots(6.0, 8.0, 11.0)
@@ -345,26 +328,26 @@ def opening_flow() -> Iterator[Outcome]:
         yield discharged(silos)
 
 
-def filled(silos: Silos) -> Simulation:
+def settled(silos: Silos) -> Simulation:
     """The silos with their fillings at rest."""
     touch = soft_touch(FRICTION, FRICTION_ROLLING)
     rows = zip(silos.stock, silos.widths * DIAMETER, silos.openings * DIAMETER, strict=True)
     setups = [silos.scene(touch, int(n), width, opening, k) for k, (n, width, opening) in enumerate(rows)]
-    sim = simulation_of(setups, "f32", SILO_LAWS)
-    advance(sim, [SILO_SETTLE] * len(setups))
+    sim = simulation_of(setups, "f32", ROLLING)
+    advance_all(sim, SILO_SETTLE)
     return sim
 
 
 def discharged(silos: Silos) -> Outcome:
     """Exponent of the flow in the width of one kind of opening."""
-    sim = filled(silos)
+    sim = settled(silos)
     density = bulk_density(sim, silos)
     flow = MASS * discharge_rates(sim, silos)
     opening = silos.openings * DIAMETER
-    edge, exponent = bulk.discharge_fit(opening, DIAMETER, flow)
-    plain, _ = bulk.discharge_exponent(opening, DIAMETER, flow, bulk.BEVERLOO_EDGE)
-    given = bulk.discharge_edge(opening, DIAMETER, flow, silos.exponent)
-    factors = bulk.discharge_coefficient(flow / silos.length, density, opening, DIAMETER, silos.exponent)
+    edge, exponent = exact.discharge_fit(opening, DIAMETER, flow)
+    plain, _ = exact.discharge_exponent(opening, DIAMETER, flow, exact.BEVERLOO_EDGE)
+    given = exact.discharge_edge(opening, DIAMETER, flow, silos.exponent)
+    factors = exact.discharge_coefficient(flow / silos.length, density, opening, DIAMETER, silos.exponent)
     rates, widths = (", ".join(format(x, ".4g") for x in column) for column in (1e3 * flow, silos.openings))
     name = (
         f"Beverloo: exponent of (D - {edge:.2f} d), flow {rates} g/s through {silos.kind} of {widths} d "

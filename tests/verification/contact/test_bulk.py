@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from taichi_erosion.verification.contact import bulk
-from taichi_erosion.verification.contact.bulk import CROWD, DIAMETER, HOLES, PLUG, SLOTS, Silos, soft_touch
+from taichi_erosion.verification.contact.bulk import (
+    DIAMETER,
+    GRAINS_PER_CUBE,
+    HOLES,
+    PLUG,
+    SLOTS,
+    Silos,
+    soft_touch,
+)
 
 PACKING = 0.6  # denser than grains with friction lie [1]
 BOTH = pytest.mark.parametrize("silos", [HOLES, SLOTS], ids=lambda silos: silos.kind)
@@ -17,7 +25,7 @@ def test_silos_are_wide_and_high_enough_for_the_law(silos: Silos):
     left = silos.stock - silos.until
     height = left * (np.pi / 6.0) / (PACKING * silos.sections)
     assert np.all(height > 1.19 * silos.widths)
-    assert pytest.approx(PACKING, rel=0.01) == CROWD * np.pi / 6.0
+    assert pytest.approx(PACKING, rel=0.01) == GRAINS_PER_CUBE * np.pi / 6.0
     assert np.all(SLOTS.widths >= SLOTS.openings + 30.0)
 
 
