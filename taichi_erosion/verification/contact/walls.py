@@ -1,4 +1,4 @@
-"""V16: walls made of triangles act as the surfaces they stand for.
+"""V16: walls made of triangles act as the surfaces that they approximate.
 
 A flat floor cut into triangles is a plane, wherever the grain meets it: on a face, on an edge shared by
 two, on a corner shared by six, and while it slides and rolls across them. A cone or cylinder cut into n
@@ -54,9 +54,7 @@ class Frustum:
     height: float  # m
 
 
-CONE = Frustum("cone", 2e-4, 8.2e-3, 8e-3)
-CYLINDER = Frustum("lying cylinder", 6e-3, 6e-3, 2e-2)
-FRUSTUMS = (CONE, CYLINDER)
+FRUSTUMS = Frustum("cone", 2e-4, 8.2e-3, 8e-3), Frustum("lying cylinder", 6e-3, 6e-3, 2e-2)
 
 
 def tiled_floor() -> PrimitiveTable:
@@ -74,9 +72,8 @@ def tiled_floor() -> PrimitiveTable:
 def thrown(walls: PrimitiveTable, place: tuple[float, float], sideways: float) -> Setup:
     """A grain that comes down at `place`, moving sideways, and bounces, slides and rolls on."""
     impact = wall_impact(TOUCH, RADIUS, DENSITY, SPEED)
-    start = [[*place, RADIUS + 1e-6]]
     velocity = [[sideways, 0.37 * sideways, -SPEED]]
-    grain = spheres(start, velocity, [[0.0, 0.0, 100.0]], RADIUS, impact.mass)
+    grain = spheres([[*place, RADIUS + 1e-6]], velocity, [[0.0, 0.0, 100.0]], RADIUS, impact.mass)
     return sphere_setup(grain, TOUCH, impact.duration / 100.0, walls, GRAVITY)
 
 
@@ -87,22 +84,21 @@ def mesh_and_plane() -> Iterator[Outcome]:
     places = [(place, sideways) for sideways in falls.values() for place in LANDINGS.values()]
     meshes = [thrown(tiled_floor(), *place) for place in places]
     flat = [thrown(planes(FLOOR), *place) for place in places]
-    inside = [rolling_inside(f, wall) for f in FRUSTUMS for wall in (*facetings(f), revolved(f))]
-    setups = meshes + flat + inside
-    times = np.linspace(0.001, 0.03, 30)[:, None] * np.ones(len(setups))
-    for precision in LIMIT:
-        path = sample(simulation_of(setups, precision, LAWS), times).position[:, :, 0, :]
+    inside = [
+        rolling_inside(frustum, wall)
+        for frustum in FRUSTUMS
+        for wall in (*(faceted(frustum, facets) for facets in FACETS), revolved(frustum))
+    ]
+    times = np.linspace(0.001, 0.03, 30)
+    for precision, limit in LIMIT.items():
+        sim = simulation_of(meshes + flat + inside, precision, LAWS)
+        path = sample(sim, times).position[:, :, 0, :]
         on_mesh, on_plane, within = np.split(path, [len(places), 2 * len(places)], axis=1)
         error = np.abs(on_mesh - on_plane).max(axis=(0, 2)) / RADIUS
         for name, largest in zip(names, error, strict=True):
-            yield below(f"mesh and plane: grain {name}, path [radii]", largest, LIMIT[precision], precision)
+            yield below(f"mesh and plane: grain {name}, path [radii]", largest, limit, precision)
         for frustum, paths in zip(FRUSTUMS, np.split(within, len(FRUSTUMS), axis=1), strict=True):
             yield from revolved_outcomes(frustum, paths, precision)
-
-
-def facetings(frustum: Frustum) -> list[PrimitiveTable]:
-    """The frustum cut into ever more facets."""
-    return [faceted(frustum, facets) for facets in FACETS]
 
 
 def faceted(frustum: Frustum, facets: int) -> PrimitiveTable:

@@ -1,13 +1,7 @@
-"""The wind over a bed of grains at rest, and where a grain lands on it.
-
-A bed of sand is smooth to a wind whose viscous sublayer covers its grains, and rough to one of which they
-stick out: at u* d / nu = 3 the wind differs little from that over a plane, at 10 it is slower by some u*.
-The air is that of the simulator, a column that the bed's own grains slow down; no grain flies in it.
-
-V36: sand of one material and two diameters starts, blows and comes to rest as saltation does.
+"""V36: sand of one material and two diameters starts, blows and comes to rest as saltation does.
 
 Patches of sand without adhesion, lift or gusts, all in one ensemble: four steady winds over each of two
-diameters, and one bed at rest under winds that grow. What is asked for are the signatures that do not hang on
+diameters, and one bed at rest under winds that grow. Tested are the signatures that do not depend on
 a fitted number: the flux is linear in the stress, grains take from the air near the bed all but about the
 stress of the impact threshold (Owen), that threshold goes with the root of the diameter, and it lies below
 the wind that starts a bed from rest.
@@ -24,10 +18,20 @@ patience than a check has: where it is 5 to 15 percent too weak one grain hops o
 
 What the air keeps at the bed is judged by a threshold in which no grain is ejected or caught: that of one
 grain that hops by a measured law of bounces (`reference.hopping`) in the wind over the bed at rest
-(`resting_bed`). So is the way in which the threshold goes with the diameter: with its root where the bed
+(`bed_wind`). So is the way in which the threshold goes with the diameter: with its root where the bed
 stays as rough, faster where, as here, coarser grains stick out of the viscous sublayer. Weak winds blow over
 larger patches, that some ten grains fly in each: of one or two, all may come to rest by chance, or one may
 gather the whole momentum of the wind high above the bed.
+
+A bed of sand is smooth to a wind whose viscous sublayer covers its grains, and rough to one of which they
+stick out: at u* d / nu = 3 the wind differs little from that over a plane, at 10 it is slower by some u*.
+The wind over a bed at rest is that of the simulator, a column that the bed's own grains slow down.
+
+What these limits do not test: a ratio of thresholds within 10 % of the root of two holds for every power of
+the diameter between 0.35 and 0.64. A flux that goes with any power between 1/2 and 2 of the excess stress, or
+with u*^3, leaves less than 5 % of its variance off a line through these four winds. The threshold from rest
+is only required to exceed the impact threshold. A stress within 20 % holds for every threshold within 10 %.
+No number is compared with a measurement; `docs/threshold.md` does that.
 
 Reference: Bagnold (1941), The Physics of Blown Sand; Owen (1964), J. Fluid Mech. 20, 225; Creyssels et al.
 (2009), J. Fluid Mech. 625, 47 (extrapolation); Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306;
@@ -172,9 +176,9 @@ def scaled(stage: dict[str, Any], size: float) -> dict[str, Any]:
 def from_rest() -> Scene:
     """A bed at rest under winds that grow."""
     order = {"first": REST_WIND, "levels": 1}
-    hunt = {"name": "hunt", "until": "threshold", "duration_max": 8.0}
+    search = {"name": "hunt", "until": "threshold", "duration_max": 8.0}
     more = {"threshold": order, "measure": {"fluid_threshold": {}}}
-    return sand(1.0, RESTING, [REST, hunt], more)
+    return sand(1.0, RESTING, [REST, search], more)
 
 
 def at_rest(size: float) -> Scene:
@@ -190,8 +194,8 @@ def steady(size: float, patch: Patch) -> Scene:
     return sand(size, patch, stages, {"measure": {name: {"every": 1e-2} for name in MEASURED}})
 
 
-def played(scenes: Sequence[Scene]) -> list[dict[str, float]]:
-    """All scenes as one ensemble, to their ends: what was measured, by name."""
+def measured(scenes: Sequence[Scene]) -> list[dict[str, float]]:
+    """Final measurements by name of every scene, run as one ensemble."""
     replicas = run_to_end(scenes, SEED).states
     return [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
 
@@ -223,7 +227,7 @@ def ends(line: Bracket) -> str:
 def saltation() -> Iterator[Outcome]:
     """V36."""
     scenes = [steady(size, patch) for size in DIAMETERS for patch in STEADY]
-    *blown, rest = played([*scenes, from_rest()])
+    *blown, rest = measured([*scenes, from_rest()])
     small, large = blown[: len(STEADY)], blown[len(STEADY) :]
     first, second = vanishing(small, "grain_stress"), vanishing(large, "grain_stress")
     claim = f"impact threshold of {DIAMETERS[1]:g} times the diameter, {ends(second)}, over that of "
