@@ -313,7 +313,7 @@ from taichi_erosion.cli.main import main
 code = main(["run", "--help"])
 print(code, [name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
 """
-    answer = python(source, cwd=Path(__file__).parent.parent)
+    answer = python(source, cwd=Path(__file__).parents[2])
     assert "--set" in answer.stdout
     assert answer.stderr == "0 []\n"
 
@@ -321,7 +321,7 @@ print(code, [name for name in {heavy!r} if name in sys.modules], file=sys.stderr
 def test_no_colour_is_printed_where_none_is_wanted():
     source = "from taichi_erosion.cli.main import main; main(['--help'])"
     environment = {**os.environ, "NO_COLOR": "1", "FORCE_COLOR": "1"}
-    answer = python(source, cwd=Path(__file__).parent.parent, env=environment)
+    answer = python(source, cwd=Path(__file__).parents[2], env=environment)
     colours = re.findall(r"\x1b\[[0-9;]*3[0-9][0-9;]*m", answer.stdout)
     assert answer.stdout
     assert colours == []
@@ -343,7 +343,7 @@ room.run_scene, room.RunOptions = run_scene, SimpleNamespace
 sys.modules["taichi_erosion.run"] = room
 sys.exit(main(["run", "scene.toml"]))
 """
-    answer = python(source, cwd=Path(__file__).parent.parent)
+    answer = python(source, cwd=Path(__file__).parents[2])
     assert answer.returncode == 128 + signal.SIGTERM
     assert answer.stderr == "closed\n"
     assert answer.stdout == ""

@@ -1,7 +1,6 @@
-"""Help that can be typed as it stands, a log of what was done, and completion for shells."""
+"""Examples of the help can be typed as they stand; shells complete commands."""
 
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,12 +9,11 @@ from pathlib import Path
 import pytest
 import typer
 
-from taichi_erosion.cli import progress
 from taichi_erosion.cli.commands import app
 from taichi_erosion.cli.help import COMMANDS as HELP
 from taichi_erosion.cli.main import main
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PLACEHOLDERS = {"STUDY", "TABLE", "IMAGE", "SCRIPT", "FILE"}
 
 
@@ -56,43 +54,6 @@ def test_an_example_names_options_and_files_that_are_there(example: str) -> None
     for word in words:
         inside = word.startswith(("scenes/", "doe/", "recordings/")) and not word.endswith("FILE.rrd")
         assert not inside or (ROOT / word).exists(), word
-
-
-def test_the_log_tells_order_warnings_and_end_with_their_times(tmp_path: Path, capsys) -> None:
-    log = tmp_path / "erosion.log"
-    scene = str(ROOT / "scenes" / "incline.toml")
-    assert main(["--log", str(log), "run", scene, "--check"]) == 0
-    assert main(["--log", str(log), "run", scene, "--check", "--set", "grains.count=-1"]) == 2
-    capsys.readouterr()
-    lines = log.read_text(encoding="utf-8").splitlines()
-    assert all(re.match(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} (INFO|ERROR) ", line) for line in lines)
-    told = [line.split(" ", 3)[3] for line in lines]
-    assert told[0].endswith(f"run {scene} --check")
-    assert told[1] == "exit code 0"
-    assert "grains.count" in told[3]
-    assert told[4] == "exit code 2"
-    assert len(told) == 5
-
-
-def test_a_log_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, capsys) -> None:
-    assert main(["--log", str(tmp_path / "no" / "log"), "effects"]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1
-    assert "--log" in printed.err
-
-
-@pytest.mark.parametrize(
-    ("share", "elapsed", "said"),
-    [
-        (0.25, 10.0, ", about 30 s left"),
-        (0.5, 600.0, ", about 10 min left"),
-        (0.001, 60.0, ""),  # too little is done to tell
-        (0.5, 1.0, ""),
-    ],
-)
-def test_the_time_that_is_left_is_told_once_the_pace_is_known(share: float, elapsed: float, said: str):
-    assert progress.time_left(share, elapsed) == said
 
 
 def test_shells_can_complete_commands_under_the_name_they_were_called_by() -> None:
