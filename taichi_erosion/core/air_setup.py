@@ -1,10 +1,11 @@
-"""What the air of one replica starts from: grid, sides, closure and flow, as plain NumPy.
+"""Air of one replica before its first step: grid, sides, closure, flow, initial turbulence; plain NumPy.
 
 `scene/` makes these records from a scene file, `air/` puts them on the device. x runs downwind, z upwards;
 cells are equal along x and y and may be stretched along z. Nothing here knows Taichi.
 """
 
 from dataclasses import dataclass, field
+from itertools import product
 from math import inf
 from typing import Any, Literal
 
@@ -70,12 +71,12 @@ class InletTurbulence:
 
 
 @dataclass(frozen=True)
-class Stir:
-    """What makes eddies start over a bed: waves of random phases on the mean wind, and time to grow."""
+class InitialTurbulence:
+    """Fluctuations from which eddies grow over a bed: waves of random phases on the mean wind."""
 
     deviation: float  # standard deviation of each velocity over u* [1]
-    turnovers: float  # time that the air then has by itself, times u* over the height above the bed [1]
-    roughness: float  # m, roughness length of the mean wind to begin with
+    turnovers: float  # time of growth without grains, times u* over the height above the bed [1]
+    roughness: float  # m, roughness length of the initial mean wind
     seed: int
 
 
@@ -99,7 +100,7 @@ class AirSetup:
     implicitness: float = 1.0  # of diffusion along z: 1/2 second order in time, 1 damps any step [1]
     inlet_shape: Floats | None = None  # [nz] speed at an inlet along x over that of the side; None: 1
     turbulence: InletTurbulence | None = None
-    stir: Stir | None = None  # of a grid over grains
+    initial_turbulence: InitialTurbulence | None = None  # of a grid over grains
     start: Floats | None = field(default=None)  # m s-1: [nz] along x, or [3, nx, ny, nz]; None: at rest
 
 
@@ -157,3 +158,42 @@ def bed_gradient(setup: AirSetup, friction_velocity: float) -> float:
     if setup.sides["z_high"].kind == "stress":
         return 0.0
     return -setup.density * friction_velocity**2 / (setup.high[2] - setup.ground)
+
+
+WAVES_X, WAVES_Y, HALF_WAVES = 2, 3, 3  # largest numbers of waves along x and y, and of half waves up
+
+
+def initial_wind(setup: AirSetup, friction_velocity: float) -> Floats:
+    """Wind that sets in over a bed [m s-1], [3, nx, ny, nz]: a logarithmic mean, and random waves.
+
+    u = (u*/kappa) ln(1 + z / z0),    u'_i = A_i sum_n cos(k_n . x + p_in) sin(pi m_n z / H)
+
+    over the waves that are periodic in the patch, m half waves high, of equal amplitudes, with z counted from
+    the bed [m]. Each u'_i has the standard deviation s u* over the air above the bed; the first projection
+    removes its divergence. In the bed the air is at rest. Eddies grow from the waves.
+
+    Reference: Moin & Kim (1982), J. Fluid Mech. 118, 341 (turbulence grown from random fluctuations).
+    """
+    assert setup.initial_turbulence is not None
+    centre = 0.5 * (setup.faces_z[1:] + setup.faces_z[:-1]) - setup.ground
+    wind = np.zeros((3, *setup.cells))
+    wind[0] = log_profile(
+        centre, friction_velocity, setup.initial_turbulence.roughness, setup.constants.karman
+    )
+    waves = random_waves(setup, np.maximum(centre, 0.0) / (setup.high[2] - setup.ground))
+    return wind + setup.initial_turbulence.deviation * friction_velocity * waves
+
+
+def random_waves(setup: AirSetup, height: Floats) -> Floats:
+    """Fluctuations [3, nx, ny, nz] of standard deviation 1 above the bed [1]; heights over the lid's."""
+    assert setup.initial_turbulence is not None
+    random = np.random.Generator(np.random.Philox(setup.initial_turbulence.seed))
+    x, y = (2.0 * np.pi * np.arange(n) / n for n in setup.cells[:2])
+    total = np.zeros((3, *setup.cells))
+    for a, b, m in product(range(WAVES_X + 1), range(-WAVES_Y, WAVES_Y + 1), range(1, HALF_WAVES + 1)):
+        phase = random.uniform(0.0, 2.0 * np.pi, 3)
+        level = np.cos(a * x[None, :, None] + b * y[None, None, :] + phase[:, None, None])
+        total += level[..., None] * np.sin(np.pi * m * height)
+    above = height > 0.0
+    deviation = np.sqrt((total[..., above] ** 2).mean(axis=(1, 2, 3), keepdims=True))
+    return total / np.maximum(deviation, np.finfo(float).tiny)

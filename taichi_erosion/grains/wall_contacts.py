@@ -21,12 +21,7 @@ from taichi_erosion.grains.neighbour_list import (
     entry_block,
     partition_entries,
 )
-from taichi_erosion.grains.pair_contacts import (
-    effects_act,
-    hertz_stiffness,
-    pair_attraction,
-    report_overlap,
-)
+from taichi_erosion.grains.pair_contacts import effects_act, hertz_stiffness, pair_attraction, report_overlap
 from taichi_erosion.grains.simd_batch import (
     LANES,
     evaluate_contact,

@@ -10,8 +10,7 @@ import numpy as np
 
 from taichi_erosion.air.readback import set_velocities
 from taichi_erosion.air.step import advance_active
-from taichi_erosion.core.air_setup import bed_gradient
-from taichi_erosion.core.initial_turbulence import stirred_wind
+from taichi_erosion.core.air_setup import bed_gradient, initial_wind
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.core.transfer import download, read, upload, write
@@ -60,7 +59,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
             whole[replica] *= factor**power
             write(field, whole)
     else:
-        u, v, w = stirred_wind(setup, after)
+        u, v, w = initial_wind(setup, after)
         set_velocities(air, replica, (u, v, w))
     select_replicas(sim, np.arange(len(sim.setups)) == replica)
     match_air_to_grains(sim.world, sim.coupling, len(sim.setups), sim.chunk)
@@ -74,9 +73,9 @@ def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> 
     """Let the air flow over resting grains for the stated number of turnovers."""
     setup = sim.setups[replica].air
     assert setup is not None
-    assert setup.stir is not None
+    assert setup.initial_turbulence is not None
     assert sim.coupling.air is not None
-    time = setup.stir.turnovers * (setup.high[2] - setup.ground) / friction_velocity
+    time = setup.initial_turbulence.turnovers * (setup.high[2] - setup.ground) / friction_velocity
     count = len(sim.setups)
     for _ in range(ceil(time / setup.time_step)):
         advance_active(sim.coupling.air, count, sim.chunk)

@@ -8,7 +8,7 @@ from grain_worlds import fingerprint
 from windy_beds import DENSITY, LID, RADIUS, SURFACE, bed, set_in
 
 from taichi_erosion.air.readback import face_velocities
-from taichi_erosion.core.air_setup import AirModel, AirSide, Stir, bed_gradient
+from taichi_erosion.core.air_setup import AirModel, AirSide, InitialTurbulence, bed_gradient
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.simulation import (
@@ -38,7 +38,7 @@ def gridded(seed: int, **words):
         model=AirModel("smagorinsky", exchange=True),
         time_step=5.0 * table.time_step,
         ground=SURFACE,
-        stir=Stir(1.0, TURNOVERS, RADIUS / 15.0, seed),
+        initial_turbulence=InitialTurbulence(1.0, TURNOVERS, RADIUS / 15.0, seed),
     )
     return replace(table, air=air)
 

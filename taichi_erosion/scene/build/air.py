@@ -11,16 +11,16 @@ from taichi_erosion.core.air_setup import (
     AirSetup,
     AirSide,
     ClosureConstants,
+    InitialTurbulence,
     InletTurbulence,
-    Stir,
     bed_faces,
     bed_gradient,
     both_faces,
     even_faces,
+    initial_wind,
     log_profile,
     stretched_faces,
 )
-from taichi_erosion.core.initial_turbulence import stirred_wind
 from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Triple
 from taichi_erosion.scene.build.limits import time_step
 from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter
@@ -88,10 +88,12 @@ def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetu
         model=AirModel(closure=wind.closure, exchange=True),
         implicitness=CENTRED if eddies else column.implicitness,
         driving_gradient=(bed_gradient(column, column.friction_velocity), 0.0, 0.0),
-        stir=Stir(wind.stir if eddies else 0.0, wind.turnovers, GRAIN_ROUGHNESS * diameter, seed),
+        initial_turbulence=InitialTurbulence(
+            wind.stir if eddies else 0.0, wind.turnovers, GRAIN_ROUGHNESS * diameter, seed
+        ),
     )
     blows = grid.friction_velocity > 0.0
-    return replace(grid, start=stirred_wind(grid, grid.friction_velocity)) if blows else grid
+    return replace(grid, start=initial_wind(grid, grid.friction_velocity)) if blows else grid
 
 
 def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:

@@ -9,12 +9,7 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.build.clump import template_spheres
-from taichi_erosion.scene.build.contacts import (
-    materials_used,
-    shear_modulus,
-    surface_energy,
-    young_effective,
-)
+from taichi_erosion.scene.build.contacts import materials_used, shear_modulus, surface_energy, young_effective
 from taichi_erosion.scene.build.fill import start_top
 from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter, size_range
 from taichi_erosion.scene.build.walls import wall_bounds

@@ -30,7 +30,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taichi_erosion.air.readback import face_velocities
-from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, Stir, bed_faces
+from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InitialTurbulence, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Laws, Setup
 from taichi_erosion.core.transfer import read
 from taichi_erosion.simulation import Simulation, advance, air_profile, spin_up_wind
@@ -191,7 +191,7 @@ def stirred_setup() -> Setup:
         cells=CELLS,
         time_step=STEP * PATCH_INTERVAL,
         model=AirModel(advection="none", exchange=True),
-        stir=Stir(0.0, 0.0, DIAMETER / 30.0, 1),
+        initial_turbulence=InitialTurbulence(0.0, 0.0, DIAMETER / 30.0, 1),
         start=rng.normal(0.0, 2.0, (3, *CELLS)),
     )
     return in_air(setup, stirred, Coupling(look_steps=PATCH_INTERVAL), PATCH_HEIGHT)
@@ -268,7 +268,7 @@ def on_columns(single: AirSetup, columns: tuple[int, int]) -> AirSetup:
         single,
         cells=(*columns, single.cells[2]),
         model=AirModel("mixing_length", exchange=True),
-        stir=Stir(0.0, TURNOVERS, DIAMETER / 30.0, 1),
+        initial_turbulence=InitialTurbulence(0.0, TURNOVERS, DIAMETER / 30.0, 1),
     )
 
 

@@ -71,7 +71,11 @@ def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
     scene = load_scene(SCENES / "wind_threshold.toml", [*GRID, "wind.look_steps=5"])
     air = build_setup(scene, 3).air
     assert air is not None
-    assert air.stir is not None
+    assert air.initial_turbulence is not None
     assert air.cells[:2] == (8, 8)
     assert air.sides["z_high"].kind == "symmetry"
-    assert (air.model.closure, air.model.scheme, air.stir.seed) == ("smagorinsky", "runge_kutta", 3)
+    assert (air.model.closure, air.model.scheme, air.initial_turbulence.seed) == (
+        "smagorinsky",
+        "runge_kutta",
+        3,
+    )
