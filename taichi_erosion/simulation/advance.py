@@ -1,4 +1,4 @@
-"""Driving the device from the host: launches, growth of lists, and what stopped a replica."""
+"""Advance a simulation: launches of the device, growth of lists, and the failure of a replica."""
 
 import time
 from collections.abc import Sequence
@@ -9,13 +9,13 @@ from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.simulation.assemble import Simulation, reallocate
-from taichi_erosion.simulation.capacities import grown
+from taichi_erosion.simulation.capacities import with_doubled_lists
 from taichi_erosion.simulation.saved_state import export_state, import_state
 from taichi_erosion.simulation.schedule import assign_steps, upload_schedule
 from taichi_erosion.simulation.step import run_replicas, run_teams
 from taichi_erosion.simulation.wind_driver import exchange_when_due
 
-LAUNCH_SECONDS = 0.4  # Ctrl-C is heard between launches
+LAUNCH_SECONDS = 0.4  # Ctrl-C acts between launches
 FIRST_LAUNCH = 500  # steps before the pace is known
 ROUNDING = 1e-6  # of a step: a time that lies on a step is not passed by one more
 
@@ -31,8 +31,8 @@ def steps_until(sim: Simulation, until: Sequence[float]) -> Integers:
 def advance(sim: Simulation, until: Sequence[float]) -> None:
     """Run every replica that has not failed to its own time [s].
 
-    A list that proves too short is grown and the step repeated. Launches are short, so that the host hears
-    signals; their length changes no result.
+    A list that is too short is grown and the step repeated. Launches are short, so that signals reach the
+    host; their length changes no result.
     """
     remaining = steps_until(sim, until)
     while True:
@@ -46,7 +46,7 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
         left = launch(sim, portion)
         remaining = remaining - (portion - left)
         if (statuses(sim) == Status.OVERFLOW).any():
-            grow(sim)
+            grow_lists(sim)
 
 
 def launch_steps(sim: Simulation) -> int:
@@ -80,16 +80,16 @@ def statuses(sim: Simulation) -> Integers:
     return download([sim.world.replicas.status], 0, len(sim.setups))[0].astype(np.int32)
 
 
-def grow(sim: Simulation) -> None:
-    """Double the room of the lists and carry everything over."""
+def grow_lists(sim: Simulation) -> None:
+    """Double the capacity of the lists and carry the state over."""
     state = export_state(sim)
     state["status"] = np.where(state["status"] == Status.OVERFLOW, Status.RUNNING, state["status"])
-    reallocate(sim, grown(sim.capacities))
+    reallocate(sim, with_doubled_lists(sim.capacities))
     import_state(sim, state)
 
 
 def failure(sim: Simulation, replica: int) -> Failure | None:
-    """Why a replica stopped, or None while it runs."""
+    """Why a replica stopped; None while it runs."""
     status = Status(int(statuses(sim)[replica]))
     if status == Status.RUNNING:
         return None

@@ -1,4 +1,4 @@
-"""From Setups to a device that is ready to run: where names become functions and records become fields."""
+"""Assemble a simulation: the laws that a run names become device functions, its setups become fields."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -35,12 +35,12 @@ from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
 from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.upload import fill_world
 
-POOL_LEAST = 2  # threads: runs on one core and on two share their kernels; who has no work sleeps
+POOL_LEAST = 2  # threads: runs on one core and on two share their kernels; an idle thread sleeps
 
 
 @dataclass
 class Simulation:
-    """A running ensemble: its records, its fields, and how many workers drive it."""
+    """A running ensemble: setups, fields, and the number of workers."""
 
     setups: list[Setup]
     laws: Laws
@@ -52,11 +52,11 @@ class Simulation:
     coupling: CouplingState
     schedule: Schedule
     pace: float = 0.0  # steps a second and replica seen so far
-    launched: bool = False  # the first launch compiles and says nothing about the pace
+    launched: bool = False  # the first launch compiles and does not count for the pace
 
 
 def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> World:
-    """Allocate all fields and write the Setups to them, one a replica; the device must have been started."""
+    """Fields of all setups, one per replica, and the device functions; the device must have been started."""
     compiled = compile_contact_laws(laws)
     driven, sleeps = is_driven(setups), any(s.coupling.sleep_exchanges > 0 for s in setups)
     effects, places = [s.effects for s in setups], 2 * capacities.replicas * capacities.grains
@@ -106,7 +106,7 @@ def gap_reach(setup: Setup, laws: ContactLaws) -> float:
 
 
 def is_driven(setups: list[Setup]) -> bool:
-    """Whether anything acts on grains between contacts."""
+    """Whether air or grain effects act between contacts."""
     pushed = any(acting.effect.place == "grain" for setup in setups for acting in setup.effects)
     return pushed or any(setup.air is not None for setup in setups)
 
@@ -132,7 +132,7 @@ def check_contacts(setup: Setup) -> None:
 
 
 def check_mixture(setups: list[Setup]) -> None:
-    """Raise BadInput where replicas differ in what is compiled in, or join what does not go together."""
+    """Raise BadInput where replicas differ in what is compiled in, or combine what excludes each other."""
     if len({s.clumps is None for s in setups}) > 1:
         raise BadInput("an ensemble mixes clumps and single spheres; run them apart")
     if len({s.air is None for s in setups}) > 1:
@@ -142,7 +142,7 @@ def check_mixture(setups: list[Setup]) -> None:
 
 
 def checked(setups: Sequence[Setup]) -> list[Setup]:
-    """The setups of an ensemble. Raises BadInput for what cannot run."""
+    """Setups of an ensemble as a list. Raises BadInput for what cannot run."""
     listed = list(setups)
     check_mixture(listed)
     for setup in listed:
@@ -173,7 +173,7 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
 def reallocate(sim: Simulation, capacities: Capacities) -> None:
     """Give the run other capacities; the caller carries its state over.
 
-    The device is started anew: the old fields are gone, and the kernels are those of a run that begins so.
+    The device is restarted: the old fields are gone, and the kernels are those of a new run.
     """
     start_device(sim.numerics, POOL_LEAST)
     sim.capacities = replace(capacities)

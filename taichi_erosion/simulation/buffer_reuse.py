@@ -1,8 +1,8 @@
-"""An ensemble that has ended lends its fields to the next one of its kind, and with them its kernels.
+"""Buffer reuse: an ensemble runs in the fields, and with the kernels, of one of its kind that has ended.
 
-Taichi reads the source of every kernel anew for fields that are new, and makes machine code of it: seconds of
-a core, more than sixteen heaps of a hundred grains take. What is lent is emptied first, so that no result
-depends on who ran before.
+For new fields Taichi reads the source of every kernel again and makes machine code of it: seconds of a core,
+more than sixteen heaps of a hundred grains take. Reused fields are zeroed first, so that no result depends on
+the ensemble before.
 """
 
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from taichi_erosion.simulation.assemble import Simulation, assemble, checked, fi
 from taichi_erosion.simulation.capacities import Capacities, initial_capacities, padded_with_copies
 from taichi_erosion.simulation.step import release_first
 
-APART = ("first_contact", "grain")  # places of effects beside which replicas without them cannot run
+EXCLUSIVE = ("first_contact", "grain")  # places of effects that all replicas of an ensemble must share
 
 
 def reuse_or_assemble(
     before: Simulation | None, setups: Sequence[Setup], laws: Laws, numerics: Numerics
 ) -> Simulation:
-    """An ensemble that is ready to run, in the fields of the one before where they serve it.
+    """An ensemble that is ready to run, in the fields of the one `before` where they fit.
 
     `before` must not be used any more. Raises BadInput for what cannot run.
     """
@@ -43,7 +43,7 @@ def reuse_or_assemble(
 
 
 def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: Numerics) -> bool:
-    """Whether an ensemble would compile what the one before has compiled, and has room in its fields."""
+    """Whether an ensemble would compile what the one before has compiled, and fits in its fields."""
     same_laws = (before.laws, before.numerics) == (laws, numerics)
     alike = (before.setups[0].clumps is None) == (setups[0].clumps is None)
     without_air = not before.coupling.has_air and all(setup.air is None for setup in setups)
@@ -57,16 +57,16 @@ def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: N
 
 
 def has_capacity(capacities: Capacities, wanted: Capacities) -> bool:
-    """Whether capacities suffice; tables of contacts are as long as the materials make them."""
+    """Whether capacities suffice; tables of contacts must have the same size."""
     enough = all(getattr(capacities, f.name) >= getattr(wanted, f.name) for f in fields(Capacities))
     return enough and capacities.materials == wanted.materials
 
 
 def has_same_effects(before: Simulation, setups: list[Setup]) -> bool:
-    """Whether all effects are compiled in, and none beside which a replica would not come out as alone."""
+    """Whether all effects are compiled in, and no others that would change a replica without them."""
     present = {(one.effect.place, one.effect.name): one.effect for s in setups for one in s.effects}
     bounds = {"pair": before.world.pair_effects, "first_contact": before.world.first_contact_effects}
     bounds["grain"] = before.world.grain_effects
     held = {(place, name) for place, bound in bounds.items() for name in bound.names}
     same = all(effect.act in bounds[place].functions for (place, _), effect in present.items())
-    return same and not any(place in APART for place, _ in held - present.keys())
+    return same and not any(place in EXCLUSIVE for place, _ in held - present.keys())

@@ -1,6 +1,6 @@
-"""How much room a run needs on the device, and how its grains are cut into cells and partitions.
+"""Capacities of the fields of a run, and the division of its grains into cells and partitions.
 
-Everything here that can touch a result (partitions, margins, cells) depends on one replica alone, so that a
+Everything here that can affect a result (partitions, margins, cells) depends on one replica alone, so that a
 replica gives the same bits whatever runs beside it.
 """
 
@@ -12,31 +12,31 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
 from taichi_erosion.grains.cells import WIDER
 
-PARTITION_GRAINS = 4000  # grains that keep one worker busy long enough to be worth a meeting
-PAIR_GRAINS = 1000  # the same for two workers, who wait for one other only
+PARTITION_GRAINS = 4000  # grains per partition above which a barrier costs little
+PAIR_GRAINS = 1000  # the same for two workers
 PARTITIONS_MOST = 16
-ENTRIES_PER_GRAIN = 8  # half-list entries of a dense bed with its margins
-ENTRIES_LEAST = 256  # a partition of few grains still meets a few others
+ENTRIES_PER_GRAIN = 8  # half-list entries of a dense bed with its skin
+ENTRIES_LEAST = 256  # for partitions of few grains
 WALL_ENTRIES_PER_GRAIN = 2
 CELLS_PER_GRAIN = 8
 CELLS_LEAST = 4096
-SMALL_GRAINS = 128  # replicas of so few grains all get the same room, and so the same compiled kernels
+SMALL_GRAINS = 128  # replicas of so few grains all have the same capacities, and so the same compiled kernels
 SMALL_REPLICAS = 64
 SMALL_WALLS = 4  # primitives and surfaces
 SMALL_AIR = 2048  # cells of air
-SKIN_MOST = 0.4  # largest list margin over the largest radius [1]
+SKIN_MOST = 0.4  # largest skin over the largest radius [1]
 SKIN_STEPS = 60  # time steps that a fast grain should last on one list
-SKIN_FLIGHT = 10.0  # largest list margin under wind over the median radius [1]
+SKIN_FLIGHT = 10.0  # largest skin under wind over the median radius [1]
 FLIGHT_STEPS = 100  # time steps that a fast grain should last on one list under wind
-SKIN_IN_CELLS = 0.3  # list margin over the radius that cells allow for under wind [1]
-LARGE_MOST = 50  # largest grains that look beyond adjacent cells
+SKIN_IN_CELLS = 0.3  # skin over the radius that fits into cells under wind [1]
+LARGE_MOST = 50  # largest grains that search beyond adjacent cells
 
 
 @dataclass(frozen=True)
 class Capacities:
     """Capacities of one run; growing them changes no result."""
 
-    replicas: int  # room; some may stay empty
+    replicas: int  # some may stay empty
     partitions: int
     grains: int
     pairs: int  # entries a replica and side
@@ -62,7 +62,7 @@ def round_up(number: int) -> int:
 
 
 def initial_capacities(setups: list[Setup]) -> Capacities:
-    """Room for a dense start."""
+    """Capacities for a dense start."""
     grains = round_up(max(len(s.grains.radius) for s in setups))
     bodies = max(0 if s.clumps is None else len(s.clumps.mass) for s in setups)
     primitives = max(len(s.primitives.kind) for s in setups)
@@ -91,30 +91,29 @@ def cells_of_air(setup: Setup) -> int:
 
 
 def padded_with_copies(setups: list[Setup], capacities: Capacities) -> list[Setup]:
-    """The Setups and, in room that none of them needs, copies of the first, which never run."""
+    """Setups, padded with copies of the first, which never run, up to the number of replicas."""
     return setups + setups[:1] * (capacities.replicas - len(setups))
 
 
-def grown(capacities: Capacities) -> Capacities:
-    """Twice the list room."""
+def with_doubled_lists(capacities: Capacities) -> Capacities:
     return replace(capacities, pairs=2 * capacities.pairs, wall_pairs=2 * capacities.wall_pairs)
 
 
 @dataclass(frozen=True)
 class VerletSkin:
-    """How far grains may move on one list."""
+    """How far grains may move before their lists are rebuilt."""
 
     least: float  # over the radius [1]
     most: float  # m
-    time: float  # s, that a grain should last
-    grasp: float  # m, radius and margin up to which adjacent cells hold all partners
+    time: float  # s, that a moving grain should stay within it
+    cell_reach: float  # m, radius and skin up to which adjacent cells hold all partners
 
 
 def verlet_skin(setup: Setup) -> VerletSkin:
-    """Margins of one replica.
+    """Skin of one replica.
 
-    Under wind few grains move, and those far: they get a margin beyond what cells allow and look at all
-    others, and so do the few largest grains, so that cells may be as narrow as most grains want them.
+    Under wind few grains move, and those far: their skin extends beyond adjacent cells and they are searched
+    among all others, as are the few largest grains, so that cells may be as narrow as most grains need.
     """
     radius = np.sort(setup.grains.radius)
     if setup.air is None:
@@ -139,10 +138,10 @@ class Grid:
 def cell_grid(setup: Setup, reach: float, cells: int) -> Grid:
     """Cells around everything the scene names, not narrower than the longest list distance.
 
-    Where that makes more than `cells`, they are widened; grains outside the box fall to its border cells.
+    Where that makes more than `cells`, they are widened; grains outside the box belong to its border cells.
     """
     low, high = occupied_box(setup)
-    least = 2.0 * verlet_skin(setup).grasp + reach
+    least = 2.0 * verlet_skin(setup).cell_reach + reach
     span = np.maximum(high - low, least)
     most = min(cells, max(CELLS_LEAST, round_up(len(setup.grains.radius) * CELLS_PER_GRAIN)))
     width = least

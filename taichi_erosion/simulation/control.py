@@ -1,4 +1,4 @@
-"""Changing a running simulation: walls, gravity, contact parameters."""
+"""Control of a running simulation: walls, gravity, contact parameters, effects."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,7 +24,6 @@ def surface_index(sim: Simulation, replica: int, name: str) -> int:
 
 
 def remove_surface(sim: Simulation, replica: int, name: str) -> None:
-    """Take a wall away at once."""
     upload([(sim.world.walls.present, [0.0])], surface_index(sim, replica, name))
     make_stale(sim, replica)
 
@@ -103,13 +102,13 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect])
 
 
 def make_stale(sim: Simulation, replica: int) -> None:
-    """Ask for a rebuild before the next step, and wake who sleeps: what held it may have changed."""
+    """Request a rebuild before the next step, and wake all grains: their support may have changed."""
     upload([(sim.world.replicas.stale, [1.0])], replica)
     wake_all(sim, replica)
 
 
 def wake_all(sim: Simulation, replica: int) -> None:
-    """Wake all grains of one replica; they have not been at rest yet."""
+    """Wake all grains of one replica; their time at rest restarts."""
     if sim.world.sleeps:
         sleep, rows = sim.world.sleep, 2 * sim.capacities.grains
         upload([(field, np.zeros(rows)) for field in (sleep.state, sleep.rest_count)], replica * rows)

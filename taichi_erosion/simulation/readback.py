@@ -1,7 +1,4 @@
-"""Where the walls of a running simulation are.
-
-Reading a running simulation: snapshots and sums.
-"""
+"""Readback of a running simulation: snapshots, poses of walls, energies."""
 
 from dataclasses import dataclass
 

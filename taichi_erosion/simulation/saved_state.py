@@ -1,4 +1,4 @@
-"""The whole state of a run as plain arrays that know no capacities: for checkpoints and for growing lists."""
+"""State of a run as plain arrays independent of capacities: for checkpoints and for growing lists."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from taichi_erosion.grains.frozen_drag import FROZEN_FIELDS
 from taichi_erosion.grains.sleep import SAVED_FIELDS
 from taichi_erosion.grains.state import REACH_FIELDS
 from taichi_erosion.simulation.assemble import Simulation, reallocate
-from taichi_erosion.simulation.capacities import grown
+from taichi_erosion.simulation.capacities import with_doubled_lists
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -147,11 +147,11 @@ def import_state(sim: Simulation, state: Arrays) -> None:
 
 
 def ensure_capacity(sim: Simulation, state: Arrays) -> None:
-    """Grow the lists until a state fits whose own lists had been grown."""
+    """Grow the lists until those of a state fit."""
     pairs, wall_pairs = (capacity_wanted(state, prefix) for prefix in ("pair", "wall"))
     capacities = sim.capacities
     while capacities.pairs < pairs or capacities.wall_pairs < wall_pairs:
-        capacities = grown(capacities)
+        capacities = with_doubled_lists(capacities)
     if capacities != sim.capacities:
         reallocate(sim, capacities)
 

@@ -1,4 +1,4 @@
-"""From a scene with its optional physics to the setup of one replica."""
+"""Setup of one replica from a scene with its optional physics."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,8 +1,8 @@
-"""Dealing the steps of many replicas to few workers, so that all workers finish together.
+"""Schedule: the steps of many replicas distributed over few workers, so that all workers finish together.
 
-Replicas are laid end to end and the whole is cut into equal parts, one a worker; a replica that is cut is
-begun by the next worker, at its start, and ended by the earlier one, at its end. That is the shortest
-schedule with interruptions.
+Replicas are laid end to end and the whole is cut into equal parts, one per worker; a replica that is cut is
+begun by the next worker, at the start of its part, and ended by the earlier one, at the end of its part. That
+is the shortest schedule with preemption.
 
 Reference: McNaughton (1959), Management Science 6, 1.
 """
@@ -19,17 +19,17 @@ from taichi_erosion.core.transfer import upload
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """Turns of all workers on the device."""
+    """Tasks of all workers on the device."""
 
-    first: Any  # i32 by worker: first turn, and one more bound
-    replica: Any  # i32 by turn
-    steps: Any  # i32 by turn
-    order: Any  # i32 by turn: how many turns of the same replica come before
+    first: Any  # i32 by worker: first task, and one more bound
+    replica: Any  # i32 by task
+    steps: Any  # i32 by task
+    order: Any  # i32 by task: number of earlier tasks of the same replica
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """Turns as lists, worker by worker."""
+    """The same tasks as lists, worker by worker."""
 
     first: list[int]
     replica: list[int]
@@ -39,8 +39,8 @@ class Assignment:
 
 def allocate_schedule(workers: int, replicas: int) -> Schedule:
     """Fields for one schedule: every worker can cut one replica more."""
-    turns = workers + replicas
-    return Schedule(ti.field(ti.i32, workers + 1), *(ti.field(ti.i32, turns) for _ in range(3)))
+    tasks = workers + replicas
+    return Schedule(ti.field(ti.i32, workers + 1), *(ti.field(ti.i32, tasks) for _ in range(3)))
 
 
 def assign_steps(steps: Integers, workers: int) -> Assignment:
@@ -66,12 +66,6 @@ def assign_steps(steps: Integers, workers: int) -> Assignment:
 
 
 def upload_schedule(schedule: Schedule, assignment: Assignment) -> None:
-    """Put a schedule on the device."""
     upload([(schedule.first, assignment.first)])
-    upload(
-        [
-            (schedule.replica, assignment.replica),
-            (schedule.steps, assignment.steps),
-            (schedule.order, assignment.order),
-        ]
-    )
+    names = ("replica", "steps", "order")
+    upload([(getattr(schedule, name), getattr(assignment, name)) for name in names])

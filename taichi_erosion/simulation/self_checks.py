@@ -1,15 +1,12 @@
-"""Momentum that grains give each other in one step: none, up to rounding.
+"""Self-checks of a run: momentum conservation of the pair forces, and first impacts of every pair of materials.
 
-    sum of F = 0
+Momentum: the sum of the forces between grains is zero to rounding. The forces are summed from the buffers of
+all partitions as in a step, so a reaction that is lost among lists, buffers and workers shows. The contact
+histories are copied meanwhile to the side of the lists that is free until the next rebuild: the run goes on
+bit for bit.
 
-F is the force between grains as the step gathers it from the buffers of all partitions, so a reaction that
-is lost among lists, buffers and workers shows. The memory of the contacts is put aside meanwhile, in the
-side of the lists that waits for the next rebuild: the run goes on bit for bit as if nobody had looked.
-
-A first impact of every pair of materials, with the contact laws, tables and time step of the run itself.
-
-Two grains, or a grain and a wall, meet head-on at a stated speed, and their distance is followed by the
-scheme of the run. What the compiled law gives back of the speed can then be held against what is stated.
+First impact: two grains, or a grain and a wall, collide head-on at a stated speed, with the contact laws,
+tables and time step of the run; the rebound speed is compared with the stated restitution.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,8 +24,8 @@ from taichi_erosion.simulation.assemble import Simulation
 
 
 @ti.func
-def copy_memory(world_out: ti.template(), r, source, target):
-    """Copy what contacts remember from one side of the lists to the other, entry by entry."""
+def copy_histories(world_out: ti.template(), r, source, target):
+    """Copy the contact histories from one side of the lists to the other, entry by entry."""
     (pairs_out,) = ti.static((world_out.pairs,))
     base = side_block(world_out.grains, r, world_out.replicas.side[r])
     valid = entry_block(pairs_out, r, world_out.replicas.side[r])
@@ -42,7 +39,6 @@ def copy_memory(world_out: ti.template(), r, source, target):
 
 @ti.func
 def clear(grains_out: ti.template(), place):
-    """Empty one place of a force buffer."""
     grains_out.force[place] = 0.0 * grains_out.force[place]
     grains_out.torque[place] = 0.0 * grains_out.torque[place]
 
@@ -55,13 +51,13 @@ def sum_pair_forces(
     world_out: ti.template(),
     sums_out: ti.types.ndarray(dtype=ti.f64, ndim=1),
 ):
-    """Sum of the forces between grains (3) and of their sizes [N]; contacts are left as they were."""
+    """Sum of the forces between grains (3) and of their magnitudes [N]; contacts are left as they were."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     ti.loop_config(serialize=True)
     for _ in range(1):
         valid = entry_block(world_out.pairs, r, replicas.side[r])
         spare = entry_block(world_out.pairs, r, 1 - replicas.side[r])
-        copy_memory(world_out, r, valid, spare)
+        copy_histories(world_out, r, valid, spare)
         for p in range(replicas.partitions[r]):
             add_pair_forces(world_out, r, p)
         for p in range(replicas.partitions[r]):
@@ -73,11 +69,11 @@ def sum_pair_forces(
                     sums_out[k] += ti.cast(grains_out.force[place][k], ti.f64)
                 sums_out[3] += ti.cast(grains_out.force[place].norm(), ti.f64)
                 clear(grains_out, place)
-        copy_memory(world_out, r, spare, valid)
+        copy_histories(world_out, r, spare, valid)
 
 
 def force_imbalance(sim: Simulation, replica: int) -> float:
-    """Size of the sum of all forces between grains over the sum of their sizes [1]."""
+    """Magnitude of the sum of all forces between grains over the sum of their magnitudes [1]."""
     sums = np.zeros(4)
     sum_pair_forces(replica, sim.world, sums)
     return float(np.linalg.norm(sums[:3]) / sums[3]) if sums[3] > 0.0 else 0.0
@@ -88,7 +84,7 @@ STEPS_MOST = 100_000  # a pair that has not parted by then sticks
 
 @dataclass(frozen=True)
 class Impact:
-    """One pair of materials and what it gave back."""
+    """One pair of materials and its measured restitution."""
 
     replica: int
     pair: str  # as `contact` names it
@@ -100,12 +96,13 @@ class Impact:
 
 @dataclass(frozen=True)
 class ImpactCase:
-    """What the device needs to know of one impact."""
+    """Input of one impact."""
 
-    row: int  # of Materials
+    replica: int
+    pair: str
+    row: int  # of the replica's contact table
     root_radius: float  # m^0.5, square root of the effective radius
     mass: float  # kg, effective
-    time_step: float  # s
 
 
 @ti.kernel
@@ -113,16 +110,18 @@ def simulate_impacts(
     # in
     world: ti.template(),
     row: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    numbers: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    root_radius: ti.types.ndarray(dtype=ti.f64, ndim=1),
+    mass: ti.types.ndarray(dtype=ti.f64, ndim=1),
+    time_step: ti.types.ndarray(dtype=ti.f64, ndim=1),
     # out
     speed_out: ti.types.ndarray(dtype=ti.f64, ndim=1),
 ):
-    """Replace speeds before by speeds after; columns of `numbers` are those of Blow after its row."""
+    """Replace closing speeds by rebound speeds [m s-1]."""
     ti.loop_config(serialize=True)
     for k in range(row.shape[0]):
-        root, mass = ti.cast(numbers[k, 0], float), ti.cast(numbers[k, 1], float)
-        dt, closing = ti.cast(numbers[k, 2], float), ti.cast(speed_out[k], float)
-        damping = world.materials.damping[row[k]] * ti.sqrt(mass)
+        root, inertia = ti.cast(root_radius[k], float), ti.cast(mass[k], float)
+        dt, closing = ti.cast(time_step[k], float), ti.cast(speed_out[k], float)
+        damping = world.materials.damping[row[k]] * ti.sqrt(inertia)
         overlap = 0.0 * dt
         step = 0
         while step < STEPS_MOST:
@@ -130,37 +129,35 @@ def simulate_impacts(
             if acts == 0 and closing < 0.0:
                 step = STEPS_MOST + 1
             else:
-                closing -= ti.cast(acts, float) * (force + damping * ti.sqrt(radius) * closing) / mass * dt
+                closing -= ti.cast(acts, float) * (force + damping * ti.sqrt(radius) * closing) / inertia * dt
                 overlap += closing * dt
                 step += 1
         speed_out[k] = ti.select(step > STEPS_MOST, -ti.cast(closing, ti.f64), 0.0)
 
 
-def impact_cases(setup: Setup) -> Iterator[tuple[str, ImpactCase, float, float]]:
-    """Name, numbers, stated restitution and surface energy of every pair that can meet.
-
-    The smallest grain strikes: its contacts are the shortest and the hardest to follow.
-    """
+def impact_cases(replica: int, setup: Setup) -> Iterator[ImpactCase]:
+    """Every pair of materials that can collide, with the smallest grain: its contacts are the shortest."""
     smallest = int(np.argmin(setup.grains.radius))
     radius, mass = float(setup.grains.radius[smallest]), float(setup.grains.mass[smallest])
     grain = int(setup.grains.material[smallest])
     walls = sorted({surface.material for surface in setup.surfaces})
     for other, share in [(grain, 0.5), *((wall, 1.0) for wall in walls)]:
-        row = pair_row(grain, other, len(setup.materials))
-        blow = ImpactCase(row, float(np.sqrt(share * radius)), share * mass, setup.time_step)
         pair = f"{setup.materials[grain]}-{setup.materials[other]}"
-        table = setup.contacts
-        yield pair, blow, float(table.restitution[row]), float(table.surface_energy[row])
+        row = pair_row(grain, other, len(setup.materials))
+        yield ImpactCase(replica, pair, row, float(np.sqrt(share * radius)), share * mass)
 
 
 def first_impacts(sim: Simulation, speeds: Sequence[float]) -> list[Impact]:
     """Impacts of all pairs of all replicas, at one speed a replica [m s-1]."""
-    known = [(r, *blow) for r, setup in enumerate(sim.setups) for blow in impact_cases(setup)]
-    rows = [r * sim.world.materials.rows + blow.row for r, _, blow, _, _ in known]
-    numbers = [(blow.root_radius, blow.mass, blow.time_step) for _, _, blow, _, _ in known]
-    after = np.array([speeds[r] for r, *_ in known], np.float64)
-    simulate_impacts(sim.world, np.array(rows, np.int32), np.array(numbers, np.float64), after)
-    return [
-        Impact(r, pair, speeds[r], stated, float(speed) / speeds[r], energy > 0.0)
-        for (r, pair, _, stated, energy), speed in zip(known, after, strict=True)
-    ]
+    cases = [case for r, setup in enumerate(sim.setups) for case in impact_cases(r, setup)]
+    rows = np.array([c.replica * sim.world.materials.rows + c.row for c in cases], np.int32)
+    root_radius, mass = (np.array([getattr(c, name) for c in cases]) for name in ("root_radius", "mass"))
+    steps = np.array([sim.setups[c.replica].time_step for c in cases])
+    after = np.array([speeds[c.replica] for c in cases], np.float64)
+    simulate_impacts(sim.world, rows, root_radius, mass, steps, after)
+    impacts = []
+    for c, rebound in zip(cases, after, strict=True):
+        table, speed = sim.setups[c.replica].contacts, speeds[c.replica]
+        stated, sticky = float(table.restitution[c.row]), float(table.surface_energy[c.row]) > 0.0
+        impacts.append(Impact(c.replica, c.pair, speed, stated, float(rebound) / speed, sticky))
+    return impacts

@@ -1,8 +1,6 @@
-"""What each stage of a step costs: it is repeated alone on the state of a run, which spoils that state."""
+"""Cost of each stage of a step, repeated alone on the state of a run, which spoils that state."""
 
 import time
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from taichi_erosion.core.ti import ti
@@ -19,61 +17,39 @@ from taichi_erosion.simulation.step import rebuild
 REPEATS = 50  # of a stage within one launch
 
 
-@ti.kernel
-def repeat_pairs(
-    # parameters
-    repeats: ti.i32,
-    # out
-    world_out: ti.template(),
-):
-    ti.loop_config(serialize=True)
-    for _ in range(repeats):
-        for p in range(world_out.replicas.partitions[0]):
-            add_pair_forces(world_out, 0, p)
+@ti.func
+def all_pairs(world_out: ti.template(), coupling_out: ti.template()):
+    for p in range(world_out.replicas.partitions[0]):
+        add_pair_forces(world_out, 0, p)
+
+
+@ti.func
+def all_walls(world_out: ti.template(), coupling_out: ti.template()):
+    for p in range(world_out.replicas.partitions[0]):
+        add_wall_forces(world_out, 0, p)
+
+
+@ti.func
+def all_motion(world_out: ti.template(), coupling_out: ti.template()):
+    for p in range(world_out.replicas.partitions[0]):
+        gather_forces(world_out, 0, p)
+        advance_grains(world_out, 0, p, 1, False)
+
+
+@ti.func
+def one_rebuild(world_out: ti.template(), coupling_out: ti.template()):
+    rebuild(world_out, 0, 0, 1, 1)
+
+
+@ti.func
+def one_exchange(world_out: ti.template(), coupling_out: ti.template()):
+    exchange_momentum(world_out, coupling_out, 0, 0, 1, 1)
 
 
 @ti.kernel
-def repeat_walls(
+def repeat(
     # parameters
-    repeats: ti.i32,
-    # out
-    world_out: ti.template(),
-):
-    ti.loop_config(serialize=True)
-    for _ in range(repeats):
-        for p in range(world_out.replicas.partitions[0]):
-            add_wall_forces(world_out, 0, p)
-
-
-@ti.kernel
-def repeat_motion(
-    # parameters
-    repeats: ti.i32,
-    # out
-    world_out: ti.template(),
-):
-    ti.loop_config(serialize=True)
-    for _ in range(repeats):
-        for p in range(world_out.replicas.partitions[0]):
-            gather_forces(world_out, 0, p)
-            advance_grains(world_out, 0, p, 1, False)
-
-
-@ti.kernel
-def repeat_rebuild(
-    # parameters
-    repeats: ti.i32,
-    # out
-    world_out: ti.template(),
-):
-    ti.loop_config(serialize=True)
-    for _ in range(repeats):
-        rebuild(world_out, 0, 0, 1, 1)
-
-
-@ti.kernel
-def repeat_looks(
-    # parameters
+    stage: ti.template(),
     repeats: ti.i32,
     # out
     world_out: ti.template(),
@@ -81,35 +57,33 @@ def repeat_looks(
 ):
     ti.loop_config(serialize=True)
     for _ in range(repeats):
-        exchange_momentum(world_out, coupling_out, 0, 0, 1, 1)
+        stage(world_out, coupling_out)
 
 
+# the motion comes last, since it moves the grains
 STAGES: dict[str, Any] = {
-    "pairs": repeat_pairs,
-    "walls": repeat_walls,
-    "rebuild": repeat_rebuild,
-    "motion": repeat_motion,
+    "pairs": all_pairs,
+    "walls": all_walls,
+    "rebuild": one_rebuild,
+    "motion": all_motion,
 }
 
 
 def stage_times(sim: Simulation) -> dict[str, float]:
     """Nanoseconds per grain and step of every stage of replica 0, on one thread; of `rebuild` per call.
 
-    The motion comes last, since it moves the grains. Looks at the air, of which there is one in many steps,
-    are shared among those.
+    An exchange with the air (`looks`), of which there is one in many steps, is shared among those; a grid of
+    air has none here, since the host drives it.
     """
     _, released, _, _ = replica_row(sim, 0)
     times = {}
-    # looks at a grid of air are the host's
     inside = (sim.world.driven or sim.world.has_state) and not sim.coupling.host_driven
-    looks = {"looks": partial(repeat_looks, coupling_out=sim.coupling)} if inside else {}
-    for name, kernel in (looks | STAGES).items():
-        run: Callable[[], None] = partial(kernel, REPEATS, sim.world)
-        kernel(1, sim.world)
+    for name, stage in (({"looks": one_exchange} if inside else {}) | STAGES).items():
+        repeat(stage, 1, sim.world, sim.coupling)
         start = time.perf_counter()
-        run()
+        repeat(stage, REPEATS, sim.world, sim.coupling)
         times[name] = 1e9 * (time.perf_counter() - start) / (REPEATS * max(released, 1))
-    if looks:
+    if inside:
         times["looks"] /= float(read(sim.coupling.exchange.look_steps)[0])
     make_stale(sim, 0)
     return times

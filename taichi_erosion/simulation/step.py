@@ -1,4 +1,4 @@
-"""The time loop of a replica, which runs on the device for many steps without coming back."""
+"""Time loop of a replica, on the device for many steps per launch: rebuild, exchange, forces, motion."""
 
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
@@ -22,7 +22,7 @@ OVERFLOW = int(Status.OVERFLOW)
 
 @ti.func
 def check_positions(world_out: ti.template(), r):
-    """Stop the replica where a grain is nowhere or outside the domain."""
+    """Stop the replica where a position is not finite or outside the domain."""
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
     base = side_block(grains, r, replicas_out.side[r])
     for rank in range(replicas_out.released[r]):
@@ -37,7 +37,7 @@ def check_positions(world_out: ti.template(), r):
 
 @ti.func
 def prepare_rebuild(world_out: ti.template(), r):
-    """The part of a rebuild that one worker does: release, check, sort, share."""
+    """Single-worker part of a rebuild: release, check, sort, balance the partitions."""
     release_grains(world_out, r)
     check_positions(world_out, r)
     if world_out.replicas.status[r] == 0:
@@ -50,7 +50,7 @@ def prepare_rebuild(world_out: ti.template(), r):
 
 @ti.func
 def finish_rebuild(world_out: ti.template(), r):
-    """Make the other side the valid one; without room for the lists, keep the old and stop."""
+    """Make the other side the valid one; where the lists did not fit, keep the old and stop."""
     replicas_out, clumped = ti.static((world_out.replicas, world_out.clumped))
     short = 0
     for p in range(replicas_out.partitions[r]):
@@ -67,32 +67,32 @@ def finish_rebuild(world_out: ti.template(), r):
 
 
 @ti.func
-def rebuild(world_out: ti.template(), r, member, size, turn):
-    """Sort the grains and renew all lists; returns the next meeting of the team."""
-    # nobody may change what another still reads to decide on this rebuild
-    turn = barrier(world_out.replicas, r, size, turn)
+def rebuild(world_out: ti.template(), r, member, size, phase):
+    """Sort the grains and rebuild all lists; returns the next barrier."""
+    # no worker may change what another still reads to decide on this rebuild
+    phase = barrier(world_out.replicas, r, size, phase)
     if member == 0:
         prepare_rebuild(world_out, r)
-    turn = barrier(world_out.replicas, r, size, turn)
+    phase = barrier(world_out.replicas, r, size, phase)
     if world_out.replicas.status[r] == 0:
         for p in range(world_out.replicas.partitions[r]):
             if owns_partition(world_out.replicas, r, p, member, size):
                 move_grains(world_out, r, p)
-        turn = barrier(world_out.replicas, r, size, turn)
+        phase = barrier(world_out.replicas, r, size, phase)
         for p in range(world_out.replicas.partitions[r]):
             if owns_partition(world_out.replicas, r, p, member, size):
                 list_partition(world_out, r, p)
                 list_walls(world_out, r, p)
-        turn = barrier(world_out.replicas, r, size, turn)
+        phase = barrier(world_out.replicas, r, size, phase)
         if member == 0:
             finish_rebuild(world_out, r)
-        turn = barrier(world_out.replicas, r, size, turn)
-    return turn
+        phase = barrier(world_out.replicas, r, size, phase)
+    return phase
 
 
 @ti.func
-def demand(world: ti.template(), r):
-    """What must happen before the next step: nothing, REBUILD or STOP; a team's members read the same."""
+def required_action(world: ti.template(), r):
+    """Action before the next step: none, REBUILD or STOP; all members of a team read the same."""
     replicas, source = ti.static((world.replicas, world.source))
     wanted = replicas.stale[r]
     for p in range(replicas.partitions[r]):
@@ -108,7 +108,7 @@ def demand(world: ti.template(), r):
 
 @ti.func
 def add_forces(world_out: ti.template(), r, member, size):
-    """Forces of this member's partitions."""
+    """Forces of the member's partitions."""
     for p in range(world_out.replicas.partitions[r]):
         if owns_partition(world_out.replicas, r, p, member, size):
             add_pair_forces(world_out, r, p)
@@ -117,7 +117,7 @@ def add_forces(world_out: ti.template(), r, member, size):
 
 @ti.func
 def integrate(world_out: ti.template(), r, member, size, step, is_last):
-    """Motion of this member's partitions."""
+    """Motion of the member's partitions."""
     for p in range(world_out.replicas.partitions[r]):
         if owns_partition(world_out.replicas, r, p, member, size):
             need = 0
@@ -131,34 +131,41 @@ def integrate(world_out: ti.template(), r, member, size, step, is_last):
 
 @ti.func
 def tick(world_out: ti.template(), r):
-    """Advance walls and clock by one step; one member does it."""
+    """Advance walls and clock by one step."""
     move_walls(world_out.walls, world_out.replicas, r)
     world_out.replicas.step[r] = world_out.replicas.step[r] + 1
+
+
+@ti.func
+def step_replica(world_out: ti.template(), coupling_out: ti.template(), r, member, size, phase, is_last):
+    """Advance one replica by one time step; returns the next barrier."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    step = replicas_out.step[r]
+    if ti.static((world_out.driven or world_out.has_state) and not coupling_out.host_driven):
+        if step % coupling_out.exchange.look_steps[r] == 0:
+            phase = exchange_momentum(world_out, coupling_out, r, member, size, phase)
+    add_forces(world_out, r, member, size)
+    phase = barrier(replicas_out, r, size, phase)
+    integrate(world_out, r, member, size, step, is_last)
+    if member == 0:
+        tick(world_out, r)
+    return barrier(replicas_out, r, size, phase)
 
 
 @ti.func
 def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, member, size, steps):
     """Time loop of one replica until its steps are done, it needs the host, or it fails."""
     (replicas_out,) = ti.static((world_out.replicas,))
-    turn = 1
+    phase = 1
     done = 0
     going = replicas_out.status[r] == 0
     while going and done < steps:
-        step = replicas_out.step[r]
-        wanted = demand(world_out, r)
-        if wanted == REBUILD:
-            turn = rebuild(world_out, r, member, size, turn)
-        going = wanted != STOP and replicas_out.status[r] == 0
+        action = required_action(world_out, r)
+        if action == REBUILD:
+            phase = rebuild(world_out, r, member, size, phase)
+        going = action != STOP and replicas_out.status[r] == 0
         if going:
-            if ti.static((world_out.driven or world_out.has_state) and not coupling_out.host_driven):
-                if step % coupling_out.exchange.look_steps[r] == 0:
-                    turn = exchange_momentum(world_out, coupling_out, r, member, size, turn)
-            add_forces(world_out, r, member, size)
-            turn = barrier(replicas_out, r, size, turn)
-            integrate(world_out, r, member, size, step, done == steps - 1)
-            if member == 0:
-                tick(world_out, r)
-            turn = barrier(replicas_out, r, size, turn)
+            phase = step_replica(world_out, coupling_out, r, member, size, phase, done == steps - 1)
             done += 1
     if member == 0:
         finish_launch(replicas_out, r, done)
@@ -166,7 +173,7 @@ def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, me
 
 @ti.func
 def finish_launch(replicas_out: ti.template(), r, done):
-    """Book the steps done; turn an overlap seen by any partition into the status of the replica."""
+    """Count the steps done; an overlap found by any partition becomes the status of the replica."""
     replicas_out.steps_left[r] = replicas_out.steps_left[r] - done
     for p in range(replicas_out.partitions[r]):
         if replicas_out.need[r, p] == STOP:
@@ -175,12 +182,12 @@ def finish_launch(replicas_out: ti.template(), r, done):
 
 @ti.func
 def run_assigned(world_out: ti.template(), coupling_out: ti.template(), schedule: ti.template(), worker):
-    """Run the turns of one worker in order; a replica that another worker began is waited for."""
-    for turn in range(schedule.first[worker], schedule.first[worker + 1]):
-        r = schedule.replica[turn]
-        while ti.atomic_add(world_out.replicas.arrivals[r, ARRIVAL_SLOT], 0) < schedule.order[turn]:
+    """Run the tasks of one worker in order, each after the earlier tasks of its replica."""
+    for task in range(schedule.first[worker], schedule.first[worker + 1]):
+        r = schedule.replica[task]
+        while ti.atomic_add(world_out.replicas.arrivals[r, ARRIVAL_SLOT], 0) < schedule.order[task]:
             pass
-        advance_replica(world_out, coupling_out, r, 0, 1, schedule.steps[turn])
+        advance_replica(world_out, coupling_out, r, 0, 1, schedule.steps[task])
         ti.atomic_add(world_out.replicas.arrivals[r, ARRIVAL_SLOT], 1)
 
 
@@ -189,7 +196,7 @@ def release_first(
     # out
     world_out: ti.template(),
 ):
-    """Release what is there from the start, so that a run can be looked at before its first step."""
+    """Release the grains that are there from the start, so that a state can be read before the first step."""
     for r in range(world_out.replicas.count):
         release_grains(world_out, r)
 
@@ -205,7 +212,7 @@ def run_replicas(
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
-    """Every worker runs whole replicas by itself, in the turns that the host has dealt out."""
+    """Each worker advances whole replicas by itself, in the order of the schedule."""
     for lane in range(workers * chunk):
         if lane % chunk == 0:
             run_assigned(world_out, coupling_out, schedule, lane // chunk)
@@ -221,7 +228,7 @@ def run_teams(
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
-    """Teams of `size` workers share the partitions of one replica each."""
+    """Teams of `size` workers divide the partitions of one replica each."""
     for lane in range(teams * size * chunk):
         if lane % chunk == 0:
             worker = lane // chunk

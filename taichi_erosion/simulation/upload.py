@@ -62,10 +62,10 @@ def fill_source(world: World, setups: list[Setup]) -> None:
 def fill_replicas(
     replicas: Replicas, setups: list[Setup], reaches: list[float], partitions: list[int]
 ) -> None:
-    """Clocks, boxes and list margins; nothing is released yet, the first step rebuilds."""
+    """Clocks, boxes and skins; nothing is released yet, the first step rebuilds."""
     allowed = [verlet_skin(s) for s in setups]
-    # where cells allow for the widest grain, none is wide, whatever rounding says
-    grasp = [np.inf if s.air is None else m.grasp for s, m in zip(setups, allowed, strict=True)]
+    # where cells hold the widest grain, none is wide, whatever rounding gives
+    grasp = [np.inf if s.air is None else m.cell_reach for s, m in zip(setups, allowed, strict=True)]
     upload(
         [
             (replicas.total, [len(s.grains.radius) for s in setups]),

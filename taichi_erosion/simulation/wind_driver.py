@@ -1,7 +1,4 @@
-"""Driving a grid of air over grains: its looks, and its wind, that is stirred or that swells with u*.
-
-Driving the air of a running simulation, and reading it.
-"""
+"""Wind of a running simulation: friction velocity, spin-up, exchanges of a grid of air, and profiles."""
 
 from math import ceil
 from typing import Any
@@ -20,9 +17,9 @@ from taichi_erosion.simulation.assemble import Simulation
 
 
 def exchange_when_due(sim: Simulation, going: Any) -> Integers:
-    """Let those of the `going` replicas look whose time it is; returns the steps to the next look of each.
+    """Exchange of those of the `going` replicas that are due; returns the steps to the next exchange of each.
 
-    The first of all looks is taken twice, at first without the air: it must know the grains before.
+    Before the first exchange of all, the drag terms are set without advancing the air.
     """
     replicas, exchange, count = sim.world.replicas, sim.coupling.exchange, len(sim.setups)
     columns = [replicas.step, exchange.look_steps, exchange.last_exchange]
@@ -38,7 +35,7 @@ def exchange_when_due(sim: Simulation, going: Any) -> Integers:
 
 
 def select_replicas(sim: Simulation, moving: Any) -> None:
-    """Say which replicas take part."""
+    """Select the replicas that the kernels of grids act on."""
     assert sim.coupling.air is not None
     upload([(sim.coupling.air.active, moving)])
 
@@ -46,8 +43,8 @@ def select_replicas(sim: Simulation, moving: Any) -> None:
 def change_grid_wind(sim: Simulation, replica: int, before: float, after: float, anew: bool) -> None:
     """Change the flow of a grid from one friction velocity [m s-1] at the bed to another.
 
-    Wind that sets in is stirred and grows its eddies over grains that keep their places. A wind that changes
-    keeps its eddies: all velocities grow with u*, all pressures with its square.
+    Wind that starts from rest has initial turbulence and develops over grains that keep their places. A wind
+    that changes keeps its eddies: all velocities grow with u*, all pressures with its square.
     """
     air, setup = sim.coupling.air, sim.setups[replica].air
     assert air is not None
@@ -70,7 +67,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
 
 
 def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> None:
-    """Let the air flow over resting grains for the stated number of turnovers."""
+    """Advance the air over resting grains for the stated number of turnovers."""
     setup = sim.setups[replica].air
     assert setup is not None
     assert setup.initial_turbulence is not None
@@ -94,17 +91,17 @@ def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
 
 
 def friction_velocity(sim: Simulation, replica: int) -> float:
-    """u* [m s-1] before its partition, as `set_friction_velocity` was last told."""
+    """u* [m s-1] before its partition, as set last."""
     assert sim.coupling.air is not None
     reaching = download([sim.coupling.air.numbers.friction_velocity], replica, 1)[0][0]
     return float(reaching) / sim.setups[replica].coupling.partition
 
 
 def spin_up_wind(sim: Simulation, replica: int, value: float, anew: bool = False) -> None:
-    """Change u* [m s-1] and let the air of one replica find its steady profile before the grains move on.
+    """Change u* [m s-1] and advance the air of one replica to its steady profile before the grains move on.
 
-    `anew` says that the grains have just been put back, and air and grains owe each other nothing. A grid
-    has no steady profile: there `develop_eddies` says what happens.
+    `anew`: the grains have just been put back, and the residual momentum is cleared. A grid has no steady
+    profile: see `change_grid_wind`.
     """
     assert sim.coupling.air is not None
     before = friction_velocity(sim, replica)
