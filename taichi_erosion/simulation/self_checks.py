@@ -1,4 +1,4 @@
-"""Self-checks of a run: momentum conservation of the pair forces, and first impacts of every pair of materials.
+"""Self-checks of a run: momentum balance of the pair forces, and first impacts of every pair of materials.
 
 Momentum: the sum of the forces between grains is zero to rounding. The forces are summed from the buffers of
 all partitions as in a step, so a reaction that is lost among lists, buffers and workers shows. The contact
