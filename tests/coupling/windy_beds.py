@@ -63,7 +63,7 @@ __all__ = ["DENSITY", "GRAVITY", "MASS", "RADIUS", "SIDE", "VISCOSITY", "air", "
 
 
 def set_in(sim: Simulation, wind: float, begins: float, ends: float) -> None:
-    """Play all replicas without wind, then from a time [s] to another under a friction velocity [m s-1]."""
+    """Run all replicas without wind, then from a time [s] to another under a friction velocity [m s-1]."""
     count = len(sim.setups)
     advance(sim, [begins] * count)
     for r in range(count):

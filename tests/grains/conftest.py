@@ -1,9 +1,9 @@
-"""The small worlds are played once for all tests of this folder."""
+"""The small worlds are run once for all tests of this folder."""
 
 import pytest
-from few_grains import Film, play_worlds
+from few_grains import WorldRecord, run_worlds
 
 
 @pytest.fixture(scope="session")
-def films() -> dict[str, Film]:
-    return play_worlds()
+def records() -> dict[str, WorldRecord]:
+    return run_worlds()

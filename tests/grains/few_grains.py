@@ -1,4 +1,4 @@
-"""Small worlds, each an experiment of its own, played as replicas of one ensemble: kernels compile once."""
+"""Small worlds, each an experiment of its own, run as replicas of one ensemble: kernels compile once."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ FREE = {"gravity": (0.0, 0.0, 0.0)}
 
 
 @dataclass(frozen=True)
-class Film:
+class WorldRecord:
     """Snapshots of one world every INTERVAL, the first after one step, and how it ended."""
 
     frames: tuple[Snapshot, ...]
@@ -73,8 +73,8 @@ def worlds() -> dict[str, Setup]:
     }
 
 
-def play_worlds() -> dict[str, Film]:
-    """All worlds played side by side in double precision."""
+def run_worlds() -> dict[str, WorldRecord]:
+    """All worlds run side by side in double precision."""
     setups = worlds()
     index = {name: replica for replica, name in enumerate(setups)}
     sim = assemble(list(setups.values()), Laws(rolling="elastic_plastic"), Numerics("cpu", 1, "f64"))
@@ -90,5 +90,6 @@ def play_worlds() -> dict[str, Film]:
     ends = [failure(sim, replica) for replica in range(len(setups))]
     stop_device()
     return {
-        name: Film(tuple(frame[r] for frame in frames), ends[r], setups[name]) for name, r in index.items()
+        name: WorldRecord(tuple(frame[r] for frame in frames), ends[r], setups[name])
+        for name, r in index.items()
     }

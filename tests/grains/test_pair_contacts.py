@@ -16,41 +16,41 @@ def momentum(state):
     return (MASS * state.velocity).sum(axis=0)
 
 
-def test_an_oblique_impact_of_free_grains_conserves_momentum(films):
-    first, *_, last = films["pair"].frames
+def test_an_oblique_impact_of_free_grains_conserves_momentum(records):
+    first, *_, last = records["pair"].frames
     assert np.linalg.norm(last.velocity - first.velocity) > 0.1  # they have met
     assert np.abs(momentum(last) - momentum(first)).max() < ROUNDING * MASS * np.linalg.norm(first.velocity)
 
 
-def test_it_does_not_matter_which_grain_of_a_pair_comes_first(films):
-    for frame, mirrored in zip(films["pair"].frames, films["swapped"].frames, strict=True):
+def test_it_does_not_matter_which_grain_of_a_pair_comes_first(records):
+    for frame, mirrored in zip(records["pair"].frames, records["swapped"].frames, strict=True):
         assert frame.position == pytest.approx(mirrored.position[::-1], abs=1e-9 * RADIUS)
         assert frame.spin == pytest.approx(mirrored.spin[::-1], abs=1e-9 * 30.0)
 
 
-def test_grains_enter_at_their_time_and_fall_from_there(films):
-    film = films["released"]
-    release = film.setup.grains.release_time
-    for frame in film.frames:
+def test_grains_enter_at_their_time_and_fall_from_there(records):
+    record = records["released"]
+    release = record.setup.grains.release_time
+    for frame in record.frames:
         inside = release <= frame.time - TIME_STEP
         assert frame.ident.tolist() == np.flatnonzero(inside).tolist()
         assert frame.waiting == (~inside).sum()
-    last = film.frames[-1]
+    last = record.frames[-1]
     time = last.time - release
     # a late grain takes its first kick over a whole step, g dt t / 2 too far
-    fallen = film.setup.grains.position[:, 2] - last.position[:, 2]
+    fallen = record.setup.grains.position[:, 2] - last.position[:, 2]
     assert fallen == pytest.approx(0.5 * GRAVITY * time**2, abs=GRAVITY * TIME_STEP * time.max())
 
 
-def test_a_grain_meets_its_partner_across_the_edge_of_a_periodic_box(films):
-    edge, middle = films["across the edge"].frames, films["in the middle"].frames
+def test_a_grain_meets_its_partner_across_the_edge_of_a_periodic_box(records):
+    edge, middle = records["across the edge"].frames, records["in the middle"].frames
     assert np.linalg.norm(edge[-1].velocity - edge[0].velocity) > 0.05  # they have met
     for frame, other in zip(edge, middle, strict=True):
         assert frame.velocity == pytest.approx(other.velocity, abs=1e-9)
 
 
-def test_positions_stay_inside_the_period(films):
-    places = np.stack([frame.position[:, 0] for frame in films["across the edge"].frames])
+def test_positions_stay_inside_the_period(records):
+    places = np.stack([frame.position[:, 0] for frame in records["across the edge"].frames])
     assert places.min() >= 0.0
     assert places.max() < PERIOD
     assert np.abs(np.diff(places, axis=0)).max() > 0.5 * PERIOD  # one of them went through the edge
@@ -65,23 +65,23 @@ def test_positions_stay_inside_the_period(films):
         ("infinite", Status.NOT_FINITE),
     ],
 )
-def test_a_world_that_goes_wrong_stops_and_says_why(films, world, status):
-    end = films[world].failure
+def test_a_world_that_goes_wrong_stops_and_says_why(records, world, status):
+    end = records[world].failure
     assert end.status == status
     assert end.grain in (0, 1)
-    assert films[world].frames[-1].time < INTERVALS * INTERVAL
+    assert records[world].frames[-1].time < INTERVALS * INTERVAL
 
 
-def test_the_failure_names_grain_partner_and_size(films):
-    overlap, lost = films["inside each other"].failure, films["runaway"].failure
+def test_the_failure_names_grain_partner_and_size(records):
+    overlap, lost = records["inside each other"].failure, records["runaway"].failure
     assert {overlap.grain, overlap.partner} == {0, 1}
     assert overlap.value == pytest.approx(0.8, abs=1e-3)  # 2 R - 1.2 R, over R, before anything has moved
     assert (lost.grain, lost.partner) == (0, -1)
     assert lost.value > 2e-3
-    assert isnan(films["not a number"].failure.value)
+    assert isnan(records["not a number"].failure.value)
 
 
-def test_the_worlds_beside_a_stopped_one_go_on(films):
+def test_the_worlds_beside_a_stopped_one_go_on(records):
     for name in ("plane", "pair", "released", "drum"):
-        assert films[name].failure is None
-        assert films[name].frames[-1].time == pytest.approx(INTERVALS * INTERVAL, rel=1e-12)
+        assert records[name].failure is None
+        assert records[name].frames[-1].time == pytest.approx(INTERVALS * INTERVAL, rel=1e-12)

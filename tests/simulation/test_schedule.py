@@ -1,4 +1,4 @@
-"""Schedules that deal the steps of replicas to workers."""
+"""Schedules that assign the steps of replicas to workers."""
 
 import numpy as np
 from hypothesis import given
@@ -17,11 +17,11 @@ def parts(assignment: Assignment) -> list[list[tuple[int, int, int]]]:
 
 
 @given(steps_of_replicas, workers_present)
-def test_every_step_is_dealt_once(steps, workers):
+def test_every_step_is_assigned_once(steps, workers):
     assignment = assign_steps(np.array(steps, np.int32), workers)
-    dealt = np.zeros(len(steps), int)
-    np.add.at(dealt, np.array(assignment.replica, int), assignment.steps)
-    assert dealt.tolist() == steps
+    assigned = np.zeros(len(steps), int)
+    np.add.at(assigned, np.array(assignment.replica, int), assignment.steps)
+    assert assigned.tolist() == steps
     assert len(assignment.replica) <= workers + len(steps)  # the room that the device has
 
 
