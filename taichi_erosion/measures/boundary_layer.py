@@ -19,6 +19,7 @@ from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.measures.result import Measurement, no_measurement
 
 KARMAN, WAKE = 0.40, 0.55  # kappa and Pi of Coles' profile [1]
+GROWTH = 0.37  # of a turbulent layer on a flat plate [1]
 SMOOTH = 0.11  # z0 u* / nu of a smooth wall [1]
 GUESS = 0.04  # first u* / U of an iteration [1]
 ROUNDS = 50  # of an iteration that gains a digit a round
@@ -48,11 +49,11 @@ def profile_at(state: AirSnapshot, place: float | None) -> Profile:
     across = state.velocity[..., 0].mean(axis=1)
     friction = state.friction_velocity.mean(axis=1)
     if place is None or len(state.x) == 1:
-        speed, felt = across.mean(axis=0), float(friction.mean())
+        speed, floor = across.mean(axis=0), float(friction.mean())
     else:
         speed = np.array([np.interp(place, state.x, layer) for layer in across.T])
-        felt = float(np.interp(place, state.x, friction))
-    return Profile(state.z - state.faces_z[0], speed, felt, state.viscosity)
+        floor = float(np.interp(place, state.x, friction))
+    return Profile(state.z - state.faces_z[0], speed, floor, state.viscosity)
 
 
 def thickness(profile: Profile) -> float:
@@ -67,19 +68,21 @@ def thickness(profile: Profile) -> float:
 
 def displacement(profile: Profile) -> float:
     """Displacement thickness [m]: integral of 1 - u / U up to twice the thickness of the layer."""
-    top = 2.0 * thickness(profile)
-    z, u = np.append(0.0, profile.z), np.append(0.0, profile.speed)
-    inside = z <= top
-    return float(np.trapezoid(1.0 - np.minimum(u[inside] / profile.aloft, 1.0), z[inside]))
+    z, share = inner_profile(profile)
+    return float(np.trapezoid(1.0 - share, z))
 
 
 def momentum(profile: Profile) -> float:
     """Momentum thickness [m]: integral of u / U (1 - u / U) up to twice the thickness of the layer."""
-    top = 2.0 * thickness(profile)
+    z, share = inner_profile(profile)
+    return float(np.trapezoid(share * (1.0 - share), z))
+
+
+def inner_profile(profile: Profile) -> tuple[Floats, Floats]:
+    """Heights [m] from the floor to twice the thickness of the layer, and u / U there, at most 1."""
     z, u = np.append(0.0, profile.z), np.append(0.0, profile.speed)
-    inside = z <= top
-    share = np.minimum(u[inside] / profile.aloft, 1.0)
-    return float(np.trapezoid(share * (1.0 - share), z[inside]))
+    inside = z <= 2.0 * thickness(profile)
+    return z[inside], np.minimum(u[inside] / profile.aloft, 1.0)
 
 
 @dataclass(frozen=True)
@@ -106,21 +109,21 @@ def log_fit(profile: Profile, karman: float) -> LogFit | None:
 
 @dataclass(frozen=True)
 class AirMeasureInput:
-    """What a measure of air may look at."""
+    """Input of a measure of air."""
 
     states: Sequence[AirSnapshot]  # of the last part of the run, at least one
     place: float | None  # m
     karman: float
 
     @property
-    def read(self) -> list[Profile]:
+    def profiles(self) -> list[Profile]:
         """Profiles at the place, one a state."""
         return [profile_at(state, self.place) for state in self.states]
 
 
 def over_time(name: str, unit: str, given: AirMeasureInput, read: Callable[[Profile], float]) -> Measurement:
     """Mean of one number over the states."""
-    values = [read(profile) for profile in given.read]
+    values = [read(profile) for profile in given.profiles]
     sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
     return Measurement(name, float(np.mean(values)), sd, unit, details={"values": values})
 
@@ -148,7 +151,7 @@ def friction_velocity(given: AirMeasureInput) -> Measurement:
 def friction_velocity_fit(given: AirMeasureInput) -> Measurement:
     """Friction velocity from the slope of the logarithmic part, as a laboratory reads it [m s-1]."""
     name = "friction_velocity_fit"
-    fits = [fit for profile in given.read if (fit := log_fit(profile, given.karman)) is not None]
+    fits = [fit for profile in given.profiles if (fit := log_fit(profile, given.karman)) is not None]
     if not fits:
         return no_measurement(name, "m s-1", f"fewer than {POINTS_LEAST} points in the logarithmic part")
     values = [fit.friction_velocity for fit in fits]
@@ -177,20 +180,25 @@ def flat_plate_thickness(speed: float, distance: float, viscosity: float) -> flo
 
     Reference: Schlichting & Gersten (2017), section 18.2.5 (power law of 1/7).
     """
-    return 0.37 * distance * (speed * distance / viscosity) ** -0.2
+    return GROWTH * distance * (speed * distance / viscosity) ** -0.2
 
 
-def flat_plate_friction(speed: float, thick: float, roughness: float, viscosity: float) -> float:
-    """Friction velocity of a layer with Coles' wake [m s-1].
+def coles_speed(friction: float, thick: float, roughness: float, viscosity: float) -> float:
+    """Wind aloft over a layer with Coles' wake [m s-1].
 
     U / u* = (1 / kappa) ln(delta / z0e) + 2 Pi / kappa,    z0e = z0 + 0.11 nu / u*,  Pi = 0.55, kappa = 0.40
 
-    with U the wind aloft [m s-1], delta the thickness [m] and z0 the roughness length of the floor [m].
+    with u* the friction velocity [m s-1], delta the thickness [m] and z0 the roughness length [m].
 
     Reference: Coles (1956), J. Fluid Mech. 1, 191-226.
     """
+    effective = roughness + SMOOTH * viscosity / friction
+    return friction / KARMAN * (log(thick / effective) + 2.0 * WAKE)
+
+
+def flat_plate_friction(speed: float, thick: float, roughness: float, viscosity: float) -> float:
+    """Friction velocity under a wind aloft [m s-1]: the inverse of `coles_speed`."""
     friction = GUESS * speed
     for _ in range(ROUNDS):
-        effective = roughness + SMOOTH * viscosity / friction
-        friction = speed * KARMAN / (log(thick / effective) + 2.0 * WAKE)
+        friction *= speed / coles_speed(friction, thick, roughness, viscosity)
     return friction

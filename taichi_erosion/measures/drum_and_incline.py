@@ -1,6 +1,4 @@
-"""Dynamic angle of repose: slope of the free surface in a slowly rotating drum.
-
-Sliding angle: the inclination at which grains on a slowly tilted plate let go.
+"""Angles of moving grains: dynamic angle of repose in a rotating drum, sliding angle on a tilted plate.
 
 Reference: Hao et al. (2022), figure 3: friction coefficients from an inclinometer, mu = tan(angle).
 """
@@ -11,15 +9,14 @@ from math import atan, degrees, nan, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.setup import Triple
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.heap import defect, grain_diameter
 from taichi_erosion.measures.result import Measurement, no_measurement
 
-Floats = NDArray[np.float64]
-Triple = tuple[float, float, float]
-
 MIDDLE_SHARE = 0.5  # of the drum radius: the surface is straight there; the ends curve at the wall [1]
 FEWEST_BINS = 3  # that carry a line [1]
+SLIDING_SHARE = 0.5  # of a diameter: far beyond elastic settling, and passed at once by a moving grain [1]
 
 
 def dynamic_angle(
@@ -78,11 +75,8 @@ def surface_angle(frame: Snapshot, drum_radius: float, centre: Triple, axis: Tri
     return degrees(atan(np.polyfit(bins * diameter, surface, 1)[0]))
 
 
-LET_GO_SHARE = 0.5  # of a diameter: elastic settling stays far below, a moving grain is past it at once [1]
-
-
 def sliding_angle(
-    frames: Sequence[Snapshot], tilts: Sequence[float], share: float = LET_GO_SHARE
+    frames: Sequence[Snapshot], tilts: Sequence[float], share: float = SLIDING_SHARE
 ) -> Measurement:
     """Inclination at which the median grain has moved by `share` of a diameter [deg].
 

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from taichi_erosion.core.setup import Floats
 
 FOOT_SHARE = 0.15  # of the height H: below it lies the foot [1]; lab_C
 FOOT_GRAINS = 1.25  # grain diameters: below it lies a monolayer of rolled-off grains, not flank [1]; lab_C

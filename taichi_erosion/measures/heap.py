@@ -1,4 +1,4 @@
-"""Witnesses of a heap beside its angle, each by the definition that the laboratory set lab_C states.
+"""Observables of a heap beside its angle, each by the definition that the laboratory set lab_C states.
 
 d is the grain diameter, H the pile height, N the number of spheres; the axis of a heap is (median x, median
 y) of the centres; a top is z + r. The members of a clump count as grains of their own.
@@ -6,16 +6,16 @@ y) of the centres; a top is z + r. The members of a clump count as grains of the
 Reference: README of the laboratory set lab_C, section "Observables".
 """
 
+from collections.abc import Callable
 from math import atan, degrees, nan, pi
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.flank import fit_window
 from taichi_erosion.measures.result import Measurement, no_measurement
-
-Floats = NDArray[np.float64]
 
 HIGHEST_GRAINS = 5  # averaged for the pile height [1]
 COLUMN_TOP_SHARE = 0.05  # of the grains, averaged for the column height [1]
@@ -45,61 +45,44 @@ def heap_axis(position: Floats) -> Floats:
     return np.median(position[:, :2], axis=0)
 
 
-def axis_distance(position: Floats) -> Floats:
-    """Horizontal distance of the centres from the axis of the heap [m]."""
-    return np.linalg.norm(position[:, :2] - heap_axis(position), axis=1)
-
-
 def mean_top(snapshot: Snapshot, count: int, base_height: float) -> float:
     """Mean top of the `count` highest grains above the base [m]."""
     return float(np.sort(snapshot.position[:, 2] + snapshot.radius)[-count:].mean()) - base_height
 
 
+def single_value(name: str, unit: str, snapshot: Snapshot, value: Callable[[Snapshot], float]) -> Measurement:
+    """Measurement of one number without a spread, or the defect of the snapshot."""
+    if reason := defect(snapshot):
+        return no_measurement(name, unit, reason)
+    return Measurement(name, value(snapshot), nan, unit)
+
+
 def pile_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     """Mean top of the five highest grains [m]."""
-    if reason := defect(snapshot):
-        return no_measurement("pile_height", "m", reason)
-    return Measurement("pile_height", mean_top(snapshot, HIGHEST_GRAINS, base_height), nan, "m")
+    return single_value("pile_height", "m", snapshot, lambda s: mean_top(s, HIGHEST_GRAINS, base_height))
 
 
 def centroid_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
-    """Mean height of all grain centres [m]: the witness with the best signal-to-noise ratio."""
-    if reason := defect(snapshot):
-        return no_measurement("centroid_height", "m", reason)
-    return Measurement("centroid_height", float(snapshot.position[:, 2].mean()) - base_height, nan, "m")
+    """Mean height of all grain centres [m]: the observable with the best signal-to-noise ratio."""
+    return single_value(
+        "centroid_height", "m", snapshot, lambda s: float(s.position[:, 2].mean()) - base_height
+    )
 
 
 def radius_90(snapshot: Snapshot) -> Measurement:
     """Radius about the axis with 90 % of the grains [m]: int(0.9 N)-th smallest distance, counted from 0."""
-    if reason := defect(snapshot):
-        return no_measurement("radius_90", "m", reason)
-    distance = np.sort(axis_distance(snapshot.position))
-    return Measurement("radius_90", float(distance[int(RADIUS_SHARE * distance.size)]), nan, "m")
+
+    def radius(state: Snapshot) -> float:
+        distance = np.sort(np.linalg.norm(state.position[:, :2] - heap_axis(state.position), axis=1))
+        return float(distance[int(RADIUS_SHARE * distance.size)])
+
+    return single_value("radius_90", "m", snapshot, radius)
 
 
 def column_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     """Mean top of the highest 5 % of the grains [m], for the settled column before its release."""
-    if reason := defect(snapshot):
-        return no_measurement("column_height", "m", reason)
     count = max(1, int(COLUMN_TOP_SHARE * snapshot.radius.size))
-    return Measurement("column_height", mean_top(snapshot, count, base_height), nan, "m")
-
-
-def bulk_density(
-    snapshot: Snapshot, radius: float, base_height: float = 0.0, mass: float | None = None
-) -> Measurement:
-    """Mass of a column in an upright cylinder over the volume it encloses [kg m-3].
-
-        rho_b = m / (pi R^2 h)
-
-    with R the inner radius of the cylinder [m] and h the column height [m]. `mass` is the total m [kg] where
-    the sum over spheres is not (clump members carry the mass of their clump).
-    """
-    height = column_height(snapshot, base_height)
-    if not height.value > 0.0:
-        return no_measurement("bulk_density", "kg m-3", (*height.notes, "no column above the base")[0])
-    total = float(snapshot.mass.sum()) if mass is None else mass
-    return Measurement("bulk_density", total / (pi * radius**2 * height.value), nan, "kg m-3")
+    return single_value("column_height", "m", snapshot, lambda s: mean_top(s, count, base_height))
 
 
 def ring_heights(snapshot: Snapshot, base_height: float = 0.0) -> Floats:

@@ -183,7 +183,7 @@ def plate_row(scene: NDArray[np.bool_]) -> int:
 def raise_flags(
     heap: Heap, flanks: tuple[Flank | None, Flank | None], height: float, grain: float
 ) -> list[str]:
-    """Names of what a reader of the angle must know; the keys of SENTENCES."""
+    """Flags of the angle; the keys of SENTENCES."""
     left, right = flanks
     raised = {
         "curved_left": left is not None and is_bent(left.bend, left.bend_error),

@@ -8,8 +8,8 @@ from math import atan, degrees, isfinite, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.flank import (
     Flank,
@@ -21,19 +21,14 @@ from taichi_erosion.measures.flank import (
     meeting_height,
 )
 from taichi_erosion.measures.heap import (
-    centroid_height,
     defect,
     grain_diameter,
     pile_height,
-    radius_90,
     ring_heights,
     ring_sectors,
-    runout_radius,
 )
 from taichi_erosion.measures.result import Measurement, no_measurement
 from taichi_erosion.measures.silhouette import draw_silhouette, extract_outline, largest_body
-
-Floats = NDArray[np.float64]
 
 SHORTEST_FLANK = 3.0  # diameters of outline that carry a line [1]; lab_C asks for three bins of one diameter
 FEW_FLANKS_SHARE = 0.25  # of the flanks too short: the value rests on a selection [1]
@@ -50,7 +45,7 @@ SENTENCES = {
 
 @dataclass(frozen=True)
 class View:
-    """What one azimuth shows."""
+    """Silhouette and flanks of one azimuth."""
 
     azimuth: float  # deg
     height: float  # m, top of the silhouette
@@ -172,7 +167,7 @@ def rim_grains(position: Floats, grain: float, plate_radius: float) -> int:
 
 
 def raise_flags(details: dict[str, Any], grain: float, plate_radius: float | None) -> list[str]:
-    """Names of what a reader of the angle must know; the keys of SENTENCES."""
+    """Flags of the angle; the keys of SENTENCES."""
     lined = details["rim_grains"] * grain / (2.0 * pi * plate_radius) if plate_radius else 0.0
     raised = {
         "few_points": details["short_flanks"] > FEW_FLANKS_SHARE * details["flanks_seen"],
@@ -208,18 +203,3 @@ def cone_angle(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     error = degrees(float(fit.errors[1]) / (1.0 + slope**2))
     details = {"apex": float(fit.coefficients[0]), "residual": fit.residual / grain, "rings": int(ring.size)}
     return Measurement(name, degrees(atan(-slope)), error if isfinite(error) else nan, "deg", details=details)
-
-
-def measure_heap(
-    snapshot: Snapshot, plate_radius: float | None = None, base_height: float = 0.0
-) -> dict[str, Measurement]:
-    """Every witness of a heap at rest, by name."""
-    measured = (
-        repose_angle(snapshot, plate_radius, base_height),
-        cone_angle(snapshot, base_height),
-        pile_height(snapshot, base_height),
-        centroid_height(snapshot, base_height),
-        radius_90(snapshot),
-        runout_radius(snapshot, base_height),
-    )
-    return {measurement.name: measurement for measurement in measured}

@@ -59,7 +59,7 @@ def count_flags(repeats: Sequence[Measurement]) -> dict[str, int]:
 
 
 def as_record(measurement: Measurement) -> dict[str, Any]:
-    """The measurement as JSON can hold it: NaN, which JSON does not know, becomes None."""
+    """The measurement as plain JSON values; NaN, which JSON lacks, becomes None."""
     return {key: without_nan(value) for key, value in asdict(measurement).items()}
 
 

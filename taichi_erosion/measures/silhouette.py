@@ -13,9 +13,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.flank import Outline
 
-Floats = NDArray[np.float64]
 Image = NDArray[np.bool_]  # [rows, columns], first row on top, lower edge of the last row on the base
 
 PIXELS_PER_GRAIN = 8  # across one diameter: an edge is off by at most d / 8 [1]

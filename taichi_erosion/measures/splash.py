@@ -66,7 +66,7 @@ def splash(frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Splash:
 
 
 def grains_that_fly(frames: Sequence[Snapshot], patch: Patch) -> list[int]:
-    """Grains that are clear of the bed in some frame."""
+    """Grains above the bed in at least one frame."""
     return np.flatnonzero(np.any([frame.position[:, 2] > patch.clear for frame in frames], axis=0)).tolist()
 
 

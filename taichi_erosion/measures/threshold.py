@@ -1,16 +1,18 @@
-"""Thresholds of motion: brackets found bed by bed, what they say together, and the wind speed they mean."""
+"""Thresholds of motion: brackets bed by bed, their pooled value, and the wind speed of a tunnel."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, hypot, log, pi, sqrt
 
 import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.measures.boundary_layer import coles_speed, flat_plate_thickness
 from taichi_erosion.measures.result import Measurement, no_measurement, pool
 
 UNIT = "m s-1"
+NOT_REACHED = "the search did not get that far"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
 SCALES = np.geomspace(1e-4, 1.0, 200)  # of the law, in logarithms: from next to none to any [1]
@@ -18,10 +20,6 @@ CARRIED = 0.05  # of the largest flux [1]
 LEAST_PAIRS = 4  # two more than a line needs
 REACH = 1.5  # logarithms on either side of the brackets in which the ends of the interval are looked for
 
-KARMAN = 0.4  # [1]
-WAKE = 0.55  # Coles' parameter of a boundary layer without pressure gradient [1]
-GROWTH = 0.37  # of a turbulent boundary layer: delta = 0.37 x Re_x^-0.2 [1]
-SMOOTH = 0.11  # z0 u* / nu of a smooth wall [1]
 ROUGH = 1.0 / 30.0  # z0 over the diameter of the grains [1]
 FASTEST_TUNNEL = 1e3  # m s-1
 
@@ -46,7 +44,7 @@ class Bracket:
 
 @dataclass(frozen=True)
 class Tunnel:
-    """What the friction velocity at the bed of a wind tunnel depends on."""
+    """Quantities that set the friction velocity at the bed of a wind tunnel, beside the wind."""
 
     fetch: float  # m, from the inlet
     diameter: float  # m, of the grains
@@ -56,7 +54,7 @@ class Tunnel:
 def bracketed(name: str, bracket: Bracket | None) -> Measurement:
     """Threshold of one bed [m s-1]; `sd` is that of its bracket."""
     if bracket is None:
-        return no_measurement(name, UNIT, "the search did not get that far")
+        return no_measurement(name, UNIT, NOT_REACHED)
     details = {"low": bracket.low, "high": bracket.high}
     return Measurement(name, bracket.middle, bracket.sd, UNIT, details=details)
 
@@ -110,20 +108,18 @@ def ratio(name: str, impact: Bracket | None, fluid: Bracket | None) -> Measureme
 
 
 def wind_speed(friction: float, tunnel: Tunnel) -> float:
-    """Free-stream speed U of a tunnel whose floor feels the friction velocity u* [m s-1].
+    """Free-stream speed U of a tunnel whose floor has the friction velocity u* [m s-1].
 
-        U = u* ((1/kappa) ln(delta / z0) + 2 Pi / kappa),   delta = 0.37 x (U x / nu)^-0.2,
-        z0 = d / 30 + 0.11 nu / u*
+    U = coles_speed(u*, delta, z0),   delta = 0.37 x (U x / nu)^-0.2,   z0 = d / 30
 
-    with x the fetch [m], d the diameter [m], Pi = 0.55 Coles' wake parameter.
+    with x the fetch [m] and d the diameter [m].
 
     Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, 18.2; Coles (1956), J. Fluid Mech. 1, 191.
     """
-    roughness = ROUGH * tunnel.diameter + SMOOTH * tunnel.viscosity / friction
 
     def excess(speed: float) -> float:
-        depth = GROWTH * tunnel.fetch * (speed * tunnel.fetch / tunnel.viscosity) ** -0.2
-        return friction / KARMAN * (log(depth / roughness) + 2.0 * WAKE) - speed
+        depth = flat_plate_thickness(speed, tunnel.fetch, tunnel.viscosity)
+        return coles_speed(friction, depth, ROUGH * tunnel.diameter, tunnel.viscosity) - speed
 
     return scipy.optimize.root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
 
@@ -131,13 +127,13 @@ def wind_speed(friction: float, tunnel: Tunnel) -> float:
 def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurement:
     """Free-stream speed at the threshold of one bed [m s-1]; `sd` is that of its bracket."""
     if bracket is None:
-        return no_measurement(name, UNIT, "the search did not get that far")
+        return no_measurement(name, UNIT, NOT_REACHED)
     speed = wind_speed(bracket.middle, tunnel)
     return Measurement(name, speed, speed * bracket.sd / bracket.middle, UNIT)
 
 
 def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
-    """What beds say together: thresholds by a logistic law that is fitted to the brackets, all else by means.
+    """Pooled value of several beds: thresholds by a logistic law fitted to the brackets, all else by means.
 
     The share of beds that move at u* is 1 / (1 + exp(-(ln u* - ln U) / s)). Each bed has one threshold that
     lies in its bracket, so the likelihood is the product of the shares between the ends of the brackets; it
@@ -155,15 +151,8 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     left_open = np.diff(ends) ** 2 / 12.0  # a uniform law over every bracket
     spread = hypot(LOGISTIC_SD * scale, float(np.sqrt(left_open.mean())))
     found = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
-    return Measurement(
-        plain.name,
-        exp(middle),
-        exp(middle) * spread,
-        plain.unit,
-        plain.n,
-        plain.notes,
-        plain.details | {"interval": found},
-    )
+    details = plain.details | {"interval": found}
+    return replace(plain, value=exp(middle), sd=exp(middle) * spread, details=details)
 
 
 def log_likelihood(ends: Floats, middle: float, scale: Floats) -> Floats:

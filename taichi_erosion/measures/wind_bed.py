@@ -10,7 +10,7 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures.result import Measurement, no_measurement
 
-BLOCKS = 8  # of a time series: long enough each that their means hardly know each other
+BLOCKS = 8  # of a time series: each so long that their means are nearly independent
 LEAST_FRAMES = 16  # two a block
 TOP_SHARE = 0.98  # of the grains lie below what is called the top of a bed [1]
 FLIGHT = 1.0  # diameters above the bed from which on a grain counts as flying [1]
@@ -30,7 +30,7 @@ class Patch:
 
     @property
     def clear(self) -> float:
-        """Height from which on only flying grains are met [m]."""
+        """Height above which every grain flies [m]."""
         return self.surface + FLIGHT * self.diameter
 
 

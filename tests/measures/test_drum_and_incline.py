@@ -1,4 +1,4 @@
-"""Moving witnesses: the surface in a drum, and the tilt at which grains let go."""
+"""The surface in a drum, and the tilt at which grains slide."""
 
 from dataclasses import replace
 from math import cos, isnan, radians, sin, sqrt

@@ -7,7 +7,6 @@ import pytest
 
 from taichi_erosion.measures.heap import (
     angle_of_repose_outline,
-    bulk_density,
     centroid_height,
     column_height,
     grain_diameter,
@@ -41,14 +40,6 @@ def test_the_centroid_is_the_mean_centre_above_the_base():
 def test_the_column_height_is_the_mean_top_of_the_highest_twentieth():
     # int(0.05 * 59) = 2 grains
     assert column_height(stack(*range(1, 60))).value == pytest.approx((59 + 58 + 1) / 2 * DIAMETER)
-
-
-def test_the_bulk_density_is_mass_over_the_enclosed_volume():
-    column = stack(*range(1, 21))
-    mass = 20 * 2500.0 * pi / 6 * DIAMETER**3
-    expected = mass / (pi * (3 * DIAMETER) ** 2 * 20.5 * DIAMETER)
-    assert bulk_density(column, radius=3 * DIAMETER).value == pytest.approx(expected)
-    assert bulk_density(column, radius=3 * DIAMETER, mass=2 * mass).value == pytest.approx(2 * expected)
 
 
 def test_the_radius_of_90_percent_counts_from_zero_about_the_median_axis():
