@@ -1,1 +1,1 @@
-"""Vocabulary shared by every room: units, device set-up, what one replica holds, snapshots."""
+"""Records and services of every room: units, device, setup, effect interface, snapshots, files, errors."""

@@ -1,4 +1,4 @@
-"""What the user wrote: scene files, their validation, and the setup of each replica that follows."""
+"""Scene files: schema, validation, and the setup of each replica."""
 
 from taichi_erosion.scene.build.limits import explain
 from taichi_erosion.scene.build.setup import build_setup, laws

@@ -89,11 +89,7 @@ def sheltered_share(density: float, basal_ratio: float, drag_ratio: float, worst
 SAMPLE: dict[str, Any] = {
     "scene": {"kind": "collapse", "title": "sample"},
     "run": {"time_step": 1e-6},
-    "grains": {
-        "count": 50,
-        "material": "sand",
-        "size": {"law": "monodisperse", "diameter": 1e-3},
-    },
+    "grains": {"count": 50, "material": "sand", "size": {"law": "monodisperse", "diameter": 1e-3}},
     "materials": {
         "sand": {"density": 2500.0, "young_modulus": 1e7, "poisson_ratio": 0.25},
         "steel": {"density": 7850.0, "young_modulus": 1e7, "poisson_ratio": 0.25},

@@ -1,1 +1,1 @@
-"""Build."""
+"""Setup of one replica from a scene: grains, walls, contacts, air, limits."""

@@ -1,9 +1,4 @@
-"""Random numbers of a scene: one independent stream for each seed and purpose.
-
-Pouring: layers of discs without overlap that pass a plane one after another.
-
-Where grains start: every fill law gives the bodies of one replica in order of release.
-"""
+"""Initial bodies of one replica in order of release: random streams, and one function per fill law."""
 
 from dataclasses import dataclass
 from hashlib import sha256
@@ -18,9 +13,12 @@ from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour,
 from taichi_erosion.scene.schema.scene import Scene
 from taichi_erosion.scene.schema.wind import Wind
 
+CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
+TRIES = 400  # random places tried for a grain before its layer is closed [1]
+
 
 def stream(seed: int, purpose: str) -> np.random.Generator:
-    """Counter-based generator whose key is the seed and the purpose, so that no purpose disturbs another.
+    """Independent random stream of a seed and a purpose, from a counter-based generator.
 
     Reference: Salmon et al. (2011), SC '11, article 16 (Philox).
     """
@@ -28,31 +26,17 @@ def stream(seed: int, purpose: str) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
 
 
-CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
-TRIES = 400  # random places tried for a grain before its layer is closed [1]
+def pour_layers(
+    fill: Pour, radius: Floats, gravity: float, places: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Random places from the centre of the disc [n, 2] m, and release times [n] s, of bounding radii [m].
 
-
-@dataclass(frozen=True)
-class PouredLayers:
-    """Grains of a pour in order of release."""
-
-    place: Floats  # [n, 2] m, from the centre of the disc
-    release_time: Floats  # [n] s
-
-
-def clearing_time(distance: float, speed: float, gravity: float) -> float:
-    """Time in which a grain falls a distance [s]:  distance = v t + g t^2 / 2."""
-    return 2.0 * distance / (speed + sqrt(speed * speed + 2.0 * gravity * distance))
-
-
-def pour_layers(fill: Pour, radius: Floats, gravity: float, places: np.random.Generator) -> PouredLayers:
-    """Random places and release times of grains with the given bounding radii [m].
-
-    A layer is released at once, the next one when this one has fallen clear of the plane. A rate makes
-    layers as thin as it can keep them, so that the flow is steady; where one grain a layer is still too
-    fast, layers wait.
+    A layer is released at once, the next one when this one has fallen clear of the plane, by the distance
+    v t + g t^2 / 2. A rate makes layers as thin as it can keep them, so that the flow is steady; where one
+    grain a layer is still too fast, layers wait.
     """
-    clear = clearing_time(2.0 * CLEARANCE * float(radius.max()), fill.speed, gravity)
+    distance = 2.0 * CLEARANCE * float(radius.max())
+    clear = 2.0 * distance / (fill.speed + sqrt(fill.speed * fill.speed + 2.0 * gravity * distance))
     most = max(1, round(fill.rate * clear)) if fill.rate else len(radius)
     place = np.empty((len(radius), 2))
     release = np.empty(len(radius))
@@ -63,11 +47,11 @@ def pour_layers(fill: Pour, radius: Floats, gravity: float, places: np.random.Ge
         place[first:last], release[first:last] = layer, time
         time += max(clear, len(layer) / fill.rate if fill.rate else 0.0)
         first = last
-    return PouredLayers(place, release)
+    return place, release
 
 
 def random_layer(fill: Pour, radius: Floats, places: np.random.Generator) -> Floats:
-    """Random sequential addition of the next grains until the wanted coverage is reached, [n, 2] m."""
+    """Random sequential addition of the next grains up to the wanted coverage, [n, 2] m."""
     allowed = np.searchsorted(np.cumsum(radius**2), fill.coverage * fill.radius**2, side="right")
     wanted = max(1, min(int(allowed), len(radius)))
     found = np.empty((wanted, 2))
@@ -159,10 +143,10 @@ def listed(scene: Scene, fill: Positions) -> Start:
 
 def poured(scene: Scene, fill: Pour, seed: int, diameter: Floats, reach: float) -> Start:
     """Grains that pass a horizontal disc downwards."""
-    layers = pour_layers(fill, reach * diameter, scene.gravity.magnitude, stream(seed, "places"))
-    position = np.column_stack([layers.place, np.zeros(len(diameter))]) + np.array(fill.centre)
+    place, release = pour_layers(fill, reach * diameter, scene.gravity.magnitude, stream(seed, "places"))
+    position = np.column_stack([place, np.zeros(len(diameter))]) + np.array(fill.centre)
     velocity = np.tile((0.0, 0.0, -fill.speed), (len(diameter), 1))
-    return Start(position, velocity, np.zeros_like(velocity), diameter, layers.release_time)
+    return Start(position, velocity, np.zeros_like(velocity), diameter, release)
 
 
 def rain(fill: Rain, count: int, places: np.random.Generator) -> Floats:

@@ -1,14 +1,11 @@
-"""What a surface energy means for grains of this size: numbers to print beside it.
+"""Limits of the time step, the step chosen, adhesion numbers: whatever a run prints about its own numbers."""
 
-Analytic limits of the time step, the step chosen, and everything that a run prints about its numbers.
-"""
-
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import pi, radians, sqrt, tan
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.build.clump import template_spheres
+from taichi_erosion.scene.build.clump import SPHERE_REACH, template_spheres
 from taichi_erosion.scene.build.contacts import materials_used, shear_modulus, surface_energy, young_effective
 from taichi_erosion.scene.build.fill import start_top
 from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter, size_range
@@ -17,14 +14,26 @@ from taichi_erosion.scene.schema.grains import Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
 
 SOLID_FRACTION = 0.6  # of a poured heap [1]
-COORDINATION = (
-    6.0  # contacts of a grain in a heap [1]; solid fraction times it is 3.6, as in sigma_t = 2.7 gamma / d
-)
+COORDINATION = 6.0  # contacts of a grain in a heap; with the solid fraction sigma_t = 2.7 gamma / d [1]
 HEAP_SLOPE = radians(30.0)  # slope by which the height of a heap is estimated [rad]
 TEAR_OFF = 1.19055  # separation at which a JKR contact breaks, in L^2 / R* [1]
 WORK_OF_SEPARATION = 3.34129  # from first touch to tear-off, in pi gamma L^2 [1]
-BOND_WARNED = 50.0  # Bond number above which grains hang together against any weight here [1]
+BOND_WARNED = 50.0  # Bond number above which adhesion outweighs any weight here [1]
 STRESS_WARNED = 0.3  # cohesion over the stress at the base of the heap [1]
+RAYLEIGH_REFUSED = 0.3  # larger shares of the Rayleigh time are refused unless forced [1]
+HERTZ_SHARE = 0.1  # of the duration of an impact at the expected speed: ten steps in a contact [1]
+NECK_SHARE = 0.1  # of the time in which grains cross the range of adhesion [1]
+SPEED_SHARE = 0.05  # of the smallest radius that a grain may move in one step [1]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the time step [s]; None where a limit does not apply."""
+
+    rayleigh_time: float  # Rayleigh time T_R of the smallest grain; steps are given as a share of it
+    hertz: float | None
+    jkr_neck: float | None
+    speed: float | None
 
 
 @dataclass(frozen=True)
@@ -60,16 +69,11 @@ def sticking_speed(energy: float, radius: float, young: float, mass: float) -> f
     return sqrt(2.0 * WORK_OF_SEPARATION * pi * energy * contact_length(energy, radius, young) ** 2 / mass)
 
 
-def heap_height(scene: Scene) -> float:
-    """Height of a cone of all grains at 30 degrees [m]:  V = pi H^3 / (3 tan^2)."""
-    volume = scene.grains.count * pi / 6.0 * mean_cube(scene.grains.size) / SOLID_FRACTION
-    return (3.0 * volume * tan(HEAP_SLOPE) ** 2 / pi) ** (1.0 / 3.0)
-
-
 def adhesion(scene: Scene) -> Adhesion | None:
-    """Adhesion numbers of grain against grain; None where nothing sticks.
+    """Adhesion numbers of grain against grain; None without adhesion.
 
-    Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force).
+    Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force);
+    the stress under a cone of all grains at 30 degrees, of height H:  V = pi H^3 / (3 tan^2).
     """
     name = scene.grains.material
     material, contact = scene.materials[name], scene.contact_of(name, name)
@@ -80,7 +84,9 @@ def adhesion(scene: Scene) -> Adhesion | None:
     radius, mass = 0.25 * diameter, material.density * pi / 6.0 * diameter**3
     young = young_effective(material, material)
     strength = 0.75 * SOLID_FRACTION * COORDINATION * energy / diameter
-    heap_stress = SOLID_FRACTION * material.density * gravity * heap_height(scene)
+    volume = scene.grains.count * pi / 6.0 * mean_cube(scene.grains.size) / SOLID_FRACTION
+    height = (3.0 * volume * tan(HEAP_SLOPE) ** 2 / pi) ** (1.0 / 3.0)
+    heap_stress = SOLID_FRACTION * material.density * gravity * height
     friction = contact.friction_sliding if contact else 0.0
     pull = 3.0 * pi * energy * radius
     return Adhesion(
@@ -95,7 +101,7 @@ def adhesion(scene: Scene) -> Adhesion | None:
 
 
 def adhesion_warnings(scene: Scene, sticking: Adhesion | None) -> list[str]:
-    """Sentences about adhesion that cannot be what was meant."""
+    """Sentences about implausible adhesion."""
     if sticking is None:
         return []
     lines = []
@@ -105,32 +111,13 @@ def adhesion_warnings(scene: Scene, sticking: Adhesion | None) -> list[str]:
             "a grain carries that many weights; the surface energy is a fitted constant of this grain size, "
             "not a soil property"
         )
-    if sticking.cohesion_over_heap_stress > STRESS_WARNED and scene.scene.kind in (
-        "repose",
-        "collapse",
-        "lifting",
-    ):
+    is_heap = scene.scene.kind in ("repose", "collapse", "lifting")
+    if is_heap and sticking.cohesion_over_heap_stress > STRESS_WARNED:
         lines.append(
             f"cohesion is {sticking.cohesion_over_heap_stress:.3g} of the stress under the heap, "
             f"above {STRESS_WARNED:g}: a heap of this size need not fail at any angle"
         )
     return lines
-
-
-RAYLEIGH_REFUSED = 0.3  # larger shares of the Rayleigh time are refused unless forced [1]
-HERTZ_SHARE = 0.1  # of the duration of an impact at the expected speed: ten steps in a contact [1]
-NECK_SHARE = 0.1  # of the time in which grains cross the range of adhesion [1]
-SPEED_SHARE = 0.05  # of the smallest radius that a grain may move in one step [1]
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Limits of the time step [s]; None where a limit does not apply."""
-
-    rayleigh: float  # Rayleigh time T_R of the smallest grain; steps are given as a share of it
-    hertz: float | None
-    neck: float | None
-    speed: float | None
 
 
 def rayleigh_time(radius: float, density: float, shear: float, poisson: float) -> float:
@@ -168,13 +155,9 @@ def smallest_radius(scene: Scene) -> float:
     diameters = [size_range(scene.grains.size)[0]]
     if isinstance(scene.fill, Positions):
         diameters = [grain.diameter or diameters[0] for grain in scene.fill.grains]
-    return min(diameters) * sphere_share(scene)
-
-
-def sphere_share(scene: Scene) -> float:
-    """Radius of the smallest sphere of a grain over its nominal diameter [1]."""
     clump = scene.grains.clump
-    return min(radius for _, radius in template_spheres(clump)) if clump else 0.5
+    share = min(radius for _, radius in template_spheres(clump)) if clump else SPHERE_REACH
+    return min(diameters) * share
 
 
 def grain_rayleigh_time(scene: Scene) -> float:
@@ -268,7 +251,7 @@ def time_step_warnings(chosen: float, limit: Limits) -> list[str]:
     reasons = (
         (limit.hertz, "an impact at the expected speed is resolved by fewer than 10 steps"),
         (
-            limit.neck,
+            limit.jkr_neck,
             "grains cross the range of adhesion in fewer than 10 steps: only resting contacts stick",
         ),
         (limit.speed, f"a grain can move more than {SPEED_SHARE:g} radii in one step"),
@@ -281,7 +264,7 @@ def time_step_warnings(chosen: float, limit: Limits) -> list[str]:
 
 
 def softening_lines(scene: Scene) -> list[str]:
-    """What was softened, by how much, and what was kept."""
+    """Softened materials: by how much, and which quantity is kept."""
     lines = []
     for name, material in sorted(scene.materials.items()):
         if material.softening is not None:
@@ -295,34 +278,24 @@ def softening_lines(scene: Scene) -> list[str]:
 
 
 def explain(scene: Scene) -> dict[str, Any]:
-    """Numbers that let a reader judge a run, for `run --check` and for every result; SI units."""
+    """Time step, limits, adhesion and warnings of a scene, for `run --check` and every result; SI units."""
     limit, chosen, sticking = limits(scene), time_step(scene), adhesion(scene)
     low, high = size_range(scene.grains.size)
     return {
         "time_step": chosen,
-        "time_step_over_rayleigh": chosen / limit.rayleigh,
-        "limits": {
-            "rayleigh_time": limit.rayleigh,
-            "hertz": limit.hertz,
-            "jkr_neck": limit.neck,
-            "speed": limit.speed,
-        },
+        "time_step_over_rayleigh": chosen / limit.rayleigh_time,
+        "limits": asdict(limit),
         "expected_speed": expected_speed(scene),
         "diameter": {"low": low, "nominal": nominal_diameter(scene.grains.size), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
         "softening": softening_lines(scene),
-        "adhesion": adhesion_table(sticking),
+        "adhesion": asdict(sticking) if sticking else None,
         "warnings": time_step_warnings(chosen, limit) + adhesion_warnings(scene, sticking),
     }
 
 
-def adhesion_table(sticking: Adhesion | None) -> dict[str, float] | None:
-    """Adhesion numbers by name, None for dry grains."""
-    return dict(vars(sticking)) if sticking else None
-
-
 def refuse_unsafe_step(scene: Scene) -> None:
-    """Raise BadInput where the time step exceeds 0.3 Rayleigh times and nobody insists."""
+    """Raise BadInput where the time step exceeds 0.3 Rayleigh times and is not forced."""
     rayleigh, chosen = grain_rayleigh_time(scene), time_step(scene)
     if chosen > RAYLEIGH_REFUSED * rayleigh and not scene.run.force_time_step:
         key = "time_step" if scene.run.time_step is not None else "time_step_fraction"

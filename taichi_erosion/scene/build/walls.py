@@ -1,7 +1,4 @@
-"""The box that no grain may leave.
-
-Walls of a scene as primitives, and the room they take.
-"""
+"""Walls of a scene as primitives, their bounding boxes, and the domain that no grain may leave."""
 
 from dataclasses import dataclass
 
@@ -10,7 +7,7 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import SHAPE_NUMBERS, Floats, PrimitiveKind, PrimitiveTable
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
-from taichi_erosion.scene.schema.geometry import UPWARDS, Box, Cone, Cylinder, Disc, Funnel, Mesh, Plane, Wall
+from taichi_erosion.scene.schema.geometry import UPWARDS, Box, Cone, Cylinder, Disc, Funnel, Mesh, Plane
 from taichi_erosion.scene.schema.scene import Scene
 
 MARGIN_OPEN = 30.0  # side margin over the apparatus where a plane lets splashed grains roll away [1]
@@ -20,15 +17,20 @@ MARGIN_RADII = 20.0  # least margin, in largest radii [1]
 MARGIN_RADII_OPEN = 500.0  # likewise to the sides where a plane lets grains slide away [1]
 
 
+MOST_TRIANGLES = 500_000
+
+Row = tuple[PrimitiveKind, tuple[float, ...]]
+
+
 def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Vector, Vector]:
-    """Low and high corner [m]: walls, starting grains and the way of moving walls, with a margin.
+    """Low and high corner [m] around walls, starting grains and the travel of moving walls, with a margin.
 
     A grain found outside is lost, and the run stops; the margin leaves room for a spreading heap.
     """
     boxes = [wall_bounds(scene, name) for name in scene.geometry] + [bounds_of(centres)]
     low = np.min([box.low for box in boxes], axis=0) + travel(scene, np.minimum)
     high = np.max([box.high for box in boxes], axis=0) + travel(scene, np.maximum)
-    is_open = any(endless(wall) for wall in scene.geometry.values())
+    is_open = any(isinstance(wall, Plane) for wall in scene.geometry.values())
     share = MARGIN_OPEN if is_open else MARGIN_CLOSED
     least = MARGIN_RADII_OPEN if is_open else MARGIN_RADII
     extent = high - low
@@ -49,11 +51,6 @@ def travel(scene: Scene, extreme: np.ufunc) -> Floats:
             reached[name] = reached.get(name, np.zeros(3)) + v * stage.duration_max
             farthest = extreme(farthest, reached[name])
     return farthest
-
-
-MOST_TRIANGLES = 500_000
-
-Row = tuple[PrimitiveKind, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -116,7 +113,7 @@ def revolved_rows(wall: Disc | Cylinder | Cone | Funnel) -> list[tuple[float, ..
 
 def mesh_triangles(scene: Scene, name: str, wall: Mesh) -> Floats:
     """Corners of a mesh file's triangles, [t, 3, 3] m."""
-    # the library takes a third of a second to import; scenes without meshes do not pay for it
+    # the import takes a third of a second, which scenes without meshes are spared
     import trimesh
 
     path = scene.folder / wall.file
@@ -166,11 +163,6 @@ def revolved_bounds(wall: Disc | Cylinder | Cone | Funnel) -> Bounds:
 def bounds_of(points: Floats) -> Bounds:
     """Box around points."""
     return Bounds(points.min(axis=0), points.max(axis=0))
-
-
-def endless(wall: Wall) -> bool:
-    """Whether grains can roll away on the wall without end."""
-    return isinstance(wall, Plane)
 
 
 def outward(point: Vector, wall: Plane) -> float:

@@ -55,15 +55,7 @@ class Head(Part):
     """What the scene is."""
 
     kind: Literal[
-        "repose",
-        "collapse",
-        "lifting",
-        "drum",
-        "incline",
-        "settling",
-        "packed_bed",
-        "threshold",
-        "saltation",
+        "repose", "collapse", "lifting", "drum", "incline", "settling", "packed_bed", "threshold", "saltation"
     ] = Field(description="kind of apparatus")
     title: str = Field(default="", max_length=200, description="one line for people")
     notes: str = Field(default="", max_length=20_000, description="assumptions and sources")

@@ -104,11 +104,7 @@ class Threshold(Part):
     share: float = number(0.01, "1", "share of the surface grains that must move", 1e-6, 1.0)
     distance: float = number(1.0, "1", "distance over the nominal diameter that counts as moved", 0.01, 100.0)
     first: float | None = number(
-        None,
-        "m s-1",
-        "u* at which the ramp begins; left out: 0.08 sqrt((s - 1) g d)",
-        1e-3,
-        FASTEST_FRICTION,
+        None, "m s-1", "u* at which the ramp begins; left out: 0.08 sqrt((s - 1) g d)", 1e-3, FASTEST_FRICTION
     )
     rise: float = number(0.04, "1", "share by which u* grows from step to step", 1e-3, 1.0)
     rise_hold: float = number(0.02, "s", "duration of a step of the ramp", 1e-6, LONGEST_HOLD)
