@@ -64,7 +64,7 @@ def test_the_scatter_of_runs_is_found(surface):
 
 def test_left_out_runs_lie_where_the_others_say(surface):
     # 100 standard normal numbers: their root mean square is 1 within 7 %; three times that
-    assert np.sqrt(np.mean(surface.left_out() ** 2)) == pytest.approx(1.0, abs=0.21)
+    assert np.sqrt(np.mean(surface.leave_one_out() ** 2)) == pytest.approx(1.0, abs=0.21)
 
 
 def test_strength_zero_is_the_bare_model_whatever_the_condition_that_only_an_effect_reads(surface):
@@ -150,5 +150,5 @@ def test_what_a_surface_misses_widens_it_where_it_is_missed():
     jumps = np.where(known.psi[:, 0] > 0.0, generator.choice([-1.0, 1.0], 80), 0.0)  # no smooth law at all
     surface = fit_gaussian_process(known, law(known) + jumps + 0.05 * generator.standard_normal(80), READS)
     bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
-    assert surface.missed(acting).mean() > 3.0 * surface.missed(bare).mean()
-    assert surface.missed(acting).mean() > 0.2
+    assert surface.lack_of_fit(acting).mean() > 3.0 * surface.lack_of_fit(bare).mean()
+    assert surface.lack_of_fit(acting).mean() > 0.2

@@ -193,12 +193,12 @@ def answered(
     while True:
         ready = emulated_study(runs, progress)
         found = question.answer(ready)
-        if len(own) < runs.amount.rounds:
+        if len(own) < runs.plan_size.rounds:
             points = [point for point in question.points(found) if acting(point) not in earlier]
         else:
             known = earlier | {acting(point) for points in own for point in points}
             points = [point for point in question.required(found) if acting(point) not in known]
-            done = len(own) >= runs.amount.rounds + MOST_REQUIRED
+            done = len(own) >= runs.plan_size.rounds + MOST_REQUIRED
             if done or not points or not within_budget(runs, points):
                 return found, ready
         runs = refined_training_runs(runs, points, f"{key}|{len(own)}")

@@ -5,8 +5,8 @@ The statistics see nothing else. What they find stands in `findings.py`; the way
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,19 @@ Conditions = dict[str, Floats]  # one value per row, in SI units
 Numbers = dict[str, float]  # parameters by path, or strengths by effect
 Mask = Callable[[Conditions], Bools]
 Progress = Callable[[str, float], None]  # what is being done, share of the whole that is done [1]
+
+
+def row_count(conditions: Conditions) -> int:
+    """Number of rows; one where no condition is given."""
+    return next((column.size for column in conditions.values()), 1)
+
+
+Record = TypeVar("Record")
+
+
+def with_stated(record: Record, **values: Any) -> Record:
+    """The record with those values that are stated; None keeps its own."""
+    return replace(record, **{name: value for name, value in values.items() if value is not None})  # type: ignore[type-var]
 
 
 class Model(Protocol):

@@ -1,11 +1,11 @@
-"""Which runs a study of scenes asks for: points spread over calibrated numbers, conditions and strengths.
+"""Design of the training runs: points spread over calibrated numbers, conditions and strengths of effects.
 
-The bare model and every effect have a plan of their own that follows from the study file alone, never from a
-measured value: studies on the same scenes share their runs, and so does a study with the one that `adopt`
+The bare model and every effect have a design of their own that follows from the study file alone, never from
+a measured value: studies on the same scenes share their runs, and so does a study with the one that `adopt`
 makes of it. Later rounds add runs about the explanations that are left.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -13,13 +13,19 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
-from taichi_erosion.evidence.data.problem import Candidate, Floats, expected_strength
+from taichi_erosion.evidence.data.problem import Candidate, Floats, Numbers, expected_strength
 from taichi_erosion.evidence.data.transforms import Axis, axis_value
-from taichi_erosion.evidence.models.simulator import SceneMeasure, Simulator, effects_of, enters, moves
+from taichi_erosion.evidence.models.simulator import (
+    SceneMeasure,
+    Simulator,
+    acting_effects,
+    condition_matters,
+    parameter_matters,
+)
 
 REACH = 2.0  # prior sd to either side over which calibrated numbers are spread
 LEAST_STRENGTH = 0.3  # of the expected one, at which an effect is tried
-MOST_STRENGTH = 3.0  # likewise; effects that much stronger are read off the surface
+MOST_STRENGTH = 3.0  # likewise; effects that much stronger are read off the emulator
 WARP = 1.5  # > 1 puts more of the tried strengths below the middle
 JITTER_NUMBERS = 0.4  # prior sd by which runs of a later round spread about an explanation
 JITTER_STRENGTH = 0.25  # likewise, share of the strength
@@ -31,28 +37,30 @@ Row = dict[str, float]  # dotted path of a condition -> value
 
 @dataclass(frozen=True)
 class TrainingRun:
-    """One run that is asked for."""
+    """One run of a design."""
 
     scene: Path
     at: Row
-    parameters: dict[str, float]
-    effects: dict[str, float]  # strengths above 0
+    parameters: Numbers
+    effects: Numbers  # strengths above 0
     seed: int
 
 
 @dataclass(frozen=True)
-class SceneRows:
-    """One scene of a study: what it answers, and the conditions under which it was measured."""
+class StudyScene:
+    """One scene of a study: what it measures, under which conditions, and what is calibrated."""
 
-    answer: SceneMeasure
+    measure: SceneMeasure
     observables: tuple[str, ...]
-    rows: tuple[Row, ...]  # distinct
-    ahead: tuple[Row, ...] = ()  # that could be measured
+    rows: tuple[Row, ...]  # distinct conditions of the measurements
+    axes: tuple[Axis, ...]
+    simulator: Simulator
+    proposed: tuple[Row, ...] = ()  # conditions that could be measured
 
 
 @dataclass(frozen=True)
 class RefinementPoint:
-    """Numbers and strengths about which the surface is to be sure."""
+    """Calibrated numbers and strengths about which a later round simulates."""
 
     parameters: Mapping[str, float]
     effects: Mapping[str, float]
@@ -60,7 +68,7 @@ class RefinementPoint:
 
 @dataclass(frozen=True)
 class PlanSize:
-    """How many runs a plan holds."""
+    """Numbers of runs."""
 
     bare: int  # per calibrated number and one more
     effect: int  # of every effect
@@ -72,19 +80,104 @@ class PlanSize:
 PLAN_SIZES = {"quick": PlanSize(8, 8, 2, 8, 1), "full": PlanSize(20, 20, 6, 16, 3)}
 
 
-def cells(bench: SceneRows, simulator: Simulator, effects: Sequence[str]) -> list[Row]:
+def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:
     """Distinct conditions that a run with some effects can depend on, where all of them can act."""
-    scene = bench.answer.scene
-    read = {name for effect in {*effects, *effects_of(scene)} for name in simulator.library[effect].reads}
+    path, library = scene.measure.scene, scene.simulator.library
+    read = {name for effect in {*effects, *acting_effects(path)} for name in library[effect].reads}
     found: dict[tuple[tuple[str, float], ...], Row] = {}
-    for row in bench.rows:
-        if all(simulator.can_act(effect, scene, row) for effect in effects):
-            kept = {path: value for path, value in row.items() if np.isfinite(value) and enters(path, read)}
+    for row in scene.rows:
+        if all(scene.simulator.can_act(effect, path, row) for effect in effects):
+            kept = {p: value for p, value in row.items() if np.isfinite(value) and condition_matters(p, read)}
             found.setdefault(tuple(sorted(kept.items())), kept)
     return list(found.values())
 
 
-def spread(key: str, count: int, dimensions: int) -> Floats:
+def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
+    """Calibrated numbers on which a run with some effects can depend: an effect's own need that effect."""
+    present = {*effects, *acting_effects(scene.measure.scene)}
+    return [axis for axis in scene.axes if parameter_matters(axis.name, present)]
+
+
+def base_runs(scene: StudyScene, size: PlanSize, tag: str = "") -> list[TrainingRun]:
+    """Runs of the bare model; designs of another tag are other runs."""
+    return spread_runs(scene, None, size.bare * (len(relevant_axes(scene, ())) + 1), tag)
+
+
+def effect_runs(scene: StudyScene, candidate: Candidate, size: PlanSize, tag: str = "") -> list[TrainingRun]:
+    """Runs with one effect, at strengths from weak to strong."""
+    names = (candidate.name,)
+    rows = distinct_conditions(scene, names)
+    columns = {tuple(row.get(path) for row in rows) for path in dict.fromkeys(p for row in rows for p in row)}
+    varying = sum(len(set(column)) > 1 for column in columns)
+    own = len(relevant_axes(scene, names)) - len(relevant_axes(scene, ()))
+    return spread_runs(scene, candidate, size.effect + size.condition * (varying + own), tag)
+
+
+def spread_runs(scene: StudyScene, candidate: Candidate | None, count: int, tag: str) -> list[TrainingRun]:
+    """Runs spread over the reach of the priors, the conditions, and the strengths of at most one effect."""
+    names = () if candidate is None else (candidate.name,)
+
+    def strength(_: str, share: float) -> float:
+        assert candidate is not None
+        unit = expected_strength(candidate)
+        low, high = LEAST_STRENGTH * unit, min(candidate.maximum, MOST_STRENGTH * unit)
+        return low + (high - low) * share**WARP
+
+    def parameter(axis: Axis, share: float) -> float:
+        low, high = max(axis.low, -REACH), min(axis.high, REACH)
+        return axis_value(axis, low + (high - low) * share)
+
+    key = f"{scene.measure.scene.name}|{'+'.join(names)}|{tag}"
+    return sampled_runs(scene, names, count, key, (parameter, strength), 2)
+
+
+def refinement_runs(
+    scene: StudyScene, candidates: Mapping[str, Candidate], about: RefinementPoint, count: int, key: str
+) -> list[TrainingRun]:
+    """Runs about one explanation, with fresh seeds."""
+    names = tuple(name for name, strength in about.effects.items() if strength > 0.0)
+
+    def strength(name: str, share: float) -> float:
+        jittered = about.effects[name] * (1.0 + JITTER_STRENGTH * (2.0 * share - 1.0))
+        return min(jittered, candidates[name].maximum)
+
+    def parameter(axis: Axis, share: float) -> float:
+        value, shift = about.parameters[axis.name], axis.scale * JITTER_NUMBERS * (2.0 * share - 1.0)
+        moved = value * float(np.exp(shift)) if axis.logarithmic else value + shift
+        low, high = (
+            axis_value(axis, x) for x in (max(axis.low, -10.0 * REACH), min(axis.high, 10.0 * REACH))
+        )
+        return min(max(moved, low), high)
+
+    return sampled_runs(scene, names, count, f"{key}|{names}", (parameter, strength), len(names) + 1)
+
+
+def sampled_runs(
+    scene: StudyScene,
+    names: Sequence[str],
+    count: int,
+    key: str,
+    values: tuple[Callable[[Axis, float], float], Callable[[str, float], float]],
+    more: int,
+) -> list[TrainingRun]:
+    """Runs at Sobol points over calibrated numbers, strengths and conditions; none where no effect can act.
+
+    `values` turn a share of the unit interval into a calibrated number and into a strength; `more` counts the
+    dimensions beside the calibrated numbers.
+    """
+    rows, free = distinct_conditions(scene, names), relevant_axes(scene, names)
+    centre = {axis.name: rounded(axis_value(axis, 0.0)) for axis in scene.axes}
+    parameter, strength = values
+    runs = []
+    for number, point in enumerate(sobol_points(key, count if rows else 0, len(free) + more)):
+        chosen = {a.name: rounded(parameter(a, share)) for a, share in zip(free, point, strict=False)}
+        acting = {n: rounded(strength(n, s)) for n, s in zip(names, point[len(free) :], strict=False)}
+        row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
+        runs.append(TrainingRun(scene.measure.scene, row, centre | chosen, acting, seed_of(key, number)))
+    return runs
+
+
+def sobol_points(key: str, count: int, dimensions: int) -> Floats:
     """Evenly spread points (count, dimensions) in the unit cube, the same for the same key."""
     start = int.from_bytes(sha256(key.encode()).digest()[:4], "little")
     power = int(np.ceil(np.log2(max(count, 2))))
@@ -92,122 +185,8 @@ def spread(key: str, count: int, dimensions: int) -> Floats:
 
 
 def seed_of(key: str, number: int) -> int:
-    """Seed of one run of a plan."""
+    """Seed of one run of a design."""
     return int.from_bytes(sha256(f"{key}|{number}".encode()).digest()[:4], "little") % SEEDS + 1
-
-
-def bare_plan(
-    bench: SceneRows, simulator: Simulator, axes: Sequence[Axis], amount: PlanSize, tag: str = ""
-) -> list[TrainingRun]:
-    """Runs of the bare model; plans of another tag are other runs."""
-    count = amount.bare * (len(moving(bench, axes, ())) + 1)
-    return list(planned(bench, simulator, axes, None, count, tag))
-
-
-def moving(bench: SceneRows, axes: Sequence[Axis], effects: Sequence[str]) -> list[Axis]:
-    """Calibrated numbers on which a run with some effects can depend: an effect's own need that effect."""
-    present = {*effects, *effects_of(bench.answer.scene)}
-    return [axis for axis in axes if moves(axis.name, present)]
-
-
-def effect_plan(
-    bench: SceneRows,
-    simulator: Simulator,
-    axes: Sequence[Axis],
-    candidate: Candidate,
-    amount: PlanSize,
-    tag: str = "",
-) -> list[TrainingRun]:
-    """Runs with one effect, at strengths from weak to strong."""
-    rows = cells(bench, simulator, (candidate.name,))
-    columns = {tuple(row.get(path) for row in rows) for path in dict.fromkeys(p for row in rows for p in row)}
-    varying = [column for column in columns if len(set(column)) > 1]
-    own = len(moving(bench, axes, (candidate.name,))) - len(moving(bench, axes, ()))
-    count = amount.effect + amount.condition * (len(varying) + own) if rows else 0
-    return list(planned(bench, simulator, axes, candidate, count, tag))
-
-
-def planned(
-    bench: SceneRows,
-    simulator: Simulator,
-    axes: Sequence[Axis],
-    candidate: Candidate | None,
-    count: int,
-    tag: str = "",
-) -> Iterator[TrainingRun]:
-    """Runs spread over the reach of the priors, the conditions, and the strengths of at most one effect."""
-    names = () if candidate is None else (candidate.name,)
-    rows, scene = cells(bench, simulator, names), bench.answer.scene
-    free, middle = moving(bench, axes, names), middles(axes)
-    key = f"{scene.name}|{'+'.join(names)}|{tag}"
-    for number, point in enumerate(spread(key, count, len(free) + 2)):
-        row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
-        chosen = {axis.name: number_at(axis, share) for axis, share in zip(free, point, strict=False)}
-        parameters = middle | chosen
-        effects = {} if candidate is None else {candidate.name: strength_at(candidate, point[-2])}
-        yield TrainingRun(scene, row, parameters, effects, seed_of(key, number))
-
-
-def middles(axes: Sequence[Axis]) -> dict[str, float]:
-    """Calibrated numbers in the middle of their priors."""
-    return {axis.name: rounded(axis_value(axis, 0.0)) for axis in axes}
-
-
-def number_at(axis: Axis, share: float) -> float:
-    """A calibrated number at some share of its reach."""
-    low, high = max(axis.low, -REACH), min(axis.high, REACH)
-    return rounded(axis_value(axis, low + (high - low) * share))
-
-
-def strength_at(candidate: Candidate, share: float) -> float:
-    """A strength at some share of the range in which an effect is tried."""
-    unit = expected_strength(candidate)
-    low, high = LEAST_STRENGTH * unit, min(candidate.maximum, MOST_STRENGTH * unit)
-    return rounded(low + (high - low) * share**WARP)
-
-
-def round_plan(
-    bench: SceneRows,
-    simulator: Simulator,
-    axes: Sequence[Axis],
-    candidates: Mapping[str, Candidate],
-    about: RefinementPoint,
-    count: int,
-    key: str,
-) -> list[TrainingRun]:
-    """Runs about one explanation, with fresh seeds."""
-    names = tuple(name for name, strength in about.effects.items() if strength > 0.0)
-    rows, scene = cells(bench, simulator, names), bench.answer.scene
-    if not rows:
-        return []
-    free, middle = moving(bench, axes, names), middles(axes)
-    settings = []
-    for number, point in enumerate(spread(f"{key}|{names}", count, len(free) + len(names) + 1)):
-        row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
-        chosen = {
-            axis.name: near(axis, about.parameters[axis.name], share)
-            for axis, share in zip(free, point, strict=False)
-        }
-        parameters = middle | chosen
-        effects = {
-            name: rounded(
-                min(
-                    about.effects[name] * (1.0 + JITTER_STRENGTH * (2.0 * share - 1.0)),
-                    candidates[name].maximum,
-                )
-            )
-            for name, share in zip(names, point[len(free) :], strict=False)
-        }
-        settings.append(TrainingRun(scene, row, parameters, effects, seed_of(f"{key}|{names}", number)))
-    return settings
-
-
-def near(axis: Axis, value: float, share: float) -> float:
-    """A calibrated number close to a given one, within its range."""
-    shift = axis.scale * JITTER_NUMBERS * (2.0 * share - 1.0)
-    moved = value * float(np.exp(shift)) if axis.logarithmic else value + shift
-    low, high = axis_value(axis, max(axis.low, -10.0 * REACH)), axis_value(axis, min(axis.high, 10.0 * REACH))
-    return rounded(min(max(moved, low), high))
 
 
 def rounded(value: float) -> float:

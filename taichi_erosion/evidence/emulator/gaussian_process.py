@@ -1,4 +1,4 @@
-"""A smooth surface through simulated values, over calibrated numbers, conditions and strengths of effects.
+"""Gaussian process through simulated values, over calibrated numbers, conditions and strengths of effects.
 
     z = m + t(x, c) + b(x, c) + sum_k h_k(psi_k, x, c) + i(psi, x, c) + s eps
 
@@ -12,8 +12,8 @@ itself, and s the scatter of one run. All are Gaussian processes:
 
 with k squared-exponential kernels. Each h_k vanishes at strength 0, so the bare model is one surface whatever
 effects there are; a number of effect k itself is among the x of h_k and i alone. B, H_k, I and s are the
-likeliest ones, held by broad priors. A surface spends every run on every question: its mean is far surer than
-that of the few runs at any one setting.
+likeliest ones under broad priors. All runs enter every prediction: its mean is far surer than that of the few
+runs at any one setting.
 
 Reference: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, ch. 2, 5.4.2 (leave-one-out);
 Sacks, Welch, Mitchell & Wynn (1989), Stat. Sci. 4, 409 (surfaces in place of simulations).
@@ -44,7 +44,7 @@ STEPS_MOST = 200  # of the search for amplitudes
 
 @dataclass(frozen=True)
 class Points:
-    """Where a surface is asked or known."""
+    """Inputs of training runs or of predictions."""
 
     x: Floats  # (n, p), calibrated numbers in prior sd
     c: Floats  # (n, q), standardised conditions
@@ -53,7 +53,7 @@ class Points:
 
 @dataclass(frozen=True)
 class ActiveInputs:
-    """Which conditions and calibrated numbers enter which part."""
+    """Conditions and calibrated numbers that enter each part."""
 
     bare: Bools  # (q,) conditions
     effects: Bools  # (effects, q)
@@ -63,9 +63,9 @@ class ActiveInputs:
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """A fitted surface of one observable."""
+    """A fitted process of one observable."""
 
-    known: Points
+    training: Points
     reads: ActiveInputs
     amplitude: Floats  # (effects + 3,): bend, every effect, two together, scatter; over `width`
     centre: float
@@ -74,31 +74,34 @@ class GaussianProcess:
     weights: Floats  # K^-1 (z - centre) / width
 
     def mean(self, at: Points) -> Floats:
-        """Likeliest values."""
-        return self.centre + self.width * (self.covariance(at, self.known) @ self.weights)
+        """Posterior mean."""
+        return self.centre + self.width * (self.covariance(at, self.training) @ self.weights)
 
     def variance(self, at: Points) -> Floats:
-        """Variance of the surface itself, without the scatter of a run."""
+        """Variance of the process itself, without the scatter of a run."""
         return np.maximum(np.diag(self.uncertainty(at)), 0.0)
 
     def uncertainty(self, at: Points) -> Floats:
-        """Covariance of the surface's errors: what the runs leave open, and what they show it to miss."""
-        cross = linalg.solve_triangular(self.factor, self.covariance(self.known, at), lower=True)
-        missed = self.missed(at)
-        near = closeness(at.c, at.c, LENGTH_CONDITION)
-        return self.width**2 * (self.covariance(at, at) - cross.T @ cross) + np.outer(missed, missed) * near
+        """Covariance of the errors: posterior covariance plus lack of fit."""
+        cross = linalg.solve_triangular(self.factor, self.covariance(self.training, at), lower=True)
+        lack_of_fit = self.lack_of_fit(at)
+        near = rbf_kernel(at.c, at.c, LENGTH_CONDITION)
+        return (
+            self.width**2 * (self.covariance(at, at) - cross.T @ cross)
+            + np.outer(lack_of_fit, lack_of_fit) * near
+        )
 
-    def missed(self, at: Points) -> Floats:
+    def lack_of_fit(self, at: Points) -> Floats:
         """Lack of fit at the strengths asked, as a standard deviation.
 
             l^2 = max(0, sum_i w_i (e_i^2 - v_i) / (nu_0 + sum_i w_i)),    w_i = k(psi, psi_i; L_m)
 
         with e_i the error of run i predicted from all others and v_i the variance it should have: errors
-        larger than the surface says of itself come from a shape that its kernels do not hold.
+        larger than that come from a shape that the kernels do not hold.
         """
         precision = np.diag(linalg.cho_solve((self.factor, True), np.eye(self.weights.size)))
         excess = self.width**2 * ((self.weights / precision) ** 2 - 1.0 / precision)
-        weight = closeness(at.psi, self.known.psi, LENGTH_MISSED)
+        weight = rbf_kernel(at.psi, self.training.psi, LENGTH_MISSED)
         return np.sqrt(np.maximum(weight @ excess / (RUNS_MISSED + weight.sum(axis=1)), 0.0))
 
     @property
@@ -106,17 +109,17 @@ class GaussianProcess:
         """Standard deviation of one run."""
         return self.width * float(self.amplitude[-1])
 
-    def left_out(self) -> Floats:
+    def leave_one_out(self) -> Floats:
         """Every known value minus its prediction from all others, in standard deviations of that."""
         inverse = linalg.cho_solve((self.factor, True), np.eye(self.weights.size))
         return self.weights / np.sqrt(np.diag(inverse))
 
     def covariance(self, one: Points, other: Points) -> Floats:
-        parts = kernels(one, other, self.reads)
+        parts = kernel_parts(one, other, self.reads)
         return parts[0] + np.tensordot(self.amplitude[:-1] ** 2, parts[1:], axes=1)
 
 
-def closeness(one: Floats, other: Floats, length: float) -> Floats:
+def rbf_kernel(one: Floats, other: Floats, length: float) -> Floats:
     """Squared-exponential kernel of two sets of positions (n, d), (m, d)."""
     square = np.zeros((one.shape[0], other.shape[0]))
     for j in range(one.shape[1]):
@@ -124,42 +127,42 @@ def closeness(one: Floats, other: Floats, length: float) -> Floats:
     return np.exp(-0.5 * square / length**2)
 
 
-def kernels(one: Points, other: Points, reads: ActiveInputs) -> Floats:
+def kernel_parts(one: Points, other: Points, reads: ActiveInputs) -> Floats:
     """Plane, bend, every effect and two together at amplitude 1: (effects + 3, n, m)."""
     bare_one, bare_other = one.c[:, reads.bare], other.c[:, reads.bare]
     x_one, x_other = one.x[:, reads.bare_numbers], other.x[:, reads.bare_numbers]
     shape = (one.x.shape[0], other.x.shape[0])
     parts = np.zeros((reads.effects.shape[0] + 3, *shape))
     parts[0] = TREND**2 * (1.0 + x_one @ x_other.T + bare_one @ bare_other.T)
-    parts[1] = closeness(x_one, x_other, LENGTH) * closeness(bare_one, bare_other, LENGTH_CONDITION)
+    parts[1] = rbf_kernel(x_one, x_other, LENGTH) * rbf_kernel(bare_one, bare_other, LENGTH_CONDITION)
     total, squares = np.zeros(shape), np.zeros(shape)
     for k, (read, numbers) in enumerate(zip(reads.effects, reads.effect_numbers, strict=True)):
         product = np.outer(one.psi[:, k], other.psi[:, k])
         if not product.any():
             continue
         total, squares = total + product, squares + product**2
-        near = closeness(one.psi[:, [k]], other.psi[:, [k]], LENGTH_STRENGTH)
-        wide = closeness(one.x[:, numbers], other.x[:, numbers], 2.0 * LENGTH)
-        parts[k + 2] = product * near * wide * closeness(one.c[:, read], other.c[:, read], LENGTH_CONDITION)
+        near = rbf_kernel(one.psi[:, [k]], other.psi[:, [k]], LENGTH_STRENGTH)
+        wide = rbf_kernel(one.x[:, numbers], other.x[:, numbers], 2.0 * LENGTH)
+        parts[k + 2] = product * near * wide * rbf_kernel(one.c[:, read], other.c[:, read], LENGTH_CONDITION)
     pairs = 0.5 * (total**2 - squares)  # sum over j < k of products
     if pairs.any():
-        wide = closeness(one.x, other.x, 2.0 * LENGTH)
-        parts[-1] = pairs * wide * closeness(one.c, other.c, LENGTH_CONDITION)
+        wide = rbf_kernel(one.x, other.x, 2.0 * LENGTH)
+        parts[-1] = pairs * wide * rbf_kernel(one.c, other.c, LENGTH_CONDITION)
     return parts
 
 
-def fit_gaussian_process(known: Points, values: Floats, reads: ActiveInputs) -> GaussianProcess:
-    """Surface through values that scatter; its amplitudes are the likeliest."""
+def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) -> GaussianProcess:
+    """Process through values that scatter, at the most probable amplitudes."""
     centre = float(values.mean())
     width = max(float(values.std()), 1e-9 * abs(centre), 1e-300)
     standard = (values - centre) / width
-    parts = kernels(known, known, reads)
+    parts = kernel_parts(training, training, reads)
     count = reads.effects.shape[0]
     middle, spread = np.array(
         [PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["together"], PRIOR_LOG["scatter"]]
     ).T
     found = optimize.minimize(
-        misfit,
+        negative_log_evidence,
         middle,
         args=(parts, standard, middle, spread),
         jac=True,
@@ -168,26 +171,26 @@ def fit_gaussian_process(known: Points, values: Floats, reads: ActiveInputs) -> 
         options={"maxiter": STEPS_MOST},
     )
     amplitude = np.exp(found.x)
-    factor = np.asarray(np.linalg.cholesky(whole(parts, amplitude)), dtype=np.float64)
+    factor = np.asarray(np.linalg.cholesky(total_covariance(parts, amplitude)), dtype=np.float64)
     weights = linalg.cho_solve((factor, True), standard)
-    return GaussianProcess(known, reads, amplitude, centre, width, factor, weights)
+    return GaussianProcess(training, reads, amplitude, centre, width, factor, weights)
 
 
-def whole(parts: Floats, amplitude: Floats) -> Floats:
-    """Covariance of known values."""
+def total_covariance(parts: Floats, amplitude: Floats) -> Floats:
+    """Covariance of the training values."""
     mixed = parts[0] + np.tensordot(amplitude[:-1] ** 2, parts[1:], axes=1)
     return mixed + (amplitude[-1] ** 2 + JITTER) * np.eye(parts.shape[1])
 
 
-def misfit(
+def negative_log_evidence(
     log_amplitude: Floats, parts: Floats, standard: Floats, middle: Floats, spread: Floats
 ) -> tuple[float, Floats]:
-    """Negative ln of evidence times prior, and its slopes.
+    """Negative ln of marginal likelihood times prior, and its slopes.
 
     -ln p = 1/2 z^T K^-1 z + 1/2 ln |K| + prior,    d/du = 1/2 tr((K^-1 - a a^T) dK/du),    a = K^-1 z
     """
     amplitude = np.exp(log_amplitude)
-    factor = np.linalg.cholesky(whole(parts, amplitude))
+    factor = np.linalg.cholesky(total_covariance(parts, amplitude))
     inverse = linalg.cho_solve((factor, True), np.eye(standard.size))
     weights = inverse @ standard
     off = (log_amplitude - middle) / spread

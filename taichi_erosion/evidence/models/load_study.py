@@ -1,7 +1,7 @@
-"""From a study file to a problem that the statistics can examine, and what is to be said about the way."""
+"""Loading of a study: from a study file and all that it names to a problem for the statistics."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -25,6 +25,7 @@ from taichi_erosion.evidence.data.problem import (
     Parameter,
     Problem,
     Vault,
+    with_stated,
 )
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
@@ -36,30 +37,29 @@ LONGEST_CHAIN = 20  # studies that follow one another
 
 @dataclass(frozen=True)
 class Study:
-    """A study ready to be examined."""
+    """A study with its problem, ready for the statistics."""
 
     path: Path
     file: StudyFile
     problem: Problem
-    results: Path  # folder of everything that is found
+    results: Path  # folder of all findings
     digest: str  # of the measurements
-    model: str  # what answers, and its version
+    model: str  # name and version of the model
     store: RunStore
-    notes: tuple[str, ...]  # what the report has to say about the table and the vault
-    simulations: int | None = None  # behind the surfaces that answer; None where a function answers
+    notes: tuple[str, ...]  # sentences of the report about the table and the vault
+    simulations: int | None = None  # that trained the emulator; None for a model function
 
 
 @dataclass(frozen=True)
-class Answering:
-    """What answers a study, and what may be missing in it."""
+class StudyModel:
+    """The model of a study, and the effects that may be missing in it."""
 
     model: Model
-    identity: str  # what answers, and its version
+    identity: str  # name and version
     candidates: Sequence[Candidate]
     adopted: tuple[Candidate, ...]
-    store: RunStore
-    numbers: tuple[Parameter, ...] = ()  # of effects themselves, to be calibrated with them
-    plugin: Plugin | None = None  # the function, where one answers
+    parameters: tuple[Parameter, ...] = ()  # of effects, to be calibrated with those of the study
+    plugin: Plugin | None = None  # the model function, if it is one
 
 
 def load_study(
@@ -67,118 +67,89 @@ def load_study(
 ) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput.
 
-    `report` is told how far the simulations of a request are; a model function has no such steps.
+    `report` receives the progress of simulations; a model function has none.
     """
     file = read_evidence_study(path)
     table = read_table(path.parent / file.study.measurements, file.study.measurements)
     measurements, notes = study_measurements(table, file, str(path))
-    hidden, said = split(measurements, file.vault.fraction, file.vault.ranges)
-    results = results_folder(path, file)
-    digest = content_digest(measurements)
+    hidden, vault_note = split(measurements, file.vault.fraction, file.vault.ranges)
+    results, digest = results_folder(path, file), content_digest(measurements)
+    store = RunStore(results / FILE)
     if file.study.model is not None:
-        answering = function_study(path, file, results)
+        found = function_model(path, file, store)
     else:
-        answering = scene_answers(path, file, results, measurements, report)
-    spoken = NameMapping(answering.model, dict(file.conditions), measures_of(file))
+        found = scene_model(path, file, results, measurements, report)
+    # a model function may call an observable otherwise; a scene is asked for the observable itself
+    named = {n: (entry.measure or n) if found.plugin else n for n, entry in file.observables.items()}
+    model, uncertainty = NameMapping(found.model, dict(file.conditions), named), None
+    if found.plugin is not None and found.plugin.covariance is not None:
+        uncertainty = ModelErrorCovariance(found.plugin, model, file.study.seed)
+    own = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
     problem = Problem(
         measurements=measurements,
         observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
-        parameters=(
-            *(
-                Parameter(name, entry.start, entry.low, entry.high, entry.prior_sd_log)
-                for name, entry in file.parameters.items()
-            ),
-            *answering.numbers,
-        ),
-        candidates=tuple(answering.candidates),
-        model=spoken,
-        budget=budget_of(file, budget),
+        parameters=(*own, *found.parameters),
+        candidates=tuple(found.candidates),
+        model=model,
+        budget=with_stated(Budget(), name=budget, runs=file.budget.runs),
         vault=Vault(hidden, openings(results, digest)),
-        adopted=answering.adopted,
-        uncertainty=own_errors(answering.plugin, spoken, file.study.seed),
+        adopted=found.adopted,
+        uncertainty=uncertainty,
     )
-    return Study(path, file, problem, results, digest, answering.identity, answering.store, (*notes, said))
+    return Study(path, file, problem, results, digest, found.identity, store, (*notes, vault_note))
 
 
-def function_study(path: Path, file: StudyFile, results: Path) -> Answering:
-    """A study that a function answers; its runs are kept in a store."""
-    assert file.study.model is not None
-    plugin = load_plugin(file.study.model, path.parent, str(path))
+def function_model(path: Path, file: StudyFile, store: RunStore) -> StudyModel:
+    """Model function with its cache."""
+    plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
-    store = RunStore(results / FILE)
     adopted = tuple(candidate_of(name, entry) for name, entry in file.adopted.items())
-    model, candidates = CachedModel(plugin, identity, store), candidates_of(file, str(path))
-    return Answering(model, identity, candidates, adopted, store, plugin=plugin)
+    candidates = candidates_of(file, str(path))
+    return StudyModel(CachedModel(plugin, identity, store), identity, candidates, adopted, plugin=plugin)
 
 
-def own_errors(plugin: Plugin | None, spoken: NameMapping, seed: int) -> ModelErrorCovariance | None:
-    """What a model function says of its own errors; None where it says nothing."""
-    return None if plugin is None or plugin.covariance is None else ModelErrorCovariance(plugin, spoken, seed)
-
-
-def scene_answers(
+def scene_model(
     path: Path, file: StudyFile, results: Path, measurements: Measurements, report: Report | None
-) -> Answering:
-    """A study that scenes answer; their runs are kept in the ledger of a campaign."""
+) -> StudyModel:
+    """Simulator of scenes; its runs stand in the ledger of a campaign."""
     from taichi_erosion.evidence.models import scene_study
 
     runs = results if file.study.runs is None else path.parent / file.study.runs
-    simulator = scene_study.simulator_of(path, file, measurements, runs)
+    simulator = scene_study.study_simulator(path, file, measurements, runs)
     simulator.report = report
     candidates = scene_study.library_candidates(file, simulator, str(path))
     adopted = tuple(
         scene_study.library_candidate(simulator, name, entry, file.conditions)
         for name, entry in file.adopted.items()
     )
-    numbers = scene_study.own_numbers(file, simulator, measurements, (*candidates, *adopted))
-    simulator = scene_study.understanding(simulator, numbers)
-    identity = scene_study.identity_of(simulator)
-    return Answering(simulator, identity, candidates, adopted, RunStore(results / FILE), numbers)
-
-
-def measures_of(file: StudyFile) -> dict[str, str]:
-    """What a model function calls every observable; a scene is asked for the observable itself."""
-    if file.study.model is None:
-        return {name: name for name in file.observables}
-    return {name: entry.measure or name for name, entry in file.observables.items()}
-
-
-def budget_of(file: StudyFile, name: Literal["quick", "full"] | None) -> Budget:
-    """What may be spent; what neither the file nor the user says is the default of Budget."""
-    words = {"name": name, "runs": file.budget.runs}
-    return replace(Budget(), **{word: said for word, said in words.items() if said is not None})
+    parameters = scene_study.uncertain_parameters(file, simulator, measurements, (*candidates, *adopted))
+    simulator = scene_study.accepting(simulator, parameters)
+    return StudyModel(simulator, scene_study.scene_identity(simulator), candidates, adopted, parameters)
 
 
 def observable_of(name: str, entry: ObservableEntry) -> Observable:
-    """How an observable is compared."""
-    return Observable(
-        name,
-        entry.transform,
-        entry.floor or 0.0,
-        entry.sd_shared,
-        entry.sd_numerical,
-        entry.sd_shared_relative,
-    )
+    """Scale and known errors of an observable."""
+    floor, relative = entry.floor or 0.0, entry.sd_shared_relative
+    return Observable(name, entry.transform, floor, entry.sd_shared, entry.sd_numerical, relative)
 
 
 def candidates_of(file: StudyFile, name: str) -> Sequence[Candidate]:
-    """Effects to try: those of the list, or all that have a table; an adopted effect is none any more."""
-    said = file.candidates
-    listed = () if said.effects == (ALL,) else said.effects
-    for effect in said.tables:
+    """Effects to try: those of the list, or all that have a table, without the adopted ones."""
+    stated = file.candidates
+    listed = () if stated.effects == (ALL,) else stated.effects
+    for effect in stated.tables:
         if listed and effect not in listed:
             raise BadInput(f"{name}: candidates.{effect} is not in candidates.effects = {list(listed)}")
     return [
-        candidate_of(effect, said.tables.get(effect, CandidateEntry()))
-        for effect in dict.fromkeys(listed or said.tables)
+        candidate_of(effect, stated.tables.get(effect, CandidateEntry()))
+        for effect in dict.fromkeys(listed or stated.tables)
         if effect not in file.adopted
     ]
 
 
 def candidate_of(name: str, entry: CandidateEntry | AdoptedEntry) -> Candidate:
-    """An effect with what the study says about it; the rest is the default of Candidate."""
-    words = {"prior_scale": entry.prior_scale, "maximum": entry.max}
-    return replace(Candidate(name), **{word: said for word, said in words.items() if said is not None})
+    """An effect with what the study states of it."""
+    return with_stated(Candidate(name), prior_scale=entry.prior_scale, maximum=entry.max)
 
 
 def results_folder(path: Path, file: StudyFile) -> Path:

@@ -1,6 +1,6 @@
-"""A model that the user brings: `module:function`, beside the study file or in an installed package.
+"""Model function of the user, `module:function`, beside the study file or in an installed package.
 
-A model as a study speaks of it: columns and observables by the names that the table has for them.
+Beside it the adapter that maps the study's column and observable names to the model's.
 """
 
 import contextlib
@@ -15,7 +15,15 @@ from types import ModuleType
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Model, Numbers, Observable
+from taichi_erosion.evidence.data.problem import (
+    Conditions,
+    Floats,
+    Integers,
+    Model,
+    Numbers,
+    Observable,
+    row_count,
+)
 from taichi_erosion.evidence.data.transforms import slope
 
 COVARIANCE = "_covariance"  # after a function's name: the function that says how far off it may be
@@ -26,57 +34,52 @@ Covariance = Callable[[str, Conditions, Numbers, Numbers], Floats]
 
 @dataclass(frozen=True)
 class Plugin:
-    """A model function that is held to its contract at every call."""
+    """A model function, with its result checked at every call."""
 
     name: str
     function: Model
-    version: str  # digest of the files beside it: an edited model forgets its earlier runs
-    covariance: Covariance | None = None  # of the model's own errors over rows; None: it is what it says
+    version: str  # digest of the files beside it: an edited model has no earlier runs
+    covariance: Covariance | None = None  # of the model's own errors over rows; None: without error
 
     def __call__(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]; raises SimulationStopped where the function fails."""
-        with told(self.name, observable):
-            found = self.function(observable, own_copies(conditions), parameters, effects, seeds)
-        shape = (len(seeds), rows_in(conditions))
-        return checked(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
+        with failures_named(self.name, observable):
+            found = self.function(observable, writable_copies(conditions), parameters, effects, seeds)
+        shape = (len(seeds), row_count(conditions))
+        return checked_array(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
 
     def own_covariance(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats:
         """Covariance of the model's own errors [row, row], in the unit of the observable squared."""
         assert self.covariance is not None
-        with told(self.name + COVARIANCE, observable):
-            found = self.covariance(observable, own_copies(conditions), parameters, effects)
-        rows = rows_in(conditions)
+        with failures_named(self.name + COVARIANCE, observable):
+            found = self.covariance(observable, writable_copies(conditions), parameters, effects)
+        rows = row_count(conditions)
         where = f"model {self.name}{COVARIANCE}, {observable}"
-        return checked(found, (rows, rows), "(conditions, conditions)", where)
+        return checked_array(found, (rows, rows), "(conditions, conditions)", where)
 
 
-def own_copies(conditions: Conditions) -> Conditions:
+def writable_copies(conditions: Conditions) -> Conditions:
     """Arrays that a user's function may write to."""
     return {name: column.copy() for name, column in conditions.items()}
 
 
-def rows_in(conditions: Conditions) -> int:
-    """Number of rows that are asked for."""
-    return len(next(iter(conditions.values()))) if conditions else 1
-
-
 @contextlib.contextmanager
-def told(name: str, observable: str) -> Iterator[None]:
-    """What goes wrong in a user's function stops the simulation with its name."""
+def failures_named(name: str, observable: str) -> Iterator[None]:
+    """An error in a user's function becomes SimulationStopped with the function's name."""
     try:
-        with stdout_kept_clean():
+        with stdout_to_stderr():
             yield
     except Exception as error:
         kind = type(error).__name__
         raise SimulationStopped(f"model {name} failed on {observable}: {kind}: {error}") from error
 
 
-def checked(found: object, shape: tuple[int, int], meant: str, where: str) -> Floats:
-    """What a model returned, as an array of the promised shape; raises BadInput."""
+def checked_array(found: object, shape: tuple[int, int], meant: str, where: str) -> Floats:
+    """Result of a model function as an array of the promised shape; raises BadInput."""
     try:
         values = np.asarray(found, dtype=np.float64)
     except (TypeError, ValueError):
@@ -87,29 +90,29 @@ def checked(found: object, shape: tuple[int, int], meant: str, where: str) -> Fl
 
 
 @contextlib.contextmanager
-def stdout_kept_clean() -> Iterator[None]:
-    """What a user's function prints goes to stderr: stdout holds the result and nothing else."""
+def stdout_to_stderr() -> Iterator[None]:
+    """Output of a user's function on stderr: stdout holds the result and nothing else."""
     with contextlib.redirect_stdout(sys.stderr):
         yield
 
 
 def load_plugin(name: str, folder: Path, file: str) -> Plugin:
-    """Model that a study names; raises BadInput in the study's words."""
+    """Model that a study names; raises BadInput."""
     module_name, _, function_name = name.partition(":")
     where = f"{file}: study.model = '{name}'"
     module = load_module(module_name, folder, where)
     function = getattr(module, function_name, None)
     if not callable(function):
         raise BadInput(f"{where}: {module_name} has no function {function_name}")
-    doubt = getattr(module, function_name + COVARIANCE, None)
-    return Plugin(name, function, source_digest(module, where), doubt)  # pyright: ignore[reportArgumentType]
+    covariance = getattr(module, function_name + COVARIANCE, None)
+    return Plugin(name, function, source_digest(module, where), covariance)  # pyright: ignore[reportArgumentType]
 
 
 def load_module(name: str, folder: Path, where: str) -> ModuleType:
     """Module beside the study file, else an installed one; its neighbours can be imported by it."""
     beside = folder.joinpath(*name.split(".")).with_suffix(".py")
     try:
-        with stdout_kept_clean(), importable(folder):
+        with stdout_to_stderr(), importable(folder):
             if beside.is_file():
                 return module_of_file(name, beside)
             return importlib.import_module(name)
@@ -134,7 +137,7 @@ def module_of_file(name: str, file: Path) -> ModuleType:
 
 @contextlib.contextmanager
 def importable(folder: Path) -> Iterator[None]:
-    """While a model is loaded, what lies beside its study can be imported."""
+    """Folder of a study on the import path, for as long as its model is loaded."""
     sys.path.insert(0, str(folder.resolve()))
     try:
         yield
@@ -158,7 +161,7 @@ def source_digest(module: ModuleType, where: str) -> str:
 
 @dataclass(frozen=True)
 class NameMapping:
-    """A model that calls conditions by other names than the table; what was not written down is left out."""
+    """Adapter that maps the study's names to the model's; conditions that no row states are left out."""
 
     model: Model
     names: dict[str, str]  # column -> what the model calls it
@@ -178,18 +181,18 @@ class NameMapping:
 
 @dataclass(frozen=True)
 class ModelErrorCovariance:
-    """How far off a model function says it may be: the covariance of its errors, on the comparison scale."""
+    """Covariance of the errors that a model function states of itself, on the comparison scale."""
 
     plugin: Plugin
-    spoken: NameMapping
+    mapped: NameMapping
     seed: int  # of the value at which the scale is taken
 
     def __call__(
         self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats:
         """Covariance [row, row]."""
-        name, known = self.spoken.observables[observable.name], self.spoken.known(conditions)
-        value = self.spoken(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
+        name, known = self.mapped.observables[observable.name], self.mapped.known(conditions)
+        value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
         steepness = slope(observable, value)
         own = self.plugin.own_covariance(name, known, parameters, effects)
         return own * np.outer(steepness, steepness)

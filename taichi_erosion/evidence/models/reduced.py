@@ -1,16 +1,13 @@
-"""Fourteen effects in closed form: how each moves threshold, flux and angle of repose.
-
-Every effect takes its strength psi (0: absent, 1: textbook) and the conditions and gives a `Shift`. The forms
-keep the scaling of their sources; where a source gives none, the size is a plausible one and says so.
-
-A wind-erosion model in closed form: threshold, flux and angle of repose in microseconds.
+"""A wind-erosion model in closed form: threshold, flux and angle of repose in microseconds.
 
     u*t = A sqrt((rho_p / rho - 1) g d)                                         [m s-1]
     Q   = C (rho / g) u*t (u*^2 - u*t^2),  0 below the threshold                [kg m-1 s-1]
     a   = arctan(mu_s) + 15 mu_r                                                [deg]
 
-times what the effects of `reduced_effects.py` add. It teaches what an evidence study is, and tests the
-statistics; use it as `model = "taichi_erosion.evidence.models.reduced:predict"`.
+times the shifts of fourteen effects. Every effect takes its strength psi (0: absent, 1: textbook) and the
+conditions and gives a `Shift`. The forms keep the scaling of their sources; where a source gives none, the
+size is a plausible one and says so. The model teaches what an evidence study is, and tests the statistics;
+use it as `model = "taichi_erosion.evidence.models.reduced:predict"`.
 
 Observables: threshold_u_star, flux, repose_angle. Parameters: threshold_coefficient A, flux_coefficient C,
 friction_sliding mu_s, friction_rolling mu_r. Conditions: the keys of DEFAULTS, which also say what is assumed
@@ -27,7 +24,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, row_count
 
 GRAVITY = 9.81  # m s-2
 GRAIN_DENSITY = 2650.0  # kg m-3, quartz
@@ -51,7 +48,7 @@ DEFAULTS = {
 
 @dataclass(frozen=True)
 class Shift:
-    """What one effect does: threshold and flux are multiplied by exp(.), the angle is raised [deg]."""
+    """Action of one effect: threshold and flux are multiplied by exp(.), the angle is raised [deg]."""
 
     threshold: Floats | float = 0.0
     flux: Floats | float = 0.0
@@ -199,11 +196,7 @@ DEGREES_PER_ROLLING = 15.0  # deg per unit of rolling friction, from heaps of sp
 
 
 def predict(
-    observable: str,
-    conditions: dict[str, Floats],
-    parameters: dict[str, float],
-    effects: dict[str, float],
-    seeds: Integers,
+    observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
 ) -> Floats:
     """The model of the study contract: one observable, n conditions, r seeds -> (r, n), paired by seed."""
     value = expected(observable, conditions, parameters, effects)
@@ -211,9 +204,7 @@ def predict(
     return value + kick if observable == "repose_angle" else value * np.exp(kick)
 
 
-def expected(
-    observable: str, conditions: Conditions, parameters: dict[str, float], effects: dict[str, float]
-) -> Floats:
+def expected(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
     """The model without its scatter."""
     at = complete_conditions(conditions)
     given = {**PARAMETERS, **parameters}
@@ -242,11 +233,6 @@ def complete_conditions(conditions: Conditions) -> Conditions:
         known = np.isfinite(column) if missing else None
         complete[name] = column if known is None else np.where(known, column, DEFAULTS.get(name, 0.0))
     return complete
-
-
-def row_count(conditions: Conditions) -> int:
-    """Number of rows; one where no condition is given."""
-    return next((column.size for column in conditions.values()), 1)
 
 
 def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Floats:

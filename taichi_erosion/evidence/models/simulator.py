@@ -19,13 +19,13 @@ from taichi_erosion.campaign.ledger import Ledger, open_ledger
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers, Numbers
+from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers, Numbers, row_count
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.data.units import conversion, parse_unit
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene import Scene
 
-CONDITIONS = "conditions."  # dotted path of what a laboratory writes beside a measurement
+CONDITIONS = "conditions."  # prefix of the dotted path of a condition
 # read by effects alone: without such an effect the run does not depend on them
 FOR_EFFECTS = ("moisture", "angularity", "clay_fraction", "organic_fraction", "salinity", "rest_duration")
 MOST_SCENES = 20_000  # validated scenes that are kept
@@ -35,7 +35,7 @@ Report = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class SceneMeasure:
-    """What answers an observable: a measure of a scene, and the unit in which the study counts it."""
+    """The measure of a scene that answers an observable, and the study's unit of it."""
 
     scene: Path
     measure: str
@@ -47,113 +47,114 @@ class SceneMeasure:
 class Simulator:
     """Scenes that answer the observables of a study."""
 
-    answers: Mapping[str, SceneMeasure]
+    measures: Mapping[str, SceneMeasure]
     library: Mapping[str, Effect]
     folder: Path  # of the ledger
     report: Report | None = None
-    store: Ledger | None = field(default=None, repr=False)
+    ledger: Ledger | None = field(default=None, repr=False)
 
     def __call__(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]; NaN where a run failed. Raises SimulationStopped where all did."""
-        answer = self.answers[observable]
-        rows = len(next(iter(conditions.values()))) if conditions else 1
+        measure = self.measures[observable]
         requests: list[RunRequest] = []
-        for row in range(rows):
-            at = {path: float(column[row]) for said, column in conditions.items() for path in paths_in(said)}
-            scene = read_scene_once(answer.scene, self.overrides(answer, at, parameters, effects))
+        for row in range(row_count(conditions)):
+            at = {
+                path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)
+            }
+            scene = cached_scene(measure.scene, self.overrides(measure, at, parameters, effects))
             requests += [request_of(scene, int(seed)) for seed in seeds]
         results = execute(requests, self.opened(), progress=self.report)
         refuse_if_all_failed(results, observable)
-        values = np.array([value_in(result, answer) for result in results])
-        return values.reshape(rows, len(seeds)).T
+        values = np.array([value_in_unit(result, measure) for result in results])
+        return values.reshape(-1, len(seeds)).T
 
     def overrides(
         self,
-        answer: SceneMeasure,
+        measure: SceneMeasure,
         at: Mapping[str, float],
         parameters: Mapping[str, float],
         effects: Mapping[str, float],
     ) -> tuple[str, ...]:
-        """PATH=VALUE words of one run."""
+        """PATH=VALUE overrides of one run."""
         acting = {
-            name: psi for name, psi in effects.items() if psi != 0.0 and self.can_act(name, answer.scene, at)
+            name: psi for name, psi in effects.items() if psi != 0.0 and self.can_act(name, measure.scene, at)
         }
-        present = {*acting, *effects_of(answer.scene)}
+        present = {*acting, *acting_effects(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
-        kept = {path: value for path, value in at.items() if isfinite(value) and enters(path, read)}
+        kept = {
+            path: value for path, value in at.items() if isfinite(value) and condition_matters(path, read)
+        }
         numbers = {
             path: value
             for path, value in {**kept, **parameters}.items()
-            if path in answer.accepted_paths and moves(path, present)
+            if path in measure.accepted_paths and parameter_matters(path, present)
         }
         words = numbers | {f"effects.{name}.strength": psi for name, psi in acting.items()}
         return tuple(f"{path}={float(value)!r}" for path, value in words.items())
 
     def can_act(self, effect: str, scene: Path, at: Mapping[str, float]) -> bool:
-        """Whether an effect can act under some conditions; what they leave out the scene may state."""
+        """Whether an effect can act under some conditions; the scene may state what they leave out."""
         columns = {path: np.array([value]) for path, value in at.items()}
-        return bool(mask_of(self.library[effect], columns, stated_conditions(scene))[0])
+        return bool(effect_mask(self.library[effect], columns, stated_conditions(scene))[0])
 
     def opened(self) -> Ledger:
         """The ledger, opened at first need."""
-        if self.store is None:
-            self.store = open_ledger(self.folder)
-        return self.store
+        if self.ledger is None:
+            self.ledger = open_ledger(self.folder)
+        return self.ledger
 
 
 @lru_cache(maxsize=MOST_SCENES)
-def read_scene_once(path: Path, overrides: tuple[str, ...]) -> Scene:
-    """A validated scene; the observables of one scene ask for the same ones."""
+def cached_scene(path: Path, overrides: tuple[str, ...]) -> Scene:
+    """A validated scene; the observables of one scene need the same ones."""
     return read_scene(path, overrides)
 
 
-def effects_of(scene: Path) -> set[str]:
-    """Effects that act in a scene as it stands; one of strength 0 only states its parameters."""
-    entries = read_scene_once(scene, ()).effects
+def acting_effects(scene: Path) -> set[str]:
+    """Effects that act in a scene as its file stands; one of strength 0 only states its parameters."""
+    entries = cached_scene(scene, ()).effects
     return {name for name, entry in entries.items() if entry.get(STRENGTH, 1.0) > 0.0}
 
 
-def enters(path: str, read: set[str]) -> bool:
+def condition_matters(path: str, read: set[str]) -> bool:
     """Whether a condition can change a run in which the conditions `read` are read by effects."""
     name = path.removeprefix(CONDITIONS)
     return not path.startswith(CONDITIONS) or name not in FOR_EFFECTS or name in read
 
 
-def moves(path: str, present: Collection[str]) -> bool:
+def parameter_matters(path: str, present: Collection[str]) -> bool:
     """Whether a calibrated number can change a run in which some effects act: an effect's own needs it."""
     effect = effect_of(path)
     return effect is None or effect in present
 
 
-def paths_in(said: str) -> list[str]:
-    """Dotted paths that take the value of a column: one, or several joined by commas."""
-    return [path.strip() for path in said.split(",")]
+def dotted_paths(name: str) -> list[str]:
+    """Dotted paths that a column sets: one, or several joined by commas."""
+    return [path.strip() for path in name.split(",")]
 
 
-def stated_conditions(scene: Path) -> dict[str, float]:
+def stated_conditions(scene: Path) -> Numbers:
     """Conditions that a scene states itself."""
-    return read_scene_once(scene, ()).conditions.model_dump(exclude_none=True)
+    return cached_scene(scene, ()).conditions.model_dump(exclude_none=True)
 
 
-def stated_numbers(scene: Path, effect: str) -> dict[str, float]:
+def stated_numbers(scene: Path, effect: str) -> Numbers:
     """Numbers of an effect, but for its strength, that a scene states itself."""
-    entries = read_scene_once(scene, ()).effects.get(effect, {})
+    entries = cached_scene(scene, ()).effects.get(effect, {})
     return {name: value for name, value in entries.items() if name != STRENGTH}
 
 
-def mask_of(effect: Effect, columns: Conditions, stated: Mapping[str, float]) -> Bools:
+def effect_mask(effect: Effect, columns: Conditions, stated: Mapping[str, float]) -> Bools:
     """Rows in which an effect can act; what a row leaves out is as the scene states it."""
     known = known_conditions(columns, stated)
-    size = len(next(iter(columns.values()))) if columns else 1
-    return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), size)
+    return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), row_count(columns))
 
 
 def known_conditions(columns: Conditions, stated: Mapping[str, float]) -> Conditions:
     """Conditions of rows by name; what a row leaves out is as the scene states it."""
-    size = len(next(iter(columns.values()))) if columns else 1
-    known = {name: np.full(size, value) for name, value in stated.items()}
+    known = {name: np.full(row_count(columns), value) for name, value in stated.items()}
     for path, column in columns.items():
         name = path.removeprefix(CONDITIONS)
         if path.startswith(CONDITIONS) and bool(np.isfinite(column).any()):
@@ -161,21 +162,21 @@ def known_conditions(columns: Conditions, stated: Mapping[str, float]) -> Condit
     return known
 
 
-def value_in(result: RunResult, answer: SceneMeasure) -> float:
+def value_in_unit(result: RunResult, measure: SceneMeasure) -> float:
     """Measured value in the study's unit, NaN where there is none."""
-    unit = result.record.get("measures", {}).get(answer.measure, {}).get("unit")
+    unit = result.record.get("measures", {}).get(measure.measure, {}).get("unit")
     if result.failure or unit is None:
         return float("nan")
-    factor = conversion(parse_unit(unit), parse_unit(answer.unit))
+    factor = conversion(parse_unit(unit), parse_unit(measure.unit))
     if factor is None:
         raise BadInput(
-            f"{answer.scene}: {answer.measure} is measured in {unit}, the study counts {answer.unit}"
+            f"{measure.scene}: {measure.measure} is measured in {unit}, the study counts {measure.unit}"
         )
-    return factor * result.value(answer.measure)
+    return factor * result.value(measure.measure)
 
 
 def refuse_if_all_failed(results: Sequence[RunResult], observable: str) -> None:
-    """Raise SimulationStopped where no run came to its end: nothing can be learnt from that."""
+    """Raise SimulationStopped where no run came to its end."""
     failures = [result.failure for result in results if result.failure]
     if results and len(failures) == len(results):
         raise SimulationStopped(f"{observable}: all {len(results)} runs stopped; the first: {failures[0]}")
