@@ -1,6 +1,6 @@
 """Writes the verification page and its figures.
 
-`python docs/build.py [ID]...`; all rungs if none is named.
+`python docs/build.py [ID]...`; all checks if none is named.
 """
 
 import sys
@@ -29,11 +29,11 @@ stated for (`taichi_erosion/verification/contact/bulk.py`), and the flow through
 time nor as the head falls. It does scatter from filling to filling, by 3 % through the narrowest slot and
 by 8 % through the narrowest hole: fillings read over half as many grains gave 2.55 for holes, and 1.64 and
 1.59 for slots. Read over three thousand grains each, slots give 1.68. Why their edges count for more is not
-known here; until then that row fails. The rung used to ask one silo for all holes, 2.0 times the widest,
+known here; until then that row fails. This check used one silo for all holes before, 2.0 times the widest,
 under a head of 1.3 of its diameters; that is outside of the range of the law, and gave 2.67.
 
 V35, silo, drum and penetration by Dosta et al. (2024), needs walls and places of grains that were published
-beside that paper. They could not be had, and the rung is missing.
+beside that paper. They could not be had, and the check is missing.
 
 V36: in strong winds the air keeps more stress at the bed of 0.5 mm than that of the wind in which one grain
 goes on, by more than the fifth that is allowed; over 0.25 mm it does not. It is not chance alone, for other
@@ -77,13 +77,13 @@ those of the simulator, from second differences of its path.
 """
 
 
-def announce(claim: Claim) -> None:
-    """Say how one claim fared, for the ladder takes minutes."""
+def print_verdict(claim: Claim) -> None:
+    """Print the verdict of one claim as soon as it is known; all checks take half an hour."""
     sys.stderr.write(f"{claim.id} {'ok' if claim.passed else 'FAILED'}: {claim.claim}\n")
 
 
 def renewed(table: list[str], claims: list[Claim]) -> list[str]:
-    """Lines of a table in which the rows of some rungs are made anew."""
+    """Lines of a table in which the rows of some checks are replaced."""
     rows = markdown_table(claims).splitlines()
     for ident in dict.fromkeys(claim.id for claim in claims):
         mark = f"| {ident} |"
@@ -97,9 +97,9 @@ def renewed(table: list[str], claims: list[Claim]) -> list[str]:
 
 
 def main(ids: list[str]) -> None:
-    """Climb the ladder and write the page; with rungs named, only their rows are made anew."""
+    """Run the checks and write the page; with ids, only the rows of these checks are replaced."""
     page = DOCS / "verification.md"
-    claims = verify(tuple(ids), announce)
+    claims = verify(tuple(ids), print_verdict)
     table = markdown_table(claims)
     if ids:
         old = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]

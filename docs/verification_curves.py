@@ -1,8 +1,6 @@
-"""Curves behind the ladder, as arrays: test 4, test 6 and JKR, each beside what it is held against.
+"""Figures and table of the verification page: the simulator against reference curves and published points.
 
-Figures of the verification ladder: the simulator against reference curves and published points.
-
-The verification ladder as a table.
+Curves are arrays: oblique impact (T4), spinning impact (T6) and the JKR law, each with its reference.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,13 +32,13 @@ from taichi_erosion.verification.reference.contact import rebound
 
 def curves(name: str) -> dict[str, Any]:
     """Arrays of the curve `T4`, `T6` or `JKR`; the keys say what they hold and in which unit."""
-    makers = {"T4": test4_curves, "T6": test6_curves, "JKR": jkr_curves}
+    makers = {"T4": oblique_curves, "T6": spinning_curves, "JKR": jkr_curves}
     if name not in makers:
         raise BadInput(f"curves: {name} is not one of {', '.join(makers)}")
     return makers[name]()
 
 
-def test4_curves() -> dict[str, Any]:
+def oblique_curves() -> dict[str, Any]:
     """Tangential restitution, spin and patch angle against the angle of incidence."""
     angle = np.arange(2.5, 88.0, 2.5)
     impact = impact_at(SOLIDS["aluminium oxide"], angle)
@@ -60,7 +58,7 @@ def test4_curves() -> dict[str, Any]:
     }
 
 
-def test6_curves() -> dict[str, Any]:
+def spinning_curves() -> dict[str, Any]:
     """Tangential restitution of a spinning impact against X = 3.5 mu (1 + e) v_n / v_s."""
     ratio = np.geomspace(0.15, 25.0, 40)
     impacts = [spinning_impact(solid, ratio) for solid in SPINNING.values()]
@@ -80,20 +78,19 @@ def test6_curves() -> dict[str, Any]:
 
 def jkr_curves() -> dict[str, Any]:
     """Force of a bounce [pi gamma R*] against overlap [L^2/R*], the law, and its landmarks."""
-    run, grid, law = adhesion.curve_of_bounce()
+    run, grid = adhesion.bounce(), np.linspace(adhesion.TEAR_AT, 4.0, 400)
     cubes = (contact.CUBE_TEAR, contact.CUBE_PULL_OFF, contact.CUBE_TOUCH, contact.CUBE_BALANCE)
     return {
         "overlap": run.overlap,
         "force": run.force,
         "law_overlap": grid,
-        "law_force": law,
+        "law_force": np.array([contact.branch_force(d) for d in grid]),
         "landmark_overlap": np.array([contact.overlap_at(cube) for cube in cubes]),
         "landmark_force": np.array([contact.force_at(cube) for cube in cubes]),
     }
 
 
 mpl.use("Agg")
-
 
 POINT, LINE, FINE = "#c0392b", "#1f4e79", "#7f8c8d"
 NAMES = {"T4": "oblique_impact", "T6": "spinning_impact", "JKR": "jkr_law"}

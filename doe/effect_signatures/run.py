@@ -7,6 +7,7 @@ python -m doe.effect_signatures.run EFFECT...    the cases of some effects
 import sys
 
 from doe.common.cases import MEASURED, ROOT
+from doe.common.command import words
 from doe.effect_signatures.shifts import Case, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
@@ -78,13 +79,13 @@ COLUMN_CASES = [
 ]  # the most telling first: a study may be cut short
 
 
-def main(words: list[str]) -> None:
+def main(asked: list[str]) -> None:
     """Simulate what was asked for, telling every effect as it is done."""
-    cases = [case for case in COLUMN_CASES if not words or case.effect in words]
+    cases = [case for case in COLUMN_CASES if not asked or case.effect in asked]
     tabulate(
         TABLE, measure_shifts(COLUMN, COLUMN_ORDERS, cases, list(SEEDS), Numerics(threads=1)), sys.stderr
     )
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

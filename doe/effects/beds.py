@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 
 from doe.common.cases import MEASURED, ROOT
+from doe.common.command import words
 from doe.effect_signatures.shifts import Case, Orders, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
 
@@ -98,7 +99,7 @@ FLUX_CASES = [
 ]
 
 
-def main(words: list[str]) -> None:
+def main(asked: list[str]) -> None:
     """Simulate what was asked for, telling every effect as it is done."""
     plans: dict[str, tuple[Path, Orders, list[Case], range]] = {
         "start": (THRESHOLD, ORDERS, CASES, SEEDS),
@@ -108,9 +109,9 @@ def main(words: list[str]) -> None:
         "tilt": (THRESHOLD, TILTED, TILT_CASES, LAW_SEEDS[:8]),
     }
     for plan, (scene, orders, cases, seeds) in plans.items():
-        asked = [case for case in cases if not words or plan in words or case.effect in words]
-        tabulate(TABLE, measure_shifts(scene, orders, asked, list(seeds), Numerics(threads=1)), sys.stderr)
+        chosen = [case for case in cases if not asked or plan in asked or case.effect in asked]
+        tabulate(TABLE, measure_shifts(scene, orders, chosen, list(seeds), Numerics(threads=1)), sys.stderr)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

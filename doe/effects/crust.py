@@ -11,7 +11,6 @@ heap    the column of doe/effect_signatures stands free of its tube, then every 
 """
 
 import csv
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from io import StringIO
@@ -21,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from doe.common.command import words
 from doe.effect_signatures.run import COLUMN, COLUMN_ORDERS
 from doe.effects.beds import DIAMETER, ORDERS, THRESHOLD
 from taichi_erosion.core.device import stop_device
@@ -208,11 +208,11 @@ def write(table: Path, found: Sequence[Row]) -> None:
     write_atomic(table, text.getvalue().encode())
 
 
-def main(words: list[str]) -> None:
+def main(asked: list[str]) -> None:
     """Simulate what was asked for."""
-    for plan in (name for name in PLANS if not words or name in words):
+    for plan in (name for name in PLANS if not asked or name in asked):
         write(TABLE, list(PLANS[plan]()))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

@@ -225,18 +225,13 @@ def crust_table(rows: Sequence[dict[str, str]]) -> str:
     return markdown_table(("", "bare", "`surface_crust`", "a cement that heals"), lines)
 
 
-def publish(doe: Path, docs: Path) -> None:
-    """Draw the figure and fill the tables of the page."""
+def tables(doe: Path) -> dict[str, str]:
+    """Tables of the page by name."""
     answers = read_answers(MEASURED / "answers.csv")
-    shifts = read_shifts(MEASURED / "signatures.csv")
-    beds = read_shifts(MEASURED / "beds.csv")
+    shifts, beds = (read_shifts(MEASURED / f"{name}.csv") for name in ("signatures", "beds"))
     sayings = read_sayings(doe / "effects" / "literature.csv")
     crusts = read_shifts(doe / "effects" / "crust.csv")
-    costs = read_costs(doe / "effects" / "cost.csv")
-    (docs / CURVES).parent.mkdir(parents=True, exist_ok=True)
-    draw_curves(answers, docs / CURVES)
-    draw_bars(shifts, costs, docs / BARS)
-    tables = {
+    return {
         "count": count_table(sayings, answers, shifts, beds),
         "verdicts": verdict_table(sayings, answers, shifts, beds),
         "beds": shift_table(beds),
@@ -244,7 +239,15 @@ def publish(doe: Path, docs: Path) -> None:
         "heaps": shift_table(
             [row for row in shifts if row["observable"] in ("angle_of_repose", "pile_height")]
         ),
-        "cost": cost_table(costs),
+        "cost": cost_table(read_costs(doe / "effects" / "cost.csv")),
     }
+
+
+def publish(doe: Path, docs: Path) -> None:
+    """Draw the figures and fill the tables of the page."""
+    (docs / CURVES).parent.mkdir(parents=True, exist_ok=True)
+    draw_curves(read_answers(MEASURED / "answers.csv"), docs / CURVES)
+    costs = read_costs(doe / "effects" / "cost.csv")
+    draw_bars(read_shifts(MEASURED / "signatures.csv"), costs, docs / BARS)
     page = docs / PAGE
-    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
+    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(doe)).encode())

@@ -5,10 +5,10 @@ python -m doe.effects.run GROUP...     some of: pocket flight bounce rolling rea
 python -m doe.effects.run --page       only the figure and the tables of the page
 """
 
-import sys
 from pathlib import Path
 
 from doe.common.cases import MEASURED, ROOT
+from doe.common.command import words
 from doe.effects.answers import GROUPS, write_answers
 from doe.effects.cost import costs, write_costs
 from doe.effects.page import publish
@@ -17,15 +17,15 @@ FOLDER = Path(__file__).parent
 ANSWERS, COSTS = MEASURED / "answers.csv", FOLDER / "cost.csv"
 
 
-def main(words: list[str]) -> None:
+def main(asked: list[str]) -> None:
     """Simulate what was asked for, then publish the tables."""
-    if words != ["--page"]:
-        for group in (name for name in GROUPS if not words or name in words):
+    if asked != ["--page"]:
+        for group in (name for name in GROUPS if not asked or name in asked):
             write_answers(ANSWERS, list(GROUPS[group]()))
-        if not words or "cost" in words:
+        if not asked or "cost" in asked:
             write_costs(COSTS, list(costs()))
     publish(FOLDER.parent, ROOT / "docs")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

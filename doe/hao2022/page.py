@@ -5,9 +5,11 @@ python -m doe.hao2022.page
 
 from pathlib import Path
 
+from doe.common.command import words
 from doe.hao2022.tables import publish
 
 FOLDER = Path(__file__).parent
 
 if __name__ == "__main__":
+    words(__doc__)
     publish(FOLDER, FOLDER.parents[1] / "docs")

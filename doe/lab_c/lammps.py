@@ -9,7 +9,6 @@ ours.
 """
 
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from doe.common.cases import ROOT, Row, read_rows, write_rows
+from doe.common.command import words
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures import heap
@@ -156,15 +156,15 @@ def lammps_version() -> str:
     return next(line for line in said.splitlines() if "Simulator" in line).rpartition(" - ")[2]
 
 
-def main(words: list[str]) -> None:
+def main(asked: list[str]) -> None:
     """Run what was asked for and add it to the table."""
     table = HERE / "results.csv"
     scene = read_scene(ROOT / "scenes" / "column_collapse.toml", ())
     for group, told in GROUPS.items():
-        if not words or group in words:
+        if not asked or group in asked:
             others = [row for row in read_rows(table) if row.group != group]
             write_rows(table, others + rows(group, told, scene))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

@@ -5,10 +5,10 @@ python -m doe.lab_c.run GROUP...    the cases of some groups
 python -m doe.lab_c.run --page      only the figure and the tables of the page, from results.csv
 """
 
-import sys
 from pathlib import Path
 
 from doe.common.cases import ROOT, Case, perform, settings
+from doe.common.command import words
 from doe.lab_c.page import publish
 
 SCENE = "scenes/column_collapse.toml"
@@ -39,12 +39,12 @@ CASES = [
 ]
 
 
-def main(words: list[str]) -> None:
+def main(asked: list[str]) -> None:
     """Simulate what was asked for, then publish the table."""
-    if words != ["--page"]:
-        perform(SCENE, [case for case in CASES if not words or case.group in words], TABLE)
+    if asked != ["--page"]:
+        perform(SCENE, [case for case in CASES if not asked or case.group in asked], TABLE)
     publish(TABLE, LABORATORY, ROOT / "docs")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

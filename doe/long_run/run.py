@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from doe.common.command import words
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Numerics
@@ -200,10 +201,10 @@ def page_rows(precision: str) -> list[tuple[str, ...]]:
 
 
 if __name__ == "__main__":
-    words = sys.argv[1:]
-    if words == ["--page"]:
+    asked = words(__doc__)
+    if asked == ["--page"]:
         publish()
-    elif words and words[0] in ("f32", "f64"):
-        main(words[0], float(words[1]) if len(words) > 1 else 1e9)  # pyright: ignore[reportArgumentType]
+    elif asked and asked[0] in ("f32", "f64"):
+        main(asked[0], float(asked[1]) if len(asked) > 1 else 1e9)  # pyright: ignore[reportArgumentType]
     else:
         sys.exit(__doc__)

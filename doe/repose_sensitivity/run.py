@@ -5,10 +5,10 @@ python -m doe.repose_sensitivity.run GROUP...    the cases of some groups
 python -m doe.repose_sensitivity.run --page      only the figure and the tables of the page, from results.csv
 """
 
-import sys
 from pathlib import Path
 
 from doe.common.cases import ROOT, Case, perform, settings
+from doe.common.command import words
 from doe.repose_sensitivity.page import publish
 
 SCENE = "scenes/funnel_repose.toml"
@@ -124,12 +124,12 @@ CASES = [
 ]  # the most telling first: a study may be cut short
 
 
-def main(words: list[str]) -> None:
+def main(asked: list[str]) -> None:
     """Simulate what was asked for, then publish the table."""
-    if words != ["--page"]:
-        perform(SCENE, [c for c in CASES if not words or c.group in words], TABLE)
+    if asked != ["--page"]:
+        perform(SCENE, [c for c in CASES if not asked or c.group in asked], TABLE)
     publish(TABLE, ROOT / "docs")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

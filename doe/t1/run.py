@@ -17,6 +17,7 @@ from typing import Any
 
 import typer
 
+from doe.common.command import run_step
 from doe.sealed.studies import SealedSet, seal, solve, write_results
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.run.checks import compatibility_key, read_scene
@@ -172,15 +173,11 @@ def simulated(rows: list[tuple[dict[str, Any], float, float, float]]) -> list[di
     return [found[k] for k in range(len(rows))]
 
 
-def main(word: str) -> None:
-    """Make, solve or score."""
-    if word == "make":
-        make()
-    elif word == "solve":
-        solve(SET, len(draw()), sys.stderr)
-    else:
-        typer.echo(write_results(SET, HERE / "results.csv"))
-
+STEPS = {
+    "make": make,
+    "solve": lambda: solve(SET, len(draw()), sys.stderr),
+    "score": lambda: typer.echo(write_results(SET, HERE / "results.csv")),
+}
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    run_step(__doc__, STEPS)

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from doe.common.cases import ROOT
+from doe.common.command import words
 from doe.t3.run import (
     DENSITY,
     DIAMETERS,
@@ -130,4 +131,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    words(__doc__)
     main()

@@ -22,6 +22,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from doe.common.command import run_step
 from doe.sealed.studies import SealedSet, seal, solve, write_results
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import Snapshot
@@ -256,15 +257,11 @@ def make() -> None:
         typer.echo(f"{number + 1} of {len(cases)} laboratories")
 
 
-def main(word: str) -> None:
-    """Make, solve or score."""
-    if word == "make":
-        make()
-    elif word == "solve":
-        solve(SET, len(CASES), sys.stderr)
-    else:
-        typer.echo(json.dumps(write_results(SET, HERE / "results.csv")))
-
+STEPS = {
+    "make": make,
+    "solve": lambda: solve(SET, len(CASES), sys.stderr),
+    "score": lambda: typer.echo(json.dumps(write_results(SET, HERE / "results.csv"))),
+}
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    run_step(__doc__, STEPS)

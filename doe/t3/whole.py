@@ -12,7 +12,6 @@ friction that water lowers.
 
 import csv
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
@@ -21,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import typer
 
+from doe.common.command import run_step
 from doe.sealed.studies import command
 from doe.t3.run import DENSITY, GRAVITY, WHOLE, Grains, laboratory_run
 from taichi_erosion.core.files import write_atomic
@@ -158,5 +157,4 @@ def tell() -> None:
 
 
 if __name__ == "__main__":
-    {"make": make, "solve": solve, "tell": tell}[sys.argv[1]]()
-    typer.echo(f"{sys.argv[1]}: done")
+    run_step(__doc__, {"make": make, "solve": solve, "tell": tell})

@@ -1,4 +1,7 @@
-"""The map u*(U) of the working section; see README.md beside this file."""
+"""The map u*(U) of the working section; writes map.csv and variants.csv beside this file.
+
+python -m doe.tunnel_map.run
+"""
 
 import csv
 from collections.abc import Sequence
@@ -7,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from doe.common.command import words
 from taichi_erosion.air.grid import allocate_air
 from taichi_erosion.air.readback import air_snapshot
 from taichi_erosion.air.step import advance_air
@@ -143,4 +147,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    words(__doc__)
     main()

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from doe.common.command import words
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.setup import Floats, Numerics
@@ -132,9 +133,9 @@ def note(name: str, row: dict[str, Any]) -> None:
         )
 
 
-def main(words: Sequence[str]) -> None:
+def main(asked: Sequence[str]) -> None:
     """What the command line asks for."""
-    match words:
+    match asked:
         case ["eddies", label, *orders]:
             for row in eddies(label, orders):
                 note("eddies.csv", row)
@@ -146,4 +147,4 @@ def main(words: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

@@ -134,22 +134,19 @@ def cost_table(founds: Sequence[Found]) -> str:
     )
 
 
-def publish(doe: Path, docs: Path) -> None:
-    """Draw the figures and fill the tables of the page."""
+def tables(doe: Path) -> dict[str, str]:
+    """Tables of the page by name."""
     flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
     impact = together(falling, saturated_thresholds(steady))
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
-    hopping = lines_of(doe / "wind" / "hopping.csv")
-    draw_impact(impact, thresholds, hopping, docs / PICTURES["impact"])
-    draw_flux(flux, fluxes, docs / PICTURES["flux"])
-    tables = {
+    return {
         "fluid": fluid_table(fluid, tunnel),
         "map": map_table(tunnel),
         "choices": choice_table(choices),
         "impact": impact_table(impact, thresholds),
-        "scaling": scaling_table(impact, hopping),
+        "scaling": scaling_table(impact, lines_of(doe / "wind" / "hopping.csv")),
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
         "flux": flux_table(flux, fluxes),
@@ -157,5 +154,14 @@ def publish(doe: Path, docs: Path) -> None:
         "splash": splash_table(flux),
         "cost": cost_table((flux, falling, steady, fluid)),
     }
+
+
+def publish(doe: Path, docs: Path) -> None:
+    """Draw the figures and fill the tables of the page."""
+    flux, falling, _, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
+    impact = together(falling, saturated_thresholds(steady))
+    thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
+    draw_impact(impact, thresholds, lines_of(doe / "wind" / "hopping.csv"), docs / PICTURES["impact"])
+    draw_flux(flux, lines_of(doe / "measured" / "flux_creyssels2009.csv"), docs / PICTURES["flux"])
     page = docs / PAGE
-    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
+    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(doe)).encode())

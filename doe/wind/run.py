@@ -6,12 +6,12 @@ python -m doe.wind.run --page      only the page and its figures, from the table
 """
 
 import csv
-import sys
 from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 
 from doe.common.cases import ROOT, Case, perform, read_rows, settings, write_rows
+from doe.common.command import words
 from doe.wind.page import publish
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects.dry_adhesion import Params
@@ -158,17 +158,17 @@ def put_in_order(table: Path, cases: Sequence[Case]) -> None:
     write_rows(table, [row for name in names for row in rows if (row.group, row.label) == name])
 
 
-def main(words: Sequence[str]) -> None:
+def main(asked: Sequence[str]) -> None:
     """Simulate what was asked for, then publish the tables."""
     plans = {SALTATION: flux_cases(), IMPACT: impact_cases(), FLUID: fluid_cases()}
     for scene, cases in plans.items():
-        if list(words) != ["--page"]:
-            perform(scene, [c for c in cases if not words or c.group in words], TABLES[scene])
+        if list(asked) != ["--page"]:
+            perform(scene, [c for c in cases if not asked or c.group in asked], TABLES[scene])
         put_in_order(TABLES[scene], cases)
-    if not words or "hopping" in words:
+    if not asked or "hopping" in asked:
         write_hopping()
     publish(ROOT / "doe", ROOT / "docs")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

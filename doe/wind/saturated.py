@@ -8,12 +8,12 @@ rise as the wind asks: times go with u*, heights and stiffness with its square. 
 multiple of their weight, all goes as if they were heavier by it. One sand is blown with lighter grains too.
 """
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from doe.common.cases import Case, perform, read_rows, settings
+from doe.common.command import words
 from doe.wind.blown_sand import BARE, STICKY
 from doe.wind.run import ADHESION, DIAMETERS, FINE, bond_number, size_order
 from doe.wind.saturated_sand import LIGHT
@@ -94,15 +94,15 @@ def sands() -> dict[str, list[Case]]:
     return {blown.name: list(cases(blown)) for blown in asked}
 
 
-def main(words: Sequence[str]) -> None:
-    """Simulate what was asked for."""
+def main(asked: Sequence[str]) -> None:
+    """Simulate the sands that were asked for."""
     done = {(row.group, row.label) for row in read_rows(TABLE)} if TABLE.exists() else set()
-    for name, asked in sands().items():
-        if words and name not in words:
+    for name, winds in sands().items():
+        if asked and name not in asked:
             continue
-        fresh = asked if words else [case for case in asked if (case.group, case.label) not in done]
+        fresh = winds if asked else [case for case in winds if (case.group, case.label) not in done]
         perform(SCENE, fresh, TABLE)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(words(__doc__))

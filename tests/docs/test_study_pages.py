@@ -5,12 +5,13 @@ from pathlib import Path
 import pytest
 
 from doe.common.cases import read_rows
+from doe.effects import page as effects
 from doe.hao2022 import tables as hao2022
 from doe.lab_c import page as lab_c
 from doe.repose_sensitivity import page as repose_sensitivity
 from doe.wind import page as threshold
 from taichi_erosion.experiments.audit.examine import audit
-from taichi_erosion.report.markdown import MARKED, fill_tables
+from taichi_erosion.report.markdown import fill_tables
 
 pytestmark = pytest.mark.docs
 
@@ -43,6 +44,8 @@ def hao2022_tables() -> dict[str, str]:
         (lab_c.PAGE, lab_c_tables),
         (repose_sensitivity.PAGE, repose_tables),
         (hao2022.PAGE, hao2022_tables),
+        (effects.PAGE, lambda: effects.tables(DOE)),
+        (threshold.PAGE, lambda: threshold.tables(DOE)),
     ],
 )
 def test_a_page_shows_the_tables_that_its_numbers_make(page, made):
@@ -54,12 +57,3 @@ def test_a_page_shows_the_tables_that_its_numbers_make(page, made):
 def test_a_picture_is_there_and_small(page, picture):
     assert 0 < (DOCS / picture).stat().st_size < MOST_BYTES
     assert picture in (DOCS / page).read_text(encoding="utf-8")
-
-
-def test_the_page_of_thresholds_marks_a_place_for_every_table():
-    page = (DOCS / threshold.PAGE).read_text(encoding="utf-8")
-    marks = {found["name"] for found in MARKED.finditer(page)}
-    assert marks == {
-        *("fluid", "map", "choices", "impact", "scaling", "adhesion", "saturated", "flux", "lines"),
-        *("splash", "cost"),
-    }

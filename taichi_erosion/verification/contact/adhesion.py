@@ -223,10 +223,3 @@ def friction_caps() -> Iterator[Outcome]:
             force = MASS * loss / (trace.time[1, 0] - trace.time[0, 0])
             name = f"friction at F = 0, cap {laws.friction_cap}, over mu pi gamma R*"
             yield relative(name, force / (friction * stuck.force_scale), factor, 1e-3, precision)
-
-
-def curve_of_bounce() -> tuple[Bounce, Floats, Floats]:
-    """A bounce, and the law on a fine grid of overlaps: force against overlap in the units above."""
-    grid = np.linspace(TEAR_AT, 4.0, 400)
-    law = np.array([jkr.branch_force(d) for d in grid])
-    return bounce(), grid, law
