@@ -1,4 +1,4 @@
-"""What one replica starts from: grains, clumps, contact table, walls and numerics, as plain NumPy.
+"""Setup of one replica: grains, clumps, contact table, walls and numerics, in plain NumPy.
 
 `scene/` makes these records from a scene file, `simulation/` puts them on the device. Lengths are in m,
 masses in kg, times in s, angles in rad. Nothing here knows Taichi.
@@ -113,15 +113,15 @@ class Laws:
 
 @dataclass(frozen=True)
 class Coupling:
-    """How grains and the column of air above and between them look at each other."""
+    """Exchange between grains and the air above and between them."""
 
-    look_steps: int = 10  # time steps of the grains from one look to the next
+    look_steps: int = 10  # time steps of the grains between two exchanges with the air
     surface: float = 0.0  # m, height of the undisturbed bed
     through_flow: float = 0.0  # m s-1, superficial velocity of air that rises through the bed
     rising: bool = False  # whether air may rise through the bed later on
     seed: int = 0  # of random forces on grains
     partition: float = 1.0  # friction velocity that reaches the bed over the one that is set [1]
-    sleep_exchanges: int = 0  # looks at rest before deep grains are held until disturbed; 0: none ever is
+    sleep_exchanges: int = 0  # exchanges at rest before deep grains sleep until disturbed; 0: none ever does
     sleep_share: float = 0.2  # of the weight of a sleeping grain, that disturbs it [1]
 
 

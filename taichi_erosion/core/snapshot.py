@@ -1,7 +1,4 @@
-"""Plain NumPy state that measures and recordings read.
-
-Plain NumPy state of the air that measures and recordings read.
-"""
+"""State of one replica as plain NumPy, for measures and recordings: grains, sums over them, and air."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,18 +11,18 @@ from taichi_erosion.core.setup import Floats
 
 
 class Status(IntEnum):
-    """Why a replica runs or stands."""
+    """Reason why a replica runs or has stopped."""
 
     RUNNING = 0
     OVERLAP = 1  # two bodies overlap beyond the limit
     LOST = 2  # a grain left the domain
     NOT_FINITE = 3  # a coordinate is NaN or infinite
     ENERGY = 4  # mechanical energy appeared
-    OVERFLOW = 5  # a list was too short; the host grows it and goes on
-    RESTITUTION = 6  # a first impact did not give back what is stated
+    OVERFLOW = 5  # a list was too short; the host enlarges it and continues
+    RESTITUTION = 6  # a first impact missed the stated coefficient of restitution
     COUNT = 7  # grains or mass are missing
-    MOMENTUM = 8  # grains gave each other momentum from nowhere
-    AIR = 9  # the pressure of the air was not found
+    MOMENTUM = 8  # contact forces did not conserve momentum
+    AIR = 9  # the pressure solve did not converge
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,7 @@ class AirProfile:
     velocity: NDArray[np.float64]  # [n, 2] m s-1, along x and y
     void_fraction: NDArray[np.float64]  # [n] 1
     eddy_viscosity: NDArray[np.float64]  # [n] m2 s-1, on the lower face of each layer
-    drag: NDArray[np.float64]  # [n, 2] N m-3, by the grains on the air at the last look
+    drag: NDArray[np.float64]  # [n, 2] N m-3, by the grains on the air at the last exchange
     lift: NDArray[np.float64]  # [n] Pa m-1, upward pressure gradient where air rises through a bed
 
 

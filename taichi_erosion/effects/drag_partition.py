@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import sample_scene, sheltered_share, with_section
+from taichi_erosion.scene.change import drag_partition, sample_scene, with_section
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     density = strength * conditions.get("roughness_density", params.roughness_density)
     if scene.wind is None or density == 0.0:
         return scene
-    share = sheltered_share(density, params.basal_ratio, params.drag_ratio, params.worst_spot)
+    share = drag_partition(density, params.basal_ratio, params.drag_ratio, params.worst_spot)
     return with_section(scene, "wind", partition=scene.wind.partition * share)
 
 

@@ -25,7 +25,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.sizes import nominal_diameter
-from taichi_erosion.scene.change import sample_scene, sheltered_share, with_section
+from taichi_erosion.scene.change import drag_partition, sample_scene, with_section
 
 KARMAN = 0.4  # von Karman's constant [1]
 GRAINS_PER_LENGTH = 30.0  # diameter over roughness length, Nikuradse (1933) [1]
@@ -51,7 +51,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
             f"effects.surface_roughness.height = {params.height:g} m: not above the {diameter:g} m"
         )
     sand_drag = (KARMAN / log(params.height * GRAINS_PER_LENGTH / diameter)) ** 2
-    share = sheltered_share(front, 1.0 / FRONT, params.stone_drag / sand_drag, params.worst_spot)
+    share = drag_partition(front, 1.0 / FRONT, params.stone_drag / sand_drag, params.worst_spot)
     return with_section(scene, "wind", partition=scene.wind.partition * share)
 
 

@@ -1,17 +1,4 @@
-"""Changes of a scene that several effects need; each gives a new scene and leaves the old one as it is.
-
-How much of the wind's stress reaches the ground between obstacles.
-
-    u*_ground / u* = ((1 - m s L) (1 + m b L))^(-1/2), at most 1
-
-with L the frontal area of the obstacles over the area of the ground [1], s their basal over their frontal
-area [1], b the drag coefficient of an obstacle over that of the ground [1], m the share of the mean stress
-that counts for the windiest spot [1]. Holds for m s L < 1.
-
-Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14).
-
-A small scene without a story, on which effects that change scenes are checked.
-"""
+"""Changes of a scene for effects of place `scene`: each function returns a new scene; the old one stays."""
 
 from collections.abc import Callable
 from typing import Any
@@ -29,7 +16,7 @@ def with_section(scene: Scene, name: str, **entries: Any) -> Scene:
 
 
 def with_contacts(scene: Scene, change: Callable[[Contact], Contact]) -> Scene:
-    """The scene with every contact of its grains changed on which effects act, with walls too."""
+    """The scene with every contact of its grains changed, walls included, where effects may act."""
     grain = scene.grains.material
     contacts = {
         pair: change(contact) if grain in pair.split("-") and contact.acted_on else contact
@@ -45,17 +32,17 @@ def with_grain_material(scene: Scene, change: Callable[[Material], Material]) ->
 
 
 def with_shorter_step(scene: Scene, factor: float) -> Scene:
-    """The scene with a stated time step multiplied by a factor below 1; one that follows the grains stays."""
+    """The scene with a stated time step multiplied by a factor below 1; a derived one stays derived."""
     if scene.run.time_step is None or factor >= 1.0:
         return scene
     return with_section(scene, "run", time_step=scene.run.time_step * factor)
 
 
 def with_wider_fill(scene: Scene, factor: float) -> Scene:
-    """The scene with grains that start farther apart, so that larger ones find room.
+    """The scene with initial distances of grains multiplied by a factor above 1, as larger grains need.
 
-    Distances of places grow by the factor. Layers of rain then hold fewer grains and the column is taller by
-    the factor cubed; tubes that some stage removes again grow with it.
+    Layers of rain then hold fewer grains and the column is taller by the factor cubed; tubes that a stage
+    removes are lengthened alike.
     """
     fill = scene.fill
     if factor <= 1.0 or not isinstance(fill, Rain | Lattice | Layers):
@@ -76,8 +63,17 @@ def with_wider_fill(scene: Scene, factor: float) -> Scene:
     return scene.model_copy(update={"fill": spread, "geometry": geometry})
 
 
-def sheltered_share(density: float, basal_ratio: float, drag_ratio: float, worst_spot: float) -> float:
-    """Share of u* that the ground feels [1]; raises BadInput where obstacles cover all of it."""
+def drag_partition(density: float, basal_ratio: float, drag_ratio: float, worst_spot: float) -> float:
+    """Friction velocity on the ground between obstacles, over that of the wind [1].
+
+    u*_ground / u* = ((1 - m s L) (1 + m b L))^(-1/2), at most 1
+
+    with L the frontal area of the obstacles over the area of the ground [1], s their basal over their frontal
+    area [1], b the drag coefficient of an obstacle over that of the ground [1], m the share of the mean
+    stress that counts for the windiest spot [1]. Holds for m s L < 1; raises BadInput beyond.
+
+    Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14).
+    """
     open_share = 1.0 - worst_spot * basal_ratio * density
     if open_share <= 0.0:
         raise BadInput(
@@ -86,7 +82,7 @@ def sheltered_share(density: float, basal_ratio: float, drag_ratio: float, worst
     return min((open_share * (1.0 + worst_spot * drag_ratio * density)) ** -0.5, 1.0)
 
 
-SAMPLE: dict[str, Any] = {
+SAMPLE: dict[str, Any] = {  # small scene on which effects of place `scene` are checked
     "scene": {"kind": "collapse", "title": "sample"},
     "run": {"time_step": 1e-6},
     "grains": {"count": 50, "material": "sand", "size": {"law": "monodisperse", "diameter": 1e-3}},
@@ -111,7 +107,7 @@ SAMPLE: dict[str, Any] = {
 
 
 def sample_scene(**sections: dict[str, Any]) -> Scene:
-    """The sample with entries of sections changed."""
+    """SAMPLE with entries of some sections changed."""
     table = dict(SAMPLE)
     for name, entries in sections.items():
         table[name] = table.get(name, {}) | entries

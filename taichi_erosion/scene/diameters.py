@@ -20,11 +20,11 @@ SECTIONS = ("run", "geometry", "fill", "wind", "threshold", "stages", "measure",
 SCALING_UNITS = ("m", "s")
 
 Path = tuple[str | int, ...]
-Given = dict[Path, tuple[str, Any]]  # what the user wrote, key and value, by the path that it became
+Given = dict[Path, tuple[str, Any]]  # key and value as written, by the path in SI units
 
 
 def parts_of(part: type[Part]) -> Iterator[type[Part]]:
-    """A part of a scene and all parts that it holds."""
+    """A section of a scene and all sections below it."""
     yield part
     for field in part.model_fields.values():
         for sub in parts_in(field.annotation):
@@ -32,7 +32,7 @@ def parts_of(part: type[Part]) -> Iterator[type[Part]]:
 
 
 def parts_in(annotation: Any) -> Iterator[type[Part]]:
-    """Parts that a type annotation names, however deep in unions, lists and tables."""
+    """Sections that a type annotation names, however deep in unions, lists and tables."""
     if isinstance(annotation, type) and not get_args(annotation) and issubclass(annotation, Part):
         yield annotation
     for inner in get_args(annotation):
@@ -47,7 +47,7 @@ def scaling_names() -> frozenset[str]:
 
 
 def expand_diameters(table: dict[str, Any]) -> Given | None:
-    """Replace every `NAME_d` of a raw scene by NAME in SI units; None where the diameter itself is wrong."""
+    """Replace every `NAME_d` of a raw scene by NAME in SI units; None without a valid diameter."""
     diameter = readable_diameter(table)
     if diameter is None:
         return None
@@ -59,7 +59,7 @@ def expand_diameters(table: dict[str, Any]) -> Given | None:
 
 
 def readable_diameter(table: dict[str, Any]) -> float | None:
-    """Nominal diameter [m], or None where the size law is wrong; validation will then say how."""
+    """Nominal diameter [m], None where the size law is invalid."""
     grains = table.get("grains")
     try:
         size = TypeAdapter[Size](Size).validate_python(grains["size"]) if isinstance(grains, dict) else None
@@ -94,7 +94,7 @@ def is_numeric(value: Any) -> bool:
 
 
 def times(value: Any, diameter: float) -> Any:
-    """A number or a vector in diameters, in SI units."""
+    """A number or a vector in diameters, converted to SI units."""
     if isinstance(value, tuple):
         return tuple(times(entry, diameter) for entry in value)
     try:

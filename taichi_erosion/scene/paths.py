@@ -35,7 +35,7 @@ def scene_schema() -> dict[str, Any]:
 
 
 def allow_diameters(part: dict[str, Any]) -> None:
-    """Let every length and time of a section also be given in nominal diameters, as `NAME_d`."""
+    """Add `NAME_d`, in nominal diameters, for every length and time of a section."""
     either = []
     for name, entry in list(part.get("properties", {}).items()):
         if entry.get("unit") not in SCALING_UNITS:
@@ -62,12 +62,12 @@ def write_schema(path: str | Path) -> None:
 
 
 def scene_paths(scene: Scene) -> list[str]:
-    """Paths of all entries that the scene has, defaults included."""
+    """Dotted paths of all entries of a scene, defaults included."""
     return sorted(leaves(resolved(scene), ""))
 
 
 def leaves(table: Any, above: str) -> Iterator[str]:
-    """Paths of everything below a table that is not a table."""
+    """Dotted paths of all values below a table."""
     for key, value in table.items():
         path = f"{above}.{key}" if above else key
         if isinstance(value, dict):
@@ -91,7 +91,7 @@ def meaning_of(path: str) -> str:
 
 
 def descend(schema: dict[str, Any], node: dict[str, Any], key: str) -> dict[str, Any] | None:
-    """Schema of an entry below a section; a section that may be one of several is searched in order."""
+    """Schema of an entry below a section; of a union the first option that has it."""
     for option in options(schema, node):
         within = option.get("properties", {})
         if key in within:
@@ -107,7 +107,7 @@ def descend(schema: dict[str, Any], node: dict[str, Any], key: str) -> dict[str,
 
 
 def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The node with references followed, and what it may be instead."""
+    """The node with references resolved, and the options of its unions."""
     if "$ref" in node:
         name = node["$ref"].rsplit("/", 1)[-1]
         yield from options(schema, schema["$defs"][name])
@@ -118,20 +118,20 @@ def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, 
             yield from options(schema, other)
 
 
-def apply_override(table: dict[str, Any], order: str) -> None:
-    """Set one value of a raw scene; `order` is PATH=VALUE, VALUE as TOML writes it or a bare word."""
-    path, equals, text = order.partition("=")
+def apply_override(table: dict[str, Any], override: str) -> None:
+    """Set one value of a raw scene; `override` is PATH=VALUE, VALUE as TOML writes it or a bare word."""
+    path, equals, text = override.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
-        raise BadInput(f"--set {order[:80]}: write it as PATH=VALUE, for example grains.count=3000")
-    value = parsed(order, text.strip())
+        raise BadInput(f"--set {override[:80]}: write it as PATH=VALUE, for example grains.count=3000")
+    value = parsed(override, text.strip())
     holder: Any = table
     for depth, key in enumerate(keys[:-1]):
-        holder = child(holder, spelled(keys[:depth], holder, key), order)
-    put(holder, spelled(keys[:-1], holder, keys[-1]), value, order)
+        holder = child(holder, spelled(keys[:depth], holder, key), override)
+    put(holder, spelled(keys[:-1], holder, keys[-1]), value, override)
 
 
-def parsed(order: str, text: str) -> Any:
+def parsed(override: str, text: str) -> Any:
     """Value of a TOML expression, or the word itself."""
     try:
         table = tomllib.loads(f"value = {text}")
@@ -141,38 +141,38 @@ def parsed(order: str, text: str) -> Any:
         return table["value"]
     if BARE_WORD.fullmatch(text):
         return text
-    raise BadInput(f"--set {order[:80]!r}: the value is not a TOML value; text needs quotes")
+    raise BadInput(f"--set {override[:80]!r}: the value is not a TOML value; text needs quotes")
 
 
 def spelled(above: list[str], holder: Any, key: str) -> str:
-    """The key as the scene writes it: a contact pair may be named in either order."""
+    """The key as the scene writes it: a contact pair has two orders."""
     if above == ["contact"] and isinstance(holder, dict) and key not in holder:
         other = "-".join(reversed(key.split("-")))
         return other if other in holder else key
     return key
 
 
-def child(holder: Any, key: str, order: str) -> Any:
-    """The table or list under a key, made when missing."""
+def child(holder: Any, key: str, override: str) -> Any:
+    """The table or list under a key; a missing table is created."""
     if isinstance(holder, dict):
         return holder.setdefault(key, {})
-    return holder[index(holder, key, order)]
+    return holder[index(holder, key, override)]
 
 
-def put(holder: Any, key: str, value: Any, order: str) -> None:
-    """Write a value; it replaces the same quantity given in metres or in diameters."""
+def put(holder: Any, key: str, value: Any, override: str) -> None:
+    """Write a value, and drop the same quantity given in the other unit, metres or diameters."""
     if isinstance(holder, dict):
         twin = key.removesuffix(DIAMETERS) if key.endswith(DIAMETERS) else key + DIAMETERS
         holder.pop(twin, None)
         holder[key] = value
     else:
-        holder[index(holder, key, order)] = value
+        holder[index(holder, key, override)] = value
 
 
-def index(holder: Any, key: str, order: str) -> int:
+def index(holder: Any, key: str, override: str) -> int:
     """Position in a list, counted from 0."""
     if not isinstance(holder, list):
-        raise BadInput(f"--set {order[:80]}: '{key}' lies below a value that is not a table")
+        raise BadInput(f"--set {override[:80]}: '{key}' lies below a value that is not a table")
     if not key.isascii() or not key.isdigit() or len(key) > 9 or int(key) >= len(holder):
-        raise BadInput(f"--set {order[:80]}: '{key}' is not a place in a list of {len(holder)}")
+        raise BadInput(f"--set {override[:80]}: '{key}' is not a place in a list of {len(holder)}")
     return int(key)

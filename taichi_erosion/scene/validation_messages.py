@@ -1,4 +1,4 @@
-"""Validation errors in the user's words: dotted path, value, what is allowed."""
+"""Messages of validation errors: dotted path, value, what is allowed; one line each."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -58,7 +58,7 @@ def problem_line(entry: Any, table: Any, given: Given) -> str:
 
 
 def sentence(kind: str, context: Mapping[str, Any], message: str) -> str:
-    """What is wrong with a value."""
+    """Second half of a message: the reason."""
     if kind == "outside":
         return f"lies outside {context['range']}"
     if kind == "literal_error":
@@ -79,19 +79,17 @@ def choice_line(where: str, entry: Any, context: Mapping[str, Any]) -> str:
 
 
 def plain_path(location: Path, table: Any) -> Path:
-    """Location without the marks of unions and of keys."""
+    """Location without the tags of unions (a section's own `law` or `shape`) and the marks of keys."""
     path: list[str | int] = []
     for key in location:
-        if key == KEY_MARK or is_union_mark(table, key):
+        is_tag = (
+            isinstance(table, dict) and key not in table and key in [table.get(d) for d in DISCRIMINATORS]
+        )
+        if key == KEY_MARK or is_tag:
             continue
         path.append(key)
         table = step_into(table, key)
     return tuple(path)
-
-
-def is_union_mark(table: Any, key: str | int) -> bool:
-    """Whether a key of a location repeats the `law` or `shape` of the table it leads into."""
-    return isinstance(table, dict) and key not in table and key in [table.get(d) for d in DISCRIMINATORS]
 
 
 def step_into(table: Any, key: str | int) -> Any:
@@ -104,7 +102,7 @@ def step_into(table: Any, key: str | int) -> Any:
 
 
 def dotted(path: Path, given: Given) -> str:
-    """Path as the user addresses it; a value given in diameters keeps its suffix."""
+    """Path as written in the file; a value given in diameters keeps its suffix."""
     words = [given.get(path[: depth + 1], (str(key), None))[0] for depth, key in enumerate(path)]
     return ".".join(one_line(word) for word in words) or "the file"
 

@@ -1,4 +1,4 @@
-"""Rigid grains made of several spheres: templates, mass and principal inertia.
+"""Clumps, rigid grains made of several spheres: templates, mass and principal inertia.
 
 A template is written in nominal diameters d; volumes then come in d^3 and moments of inertia in rho d^5.
 """

@@ -53,7 +53,7 @@ def true_young(material: Material) -> float:
 
 
 def surface_energy(contact: Contact, a: Material, b: Material) -> float:
-    """Surface energy as simulated [J m-2]: as stated, but scaled where softening keeps the sticking speed.
+    """Surface energy as simulated [J m-2]: as stated, or scaled where softening keeps the sticking speed.
 
     gamma_r = gamma (E*_r / E*)^(2/5),  E* from the true moduli, E*_r from the softened ones.
     Reference: Haervig et al. (2017), Powder Technology 319, 472.
@@ -66,7 +66,7 @@ def surface_energy(contact: Contact, a: Material, b: Material) -> float:
 
 
 def contact_table(scene: Scene) -> ContactTable:
-    """One row for every pair of used materials; pairs of walls hold values that nobody reads."""
+    """One row for every pair of used materials; rows of two walls are never read."""
     names = materials_used(scene)
     rows = {}
     for i, a in enumerate(names):

@@ -1,4 +1,4 @@
-"""From a scene to the setup of one replica."""
+"""Setup of one replica from a scene."""
 
 from dataclasses import replace
 
@@ -57,7 +57,7 @@ def build_setup(scene: Scene, seed: int) -> Setup:
 
 
 def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
-    """The same grains in a periodic patch with air over them."""
+    """The same grains in a periodic patch with air."""
     return replace(
         setup,
         domain=patch_box(wind, setup.grains),
@@ -68,7 +68,7 @@ def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
 
 
 def spheres(start: Start, density: float, material: int) -> GrainTable:
-    """Grains that are spheres."""
+    """Spherical grains."""
     return GrainTable(
         position=start.position,
         velocity=start.velocity,
@@ -103,7 +103,7 @@ def canonical(rotation: "scipy.spatial.transform.Rotation") -> Floats:
 
 
 def clump_spheres(start: Start, body: Body, clumps: ClumpTable, material: int) -> GrainTable:
-    """Spheres of all clumps; each moves with its body."""
+    """Contact spheres of all clumps, with the velocity of their body."""
     turned = scipy.spatial.transform.Rotation.from_quat(clumps.orientation[clumps.body], scalar_first=True)
     arm = turned.apply(clumps.offset)
     spin = start.spin[clumps.body]
