@@ -6,6 +6,7 @@ sides are set here too, except at an outlet, where the projection finds them. A 
 through the eddy viscosity of its ghost cells: with the mirror image it makes the stress rho u*^2.
 """
 
+from taichi_erosion.air.grid import cell_velocity
 from taichi_erosion.air.wall_law import SMALLEST, rough_side_friction
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
@@ -46,44 +47,37 @@ def normal_velocity(air: ti.template(), side: ti.template(), r, j, k):
 
 
 @ti.func
-def fill_velocity_ghosts_x(air_out: ti.template(), r, j, k):
-    """Velocities in ghosts and on the sides along x."""
-    n = air_out.cells[0]
-    low, high = ti.static((air_out.kinds["x_low"], air_out.kinds["x_high"]))
-    for axis in ti.static(range(3)):
-        values_out = ti.static(air_out.velocities[axis])
-        first, last = values_out[r, 0, j, k], values_out[r, n - 1, j, k]
-        if ti.static(low == "periodic"):
-            values_out[r, -1, j, k] = last
-            values_out[r, n, j, k] = first
-        elif ti.static(axis == 0):
-            values_out[r, 0, j, k] = normal_velocity(air_out, 0, r, j, k)
-            values_out[r, -1, j, k] = values_out[r, 0, j, k]
-            if ti.static(high != "outlet"):
-                values_out[r, n, j, k] = 0.0
-        else:
-            values_out[r, -1, j, k] = mirror_value(low, first, side_velocity_at(air_out, 0, axis, r, j, k))
-            values_out[r, n, j, k] = mirror_value(high, last, side_velocity_at(air_out, 1, axis, r, j, k))
+def cell_across(axis: ti.template(), index, other, k):
+    """Cell at an index along x or y (`axis`), and at `other` along the other of the two."""
+    cell = ti.Vector([index, other, k])
+    if ti.static(axis == 1):
+        cell = ti.Vector([other, index, k])
+    return cell
 
 
 @ti.func
-def fill_velocity_ghosts_y(air_out: ti.template(), r, i, k):
-    """Velocities in ghosts and on the sides along y."""
-    n = air_out.cells[1]
-    low, high = ti.static((air_out.kinds["y_low"], air_out.kinds["y_high"]))
+def fill_velocity_ghosts_across(air_out: ti.template(), across: ti.template(), r, other, k):
+    """Velocities in ghosts and on the sides along x or y (`across`)."""
+    n, low, high = ti.static(air_out.cells[across], 2 * across, 2 * across + 1)
+    low_kind, high_kind = ti.static((air_out.kinds[SIDES[low]], air_out.kinds[SIDES[high]]))
+    before, first = cell_across(across, -1, other, k), cell_across(across, 0, other, k)
+    last, after = cell_across(across, n - 1, other, k), cell_across(across, n, other, k)
     for axis in ti.static(range(3)):
         values_out = ti.static(air_out.velocities[axis])
-        first, last = values_out[r, i, 0, k], values_out[r, i, n - 1, k]
-        if ti.static(low == "periodic"):
-            values_out[r, i, -1, k] = last
-            values_out[r, i, n, k] = first
-        elif ti.static(axis == 1):
-            for j in ti.static((-1, 0)):
-                values_out[r, i, j, k] = 0.0
-            values_out[r, i, n, k] = 0.0
+        start, end = values_out[r, first], values_out[r, last]
+        if ti.static(low_kind == "periodic"):
+            values_out[r, before] = end
+            values_out[r, after] = start
+        elif ti.static(axis == across):
+            values_out[r, first] = normal_velocity(air_out, low, r, other, k)
+            values_out[r, before] = values_out[r, first]
+            if ti.static(high_kind != "outlet"):
+                values_out[r, after] = 0.0
         else:
-            values_out[r, i, -1, k] = mirror_value(low, first, side_velocity_at(air_out, 2, axis, r, 0, k))
-            values_out[r, i, n, k] = mirror_value(high, last, side_velocity_at(air_out, 3, axis, r, 0, k))
+            side = side_velocity_at(air_out, low, axis, r, other, k)
+            values_out[r, before] = mirror_value(low_kind, start, side)
+            side = side_velocity_at(air_out, high, axis, r, other, k)
+            values_out[r, after] = mirror_value(high_kind, end, side)
 
 
 @ti.func
@@ -110,9 +104,9 @@ def fill_velocity_ghosts(
     """Velocities in all ghosts; x first, since y and z read the corners."""
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     for r, j, k in ti.ndrange(air_out.count, ny, nz):
-        fill_velocity_ghosts_x(air_out, r, j, k)
+        fill_velocity_ghosts_across(air_out, 0, r, j, k)
     for r, i, k in ti.ndrange(air_out.count, nx + 2, nz):
-        fill_velocity_ghosts_y(air_out, r, i - 1, k)
+        fill_velocity_ghosts_across(air_out, 1, r, i - 1, k)
     for r, i, j in ti.ndrange(air_out.count, nx + 2, ny + 2):
         fill_velocity_ghosts_z(air_out, r, i - 1, j - 1)
 
@@ -123,10 +117,10 @@ def serial_velocity_ghosts(air_out: ti.template(), r):
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     for j in range(ny):
         for k in range(nz):
-            fill_velocity_ghosts_x(air_out, r, j, k)
+            fill_velocity_ghosts_across(air_out, 0, r, j, k)
     for i in range(-1, nx + 1):
         for k in range(nz):
-            fill_velocity_ghosts_y(air_out, r, i, k)
+            fill_velocity_ghosts_across(air_out, 1, r, i, k)
     for i in range(-1, nx + 1):
         for j in range(-1, ny + 1):
             fill_velocity_ghosts_z(air_out, r, i, j)
@@ -144,23 +138,16 @@ def ghost_value(kind: ti.template(), inside, opposite, outlet_sign: ti.template(
 
 
 @ti.func
-def fill_cell_ghosts_x(air: ti.template(), values_out: ti.template(), outlet_sign: ti.template(), r, j, k):
-    """Ghosts of a cell quantity beyond the sides along x."""
-    n = ti.static(air.cells[0])
-    low, high = ti.static((air.kinds["x_low"], air.kinds["x_high"]))
-    first, last = values_out[r, 0, j, k], values_out[r, n - 1, j, k]
-    values_out[r, -1, j, k] = ghost_value(low, first, last, outlet_sign)
-    values_out[r, n, j, k] = ghost_value(high, last, first, outlet_sign)
-
-
-@ti.func
-def fill_cell_ghosts_y(air: ti.template(), values_out: ti.template(), outlet_sign: ti.template(), r, i, k):
-    """Ghosts of a cell quantity beyond the sides along y."""
-    n = ti.static(air.cells[1])
-    low, high = ti.static((air.kinds["y_low"], air.kinds["y_high"]))
-    first, last = values_out[r, i, 0, k], values_out[r, i, n - 1, k]
-    values_out[r, i, -1, k] = ghost_value(low, first, last, outlet_sign)
-    values_out[r, i, n, k] = ghost_value(high, last, first, outlet_sign)
+def fill_cell_ghosts_across(
+    air: ti.template(), values_out: ti.template(), sign: ti.template(), across: ti.template(), r, other, k
+):
+    """Ghosts of a cell quantity beyond the sides along x or y (`across`)."""
+    n = ti.static(air.cells[across])
+    low, high = ti.static((air.kinds[SIDES[2 * across]], air.kinds[SIDES[2 * across + 1]]))
+    start = values_out[r, cell_across(across, 0, other, k)]
+    end = values_out[r, cell_across(across, n - 1, other, k)]
+    values_out[r, cell_across(across, -1, other, k)] = ghost_value(low, start, end, sign)
+    values_out[r, cell_across(across, n, other, k)] = ghost_value(high, end, start, sign)
 
 
 @ti.func
@@ -185,9 +172,9 @@ def fill_cell_ghosts(
     """Ghosts of a cell quantity; `outlet_sign` -1 makes it vanish on an outlet, as pressure does."""
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
     for r, j, k in ti.ndrange(air.count, ny, nz):
-        fill_cell_ghosts_x(air, values_out, outlet_sign, r, j, k)
+        fill_cell_ghosts_across(air, values_out, outlet_sign, 0, r, j, k)
     for r, i, k in ti.ndrange(air.count, nx + 2, nz):
-        fill_cell_ghosts_y(air, values_out, outlet_sign, r, i - 1, k)
+        fill_cell_ghosts_across(air, values_out, outlet_sign, 1, r, i - 1, k)
     for r, i, j in ti.ndrange(air.count, nx + 2, ny + 2):
         fill_cell_ghosts_z(air, values_out, outlet_sign, r, i - 1, j - 1)
 
@@ -198,36 +185,33 @@ def serial_cell_ghosts(air: ti.template(), values_out: ti.template(), r):
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
     for j in range(ny):
         for k in range(nz):
-            fill_cell_ghosts_x(air, values_out, 1, r, j, k)
+            fill_cell_ghosts_across(air, values_out, 1, 0, r, j, k)
     for i in range(-1, nx + 1):
         for k in range(nz):
-            fill_cell_ghosts_y(air, values_out, 1, r, i, k)
+            fill_cell_ghosts_across(air, values_out, 1, 1, r, i, k)
     for i in range(-1, nx + 1):
         for j in range(-1, ny + 1):
             fill_cell_ghosts_z(air, values_out, 1, r, i, j)
 
 
 @ti.func
-def wall_ghost_viscosity(air: ti.template(), side: ti.template(), r, speed, inside):
-    """Eddy viscosity beyond a side along x or y that gives its stress [m2 s-1]."""
-    value = -inside
-    if ti.static(air.kinds[SIDES[side]] == "rough"):
-        distance, moving = 0.5 * air.numbers.width[r][side // 2], ti.max(speed, SMALLEST)
-        friction = rough_side_friction(air, r, side, moving, distance)
-        value = 2.0 * (friction * friction * distance / moving - air.numbers.viscosity[r]) - inside
-    return value
-
-
-@ti.func
-def speed_along_side(air: ti.template(), r, i, j, k, axis: ti.template()):
-    """Speed of cell (i, j, k) along a side normal to `axis` [m s-1]."""
-    w = 0.5 * (air.velocity_z[r, i, j, k] + air.velocity_z[r, i, j, k + 1])
-    other = real(0.0)
-    if ti.static(axis == 0):
-        other = 0.5 * (air.velocity_y[r, i, j, k] + air.velocity_y[r, i, j + 1, k])
-    else:
-        other = 0.5 * (air.velocity_x[r, i, j, k] + air.velocity_x[r, i + 1, j, k])
-    return ti.sqrt(other * other + w * w)
+def fill_wall_ghost(air_out: ti.template(), across: ti.template(), upper: ti.template(), r, other, k):
+    """Eddy viscosity in the ghost of a wall along x or y (`across`) that gives its stress [m2 s-1]."""
+    side = ti.static(2 * across + upper)
+    kind, n = ti.static((air_out.kinds[SIDES[side]], air_out.cells[across]))
+    if ti.static(kind in ("wall", "rough")):
+        ghost = cell_across(across, ti.static(n if upper else -1), other, k)
+        inside = cell_across(across, ti.static(n - 1 if upper else 0), other, k)
+        eddy = air_out.eddy_cell[r, inside]
+        value = -eddy
+        if ti.static(kind == "rough"):
+            velocity = cell_velocity(air_out, r, inside[0], inside[1], k)
+            along = velocity[1 - across]
+            speed = ti.max(ti.sqrt(along * along + velocity[2] * velocity[2]), SMALLEST)
+            distance = 0.5 * air_out.numbers.width[r][across]
+            friction = rough_side_friction(air_out, r, side, speed, distance)
+            value = 2.0 * (friction * friction * distance / speed - air_out.numbers.viscosity[r]) - eddy
+        air_out.eddy_cell[r, ghost] = value
 
 
 @ti.kernel
@@ -237,14 +221,9 @@ def fill_wall_viscosity(
 ):
     """Eddy viscosity in ghosts of walls along x and y; after `fill_cell_ghosts`."""
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
-    (eddy_out,) = ti.static((air_out.eddy_cell,))
     for r, j, k in ti.ndrange(air_out.count, ny, nz):
-        for side, i, ghost in ti.static(((0, 0, -1), (1, nx - 1, nx))):
-            if ti.static(air_out.kinds[SIDES[side]] in ("wall", "rough")):
-                speed = speed_along_side(air_out, r, i, j, k, 0)
-                eddy_out[r, ghost, j, k] = wall_ghost_viscosity(air_out, side, r, speed, eddy_out[r, i, j, k])
+        for upper in ti.static(range(2)):
+            fill_wall_ghost(air_out, 0, upper, r, j, k)
     for r, i, k in ti.ndrange(air_out.count, nx, nz):
-        for side, j, ghost in ti.static(((2, 0, -1), (3, ny - 1, ny))):
-            if ti.static(air_out.kinds[SIDES[side]] in ("wall", "rough")):
-                speed = speed_along_side(air_out, r, i, j, k, 1)
-                eddy_out[r, i, ghost, k] = wall_ghost_viscosity(air_out, side, r, speed, eddy_out[r, i, j, k])
+        for upper in ti.static(range(2)):
+            fill_wall_ghost(air_out, 1, upper, r, i, k)

@@ -10,8 +10,8 @@ from importlib.metadata import version
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.benchmark.grain_cases import grain_case, grain_cases, wide_bed_cases
-from taichi_erosion.benchmark.wind_cases import air_case, air_cases, threshold_case
+from taichi_erosion.benchmark.grain_cases import grain_case, standard_grain_cases, wide_bed_cases
+from taichi_erosion.benchmark.wind_cases import air_case, standard_air_cases, threshold_case
 
 __all__ = ["run_benchmarks"]
 
@@ -20,8 +20,8 @@ def run_benchmarks(progress: Callable[[float, str], None] | None = None) -> dict
     """Beds, funnels, a patch that blows and ensembles; air; a threshold; wide beds."""
     cores = len(os.sched_getaffinity(0))
     runs: list[tuple[str, Callable[[], Any]]] = [
-        *((str(case), partial(grain_case, case)) for case in grain_cases(cores)),
-        *((name, partial(air_case, name, setup, cores)) for name, setup in air_cases()),
+        *((str(case), partial(grain_case, case)) for case in standard_grain_cases(cores)),
+        *((name, partial(air_case, name, setup, cores)) for name, setup in standard_air_cases()),
         ("fluid threshold", threshold_case),
         ("beds of growing width", wide_bed_cases),
     ]

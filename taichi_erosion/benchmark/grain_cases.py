@@ -62,7 +62,7 @@ def after(until: float, setups: Callable[[], list[Setup]]) -> Callable[[Numerics
     return begin
 
 
-def grain_cases(cores: int) -> list[GrainCase]:
+def standard_grain_cases(cores: int) -> list[GrainCase]:
     """Beds, funnels, a patch of sand that blows, and ensembles on one core and on all."""
     bed = after(START, lambda: [lattice_bed(0)])
     beds = after(START, lambda: [lattice_bed(seed) for seed in range(ENSEMBLE)])

@@ -75,7 +75,7 @@ def box_of_wind(columns: int) -> AirSetup:
     )
 
 
-def air_cases() -> list[tuple[str, AirSetup]]:
+def standard_air_cases() -> list[tuple[str, AirSetup]]:
     """The working section of a wind tunnel, and boxes of wind."""
     setups = [build_air(load_air_scene(SCENES / "tunnel_section.toml"), 0), *map(box_of_wind, BOX_COLUMNS)]
     kinds = ("tunnel section", *("air" for _ in BOX_COLUMNS))
