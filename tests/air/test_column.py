@@ -7,8 +7,6 @@ from flows import BED, DENSITY, FRICTION, column, put_grains, wind
 from taichi_erosion.air.column import advance_columns
 from taichi_erosion.air.grid import allocate_air, parallel_columns, store_void_fraction
 from taichi_erosion.air.step import advance_air
-from taichi_erosion.core.air_setup import AirModel, bed_faces, stretched_faces
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 
 STEPS = 20
@@ -66,27 +64,3 @@ def test_a_replica_does_not_feel_another(start_device):
     for air in (alone, both):
         advance_columns(STEPS, air)
     assert np.array_equal(wind(alone), wind(both, 1))
-
-
-def test_an_ensemble_shares_its_cells_and_model(start_device):
-    start_device(Numerics(threads=1))
-    other = column(model=AirModel("none"))
-    with pytest.raises(BadInput, match="share"):
-        allocate_air([column(), other])
-
-
-def test_cells_of_a_bed_are_fine_in_it_and_widen_above():
-    faces = bed_faces(0.0, 2e-3, 0.1, 1e-4, 1.2)
-    width = np.diff(faces)
-    assert faces[0] == 0.0
-    assert faces[-1] == pytest.approx(0.1)
-    assert width[:20] == pytest.approx(1e-4)
-    assert np.all(width[21:] > width[20:-1])
-    assert (width[1:] / width[:-1]).max() < 1.2 * (1.0 + 1e-9)
-
-
-def test_stretched_cells_begin_with_the_finest_and_fill_the_box():
-    width = np.diff(stretched_faces(1.0, 3.0, 20, 0.01))
-    assert width[0] == pytest.approx(0.01)
-    assert width.sum() == pytest.approx(2.0)
-    assert width[1:] / width[:-1] == pytest.approx(width[1] / width[0])
