@@ -76,11 +76,9 @@ def print_audit(document: Record) -> None:
         typer.echo(f"published numbers reproduced: {printed['agree']} of {printed['compared']}")
         if document["cell"] is not None:
             typer.echo(f"with the cell as published: {printed['agree_as_printed']}")
-    table = output.empty_table("findings", "kind", "row", "column", "finding")
-    for finding in document["findings"]:
-        table.add_row(finding["kind"], str(finding["row"] or ""), finding["column"], finding["sentence"])
-    if document["findings"]:
-        output.print_table(table)
+    findings = [(f["kind"], str(f["row"] or ""), f["column"], f["sentence"]) for f in document["findings"]]
+    if findings:
+        output.print_table("findings", ("kind", "row", "column", "finding"), findings)
     else:
         typer.echo("no error found")
 
@@ -142,21 +140,18 @@ def run_steps(
 def print_design(document: Record, section: str = "design") -> None:
     """Print runs with their settings and responses."""
     rows = document[section]["rows"]
-    table = output.empty_table(section, "run", *rows[0]["settings"], *rows[0]["responses"])
-    for number, row in enumerate(rows, start=1):
-        table.add_row(
-            str(number), *(rounded(value) for value in (row["settings"] | row["responses"]).values())
-        )
-    output.print_table(table)
+    values = ((row["settings"] | row["responses"]).values() for row in rows)
+    cells = ([str(number), *map(rounded, row)] for number, row in enumerate(values, start=1))
+    output.print_table(section, ("run", *rows[0]["settings"], *rows[0]["responses"]), cells)
 
 
 def print_analysis(document: Record) -> None:
     """Print the effects on every response, largest first."""
     for response, found in document["analyse"]["responses"].items():
-        table = output.empty_table(f"effects on {response}", "factor", "effect", "share", "p")
-        for effect in found["effects"]:
-            table.add_row(effect["name"], *(rounded(effect[key]) for key in ("value", "share", "p")))
-        output.print_table(table)
+        rows = (
+            [rounded(effect[key]) for key in ("name", "value", "share", "p")] for effect in found["effects"]
+        )
+        output.print_table(f"effects on {response}", ("factor", "effect", "share", "p"), rows)
     typer.echo(f"factors of the next steps: {', '.join(document['analyse']['kept'])}")
 
 
@@ -168,12 +163,10 @@ def print_climb(document: Record) -> None:
 
 def print_surface(document: Record) -> None:
     """Print the analysis of variance and the equation of every response."""
-    keys = ("sum_of_squares", "df", "mean_square", "f", "p")
+    keys = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
     for response, found in document["surface"]["responses"].items():
-        table = output.empty_table(f"response surface of {response}", "source", *keys)
-        for row in found["anova"]:
-            table.add_row(row["source"], *(rounded(row[key]) for key in keys))
-        output.print_table(table)
+        rows = ([rounded(row[key]) for key in keys] for row in found["anova"])
+        output.print_table(f"response surface of {response}", keys, rows)
         typer.echo(found["natural_reduced"])
 
 

@@ -91,13 +91,12 @@ def show_library(library: "list[Effect]", as_json: bool) -> None:
     measured = measured_shifts()
     if as_json:
         return output.print_json({"effects": {effect.name: record(effect, measured) for effect in library}})
-    table = output.empty_table("effects", "name", "what it is", "place", "measured shifts", "reference")
-    answers = known_answers()
+    answers, rows = known_answers(), []
     for effect in library:
         shifts = [shift_text(row) for row in reference_shifts(measured.get(effect.name, []))]
         values = "; ".join(shifts + answers.get(effect.name, [])) or output.MARK_MISSING
-        table.add_row(effect.name, effect.title, effect.place, values, first_reference(effect))
-    output.print_table(table)
+        rows.append((effect.name, effect.title, effect.place, values, first_reference(effect)))
+    output.print_table("effects", ("name", "what it is", "place", "measured shifts", "reference"), rows)
     typer.echo("A scene switches one on by [effects.NAME] strength = 1.0; `effects NAME` describes it.")
 
 
@@ -111,7 +110,8 @@ def show_effect(effect: "Effect", as_json: bool) -> None:
         return output.print_json({"effects": {effect.name: page}})
     typer.echo((effect.doc or effect.title).strip())
     print_parameters(effect)
-    print_checks(effect, checks)
+    rows = ((c.claim, f"{c.got:.7g}", f"{c.want:.7g}", f"{c.rtol:g}") for c in checks)
+    output.print_table("verification", ("claim", "got", "want", "tolerance"), rows)
     for breach in breaches:
         typer.echo(f"breaks the contract: {breach}")
     for row in measured.get(effect.name, ()):
@@ -122,17 +122,14 @@ def show_effect(effect: "Effect", as_json: bool) -> None:
 
 def print_parameters(effect: "Effect") -> None:
     """Entries of the effect in a scene file."""
-    table = output.empty_table(f"effects.{effect.name}", "entry", "default", "unit", "range", "meaning")
-    table.add_row("strength", "1", "1", f"0 to {effect.most:g}", "0: absent, 1: textbook")
+    rows = [("strength", "1", "1", f"0 to {effect.most:g}", "0: absent, 1: textbook")]
     for f in fields(effect.params):
         span = f"{f.metadata['low']:g} to {f.metadata['high']:g}"
-        table.add_row(f.name, f"{f.default:g}", f.metadata["unit"], span, f.metadata["meaning"])
-    output.print_table(table)
+        rows.append((f.name, f"{f.default:g}", f.metadata["unit"], span, f.metadata["meaning"]))
+    output.print_table(f"effects.{effect.name}", ("entry", "default", "unit", "range", "meaning"), rows)
     if effect.grain_state is not None:
-        state = output.empty_table("state of every grain", "number", "unit", "meaning")
-        for f in fields(effect.grain_state):
-            state.add_row(f.name, f.metadata["unit"], f.metadata["meaning"])
-        output.print_table(state)
+        state = [(f.name, f.metadata["unit"], f.metadata["meaning"]) for f in fields(effect.grain_state)]
+        output.print_table("state of every grain", ("number", "unit", "meaning"), state)
     if effect.reads:
         typer.echo(f"reads the conditions {', '.join(effect.reads)}")
     if effect.uncertain:
@@ -140,14 +137,6 @@ def print_parameters(effect: "Effect") -> None:
     if effect.expected:
         directions = ", ".join(f"{name} {SIGNS.get(sign, '?')}" for name, sign in effect.expected.items())
         typer.echo(f"expected from the literature: {directions}")
-
-
-def print_checks(effect: "Effect", checks: "list[Check]") -> None:
-    """Verification table."""
-    table = output.empty_table("verification", "claim", "got", "want", "tolerance")
-    for check in checks:
-        table.add_row(check.claim, f"{check.got:.7g}", f"{check.want:.7g}", f"{check.rtol:g}")
-    output.print_table(table)
 
 
 def examined(effect: "Effect") -> "tuple[list[Check], list[str]]":
@@ -297,38 +286,13 @@ def law_fields(law: dict[str, Any]) -> dict[str, Any]:
         if name not in Conditions.model_fields:
             raise BadInput(f"the law reads '{name}', which is not a condition of scenes")
     logarithm = f"ln {law['observable']}" in law["expression"]
-    numbers = [f"term_{k + 1}" for k in range(len(law["terms"]))]
-    terms = [
-        term_fields(powers, coefficient, typical) | {"alone": single_term(numbers, k)}
-        for k, (powers, coefficient) in enumerate(zip(law["terms"], law["coefficients"], strict=True))
-    ]
     return {
         "observable": law["observable"],
-        "left": "y exp(strength c)" if logarithm else "y + strength c",
         "formula": law["expression"].partition(" = ")[2],
         "logarithm": logarithm,
         "unit": "1" if logarithm else "unit of the observable",
         "share": f"{law['held_out_share']:.0%}",
-        "conditions": ", ".join(f'"{name}"' for name in typical),
-        "typical": ", ".join(f'"{name}": {value:g}' for name, value in typical.items()),
-        "terms": terms,
+        "typical": typical,
+        "terms": list(zip(law["terms"], law["coefficients"], strict=True)),
+        "widest": WIDEST,
     }
-
-
-def term_fields(powers: dict[str, float], coefficient: float, typical: dict[str, float]) -> dict[str, str]:
-    """Template fields of one term: coefficient with range, factors as code and as text."""
-    factors = [f'(conditions["{name}"] / {typical[name]:g}) ** {power:g}' for name, power in powers.items()]
-    texts = [f"({name} / {typical[name]:g})^{power:g}" for name, power in powers.items()]
-    widest = WIDEST * abs(coefficient)
-    return {
-        "coefficient": f"{coefficient:.6g}",
-        "low": f"{-widest:.3g}",
-        "high": f"{widest:.3g}",
-        "words": f"coefficient of {' '.join(texts)}",
-        "code": " * ".join(factors),
-    }
-
-
-def single_term(numbers: list[str], chosen: int) -> str:
-    """Coefficients of a check with one non-zero term, as code."""
-    return ", ".join(f'"{name}": {0.2 if k == chosen else 0.0}' for k, name in enumerate(numbers))

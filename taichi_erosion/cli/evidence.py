@@ -3,7 +3,7 @@
 Each prints its sentences first, then a table, then the limits of the result.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,7 +11,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import MARK_MISSING, AsJson, Record, empty_table, print_table
+from taichi_erosion.cli.output import MARK_MISSING, AsJson, Record, print_table
 from taichi_erosion.cli.progress import reporting
 from taichi_erosion.core.errors import ExitCode
 from taichi_erosion.evidence.inference.levels import fails
@@ -19,6 +19,8 @@ from taichi_erosion.evidence.inference.levels import fails
 Progress = Callable[[str, float], None]  # (text, share done [1])
 
 ANSWERS = 6  # printed probabilities
+CANDIDATE_COLUMNS = ("effect", "status", "strength", "90 % interval", "probability")
+CANDIDATE_COLUMNS += ("ln Bayes factor", "power", "absorbed")
 CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
 
 app = typer.Typer()
@@ -81,7 +83,7 @@ def report(source: ReportSource, to: PageFile = None, as_json: AsJson = False) -
 
 
 def answer(
-    title: str, ask: Callable[[Progress], Record], show: Callable[[Record], None], as_json: bool
+    title: str, ask: Callable[[Progress], dict[str, Any]], show: Callable[[Record], None], as_json: bool
 ) -> None:
     """Run a command with progress on stderr and print its result; finished runs survive Ctrl-C."""
     from taichi_erosion.evidence.answers.documents import without_rows
@@ -102,17 +104,17 @@ def print_comparison(document: Record) -> None:
     """Print whether the model agrees, where it fails, and the misfit of every observable."""
     typer.echo(agreement(document))
     failing = [place["sentence"] for place in document["where"] if fails(place["p"])]
-    print_lines(
-        failing or ["No observable shows a significant misfit, neither as a whole nor along a condition."]
+    print_lines(failing or ["No significant misfit in any observable or along any condition."])
+    keys = ("chi2", "rmse", "bias", "p")
+    rows = (
+        (
+            f"{name} [{document['units'].get(name, '1')}]",
+            str(misfit["n"]),
+            *(number(misfit[key]) for key in keys),
+        )
+        for name, misfit in document["observables"].items()
     )
-    table = empty_table(
-        "calibrated model against measurement", "observable", "rows", "chi2", "rmse", "bias", "p"
-    )
-    for name, misfit in document["observables"].items():
-        label = f"{name} [{document['units'].get(name, '1')}]"
-        numbers = (number(misfit[key]) for key in ("chi2", "rmse", "bias", "p"))
-        table.add_row(label, str(misfit["n"]), *numbers)
-    print_table(table)
+    print_table("calibrated model against measurement", ("observable", "rows", *keys), rows)
     print_parameters(document["parameters"])
     print_limits(document)
 
@@ -134,7 +136,7 @@ def agreement(document: Record) -> str:
 def print_discovery(document: Record) -> None:
     """Print the verdict, the table of candidates, and the limits of the result."""
     print_lines(document["sentences"])
-    print_table(effects_table(document))
+    print_table("candidates", CANDIDATE_COLUMNS, candidate_rows(document["effects"]))
     typer.echo("probabilities: " + probabilities(document["probabilities"]))
     print_parameters(document["parameters"])
     print_lines((clue["sentence"] for clue in document["clues"]), "clue: ")
@@ -142,43 +144,33 @@ def print_discovery(document: Record) -> None:
     print_limits(document)
 
 
-def effects_table(document: Record) -> Any:
-    """Table of candidates in order of probability."""
-    columns = (
-        "effect",
-        "status",
-        "strength",
-        "90 % interval",
-        "probability",
-        "ln Bayes factor",
-        "power",
-        "absorbed",
-    )
-    table = empty_table("candidates", *columns, "absorbed")
-    for name, found in sorted(document["effects"].items(), key=lambda item: -(item[1]["probability"] or 0.0)):
-        table.add_row(
+def candidate_rows(effects: Record) -> Iterator[tuple[str, ...]]:
+    """Rows of the table of candidates, in order of probability."""
+    for name, found in sorted(effects.items(), key=lambda item: -(item[1]["probability"] or 0.0)):
+        interval = f"{number(found['strength_low'])} to {number(found['strength_high'])}"
+        status, strength = found["status"].replace("_", " "), number(found["strength"])
+        evidence = percent(found["probability"]), number(found["log_bayes_factor"])
+        yield (
             name,
-            found["status"].replace("_", " "),
-            number(found["strength"]),
-            f"{number(found['strength_low'])} to {number(found['strength_high'])}",
-            percent(found["probability"]),
-            number(found["log_bayes_factor"]),
+            status,
+            strength,
+            interval,
+            *evidence,
             percent(found["power"]),
             percent(found["absorption"]),
         )
-    return table
 
 
 def print_adoption(document: Record) -> None:
     """Print the error before and after adoption, with two control effects."""
     typer.echo(document["sentence"])
-    table = empty_table("chi2 per row", "model", "fitted rows", "held-out rows")
+    rows = []
     for key, label in {"base": "before", "added": f"with {document['effect']}", **CONTROLS}.items():
         fit = document[key]
         if fit is not None:
             effects = f" ({', '.join(fit['effects'])})" if key in CONTROLS else ""
-            table.add_row(label + effects, number(fit["chi2"]), number(fit["vault_chi2"]))
-    print_table(table)
+            rows.append((label + effects, number(fit["chi2"]), number(fit["vault_chi2"])))
+    print_table("chi2 per row", ("model", "fitted rows", "held-out rows"), rows)
     print_parameters(document["added"]["strengths"] | document["added"]["parameters"])
     opened = document["vault"]["opened"]
     if opened > 1:

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import floor, isfinite, log10
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,7 +34,8 @@ def json_value(value: Any) -> Any:
 
 def print_run(document: Record) -> None:
     """Print simulated and measured values, warnings, recording and speed."""
-    print_table(run_table(document))
+    columns = ("measure", "simulated", "measured", "difference", "source")
+    print_table(document["scene"], columns, run_rows(document))
     for sentence in run_warnings(document):
         typer.echo(f"warning: {sentence}")
     if document.get("recording"):
@@ -57,18 +58,14 @@ def log_run(document: Record) -> None:
         LOG.info("recording: %s", document["recording"])
 
 
-def run_table(document: Record) -> Table:
-    """Table of simulated and measured values with their difference, one row per observable."""
-    table = empty_table(document["scene"], "measure", "simulated", "measured", "difference", "source")
+def run_rows(document: Record) -> Iterator[tuple[str, ...]]:
+    """Simulated and measured values with their difference, one row per observable."""
     simulated, measured = document["measures"], document["measured"]
     for name in dict.fromkeys((*simulated, *measured)):
         found, wanted = simulated.get(name, {}), measured.get(name, {})
         unit = found.get("unit") or wanted.get("unit") or ""
         label = f"{name} [{unit}]" if unit else name
-        table.add_row(
-            label, spread(found), spread(wanted), difference(found, wanted), wanted.get("source", "")
-        )
-    return table
+        yield label, spread(found), spread(wanted), difference(found, wanted), wanted.get("source", "")
 
 
 def run_warnings(document: Record) -> list[str]:
@@ -93,25 +90,28 @@ def print_measurement(record: Record) -> None:
 
 def print_claims(claims: Sequence[Record]) -> None:
     """Print the verification table."""
-    table = empty_table("verification", "id", "claim", "got", "want", "tolerance", "precision", "", "s")
-    for claim in claims:
-        numbers = (significant(claim[key]) for key in ("got", "want", "tolerance"))
-        verdict = "ok" if claim["passed"] else "FAILED"
-        table.add_row(
-            claim["id"], claim["claim"], *numbers, claim["precision"], verdict, f"{claim['wall_s']:.1f}"
+    keys = ("id", "claim", "got", "want", "tolerance", "precision")
+    rows = (
+        (
+            *(significant(claim[key]) for key in keys),
+            "ok" if claim["passed"] else "FAILED",
+            f"{claim['wall_s']:.1f}",
         )
-    print_table(table)
+        for claim in claims
+    )
+    print_table("verification", (*keys, "", "s"), rows)
     failed = sum(not claim["passed"] for claim in claims)
     typer.echo(f"{len(claims) - failed} of {len(claims)} claims hold")
+
+
+def verdict(claim: Record) -> str:
+    return "ok" if claim["passed"] else "FAILED"
 
 
 def print_cases(cases: Sequence[Record]) -> None:
     """Print measured speeds: one row per case, one column per key."""
     keys = tuple(dict.fromkeys(key for case in cases for key in case))
-    table = empty_table("speed", *keys)
-    for case in cases:
-        table.add_row(*(cell(case.get(key)) for key in keys))
-    print_table(table)
+    print_table("speed", keys, ([cell(case.get(key)) for key in keys] for case in cases))
 
 
 def cell(value: Any) -> str:
@@ -121,16 +121,13 @@ def cell(value: Any) -> str:
     return significant(value)
 
 
-def empty_table(title: str, *columns: str) -> Table:
-    """Empty table whose cells wrap."""
+def print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+    """Print a table at the width of the terminal, or at its own width to a file or pipe."""
     table = Table(title=title, title_justify="left")
     for column in columns:
         table.add_column(column, overflow="fold")
-    return table
-
-
-def print_table(table: Table) -> None:
-    """Print a table at the width of the terminal, or at its own width to a file or pipe."""
+    for row in rows:
+        table.add_row(*row)
     console = Console(highlight=False, markup=False)
     if not console.is_terminal:
         console.width = console.measure(table, options=console.options.update(max_width=WIDEST)).maximum

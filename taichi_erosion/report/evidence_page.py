@@ -24,6 +24,7 @@ Document = Mapping[str, Any]
 
 TEMPLATE = "evidence.html"
 RECORDING = "study.rrd"
+COMMANDS = ("discover", "compare", "adopt", "next")  # the most complete result first
 
 
 CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
@@ -33,24 +34,10 @@ TIMES = {0: "has not been opened", 1: "was opened once"}
 
 @dataclass(frozen=True)
 class Results:
-    """Stored results of a study by command; None for a command that has not run."""
+    """Stored results of a study."""
 
-    comparison: Document | None
-    discovery: Document | None
-    adoption: Document | None
-    experiments: Document | None
+    by_command: Mapping[str, Document]  # the most complete first
     adoptions: Sequence[Document] = ()
-
-    @property
-    def by_command(self) -> dict[str, Document]:
-        """Results by the name of their command, the most complete first."""
-        answers = {
-            "discover": self.discovery,
-            "compare": self.comparison,
-            "adopt": self.adoption,
-            "next": self.experiments,
-        }
-        return {command: document for command, document in answers.items() if document is not None}
 
     @property
     def first(self) -> Document:
@@ -81,7 +68,8 @@ def write_recording(study: Path) -> Path:
 
 def row_table(found: Results) -> str:
     """Measured and predicted values of every fitted row."""
-    rows = (found.comparison or {}).get("rows") or (found.discovery or {})["rows_before"]
+    comparison, discovery, _ = main_results(found)
+    rows = (comparison or {}).get("rows") or (discovery or {})["rows_before"]
     axes = list(rows["conditions"])
     columns = [rows["conditions"][axis] for axis in axes]
     columns += [rows[key] for key in ("measured", "predicted", "residual")]
@@ -96,38 +84,39 @@ def row_table(found: Results) -> str:
 def stored_results(study: Path) -> Results:
     """Stored results of a study. Raises BadInput where there are none."""
     folder = results_folder(study, read_evidence_study(study))
-    found = Results(
-        results.read_answer(folder, study.stem, "compare"),
-        results.read_answer(folder, study.stem, "discover"),
-        results.read_answer(folder, study.stem, "adopt"),
-        results.read_answer(folder, study.stem, "next"),
-        results.ladder(folder),
-    )
-    if found.comparison is None and found.discovery is None:
+    answers = {command: results.read_answer(folder, study.stem, command) for command in COMMANDS}
+    found = {command: document for command, document in answers.items() if document is not None}
+    if not found.keys() & {"compare", "discover"}:
         raise BadInput(f"{study}: no results yet; run compare or discover on it first")
-    return found
+    return Results(found, results.ladder(folder))
+
+
+def main_results(found: Results) -> tuple[Document | None, ...]:
+    """Results of compare, discover and adopt; None for a command that has not run."""
+    return tuple(found.by_command.get(command) for command in ("compare", "discover", "adopt"))
 
 
 def page_fields(found: Results) -> dict[str, Any]:
     """Fields of the template."""
-    first, adoption, discovery = found.first, found.adoption, found.discovery
+    first, next_ = found.first, found.by_command.get("next")
+    comparison, discovery, adoption = main_results(found)
     return {
         "title": first["title"] or Path(first["study"]).stem,
         "about": f"{first['measurements']}, answered by {first['model']}",
         "units": first["units"],
         "summary": summary(found),
-        "comparison": found.comparison,
+        "comparison": comparison,
         "discovery": discovery,
         "adoption": adoption,
-        "where": failures(found.comparison) or [NO_MISFIT],
+        "where": failures(comparison) or [NO_MISFIT],
         "effects": ranked_effects(discovery),
         "groups": groups(discovery),
         "clues": [clue["sentence"] for clue in discovery["clues"]] if discovery else [],
         "vault": vault_sentences(found),
         "fits_of_adoption": list(fits(adoption)),
         "adoption_parameters": calibrated(adoption),
-        "limits": list(limits(found.comparison, discovery, adoption)),
-        "experiments": (found.experiments or discovery or {"next_experiments": []})["next_experiments"],
+        "limits": list(limits(comparison, discovery, adoption)),
+        "experiments": (next_ or discovery or {"next_experiments": []})["next_experiments"],
         "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
         "facts": list(facts(found)),
         "figures": pictures(found),
@@ -136,7 +125,7 @@ def page_fields(found: Results) -> dict[str, Any]:
 
 def pictures(found: Results) -> dict[str, Picture | None]:
     """Figures by name; None without data."""
-    comparison, discovery, adoption = found.comparison, found.discovery, found.adoption
+    comparison, discovery, adoption = main_results(found)
     before = comparison["rows"] if comparison else discovery["rows_before"] if discovery else None
     after = adoption["added"]["rows"] if adoption else discovery["rows_after"] if discovery else None
     tested = adoption if adoption and adoption["base"]["vault_chi2"] is not None else None
@@ -151,9 +140,10 @@ def pictures(found: Results) -> dict[str, Picture | None]:
 
 def summary(found: Results) -> list[str]:
     """Lead sentences of the page."""
-    sentences = failures(found.comparison)[:2]
-    sentences += found.discovery["sentences"][:1] if found.discovery else []
-    sentences += [found.adoption["sentence"]] if found.adoption else []
+    comparison, discovery, adoption = main_results(found)
+    sentences = failures(comparison)[:2]
+    sentences += discovery["sentences"][:1] if discovery else []
+    sentences += [adoption["sentence"]] if adoption else []
     return sentences or ["The calibrated model agrees with the measurements of the fit."]
 
 
@@ -178,7 +168,7 @@ def groups(discovery: Document | None) -> list[str]:
 def vault_sentences(found: Results) -> list[str]:
     """Held-out rows, and how often the vault was opened."""
     sentences = [note for note in found.first["notes"] if "held out" in note]
-    opened = (found.adoption or found.first).get("vault", {}).get("opened", 0)
+    opened = found.by_command.get("adopt", found.first).get("vault", {}).get("opened", 0)
     return [*sentences, f"The vault {TIMES.get(opened, f'was opened {opened} times')}."]
 
 
