@@ -151,8 +151,8 @@ def measured(
     """What the laboratory wrote down."""
     parts = [readings(generator, truth, observable, varied, level) for observable in observables]
     value = np.concatenate([part.value for part in parts])
-    no_progress = np.concatenate([np.full(part.value.size, part.censored) for part in parts])
-    no_progress &= (value < FLUX_FLOOR) & bool(generator.random() < CENSORING)
+    no_transport = np.concatenate([np.full(part.value.size, part.censored) for part in parts])
+    no_transport &= (value < FLUX_FLOOR) & bool(generator.random() < CENSORING)
     names = tuple(part.observable for part in parts for _ in part.value)
     return Measurements(
         observable=names,
@@ -162,7 +162,7 @@ def measured(
         group=tuple(group for part in parts for group in part.group),
         unit=("",) * value.size,
         conditions={name: np.concatenate([part.at[name] for part in parts]) for name in parts[0].at},
-        censored=no_progress,
-        limit=np.where(no_progress, FLUX_FLOOR, np.nan),
+        censored=no_transport,
+        limit=np.where(no_transport, FLUX_FLOOR, np.nan),
         source=("sealed case",) * value.size,
     )

@@ -23,6 +23,7 @@ from taichi_erosion.evidence.data.problem import Candidate, Problem
 
 FAMILY = 5000  # of the cases watched here
 COUNT = 150
+MOST_FALSE = 0.04  # share of names of nothing that acts; t0: 7 of 1393 nulls, 13 of 432 names
 SINGLE, NULL = (7, 15), (7, 4)  # family and number of a case with one strong effect, and of one without
 
 
@@ -68,8 +69,15 @@ def of_kind(cases: list[Marked], kind: str) -> list[Marked]:
 
 def test_nothing_is_named_where_nothing_is_missing(cases):
     nulls = of_kind(cases, "null")
-    no_progress = sum(not case.told for case in nulls)
-    assert no_progress >= below(0.95, len(nulls))
+    assert len(nulls) > 50
+    assert sum(bool(case.told) for case in nulls) <= MOST_FALSE * len(nulls)
+
+
+def test_hardly_any_name_is_false(cases):
+    named = [case for case in cases if case.told]
+    false = [case for case in named if not case.told & set(case.truth.effects)]
+    assert len(named) > 20
+    assert len(false) <= MOST_FALSE * len(named)
 
 
 def test_a_strong_distinct_effect_ranks_first(cases):
