@@ -1,1 +1,1 @@
-"""The air felt by grains, and the grains felt by air."""
+"""Two-way coupling of grains and air: drag, momentum exchange, spin-up."""

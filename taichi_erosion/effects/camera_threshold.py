@@ -1,9 +1,9 @@
-"""Camera threshold: how much movement an observer wants to see before saying that sand moves.
+"""Camera threshold: the amount of movement at which an observer states that sand moves.
 
     u*_read = u*_t (N / N_t)^(strength / n)
 
 with u*_t the threshold of the simulation, at N_t grains moving, N the number at which the observer or
-camera notices movement, N / N_t the criterion [1], and n the exponent with which movement grows with the
+camera detects movement, N / N_t the criterion [1], and n the exponent with which movement grows with the
 wind around the threshold [1], 10 to 20. Thresholds of stress get the square. Strength multiplies the
 logarithm. A criterion below 1 reads earlier than the simulation does. Other observables are read as they
 are. Holds near the threshold.

@@ -5,8 +5,8 @@
 with lambda the frontal area of the obstacles over the area of the ground [1], from the conditions or the
 parameter where they state none, s their basal over their frontal area [1], b the drag coefficient of an
 obstacle over that of the ground [1], m the share of the mean stress that counts for the worst spot [1]. The
-patch lies between the obstacles and feels u* R; thresholds and fluxes are stated in u*. Strength multiplies
-lambda. Holds for m s L < 1 and L < 0.5, obstacles much taller than grains.
+stress on the patch between the obstacles is that of u* R; thresholds and fluxes are stated in u*. Strength
+multiplies lambda. Holds for m s L < 1 and L < 0.5, obstacles much taller than grains.
 
 Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14).
 """
@@ -54,7 +54,7 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check(
         "the density of the conditions counts", partition(roughness_density=0.2), (0.84 * 7.4) ** -0.5
     )
-    yield Check("bare ground feels all of the wind", partition(roughness_density=0.0), 1.0)
+    yield Check("bare ground has all of the stress", partition(roughness_density=0.0), 1.0)
 
 
 EFFECT = Effect(

@@ -71,7 +71,7 @@ def checks(probe: Probe) -> Iterator[Check]:
 
     yield Check("at the bed a grain of 60 uC/kg is lifted with q E", lift(0.0), 9.96e-8)
     yield Check("one scale height up the force has fallen by e", lift(0.02), 9.96e-8 * 0.36787944)
-    yield Check("grains in the bed feel the field at its surface", lift(-0.001), 9.96e-8)
+    yield Check("in the bed the field is that at its surface", lift(-0.001), 9.96e-8)
     yield Check("grains finer than the neutral diameter are held down", lift(0.0, 0.95e-4), -9.96e-8)
     yield Check("a moist bed holds no charge", lift(0.0, moisture=0.01), 0.0)
 

@@ -63,7 +63,7 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a touching grain is drawn with q^2 / (16 pi eps0 R^2)", force(0.0), touching)
     yield Check("one radius away a quarter is left, and half of that", force(1e-4), 0.125 * touching)
     yield Check("beyond the range there is nothing", force(2.1e-4), 0.0)
-    yield Check("two grains do not feel it", force(0.0, radius_j=1e-4), 0.0)
+    yield Check("between two grains there is none", force(0.0, radius_j=1e-4), 0.0)
 
 
 EFFECT = Effect(

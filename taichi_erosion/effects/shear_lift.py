@@ -8,7 +8,7 @@
 
 with s = u - v the velocity of the air relative to the grain [m s-1], G = du/dz [s-1], d the diameter [m],
 rho and mu density [kg m-3] and viscosity [Pa s] of the air. A grain whose centre is a radius or less above
-the bed feels the law for a sphere at rest on a wall, whose lift at small Re is that of Leighton and
+the bed has the lift of a sphere at rest on a wall, whose lift at small Re is that of Leighton and
 Acrivos, 0.576 rho G^2 d^4; it fades to the law of the free grain over a height of n diameters. Grains
 inside the bed are lifted little because the air between them hardly moves. Strength multiplies the force.
 Holds for Re < 100 and a < 0.4 (free), Re < 250 (on the bed).

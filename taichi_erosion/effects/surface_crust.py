@@ -17,7 +17,7 @@ places holds again when they are back.
 
 Strength multiplies sigma. Holds for thin necks, b well below 1, for y above x, and for time steps that
 resolve the stiffness of a bond, sigma pi b^2 R / x, as they do where it is not above that of the contacts.
-The places know directions: a flake that turns by more than about x breaks, and the cement turns no grain.
+The places have directions: a flake that turns by more than about x breaks, and the cement turns no grain.
 
 Reference: Rice & McEwan (2001), Earth Surf. Process. Landforms 26, 721 (strength of crusts, 1e3 to 1e5 Pa);
 Potyondy & Cundall (2004), Int. J. Rock Mech. Min. Sci. 41, 1329, eq. (15) (bonds of a neck's cross-section,
@@ -137,7 +137,7 @@ def checks(probe: Probe) -> Iterator[Check]:
     )
     yield Check("a broken bond holds nothing", force(2.01e-6, 0.0, 0), 0.0)
     yield Check("sideways neither", force(1.5e-6, 1.5e-6, 1), 0.0)
-    yield Check("in their places grains feel no bond", force(0.0, 0.0, 0), 0.0, atol=1e-3 * FULL)
+    yield Check("in their places the bond is without force", force(0.0, 0.0, 0), 0.0, atol=1e-3 * FULL)
     yield Check("grains that lay apart are not cemented", force(1e-6, 0.0, 0, gap=3.1e-6), 0.0)
     across = force(1e-6, 0.0, 0, offset=(0.0202 + 1e-6, 0.0, 0.0), period=(0.02, 0.0, 0.0))
     yield Check("a bond reaches across the edge of a periodic box", across, 0.5 * FULL, **loose)

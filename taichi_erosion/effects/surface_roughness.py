@@ -5,12 +5,12 @@
 
 with C the share of the ground that stones cover [1], h their height [m], all of them half spheres, whose
 frontal area is half their base; C_s the force on a stone over rho u_h^2 times its frontal area [1], C_0 the
-same of the sand, u_h being the wind at the height h, kappa = 0.4 and d the nominal diameter of the sand [m]:
-a rough wall of grains has z_0 = d / 30. m is the share of the mean stress that counts for the windiest spot
-[1]. So the shelter follows from the size of the stones, where vegetation needs a measured ratio
-(drag_partition). The patch lies between the stones and feels u* R; thresholds and fluxes are stated in u*.
-Where the conditions state a frontal area of obstacles over ground, L is that, times strength. Holds for
-stones much larger than grains and c < 0.5; beyond, the wind skims over them.
+same of the sand, u_h being the wind at the height h, kappa = 0.4 and d the nominal diameter of the sand
+[m]: a rough wall of grains has z_0 = d / 30. m is the share of the mean stress that counts for the windiest
+spot [1]. So the shelter follows from the size of the stones, where vegetation needs a measured ratio
+(drag_partition). The stress on the patch between the stones is that of u* R; thresholds and fluxes are
+stated in u*. Where the conditions state a frontal area of obstacles over ground, L is that, times strength.
+Holds for stones much larger than grains and c < 0.5; beyond, the wind skims over them.
 
 Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14), C_s = 0.3; Nikuradse (1933),
 VDI Forschungsheft 361 (z_0 = d / 30).
@@ -69,7 +69,7 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("at half the strength a tenth", partition(0.5), (0.96 * (1.0 + 0.02 * ratio)) ** -0.5)
     stated = (0.84 * (1.0 + 0.08 * ratio)) ** -0.5
     yield Check("a frontal area that is stated counts", partition(roughness_density=0.2), stated)
-    yield Check("bare sand feels all of the wind", partition(roughness_density=0.0), 1.0)
+    yield Check("bare sand has all of the stress", partition(roughness_density=0.0), 1.0)
 
 
 EFFECT = Effect(

@@ -36,7 +36,7 @@ class Params:
     deviation: float = quantity(2.5, "1", "of the wind along itself, over u*", low=0.0, high=5.0)
     upward: float = quantity(0.56, "1", "vertical over streamwise deviation", low=0.0, high=1.0)
     intensity: float = quantity(0.4, "1", "largest deviation over the mean wind", low=0.0, high=1.0)
-    timescale: float = quantity(0.02, "s", "time over which a gust is forgotten", low=1e-4, high=100.0)
+    timescale: float = quantity(0.02, "s", "correlation time of a gust", low=1e-4, high=100.0)
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:

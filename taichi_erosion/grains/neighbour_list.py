@@ -1,7 +1,7 @@
 """Neighbour list (Verlet list): pairs that may touch before the next rebuild, with their contact history.
 
 Half list: a pair has one entry, at the grain whose cell comes first. Entries of a grain lie together from
-`start` to `stop`, touching pairs first, so that the force loop meets them in runs. Every replica has
+`start` to `stop`, touching pairs first, so that the force loop has them in runs. Every replica has
 `capacity` entries on each of two sides; each partition of its grains fills its own share of them, so
 partitions never wait for each other.
 
@@ -25,9 +25,7 @@ ENGAGED = 1  # bit of a label: the contact acts
 MET = 2  # bit of a label: the two have touched, and an effect has attracted them since
 HISTORY = ENGAGED | MET
 ROW_SHIFT = 2  # of a label: above these bits stands the row of Materials
-WIDE_MOST = (
-    150  # wide grains, beyond which they are a crowd: as many partners as adjacent cells of a dense bed hold
-)
+WIDE_MOST = 150  # wide grains, beyond which they are a crowd; adjacent cells of a dense bed hold as many
 
 
 @dataclass(frozen=True, eq=False)

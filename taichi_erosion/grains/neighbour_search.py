@@ -85,7 +85,7 @@ def cell_run(cells: ti.template(), number, periodic, r, place, row, piece):
 def list_partner(world_out: ti.template(), entry, limit, wanted, touching, j, state):
     """Write partner j behind the `wanted` ones, `touching` first, and return both numbers.
 
-    Nothing is written from `limit` on; a number beyond it tells the host to grow the list.
+    Nothing is written from `limit` on; a number beyond it makes the host grow the list.
     """
     (pairs_out,) = ti.static((world_out.pairs,))
     if state > 0:
@@ -239,14 +239,14 @@ def copy_history(world_out: ti.template(), r, entry, rank_i, rank_j):
         source = find_entry(pairs_out, old + old_j, old + old_i, old_i)
     tangential_displacement = 0.0 * pairs_out.separation[entry]
     rolling_displacement = tangential_displacement
-    memory = 0
+    history = 0
     if source >= 0:
         tangential_displacement = sign * pairs_out.tangential_displacement[source]
         rolling_displacement = sign * pairs_out.rolling_displacement[source]
-        memory = pairs_out.label[source] & HISTORY
+        history = pairs_out.label[source] & HISTORY
     pairs_out.tangential_displacement[entry] = tangential_displacement
     pairs_out.rolling_displacement[entry] = rolling_displacement
-    return memory
+    return history
 
 
 @ti.func
@@ -279,13 +279,13 @@ def write_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     pairs_out.root_radius[entry] = root_radius
     pairs_out.damping[entry] = materials.damping[row] * ti.sqrt(mass)
     pairs_out.rolling_damping[entry] = world_out.laws.rolling_constant(materials, row, root_radius, inertia)
-    memory = 0
+    history = 0
     if may_persist(world_out, i, j, difference):
-        memory = copy_history(world_out, r, entry, rank_i, rank_j)
+        history = copy_history(world_out, r, entry, rank_i, rank_j)
     else:
         pairs_out.tangential_displacement[entry] = 0.0 * pairs_out.tangential_displacement[entry]
         pairs_out.rolling_displacement[entry] = 0.0 * pairs_out.rolling_displacement[entry]
-    pairs_out.label[entry] = (row << ROW_SHIFT) + memory
+    pairs_out.label[entry] = (row << ROW_SHIFT) + history
 
 
 @ti.func

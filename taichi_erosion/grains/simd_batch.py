@@ -96,7 +96,7 @@ def evaluate_contact(laws: ti.template(), batch_out: ti.template(), n, dt, norma
     contact = laws.contact_type(
         normal=normal,
         velocity=lane(batch_out.velocity, n) - lever * arms.cross(normal),
-        rolling_velocity=spin - spin.dot(normal) * normal,
+        rolling_velocity=spin - ti.math.dot(spin, normal) * normal,
         root_radius=root,
         damping=batch_out.damping[n],
         rolling_damping=batch_out.rolling_damping[n],

@@ -67,6 +67,6 @@ def has_same_effects(before: Simulation, setups: list[Setup]) -> bool:
     present = {(one.effect.place, one.effect.name): one.effect for s in setups for one in s.effects}
     bounds = {"pair": before.world.pair_effects, "first_contact": before.world.first_contact_effects}
     bounds["grain"] = before.world.grain_effects
-    held = {(place, name) for place, bound in bounds.items() for name in bound.names}
+    compiled = {(place, name) for place, bound in bounds.items() for name in bound.names}
     same = all(effect.act in bounds[place].functions for (place, _), effect in present.items())
-    return same and not any(place in EXCLUSIVE for place, _ in held - present.keys())
+    return same and not any(place in EXCLUSIVE for place, _ in compiled - present.keys())

@@ -157,7 +157,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     velocity, spin, radius, inverse, ident = download(fields, first, released)
     rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
     kept = effect_memory(sim)
-    memory = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
+    states = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
     position = np.zeros((max(released, 1), 3))
     read_positions(replica, sim.world, position)
     contacts, _ = contact_sums(sim, replica, released)
@@ -174,7 +174,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
         contacts=contacts[order],
         ident=ident[order].astype(np.int32),
         waiting=len(sim.setups[replica].grains.radius) - released,
-        effect_state={name: values[order] for name, values in zip(kept, memory, strict=True)},
+        effect_state={name: values[order] for name, values in zip(kept, states, strict=True)},
     )
 
 
@@ -234,7 +234,7 @@ def sum_replicas(
 
 
 def energies(sim: Simulation) -> Floats:
-    """Sums of `sum_replicas`, [replicas, 6], in one launch: what guards and rest checks look at."""
+    """Sums of `sum_replicas`, [replicas, 6], in one launch, for sanity checks and checks of rest."""
     sums = np.zeros((sim.capacities.replicas, 6))
     sum_replicas(sim.world, sums)
     return sums[: len(sim.setups)]

@@ -210,7 +210,7 @@ def effect_memory(sim: Simulation) -> dict[str, tuple[Any, Any]]:
 
 
 def import_memory(sim: Simulation, r: int, part: Arrays) -> None:
-    """What effects remember of grains; for one that the state did not know, all of them enter now."""
+    """State variables of effects; those of an effect that the state lacks start anew."""
     count = len(part["ident"])
     for name, (numbers, start) in effect_memory(sim).items():
         begun = np.full(count, download([start], r, 1)[0][0])

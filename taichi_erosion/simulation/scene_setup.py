@@ -21,7 +21,7 @@ def conditions_of(scene: Scene) -> dict[str, float]:
 
 
 def circumstances_of(scene: Scene) -> dict[str, float]:
-    """What effects on the device may know: the stated conditions, the grains' size, and the bed [m]."""
+    """Conditions for effects on the device: those stated, the grains' size, and the height of the bed [m]."""
     known = {"grain_diameter": nominal_diameter(scene.grains.size)}
     if scene.wind is not None:
         known["bed_height"] = surface_height(scene, scene.wind)

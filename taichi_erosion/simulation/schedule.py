@@ -44,7 +44,7 @@ def allocate_schedule(workers: int, replicas: int) -> Schedule:
 
 
 def assign_steps(steps: Integers, workers: int) -> Assignment:
-    """Cut the steps of all replicas into equal parts; a part never holds the same replica twice."""
+    """Cut the steps of all replicas into equal parts; a part never contains the same replica twice."""
     if workers >= len(steps):
         everyone = list(range(len(steps)))
         first = [min(worker, len(steps)) for worker in range(workers + 1)]

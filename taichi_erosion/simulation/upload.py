@@ -40,8 +40,8 @@ def fill_world(world: World, setups: list[Setup], reaches: list[float], partitio
     fill_materials(world.materials, [s.contacts for s in setups])
     if world.sleeps:
         orders = [(s.coupling.sleep_exchanges, s.coupling.sleep_share) for s in setups]
-        looks, share = zip(*orders, strict=True)
-        upload([(world.sleep.rest_least, looks), (world.sleep.share, share)])
+        rest_least, share = zip(*orders, strict=True)
+        upload([(world.sleep.rest_least, rest_least), (world.sleep.share, share)])
     if world.clumped:
         fill_clumps(world, setups)
 

@@ -23,10 +23,10 @@ def exchange_when_due(sim: Simulation, going: Any) -> Integers:
     """
     replicas, exchange, count = sim.world.replicas, sim.coupling.exchange, len(sim.setups)
     columns = [replicas.step, exchange.look_steps, exchange.last_exchange]
-    step, every, looked = (column.astype(np.int64) for column in download(columns, 0, count))
-    due = going & (step % every == 0) & (looked != step)
-    if (due & (looked < 0)).any():
-        select_replicas(sim, due & (looked < 0))
+    step, every, last = (column.astype(np.int64) for column in download(columns, 0, count))
+    due = going & (step % every == 0) & (last != step)
+    if (due & (last < 0)).any():
+        select_replicas(sim, due & (last < 0))
         match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
     if due.any():
         select_replicas(sim, due)

@@ -12,8 +12,8 @@ STEP = 1e-5  # s, of grain_worlds
 SPHERE = 4.0 / 3.0 * np.pi * RADIUS**3  # m3
 FACES = np.linspace(0.0, 6e-3, 14)
 PLACES = [(1e-3, 1e-3, 0.0), (3e-3, 5e-3, 2.1e-3), (6e-3, 2e-3, 3.37e-3), (6e-3, 6e-3, 6e-3)]
-LOOKS = 3  # steps a look
-STEPS = 70  # 23 looks and one step
+INTERVAL = 3  # steps between exchanges
+STEPS = 70  # 23 exchanges and one step
 
 
 def streaming(viscosity: float, density: float = DENSITY):
@@ -25,13 +25,13 @@ def streaming(viscosity: float, density: float = DENSITY):
         viscosity=viscosity,
         start=np.full(len(FACES) - 1, 1.0),
     )
-    return weightless(PLACES, 0.0, over, look_steps=LOOKS)
+    return weightless(PLACES, 0.0, over, look_steps=INTERVAL)
 
 
 @pytest.fixture(scope="module")
 def streams():
     """Velocities of air [steps, replica, layer] and grains [steps, replica, grain], step by step."""
-    # rate of drag times the interval between looks: from 1e-3 to 1e5
+    # rate of drag times the interval between exchanges: from 1e-3 to 1e5
     setups = [streaming(VISCOSITY * 10.0**k) for k in (0, 2, 4, 6, 8)]
     sim = assemble(setups, Laws(), Numerics("cpu", 1, "f64"))
     wind, speed = [], []
@@ -74,7 +74,7 @@ def test_momentum_of_air_and_grains_stays_at_any_stiffness(streams):
             + MASS * raw[replica].sum()
             + residual_momentum[replica]
         )
-        # all of the air moved at 1 m/s; the first look finds the grains, whose volume it then leaves out
+        # all of the air moved at 1 m/s; the first exchange deposits the grains and leaves out their volume
         assert now == pytest.approx(DENSITY * volume.sum(), rel=1e-12)
 
 
@@ -89,8 +89,8 @@ def test_the_stiffest_drag_brings_air_and_grains_to_one_velocity(streams):
     wind, speed, profiles, _, _ = streams
     volume = profiles[-1].void_fraction * np.diff(profiles[-1].face) * SIDE**2
     together = DENSITY * volume.sum() / (DENSITY * volume.sum() + len(PLACES) * MASS)
-    # grains of mass m in air of mass M keep (m (n - 1)) / (m n + M) = 0.64 of the difference from one look of
-    # n steps to the next, and 0.64^23 = 4e-5
+    # grains of mass m in air of mass M keep (m (n - 1)) / (m n + M) = 0.64 of the difference from an exchange
+    # to the next, after n steps, and 0.64^23 = 4e-5
     assert speed[-1, -1] == pytest.approx(together, rel=1e-3)
     assert wind[-1, -1] == pytest.approx(together, rel=1e-3)
 

@@ -62,7 +62,7 @@ def alone():
     still = air_profile(sim, 0)
     spin_up_wind(sim, 0, WIND)
     developed, flow = air_profile(sim, 0), face_velocities(sim.coupling.air, 0)
-    between = HALF + 3.0 * sim.setups[0].time_step  # not at a look
+    between = HALF + 3.0 * sim.setups[0].time_step  # not at an exchange
     advance(sim, [between])
     state = export_state(sim)
     advance(sim, [WHOLE])

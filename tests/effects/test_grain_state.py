@@ -1,4 +1,4 @@
-"""What effects remember of grains: it goes where the grain goes, and a crust that has broken stays broken."""
+"""State variables of effects: they move with their grain, and a crust that has broken stays broken."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -39,18 +39,18 @@ STRENGTH = 1e4 * pi * (0.1 * 2.0 * RADIUS) ** 2  # of the bond of a grain with a
 
 @dataclass(frozen=True)
 class Mark:
-    """What a grain is known by, noted when it is first looked at, and how often it has been looked at."""
+    """Mass of a grain at its first update, and the number of updates."""
 
     mass: float = quantity(0.0, "kg", "as first seen")
-    looks: float = quantity(0.0, "1", "so far")
+    updates: float = quantity(0.0, "1", "so far")
 
 
 @ti.func
 def note(constants, grain, state):
     after = state
-    if state.looks == 0.0:
+    if state.updates == 0.0:
         after.mass = grain.mass
-    after.looks = state.looks + 1.0
+    after.updates = state.updates + 1.0
     return after
 
 
@@ -95,7 +95,7 @@ def start(setups: list[Setup], threads: int = 1) -> Simulation:
     return assemble(setups, LAWS, Numerics("cpu", threads, "f64"))
 
 
-def remembered(sim: Simulation, name: str, replica: int = 0) -> Any:
+def state_of(sim: Simulation, name: str, replica: int = 0) -> Any:
     """A number by row of the GrainTable."""
     bed = export_bed(sim, replica)
     return bed[f"memory_{name}"][np.argsort(bed["ident"])]
@@ -105,10 +105,10 @@ def test_a_memory_goes_where_its_grain_goes():
     sim = start([unlike()])
     advance(sim, [WHOLE])
     assert int(export_state(sim)["rebuilds"][0]) > 5, "must have been sorted"
-    assert remembered(sim, "mark.mass") == pytest.approx(unlike().grains.mass, rel=1e-15)
-    assert list(snapshot(sim, 0).effect_state["mark.mass"]) == list(remembered(sim, "mark.mass"))
-    # one look in ten steps of 1e-5 s; the first of all looks is taken twice and counts once
-    assert list(remembered(sim, "mark.looks")) == [200.0] * GRAINS
+    assert state_of(sim, "mark.mass") == pytest.approx(unlike().grains.mass, rel=1e-15)
+    assert list(snapshot(sim, 0).effect_state["mark.mass"]) == list(state_of(sim, "mark.mass"))
+    # one update in ten steps of 1e-5 s; the first exchange is done twice and counts once
+    assert list(state_of(sim, "mark.updates")) == [200.0] * GRAINS
 
 
 def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it():
@@ -118,14 +118,14 @@ def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it()
     stop_device()
     sim = start([sticky()])
     advance(sim, [HALF])
-    alone, age = fingerprint(snapshot(sim, 0)), list(remembered(sim, "ageing_pull.age"))
+    alone, age = fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
     stop_device()
     sim = start([heap(GRAINS, 1), sticky(), heap(GRAINS, 2)])
     advance(sim, [HALF] * 3)
     assert [fingerprint(snapshot(sim, r)) for r in (0, 1)] == [bare, alone]
-    assert list(remembered(sim, "ageing_pull.age", 1)) == age
+    assert list(state_of(sim, "ageing_pull.age", 1)) == age
     assert bare != alone, "must have acted"
-    assert not remembered(sim, "ageing_pull.age", 2).any()
+    assert not state_of(sim, "ageing_pull.age", 2).any()
 
 
 def test_two_workers_that_share_grains_with_a_memory_change_no_bit(monkeypatch):
@@ -134,7 +134,7 @@ def test_two_workers_that_share_grains_with_a_memory_change_no_bit(monkeypatch):
     for threads in (1, 2):
         sim = start([sticky()], threads)
         advance(sim, [HALF])
-        prints.append((fingerprint(snapshot(sim, 0)), list(remembered(sim, "ageing_pull.age"))))
+        prints.append((fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))))
         stop_device()
     assert prints[0] == prints[1]
 
@@ -144,12 +144,12 @@ def test_a_resumed_run_remembers_to_the_last_bit():
     advance(sim, [HALF])
     kept = export_state(sim)
     advance(sim, [WHOLE])
-    end = fingerprint(snapshot(sim, 0)), list(remembered(sim, "ageing_pull.age"))
+    end = fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
     stop_device()
     resumed = start([sticky()])
     import_state(resumed, kept)
     advance(resumed, [WHOLE])
-    assert (fingerprint(snapshot(resumed, 0)), list(remembered(resumed, "ageing_pull.age"))) == end
+    assert (fingerprint(snapshot(resumed, 0)), list(state_of(resumed, "ageing_pull.age"))) == end
 
 
 def test_grains_of_a_state_that_knew_no_memory_enter_now():
@@ -159,7 +159,7 @@ def test_grains_of_a_state_that_knew_no_memory_enter_now():
     stop_device()
     later = start([on(heap(GRAINS, 1), CRUST)])
     import_state(later, kept)
-    assert not remembered(later, "surface_crust.calm").any()
+    assert not state_of(later, "surface_crust.calm").any()
 
 
 def lying(count: int = 1) -> Setup:
@@ -182,7 +182,7 @@ def test_a_cemented_grain_holds_a_force_and_a_grain_that_has_broken_out_none():
     # a force that begins at once stretches a bond without loss to twice its length at rest
     assert drawn(sim, 0.45 * STRENGTH, 0.03) < 1.02 * RADIUS
     assert drawn(sim, 1.1 * STRENGTH, 0.033) > 1.1 * RADIUS
-    assert remembered(sim, "surface_crust.calm")[0] == -1.0
+    assert state_of(sim, "surface_crust.calm")[0] == -1.0
     assert drawn(sim, -100.0 * MASS, 0.08) < RADIUS, "must lie on the plate again"
     assert drawn(sim, 0.01 * STRENGTH, 0.1) > 1.1 * RADIUS
     import_bed(sim, 0, bed)
@@ -197,7 +197,7 @@ def test_a_broken_crust_frees_the_grain_that_moved_and_no_other():
     state["replica0_velocity"][row] = (0.0, 1.0, 0.0)
     import_state(sim, state)
     advance(sim, [0.02])
-    assert list(remembered(sim, "surface_crust.calm") < 0.0) == [False, True]
+    assert list(state_of(sim, "surface_crust.calm") < 0.0) == [False, True]
 
 
 def test_a_cement_pulls_both_partners_alike():

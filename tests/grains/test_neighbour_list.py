@@ -1,4 +1,4 @@
-"""Neighbour lists under wind, where a few fast or large grains look beyond adjacent cells."""
+"""Neighbour lists under wind, where a few fast or large grains are searched beyond adjacent cells."""
 
 from dataclasses import replace
 

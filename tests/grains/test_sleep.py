@@ -121,7 +121,7 @@ def test_the_air_loses_what_sleepers_take_from_it(nights):
     taken = -(breeze.drag[:, 0] * height).sum()
     # the stress at the lid goes to grains and, under three layers of them, hardly to the floor
     assert taken == pytest.approx(DENSITY * BREEZE**2, rel=0.02)
-    # what is owed is the drag of one look, which the grains get until the next: nothing has piled up
+    # the residual is the drag of one interval, which the grains receive until the next: nothing has piled up
     assert nights["residual_momentum"] == pytest.approx(taken * SIDE**2 * interval, rel=0.02)
 
 

@@ -1,4 +1,4 @@
-"""What a run asks of itself: impacts of its pairs of materials, and the count of its grains."""
+"""Self-checks of a run: impacts of its pairs of materials, and the count of its grains."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Grains give each other no momentum, a run can be asked, and asking leaves no trace."""
+"""Pair forces conserve momentum, and the check of it changes no bit of a run."""
 
 import pytest
 from grain_worlds import TIME_STEP, fingerprint, heap
@@ -25,10 +25,10 @@ def collapsing(monkeypatch: pytest.MonkeyPatch, precision: str) -> Simulation:
 @pytest.mark.parametrize("precision", ["f32", pytest.param("f64", marks=pytest.mark.slow)])
 def test_forces_between_grains_cancel_to_rounding_and_looking_changes_no_bit(monkeypatch, precision):
     ends = []
-    for looks in (0, 2):
+    for checks in (0, 2):
         sim = collapsing(monkeypatch, precision)
         # every contact is rounded a few times; the sum of all errors is below that of their sizes
-        assert all(force_imbalance(sim, 0) < 10.0 * ROUNDING[precision] for _ in range(looks))
+        assert all(force_imbalance(sim, 0) < 10.0 * ROUNDING[precision] for _ in range(checks))
         advance(sim, [WHOLE])
         ends.append(fingerprint(snapshot(sim, 0)))
         stop_device()
@@ -39,7 +39,7 @@ def test_reactions_that_are_lost_between_workers_stop_the_replica(monkeypatch):
     sim = collapsing(monkeypatch, "f32")
     assert momentum_failure(sim, 0, HALF) is None
     high = sim.world.replicas.after_high.to_numpy()
-    # the first partition no longer tells how far its forces reach into the others
+    # the range of ranks that the first partition reaches is wrong
     high[0, 0] = PARTITION
     sim.world.replicas.after_high.from_numpy(high)
     failed = momentum_failure(sim, 0, HALF)
