@@ -1,13 +1,12 @@
-"""Head-on Hertz impacts in closed form, and the moduli that they start from.
+"""Contact of spheres written a second time: head-on Hertz impact, JKR adhesion, oblique impact.
 
-K = (4/3) E* sqrt(R*) [N m^-1.5] stores (2/5) K d^2.5 = m* v^2 / 2 at the deepest overlap.
+Hertz: K = (4/3) E* sqrt(R*) [N m^-1.5] stores (2/5) K d^2.5 = m* v^2 / 2 at the deepest overlap.
 
 Reference: Johnson (1985), Contact Mechanics, eqs (11.20)-(11.24); Chung & Ooi (2011), Granular Matter 13,
 643.
 
-JKR contact in closed form, with gamma the surface energy of each surface (work of adhesion 2 gamma).
-
-With L = (pi gamma R*^2 / E*)^(1/3) and contact radius a = L s^2,
+JKR, with gamma the surface energy of each surface (work of adhesion 2 gamma), L = (pi gamma R*^2 / E*)^(1/3)
+and contact radius a = L s^2:
 
     d R*/L^2 = s^4 - 2 s,    F = (4/3) pi gamma R* s^3 (s^3 - 3).
 
@@ -18,30 +17,23 @@ the speed whose energy this is.
 Reference: Johnson, Kendall & Roberts (1971), Proc. R. Soc. A 324, 301; Thornton & Ning (1998), Powder
 Technology 99, 154.
 
-Oblique impact of a sphere on a rigid plane, integrated a second time with a fine step.
+Oblique impact of a sphere on a rigid plane, integrated with a fine step:
 
     m dv_n/dt = (4/3) E* sqrt(R) d^1.5 - c_n v_n,   c_n = 2 sqrt(5/6) beta sqrt(2 E* a m),   a = sqrt(R d)
     F_t = -8 G* a xi - c_t v_s,   |F_t| <= mu F_cap,   c_t = 2 sqrt(5/6) beta sqrt(8 G* a m)
 
 v_s = v_t + R omega is the slip and xi its integral over the contact (total form, no slip); the lever arm is
-R. Codes differ in what happens where friction slides; `Sliding` names three ways:
-
-- `TOGETHER`: F_cap is the elastic force; spring and dashpot together are cut to the cap, and xi is shortened
-  so that both equal it. A strong dashpot then loads the spring backwards at first touch, and gross sliding
-  loses 1 % (e = 0.5) to 6 % (e = 0.2) of its impulse.
-- `APART`: F_cap is the elastic force; the spring alone is held against it, and the dashpot is left out while
-  it slides. Gross sliding is exact for every e.
-- `TABLE`, behind the table of own values for test 4: as `APART`, with the whole normal force for F_cap.
-
-All give the same gross sliding for e near 1; they part below 10 deg, where the contact mostly sticks.
+R. The spring alone is limited by the cap, and the dashpot is left out while it slides, so that gross sliding
+is exact for every e. F_cap is the elastic force, as in `grains/contact.py`, or the whole normal force, as in
+the table of own values for test 4; the two differ below 10 deg, where the contact mostly sticks.
 Vectorised over impacts; leapfrog with `steps` per elastic contact time.
 
 Reference: Tsuji et al. (1992), Powder Technology 71, 239, with Mindlin's no-slip stiffness.
 """
 
 from dataclasses import dataclass
-from enum import Enum
 from math import log, pi, sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +41,8 @@ from scipy.optimize import root_scalar
 
 from taichi_erosion.core.setup import Floats
 
-DURATION_FACTOR = (
-    2.9432751843  # contact time, speed over peak overlap: 4 sqrt(pi) Gamma(2/5) / (5 Gamma(9/10)) [1]
-)
+# contact time times speed over peak overlap: 4 sqrt(pi) Gamma(2/5) / (5 Gamma(9/10)) [1]
+DURATION_FACTOR = 2.9432751843
 
 
 @dataclass(frozen=True)
@@ -137,7 +128,7 @@ WORK_LOST = 3.3412907  # of pi gamma L^2: from touch to tear [1]
 
 
 @dataclass(frozen=True)
-class Sticky:
+class AdhesivePair:
     """Two adhesive bodies."""
 
     young: float  # E*, Pa
@@ -182,11 +173,6 @@ def overlap_at(cube: float) -> float:
     return cube * root - 2.0 * root
 
 
-def force(pair: Sticky, overlap: Floats) -> Floats:
-    """F [N] at the given overlaps [m], on the stable branch (the force of an engaged contact)."""
-    return np.array([branch_force(d / pair.depth) for d in overlap]) * pair.force_scale
-
-
 def branch_force(reduced: float) -> float:
     """F/(pi gamma R*) at d R*/L^2, zero past the tear; s is bracketed, not found by Newton's rule."""
     lowest = CUBE_TEAR ** (1.0 / 3.0)
@@ -200,17 +186,7 @@ def branch_force(reduced: float) -> float:
 DAMPING_FACTOR = 2.0 * np.sqrt(5.0 / 6.0)  # makes e independent of speed for Hertz stiffness [1]
 LEAST = 1e-300  # keeps the spring of a contact of no depth finite [N m-1]
 LONGEST = 3.0  # contact times after which an impact must be over [1]
-
-
-class Sliding(Enum):
-    """What caps friction, and what becomes of spring and dashpot there."""
-
-    TOGETHER = "together"
-    APART = "apart"
-    TABLE = "table"
-
-
-OWN_LAW = Sliding.APART  # what `grains/contact.py` does
+FrictionCap = Literal["elastic", "whole"]  # the normal force that limits friction
 
 
 @dataclass(frozen=True)
@@ -226,7 +202,7 @@ class Impact:
     normal: Floats  # m s-1, towards the plane
     tangential: Floats  # m s-1
     spin: Floats  # rad s-1, positive where it adds to the slip
-    sliding: Sliding = OWN_LAW
+    friction_cap: FrictionCap = "elastic"
 
 
 @dataclass(frozen=True)
@@ -284,27 +260,18 @@ def advance(impact: Impact, state: Contact, step: Floats) -> None:
     normal = elastic + viscous * np.sqrt(2.0 * impact.young * contact_radius * impact.mass) * state.closing
     stiffness = 8.0 * impact.shear * contact_radius
     dashpot = viscous * np.sqrt(stiffness * impact.mass) * slip_speed
-    cap = impact.friction * (np.abs(normal) if impact.sliding is Sliding.TABLE else elastic)
-    cut = cut_together if impact.sliding is Sliding.TOGETHER else cut_spring
-    friction, spring = cut(stiffness, state.spring, dashpot, cap)
+    cap = impact.friction * (np.abs(normal) if impact.friction_cap == "whole" else elastic)
+    friction, spring = limited_friction(stiffness, state.spring, dashpot, cap)
     state.spring = np.where(state.open, spring, state.spring)
     state.closing -= move / impact.mass * normal
     state.tangential += move / impact.mass * friction
     state.spin += move * friction * impact.radius / (0.4 * impact.mass * impact.radius**2)
 
 
-def cut_together(stiffness: Floats, spring: Floats, dashpot: Floats, limit: Floats) -> tuple[Floats, Floats]:
-    """Friction [N] and spring [m] after it, where spring and dashpot share the cap."""
-    whole = -stiffness * spring - dashpot
-    force = np.clip(whole, -limit, limit)
-    shortened = -(force + dashpot) / np.maximum(stiffness, LEAST)
-    return force, np.where(np.abs(whole) > limit, shortened, spring)
-
-
-def cut_spring(stiffness: Floats, spring: Floats, dashpot: Floats, limit: Floats) -> tuple[Floats, Floats]:
-    """Friction [N] and spring [m] after it, where the spring alone is capped and the dashpot acts while it
-    sticks.
-    """
+def limited_friction(
+    stiffness: Floats, spring: Floats, dashpot: Floats, limit: Floats
+) -> tuple[Floats, Floats]:
+    """Friction [N] and spring [m] after it; the spring alone is limited, the dashpot acts while it sticks."""
     elastic = -stiffness * spring
     slides = np.abs(elastic) > limit
     force = np.where(slides, np.clip(elastic, -limit, limit), elastic - dashpot)

@@ -1,7 +1,7 @@
 """Published numbers that claims are compared with.
 
 Oblique impact (test 4): own values from a fine-step integration of the total form (see
-`contact.Sliding.TABLE`). Chung & Ooi values: digitised from their figures by Kratos Multiphysics, DEM
+`contact."whole"`). Chung & Ooi values: digitised from their figures by Kratos Multiphysics, DEM
 benchmarks 4 and 8.
 
 Reference: Chung & Ooi (2011), Granular Matter 13, 643; Kharaz, Gorham & Salman (2001), Powder Technology
