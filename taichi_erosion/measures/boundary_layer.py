@@ -121,31 +121,17 @@ class AirMeasureInput:
         return [profile_at(state, self.place) for state in self.states]
 
 
-def over_time(name: str, unit: str, given: AirMeasureInput, read: Callable[[Profile], float]) -> Measurement:
-    """Mean of one number over the states."""
-    values = [read(profile) for profile in given.profiles]
-    sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
-    return Measurement(name, float(np.mean(values)), sd, unit, details={"values": values})
+def mean_over_time(
+    name: str, unit: str, number: Callable[[Profile], float]
+) -> Callable[[AirMeasureInput], Measurement]:
+    """Measure of the mean of one number over the states; `sd` is its standard deviation over them."""
 
+    def measure(given: AirMeasureInput) -> Measurement:
+        values = [number(profile) for profile in given.profiles]
+        sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+        return Measurement(name, float(np.mean(values)), sd, unit, details={"values": values})
 
-def layer_thickness(given: AirMeasureInput) -> Measurement:
-    """Height of 99 % of the wind aloft [m]."""
-    return over_time("layer_thickness", "m", given, thickness)
-
-
-def displacement_thickness(given: AirMeasureInput) -> Measurement:
-    """Displacement thickness [m]."""
-    return over_time("displacement_thickness", "m", given, displacement)
-
-
-def momentum_thickness(given: AirMeasureInput) -> Measurement:
-    """Momentum thickness [m]."""
-    return over_time("momentum_thickness", "m", given, momentum)
-
-
-def friction_velocity(given: AirMeasureInput) -> Measurement:
-    """Friction velocity of the floor, from the stress that the flow puts on it [m s-1]."""
-    return over_time("friction_velocity", "m s-1", given, lambda p: p.friction_velocity)
+    return measure
 
 
 def friction_velocity_fit(given: AirMeasureInput) -> Measurement:
@@ -161,14 +147,16 @@ def friction_velocity_fit(given: AirMeasureInput) -> Measurement:
     return Measurement(name, float(np.mean(values)), sd, "m s-1", details=details)
 
 
-def wind_aloft(given: AirMeasureInput) -> Measurement:
-    """Wind beyond the layer [m s-1]."""
-    return over_time("wind_aloft", "m s-1", given, lambda p: p.aloft)
-
-
-def speed_least(given: AirMeasureInput) -> Measurement:
-    """Smallest velocity along x of a profile [m s-1]: in a cavity, how fast the air returns."""
-    return over_time("speed_least", "m s-1", given, lambda p: float(p.speed.min()))
+# speed_least: in a cavity, how fast the air returns
+AIR_OBSERVABLES: dict[str, Callable[[AirMeasureInput], Measurement]] = {
+    "layer_thickness": mean_over_time("layer_thickness", "m", thickness),
+    "displacement_thickness": mean_over_time("displacement_thickness", "m", displacement),
+    "momentum_thickness": mean_over_time("momentum_thickness", "m", momentum),
+    "friction_velocity": mean_over_time("friction_velocity", "m s-1", lambda p: p.friction_velocity),
+    "friction_velocity_fit": friction_velocity_fit,
+    "wind_aloft": mean_over_time("wind_aloft", "m s-1", lambda p: p.aloft),
+    "speed_least": mean_over_time("speed_least", "m s-1", lambda p: float(p.speed.min())),
+}
 
 
 def flat_plate_thickness(speed: float, distance: float, viscosity: float) -> float:

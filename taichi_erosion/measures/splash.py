@@ -86,7 +86,6 @@ def flights_of(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity: fl
 
 
 def flight(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: float) -> Flight:
-    """The flight between two frames."""
     speeds = [
         (
             float(frame.velocity[grain, 0]),

@@ -43,7 +43,6 @@ def write_frame(frame: GrainFrame, folder: Path, number: int) -> str:
 
 
 def write_collection(folder: Path, names: list[str], times: list[float]) -> Path:
-    """Write the list of frames."""
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
     for name, time in zip(names, times, strict=True):

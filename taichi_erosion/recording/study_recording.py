@@ -108,5 +108,4 @@ def common_focus(films: Films) -> Focus:
 
 
 def figure_entity(name: str) -> str:
-    """Entity of a figure."""
     return f"figures/{name.replace(' ', '_').replace(',', '')}"

@@ -192,7 +192,6 @@ def wait_until(condition: Callable[[], bool], limit: float, message: str) -> Non
 
 
 def free_port() -> int:
-    """An unused port of the loopback interface."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return probe.getsockname()[1]

@@ -86,7 +86,6 @@ def in_plane_directions(normal: Floats) -> tuple[Floats, Floats]:
 
 
 def join(parts: list[tuple[Floats, Integers]]) -> tuple[Floats, Integers]:
-    """Several meshes as one."""
     if not parts:
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int32)
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])

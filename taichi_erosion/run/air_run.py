@@ -14,11 +14,11 @@ from taichi_erosion.core.device import start_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import AirSnapshot
-from taichi_erosion.measures.boundary_layer import AirMeasureInput
+from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
 from taichi_erosion.measures.result import Measurement, as_record, pool
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import WindHeader, log_wind, open_wind_recording
-from taichi_erosion.run.checks import AIR_OBSERVABLES, read_air_scene
+from taichi_erosion.run.checks import read_air_scene
 from taichi_erosion.run.options import RunOptions
 from taichi_erosion.run.result import RECORDINGS, run_document, write_document_or_warn
 from taichi_erosion.run.scene_run import deferred_signals
@@ -161,7 +161,6 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
 
 
 def measure_air(scene: AirScene, frames: list[AirSnapshot]) -> dict[str, Measurement]:
-    """All measures of one replica."""
     return {
         name: AIR_OBSERVABLES[name](AirMeasureInput(frames, request.place, scene.air.karman))
         for name, request in scene.measure.items()

@@ -1,31 +1,18 @@
 """Checks of a scene that need no device: validation, and compatibility with others in one ensemble."""
 
 import json
-from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.measures import boundary_layer
-from taichi_erosion.measures.boundary_layer import AirMeasureInput
-from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
 from taichi_erosion.scene.build.air import air_time_step, longest_step
 from taichi_erosion.scene.load import is_air_scene, load_air_scene
 from taichi_erosion.scene.schema.air import AirScene
-
-AIR_OBSERVABLES: dict[str, Callable[[AirMeasureInput], Measurement]] = {
-    "layer_thickness": boundary_layer.layer_thickness,
-    "displacement_thickness": boundary_layer.displacement_thickness,
-    "momentum_thickness": boundary_layer.momentum_thickness,
-    "friction_velocity": boundary_layer.friction_velocity,
-    "friction_velocity_fit": boundary_layer.friction_velocity_fit,
-    "wind_aloft": boundary_layer.wind_aloft,
-    "speed_least": boundary_layer.speed_least,
-}
 
 MIXABLE_PLACES = ("pair", "scene", "instrument")  # effects that replicas of one ensemble need not share
 

@@ -45,7 +45,6 @@ class ReplicaRequest:
 
     @property
     def title(self) -> str:
-        """Name of the recording."""
         return f"{self.scene.scene.title or self.scene.scene.kind}, seed {self.seed}"
 
 

@@ -31,7 +31,6 @@ class MeasureInput:
 
     @property
     def patch(self) -> wind_bed.Patch:
-        """The patch under the wind."""
         return patch_of(self.scene)
 
     @property
@@ -56,7 +55,6 @@ class MeasureInput:
 
     @property
     def azimuths(self) -> int:
-        """Number of silhouettes."""
         return self.request.azimuths or AZIMUTHS
 
     @property
@@ -124,5 +122,4 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
 
 
 def measure(name: str, given: MeasureInput) -> Measurement:
-    """Measurement of one observable."""
     return OBSERVABLES[name](given)

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from taichi_erosion import simulation
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup, Triple
 from taichi_erosion.core.snapshot import Snapshot
@@ -24,15 +25,7 @@ from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.observables import patch_of
 from taichi_erosion.run.stages import ROUNDING, whole_intervals
 from taichi_erosion.scene import Scene
-from taichi_erosion.simulation import (
-    Simulation,
-    WallPose,
-    air_profile,
-    friction_velocity,
-    ledger,
-    snapshot,
-    wall_poses,
-)
+from taichi_erosion.simulation import Simulation, WallPose
 
 Image = NDArray[np.uint8]
 Properties = Mapping[str, Mapping[str, Any]]  # by group: columns of rerun's table of runs
@@ -169,15 +162,15 @@ def record_frame(recorder: Recorder, ensemble: EnsembleRun) -> None:
 
 def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
     """Write grains, totals, walls and wind as they are now; returns the snapshot of the grains."""
-    now = snapshot(sim, recorder.replica)
+    now = simulation.snapshot(sim, recorder.replica)
     stream.log_frame(recorder.recording, now, recorder.resting_speed)
-    stream.log_ledger(recorder.recording, ledger(sim, recorder.replica))
+    stream.log_ledger(recorder.recording, simulation.ledger(sim, recorder.replica))
     log_walls(recorder, sim)
     if scene.wind is not None:
-        air = air_profile(sim, recorder.replica)
+        air = simulation.air_profile(sim, recorder.replica)
         log_profile(recorder.recording, air.velocity[:, 0], air.face)
         values = transport_values(now, patch_of(scene))
-        values["friction_velocity"] = friction_velocity(sim, recorder.replica)
+        values["friction_velocity"] = simulation.friction_velocity(sim, recorder.replica)
         stream.log_values(recorder.recording, "transport", values)
     return now
 
@@ -192,7 +185,7 @@ def present_walls(walls: tuple[WallMesh, ...], sim: Simulation, replica: int) ->
     """The walls that have not been removed, at their present poses."""
     if not any(wall.moving for wall in walls):
         return walls
-    poses = wall_poses(sim, replica)
+    poses = simulation.wall_poses(sim, replica)
     return tuple(at_pose(wall, poses[wall.name]) for wall in walls if poses[wall.name].present)
 
 
@@ -205,7 +198,7 @@ def log_walls(recorder: Recorder, sim: Simulation) -> None:
     """Write walls that have moved or were removed since the last call, at the present time."""
     written = recorder.walls
     movable = [wall for wall in written.walls if wall.moving]
-    poses = wall_poses(sim, recorder.replica) if movable else {}
+    poses = simulation.wall_poses(sim, recorder.replica) if movable else {}
     for wall in movable:
         if poses[wall.name].present:
             log_present_wall(recorder.recording, written, wall, poses[wall.name])
@@ -253,9 +246,8 @@ def finish_recording(
     for name in ("repose_angle", "angle_of_repose"):
         measurement = state.measurements.get(name)
         if measurement is not None and measurement.details.get("lines"):
-            image = silhouettes(
-                snapshot(ensemble.sim, recorder.replica), measurement.details, base_height=0.0
-            )
+            end = simulation.snapshot(ensemble.sim, recorder.replica)
+            image = silhouettes(end, measurement.details, base_height=0.0)
             stream.log_image(recording, "silhouette", image, timeless=True)
             files["silhouettes"] = str(write_png(path.with_suffix(".png"), image))
     if recorder.film:

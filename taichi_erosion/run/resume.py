@@ -45,7 +45,6 @@ def restore_run(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> 
 
 
 def seeds_of(meta: dict[str, Any]) -> list[int]:
-    """Seeds of the replicas in a checkpoint."""
     return [record["seed"] for record in meta["actors"]]
 
 

@@ -53,7 +53,6 @@ class PendingSignals:
     arrived: list[int] = field(default_factory=list)
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        """Signal handler."""
         self.arrived.append(number)
         if len(self.arrived) > 1:
             self.raise_pending()

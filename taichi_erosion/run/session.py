@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion import simulation
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
@@ -43,25 +44,7 @@ from taichi_erosion.run.stages import ROUNDING, at_rest, change_boundaries, lift
 from taichi_erosion.scene import Scene, laws
 from taichi_erosion.scene.build.contacts import contact_table
 from taichi_erosion.scene.schema.fields import unit_vector
-from taichi_erosion.simulation import (
-    Simulation,
-    advance,
-    assemble,
-    device_effects,
-    effective_scene,
-    energies,
-    export_state,
-    failure,
-    import_state,
-    ledger,
-    prepare,
-    set_contacts,
-    set_effects,
-    set_gravity,
-    set_through_flow,
-    snapshot,
-    spin_up_wind,
-)
+from taichi_erosion.simulation import Simulation
 
 NO_PHYSICS = ("measured", "record", "measure")  # sections that do not act on grains
 LIVE = ("contact", "gravity", "wind", "effects", "conditions", *NO_PHYSICS)  # sections that may change
@@ -88,7 +71,6 @@ class Session:
 
     @property
     def time_step(self) -> float:
-        """Time step [s]."""
         return self.sim.setups[0].time_step
 
 
@@ -104,8 +86,8 @@ def open_session(path: str | Path, overrides: tuple[str, ...] = (), seed: int | 
 
 def build(scene: Scene, seed: int, library: Mapping[str, Effect]) -> Simulation:
     """Simulation of one replica."""
-    numerics = Numerics(precision=scene.run.precision)
-    return assemble([prepare(scene, seed, library)], laws(effective_scene(scene, library)), numerics)
+    numerics, effective = Numerics(precision=scene.run.precision), simulation.effective_scene(scene, library)
+    return simulation.assemble([simulation.prepare(scene, seed, library)], laws(effective), numerics)
 
 
 def next_stage(session: Session) -> str:
@@ -123,8 +105,8 @@ def run_to(session: Session, time: float) -> None:
     interval = session.scene.run.check_interval
     while session.time < time - 0.5 * session.time_step:
         session.time = min(session.time + interval, time)
-        advance(session.sim, [session.time])
-        stopped = failure(session.sim, 0)
+        simulation.advance(session.sim, [session.time])
+        stopped = simulation.failure(session.sim, 0)
         if stopped is not None:
             raise SimulationStopped(failure_message(stopped, session.seed))
         for callback in session.callbacks:
@@ -132,12 +114,10 @@ def run_to(session: Session, time: float) -> None:
 
 
 def run_for(session: Session, seconds: float) -> None:
-    """Run for some simulated time [s]."""
     run_to(session, session.time + seconds)
 
 
 def step(session: Session, count: int = 1) -> None:
-    """Run a number of time steps."""
     run_to(session, session.time + count * session.time_step)
 
 
@@ -147,7 +127,7 @@ def run_until_rest(session: Session) -> bool:
     limit = session.time + stage.duration_max
     while session.time < limit - 0.5 * session.time_step:
         run_for(session, session.scene.run.check_interval)
-        kinetic, *_, released = energies(session.sim)[0]
+        kinetic, *_, released = simulation.energies(session.sim)[0]
         if at_rest(session.sim, 0, stage, int(released), float(kinetic / lifting_energy(setup))):
             return True
     return False
@@ -185,30 +165,30 @@ def refuse_fixed(before: Scene, after: Scene, changed: list[str]) -> None:
 
 def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], changed: set[str]) -> str:
     """Transfer a changed scene to the running simulation."""
-    sim, effective = session.sim, effective_scene(scene, library)
-    if effective.laws != effective_scene(session.scene, session.library or library).laws:
+    sim, effective = session.sim, simulation.effective_scene(scene, library)
+    if effective.laws != simulation.effective_scene(session.scene, session.library or library).laws:
         raise BadInput("this effect changes a contact law, which is compiled in: begin the session with it")
-    set_contacts(sim, 0, contact_table(effective))
+    simulation.set_contacts(sim, 0, contact_table(effective))
     x, y, z = unit_vector(effective.gravity.direction)
     g = effective.gravity.magnitude
-    set_gravity(sim, 0, (g * x, g * y, g * z))
+    simulation.set_gravity(sim, 0, (g * x, g * y, g * z))
     if "wind" in changed and scene.wind is not None:
-        spin_up_wind(sim, 0, scene.wind.friction_velocity)
-        set_through_flow(sim, 0, scene.wind.through_flow)
+        simulation.spin_up_wind(sim, 0, scene.wind.friction_velocity)
+        simulation.set_through_flow(sim, 0, scene.wind.through_flow)
     if not changed & {"effects", "conditions"}:
         return "at once"
-    effects = device_effects(scene, library, float(sim.setups[0].grains.radius.max()))
-    if set_effects(sim, 0, effects):
+    effects = simulation.device_effects(scene, library, float(sim.setups[0].grains.radius.max()))
+    if simulation.set_effects(sim, 0, effects):
         return "at once"
-    state = export_state(sim)
+    state = simulation.export_state(sim)
     session.sim = build(scene, session.seed, library)
-    import_state(session.sim, state)
+    simulation.import_state(session.sim, state)
     return "after building the effect in"
 
 
 def measure_now(session: Session) -> dict[str, Measurement]:
     """All observables of the scene in the present state."""
-    end: Snapshot = snapshot(session.sim, 0)
+    end: Snapshot = simulation.snapshot(session.sim, 0)
     return {
         name: measure(name, MeasureInput(session.scene, request, end, (end,), (0.0,)))
         for name, request in session.scene.measure.items()
@@ -216,8 +196,8 @@ def measure_now(session: Session) -> dict[str, Measurement]:
 
 
 def save(session: Session, name: str) -> None:
-    """Save the state under a name."""
-    session.saved[name] = (export_state(session.sim), session.time, session.stage, session.overrides)
+    state = simulation.export_state(session.sim)
+    session.saved[name] = (state, session.time, session.stage, session.overrides)
 
 
 def restore(session: Session, name: str) -> None:
@@ -227,12 +207,12 @@ def restore(session: Session, name: str) -> None:
     state, session.time, session.stage, session.overrides = session.saved[name]
     session.scene = read_scene(session.path, session.overrides)
     session.sim = build(session.scene, session.seed, session.library)
-    import_state(session.sim, state)
+    simulation.import_state(session.sim, state)
 
 
 def session_status(session: Session) -> dict[str, float | int | str]:
     """Time, stage and totals over the grains."""
-    sums = ledger(session.sim, 0)
+    sums = simulation.ledger(session.sim, 0)
     return {
         "time_s": round(session.time, 9),
         "stage": session.scene.stages[session.stage].name,
@@ -246,7 +226,7 @@ def session_status(session: Session) -> dict[str, float | int | str]:
 
 def side_picture(session: Session, is_lettered: bool) -> Image:
     """The grains seen from the side, with time and scale if they can be read."""
-    setup, now = session.sim.setups[0], snapshot(session.sim, 0)
+    setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
     walls = present_walls(meshes_of(session.scene, setup), session.sim, 0)
     speeds = (resting_speed(setup), stream.FASTEST_COLOUR)
     if is_lettered:

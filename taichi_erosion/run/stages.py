@@ -6,6 +6,7 @@ from math import radians
 import numpy as np
 import scipy
 
+from taichi_erosion import simulation
 from taichi_erosion.core.setup import Motion, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
 from taichi_erosion.measures.result import Measurement
@@ -13,17 +14,7 @@ from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.threshold_search import ThresholdSearch, advance_search, begin_search
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.scene import Stage
-from taichi_erosion.simulation import (
-    Simulation,
-    air_profile,
-    move_surface,
-    remove_surface,
-    set_gravity,
-    set_through_flow,
-    share_touching,
-    snapshot,
-    spin_up_wind,
-)
+from taichi_erosion.simulation import Simulation
 
 GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # end of a stage by `until`
 ROUNDING = 1e-9  # of an interval: a time this close to its end counts as reached [1]
@@ -81,13 +72,13 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
 def change_boundaries(sim: Simulation, replica: int, stage: Stage) -> None:
     """Boundary conditions of a stage: walls removed or set in motion, friction velocity, through-flow."""
     for name in stage.remove:
-        remove_surface(sim, replica, name)
+        simulation.remove_surface(sim, replica, name)
     for name, motion in stage.move.items():
-        move_surface(sim, replica, name, Motion(motion.velocity, motion.spin, motion.centre))
+        simulation.move_surface(sim, replica, name, Motion(motion.velocity, motion.spin, motion.centre))
     if stage.friction_velocity is not None:
-        spin_up_wind(sim, replica, stage.friction_velocity)
+        simulation.spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
-        set_through_flow(sim, replica, stage.through_flow)
+        simulation.set_through_flow(sim, replica, stage.through_flow)
 
 
 def tilt_of(stage: Stage, elapsed: float) -> float:
@@ -104,7 +95,7 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaStat
     upright = np.asarray(sim.setups[replica].gravity)
     turn = scipy.spatial.transform.Rotation.from_rotvec(-tilt_of(stage, time - state.began) * axis)
     x, y, z = turn.apply(upright)
-    set_gravity(sim, replica, (float(x), float(y), float(z)))
+    simulation.set_gravity(sim, replica, (float(x), float(y), float(z)))
     state.energy = None
 
 
@@ -114,10 +105,10 @@ def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
     intervals = [scene.measure[name].every for name in measured_in(scene, state.stage)]
     shortest = min((interval for interval in intervals if interval), default=None)
     if shortest and time - state.began >= len(state.frames) * shortest * (1.0 - ROUNDING):
-        state.frames.append(snapshot(sim, replica))
+        state.frames.append(simulation.snapshot(sim, replica))
         state.tilts.append(tilt_of(stage, time - state.began))
         if scene.wind is not None:
-            state.airs.append(air_profile(sim, replica))
+            state.airs.append(simulation.air_profile(sim, replica))
 
 
 def measured_in(scene: Scene, stage: int) -> list[str]:
@@ -153,7 +144,7 @@ def at_rest(sim: Simulation, replica: int, stage: Stage, released: int, kinetic:
     return (
         released == len(sim.setups[replica].grains.radius)
         and kinetic <= stage.rest_energy
-        and share_touching(sim, replica) >= stage.rest_contact_share
+        and simulation.share_touching(sim, replica) >= stage.rest_contact_share
     )
 
 
@@ -168,8 +159,8 @@ def measure_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaSta
     names = measured_in(scene, state.stage)
     if not names:
         return
-    end = snapshot(sim, replica)
-    air = air_profile(sim, replica) if scene.wind is not None else None
+    end = simulation.snapshot(sim, replica)
+    air = simulation.air_profile(sim, replica) if scene.wind is not None else None
     thresholds = {} if state.search is None else state.search.found
     for name in names:
         given = MeasureInput(

@@ -80,7 +80,6 @@ class ThresholdSearch:
 
     @property
     def diameter(self) -> float:
-        """Nominal diameter [m]."""
         return nominal_diameter(self.scene.grains.size)
 
     @property

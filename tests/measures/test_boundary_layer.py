@@ -68,7 +68,7 @@ def test_repeats_over_time_give_the_spread():
     states = [
         snapshot(np.array([0.1, 0.2, 0.3]), factor * np.array([1.0, 2.0, 3.0])) for factor in (1.0, 1.1)
     ]
-    found = boundary_layer.wind_aloft(AirMeasureInput(states, 1.0, 0.4))
+    found = boundary_layer.AIR_OBSERVABLES["wind_aloft"](AirMeasureInput(states, 1.0, 0.4))
     assert found.value == pytest.approx(3.15)
     assert found.sd == pytest.approx(0.3 / np.sqrt(2.0))
 

@@ -40,11 +40,11 @@ from taichi_erosion.recording.stream import (
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 
-def test_what_effects_remember_is_recorded_beside_the_grains(tmp_path: Path):
+def test_the_state_of_effects_is_recorded_beside_the_grains(tmp_path: Path):
     path, bare = tmp_path / "heap.rrd", heap_snapshot()
-    remembered = replace(bare, effect_state={"surface_crust.calm": np.linspace(-1.0, 1.0, len(bare.radius))})
+    evolved = replace(bare, effect_state={"surface_crust.calm": np.linspace(-1.0, 1.0, len(bare.radius))})
     with recorded(path, header()) as recording:
-        log_frame(recording, remembered, MOVING)
+        log_frame(recording, evolved, MOVING)
     parts = [read_rows(path, f"world/{part}", "ident", "surface_crust_calm")[0] for part in ("bed", "mobile")]
     ident, calm = (np.concatenate([part[column] for part in parts]) for column in (1, 2))
     np.testing.assert_array_equal(

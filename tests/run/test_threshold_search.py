@@ -36,7 +36,7 @@ def trial(friction_velocity: float, grains: int = 1) -> Trial:
 
 
 def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: float) -> ThresholdSearch:
-    """The hunt in a bed that rolls and leaves the ramp, leaves from rest and comes to rest at given winds."""
+    """The search in a bed that rolls and leaves the ramp, leaves from rest and comes to rest at given winds."""
     search = ThresholdSearch(scene, {}, trial(FIRST))
     for _ in range(STEPS_MOST):
         now = search.trial.friction_velocity
@@ -46,7 +46,7 @@ def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: floa
         if next_wind is None:
             return search
         search.trial = trial(next_wind)
-    raise AssertionError("the hunt does not end")
+    raise AssertionError("the search does not end")
 
 
 @pytest.mark.parametrize("leaves", [0.13, 0.2, 0.29])
@@ -61,7 +61,7 @@ def test_the_brackets_hold_the_thresholds_and_are_as_narrow_as_asked(scene: Scen
     assert rolling.low < 0.12 <= rolling.high
 
 
-def test_a_bed_that_moves_in_any_wind_has_no_threshold_and_the_hunt_ends(scene: Scene):
+def test_a_bed_that_moves_in_any_wind_has_no_threshold_and_the_search_ends(scene: Scene):
     search = searched(scene, rolls=0.12, ramp=0.2, leaves=0.0, rests=0.1)
     assert set(search.found) == {"rolling_onset"}
 
