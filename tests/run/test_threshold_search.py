@@ -36,7 +36,7 @@ def trial(friction_velocity: float, grains: int = 1) -> Trial:
 
 
 def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: float) -> ThresholdSearch:
-    """The search in a bed that rolls and leaves the ramp, leaves from rest and comes to rest at given winds."""
+    """Search in a bed that rolls, leaves the ramp, leaves from rest and comes to rest at given winds."""
     search = ThresholdSearch(scene, {}, trial(FIRST))
     for _ in range(STEPS_MOST):
         now = search.trial.friction_velocity
