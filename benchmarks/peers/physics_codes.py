@@ -115,7 +115,7 @@ def soil_numbers(soil: Soil) -> dict[str, object]:
     """Variables of every deck.
 
     LAMMPS of 2021 mixes the modulus of a wall as E / (2 (1 - nu)): a grain on its floor sank to 0.844 of
-    Hertz' depth, (1 + nu)^(-2/3). It is told E / (1 + nu), and 8 G* of wall and grain outright.
+    Hertz' depth, (1 + nu)^(-2/3). Its input is E / (1 + nu), and 8 G* of wall and grain outright.
     """
     wall: dict[str, object] = {
         "young_wall": soil.young / (1.0 + soil.poisson),
@@ -138,36 +138,36 @@ def peer_columns(
     return [peer_rest(peer, "physics_column", start, soil, numbers) for start in starts]
 
 
-def told_restitution(restitution: float) -> float:
-    """What LAMMPS has to be told for grains to part with this restitution [1].
+def lammps_restitution(restitution: float) -> float:
+    """Input of LAMMPS for which grains part with this restitution [1].
 
     Tsuji's damping a sqrt(m k) d^(1/4) gives back exp(-pi b / sqrt(1 - b^2)), b = a / sqrt(5). The polynomial
     of LAMMPS says a = 0.253 for 0.6 where 0.359 is right: an impact gave back 0.70.
     """
-    return told_for(sqrt(5.0) * float(damping_ratio(np.array([restitution]))[0]))
+    return lammps_wall_restitution(sqrt(5.0) * float(damping_ratio(np.array([restitution]))[0]))
 
 
-def told_for(found: float) -> float:
-    """Where the polynomial has this value [1]."""
-    return root_scalar(lambda told: np.polyval(LAMMPS_TSUJI, told) - found, bracket=(0.0, 1.0)).root
+def lammps_wall_restitution(found: float) -> float:
+    """Input of LAMMPS for a wall: where its polynomial has this value [1]."""
+    return root_scalar(lambda entered: np.polyval(LAMMPS_TSUJI, entered) - found, bracket=(0.0, 1.0)).root
 
 
 def lammps_columns(column: Column, starts: Sequence[Start], peer: Peer) -> list[Rest]:
     """The same in LAMMPS.
 
-    It puts what walls were told through its polynomial again at the start of every run: a grain that was told
-    0.9 left the plate with that in the first run of a deck, with 0.58 in the second. Walls are told what is
-    right in the second run, the collapse.
+    It applies its polynomial to the input of walls again at the start of every run: with an input of 0.9 a
+    grain left the plate with that in the first run of a deck, with 0.58 in the second. The input is right
+    for the second run, the collapse.
     """
-    told = told_restitution(column_soil(column).restitution)
-    words = {"normal": lammps_normal(column, told), "restitution_wall": told_for(told)}
+    entered = lammps_restitution(column_soil(column).restitution)
+    words = {"normal": lammps_normal(column, entered), "restitution_wall": lammps_wall_restitution(entered)}
     return peer_columns(column, starts, peer, words | lammps_rolling(column))
 
 
-def lammps_normal(column: Column, told: float) -> str:
+def lammps_normal(column: Column, restitution: float) -> str:
     """The normal law between grains in LAMMPS."""
     soil = column_soil(column)
-    elastic = f"{soil.young!r} {told!r} {soil.poisson!r}"
+    elastic = f"{soil.young!r} {restitution!r} {soil.poisson!r}"
     return f"jkr {elastic} {surface_energy(column)!r}" if column.sticky else f"hertz/material {elastic}"
 
 

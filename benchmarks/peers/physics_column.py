@@ -138,7 +138,7 @@ def sticking(column: Column) -> list[str]:
     return ["laws.normal=jkr", "laws.friction_cap=thornton", grains]
 
 
-def played(scene: Scene, setups: Sequence[Setup]) -> list[Rest]:
+def run_to_end(scene: Scene, setups: Sequence[Setup]) -> list[Rest]:
     """All replicas to the end of the scene, in double precision."""
     sim = assemble(list(setups), laws(scene), Numerics("cpu", 1, "f64"))
     states = [ReplicaState(place) for place, _ in enumerate(setups)]
@@ -155,13 +155,15 @@ def laid_columns(column: Column) -> list[Start]:
     """Columns that ours filled, let go at rest."""
     scene = column_scene(column)
     filling = scene.model_copy(update={"stages": scene.stages[:COLLAPSE]})
-    return [lying(rest.position) for rest in played(filling, [build_setup(filling, seed) for seed in SEEDS])]
+    return [
+        lying(rest.position) for rest in run_to_end(filling, [build_setup(filling, seed) for seed in SEEDS])
+    ]
 
 
 def our_columns(column: Column, starts: Sequence[Start]) -> list[Rest]:
     """What becomes of some starts in our code."""
     scene = column_scene(column)
-    return played(scene, [placed(build_setup(scene, SEEDS[0]), start) for start in starts])
+    return run_to_end(scene, [placed(build_setup(scene, SEEDS[0]), start) for start in starts])
 
 
 def placed(setup: Setup, start: Start) -> Setup:

@@ -37,7 +37,7 @@ class InletWaves:
     vector: Any  # vec3 [m-1]
     amplitude: Any  # vec3 [m s-1]
     phase: Any  # [rad]
-    drift: Any  # mean wind that carries them [m s-1], by replica
+    mean_speed: Any  # mean wind at the inlet [m s-1], by replica
 
 
 def draw_waves(turbulence: InletTurbulence) -> tuple[Floats, Floats, Floats]:
@@ -51,9 +51,9 @@ def draw_waves(turbulence: InletTurbulence) -> tuple[Floats, Floats, Floats]:
     drawn = np.interp((np.arange(count) + random.random(count)) / count * share[-1], share, wave) / scale
     direction = random.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    swing = np.cross(direction, random.normal(size=(count, 3)))
-    swing /= np.linalg.norm(swing, axis=1, keepdims=True)
-    amplitude = np.asarray(turbulence.deviation) * np.sqrt(6.0 / count) * swing
+    normal = np.cross(direction, random.normal(size=(count, 3)))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    amplitude = np.asarray(turbulence.deviation) * np.sqrt(6.0 / count) * normal
     return drawn[:, None] * direction, amplitude, random.uniform(0.0, 2.0 * np.pi, count)
 
 
@@ -67,7 +67,7 @@ def allocate_waves(setups: Sequence[AirSetup]) -> InletWaves:
         vector=ti.Vector.field(3, real, shape=shape),
         amplitude=ti.Vector.field(3, real, shape=shape),
         phase=ti.field(real, shape=shape),
-        drift=ti.field(real, shape=shape[:1]),
+        mean_speed=ti.field(real, shape=shape[:1]),
     )
     if number:
         tables = [np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)]
@@ -76,7 +76,7 @@ def allocate_waves(setups: Sequence[AirSetup]) -> InletWaves:
                 table[replica, : len(values)] = values
         for field, table in zip((made.vector, made.amplitude, made.phase), tables, strict=True):
             write(field, table)
-        write(made.drift, [s.sides["x_low"].velocity[0] for s in setups])
+        write(made.mean_speed, [s.sides["x_low"].velocity[0] for s in setups])
     return made
 
 
@@ -89,10 +89,10 @@ def update_inlet_fluctuation(
     (waves,) = ti.static((air_out.waves,))
     for r, j, k in ti.ndrange(air_out.count, air_out.cells[1], air_out.cells[2]):
         y = (j + 0.5) * air_out.numbers.width[r][1]
-        x = -waves.drift[r] * (air_out.numbers.time[r] + air_out.numbers.time_step[r])
-        place = ti.Vector([x, y, air_out.centre[r, k]])
-        total = 0.0 * place
+        x = -waves.mean_speed[r] * (air_out.numbers.time[r] + air_out.numbers.time_step[r])
+        position = ti.Vector([x, y, air_out.centre[r, k]])
+        total = 0.0 * position
         for n in range(waves.number):
-            angle = waves.vector[r, n].dot(place) + waves.phase[r, n]
+            angle = waves.vector[r, n].dot(position) + waves.phase[r, n]
             total += ti.cos(angle) * waves.amplitude[r, n]
         air_out.inlet_fluctuation[r, j, k] = total

@@ -1,4 +1,4 @@
-"""Looking at the air: its fields as NumPy arrays."""
+"""Fields of the air as NumPy arrays, and back."""
 
 import numpy as np
 
@@ -34,22 +34,22 @@ def copy_replica(
 
 def face_velocities(air: Air, replica: int) -> tuple[Floats, Floats, Floats]:
     """Velocities on the faces [m s-1]: [nx + 1, ny, nz], [nx, ny + 1, nz] and [nx, ny, nz + 1]."""
-    table = whole_table(air, replica)
+    table = replica_table(air, replica)
     nx, ny, nz = air.cells
     return table[0, :, :ny, :nz], table[1, :nx, :, :nz], table[2, :nx, :ny, :]
 
 
-def whole_table(air: Air, replica: int) -> Floats:
-    """What `copy_replica` writes."""
-    fill_velocity_ghosts(air)  # a column leaves its neighbours beside it as they were
+def replica_table(air: Air, replica: int) -> Floats:
+    """Table [6, nx + 1, ny + 1, nz + 1] of `copy_replica`."""
+    fill_velocity_ghosts(air)  # the step of a column does not fill the ghosts beside it
     table = np.zeros((6, *(n + 1 for n in air.cells)))
     copy_replica(replica, air, table)
     return table
 
 
 def air_snapshot(air: Air, replica: int) -> AirSnapshot:
-    """The air of one replica now."""
-    table, numbers = whole_table(air, replica), air.numbers
+    """Snapshot of the air of one replica."""
+    table, numbers = replica_table(air, replica), air.numbers
     nx, ny, nz = air.cells
     faces = read(air.face)[replica, 1:]
     low, width = read(numbers.low)[replica], read(numbers.width)[replica]
@@ -74,7 +74,7 @@ def air_snapshot(air: Air, replica: int) -> AirSnapshot:
 
 
 def set_velocities(air: Air, replica: int, velocities: tuple[Floats, Floats, Floats]) -> None:
-    """Put velocities on the faces, as `face_velocities` gives them; the sides follow at the next step."""
+    """Write velocities on the faces, as `face_velocities` gives them; the sides follow at the next step."""
     for field, values in zip(air.velocities, velocities, strict=True):
         whole = read(field)
         nx, ny, nz = values.shape

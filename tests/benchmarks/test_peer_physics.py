@@ -20,8 +20,8 @@ from benchmarks.peers.physics_codes import (
     LAMMPS_TSUJI,
     ROLLING_SPRING,
     lammps_normal,
-    told_for,
-    told_restitution,
+    lammps_wall_restitution,
+    lammps_restitution,
 )
 from benchmarks.peers.physics_column import (
     BOX_D,
@@ -172,13 +172,13 @@ def test_the_rim_stands_between_the_tube_and_the_sides_of_the_box():
 
 def test_grains_of_lammps_part_at_0616_when_told_05_as_one_bounce_showed():
     # the bounce is doe/lab_c/bounce.lmp, told to three digits
-    assert told_restitution(0.616) == pytest.approx(0.5, abs=1e-3)
+    assert lammps_restitution(0.616) == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_wall_of_lammps_is_told_what_its_polynomial_makes_right_when_applied_twice():
     for restitution in (0.5, 0.9):
-        told = told_restitution(restitution)
-        assert np.polyval(LAMMPS_TSUJI, told_for(told)) == pytest.approx(told)
+        entered = lammps_restitution(restitution)
+        assert np.polyval(LAMMPS_TSUJI, lammps_wall_restitution(entered)) == pytest.approx(entered)
 
 
 def test_a_sliding_impact_exchanges_friction_times_the_normal_momentum():
