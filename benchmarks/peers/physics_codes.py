@@ -38,7 +38,7 @@ AFTER_LAST_STEP = "Neighbor history overflow"  # LAMMPS of 2021 says so of the p
 DUMP_HEAD = 9  # lines of a dump before the grains
 # a(e) of LAMMPS' damping tsuji, its manual on pair_style granular; highest power first
 LAMMPS_TSUJI = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
-RESTITUTION_TOLD = 0.48  # for the beds: `told_restitution` of 0.6, to two digits
+RESTITUTION_ENTERED = 0.48  # for the beds: `lammps_restitution` of 0.6, to two digits
 ROLLING_SPRING = 3.0  # N m-1 in LAMMPS: 2.25 k_n mu_r^2 of the elastic-plastic law under five weights
 ROLLING_DAMPER = 1.8e-3  # kg s-1 in LAMMPS: ROLLING_DAMPING of the critical value at that spring
 
@@ -181,7 +181,7 @@ def liggghts_columns(column: Column, starts: Sequence[Start], peer: Peer, rollin
 def lammps_code(peer: Peer, missing: str) -> Code:
     """LAMMPS with a rolling spring like ours under five weights."""
     words = {
-        "restitution": RESTITUTION_TOLD,
+        "restitution": RESTITUTION_ENTERED,
         "rolling_spring": ROLLING_SPRING,
         "rolling_damper": ROLLING_DAMPER,
     }

@@ -20,8 +20,8 @@ from benchmarks.peers.physics_codes import (
     LAMMPS_TSUJI,
     ROLLING_SPRING,
     lammps_normal,
-    lammps_wall_restitution,
     lammps_restitution,
+    lammps_wall_restitution,
 )
 from benchmarks.peers.physics_column import (
     BOX_D,
