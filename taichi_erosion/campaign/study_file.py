@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.load import file_text, first_line, summary, with_tuples
-from taichi_erosion.scene.schema.fields import Name, Part, contradiction, number
+from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
 from taichi_erosion.scene.validation_messages import problem_lines
 
 LARGEST = 1e30  # numbers beyond it are taken for a slip
@@ -26,7 +26,7 @@ SCREENED_MOST = 35  # parameters of the largest Plackett-Burman design that is r
 CALIBRATED_MOST = 20  # parameters of an evidence study
 
 
-class Head(Part):
+class Head(Section):
     """Section [study]."""
 
     measurements: str = Field("", description="tidy CSV table, beside the study file")
@@ -43,7 +43,7 @@ class Head(Part):
     settings: tuple[str, ...] = Field((), description="PATH=VALUE changes of the scene for all designed runs")
 
 
-class ObservableEntry(Part):
+class ObservableEntry(Section):
     """Scene that answers an observable, and the scale on which its noise is near-normal."""
 
     scene: str | None = Field(None, min_length=1, description="scene file, beside the study file")
@@ -68,7 +68,7 @@ class ObservableEntry(Part):
         return self
 
 
-class ParameterEntry(Part):
+class ParameterEntry(Section):
     """A parameter: its range, its limits in a calibration, its prior in an evidence study.
 
     The prior is lognormal around start, normal where start <= 0.
@@ -105,21 +105,21 @@ class ParameterEntry(Part):
         return self.low if least is None else least, self.high if most is None else most
 
 
-class CandidateEntry(Part):
+class CandidateEntry(Section):
     """An effect that may be missing; what is left out, the library says."""
 
     prior_scale: float | None = number(None, "1", "half-normal scale of its strength", 1e-6, 1e6)
     max: float | None = number(None, "1", "largest strength that is physical", 1e-6, 1e6)
 
 
-class Candidates(Part):
+class Candidates(Section):
     """Effects to try."""
 
     effects: tuple[Name, ...] = Field(default=(), description="'all', or a list of names")
     tables: dict[Name, CandidateEntry] = Field(default={}, description="what is said about single effects")
 
 
-class AdoptedEntry(Part):
+class AdoptedEntry(Section):
     """An effect that is in the model already; its strength is calibrated with the parameters."""
 
     strength: float = number(1.0, "1", "strength found when it was adopted", 0.0, 1e6)
@@ -127,7 +127,7 @@ class AdoptedEntry(Part):
     max: float | None = number(None, "1", "largest strength that is physical", 1e-6, 1e6)
 
 
-class VaultEntry(Part):
+class VaultEntry(Section):
     """Measurements that are held out until an effect is adopted."""
 
     fraction: float = number(0.3, "1", "share of the groups", 0.0, 0.9)
@@ -136,7 +136,7 @@ class VaultEntry(Part):
     )
 
 
-class BudgetEntry(Part):
+class BudgetEntry(Section):
     """Largest number of runs."""
 
     runs: int | None = number(
@@ -144,7 +144,7 @@ class BudgetEntry(Part):
     )
 
 
-class LaboratoryEntry(Part):
+class LaboratoryEntry(Section):
     """What could be measured next."""
 
     ranges: dict[Name, tuple[float, float]] = Field(default={}, description="reach of each condition")
@@ -152,7 +152,7 @@ class LaboratoryEntry(Part):
     repeats: int = number(3, "1", "repeats of one measurement", 1, 1000)
 
 
-class Target(Part):
+class Target(Section):
     """Measured value that a calibration aims at."""
 
     value: float = number(..., "unit of the observable", "mean of the repeats", -LARGEST, LARGEST)
@@ -162,7 +162,7 @@ class Target(Part):
     source: str = Field("", max_length=400, description="where it was published")
 
 
-class DesignSizes(Part):
+class DesignSizes(Section):
     """Runs of every designed experiment of a calibration."""
 
     screen_centre: int = number(4, "1", "centre points of the screening", 0, 100)
@@ -175,14 +175,14 @@ class DesignSizes(Part):
     record: Literal["none", "confirm", "all"] = Field("none", description="runs whose recordings are kept")
 
 
-class WorkersEntry(Part):
+class WorkersEntry(Section):
     """Where designed runs are made; the command line overrides it."""
 
     workers: int | None = number(None, "1", "local processes; left out: one a core", 1, 10_000)
     scheduler: str | None = Field(default=None, min_length=1, description="address of a Dask scheduler")
 
 
-class StudyFile(Part):
+class StudyFile(Section):
     """One study."""
 
     study: Head

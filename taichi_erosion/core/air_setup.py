@@ -18,6 +18,8 @@ SIDES = ("x_low", "x_high", "y_low", "y_high", "z_low", "z_high")
 EVEN = 1e-9  # widening of a cell over its neighbour that still counts as even [1]
 
 SideKind = Literal["periodic", "wall", "rough", "symmetry", "inlet", "outlet", "stress"]
+Closure = Literal["none", "mixing_length", "smagorinsky"]
+Advection = Literal["none", "central", "limited"]
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,8 @@ class AirSide:
 class AirModel:
     """Choices compiled in, one for an ensemble."""
 
-    closure: Literal["none", "mixing_length", "smagorinsky"] = "none"
-    advection: Literal["none", "central", "limited"] = "central"
+    closure: Closure = "none"
+    advection: Advection = "central"
     scheme: Literal["runge_kutta", "euler"] = "runge_kutta"  # of explicit terms; euler serves columns
     exchange: bool = False  # whether grains take part: void fraction and momentum exchange
 

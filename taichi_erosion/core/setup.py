@@ -20,6 +20,13 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int32]
 Triple = tuple[float, float, float]
 
+NormalLaw = Literal["hertz", "jkr"]
+AdhesionBranch = Literal["touch", "edem"]  # edem: the neck also pulls on approach
+FrictionCap = Literal["thornton", "edem"]
+RollingLaw = Literal["none", "constant_torque", "elastic_plastic"]
+DragLaw = Literal["schiller_naumann", "two_limits", "di_felice", "gidaspow"]
+Precision = Literal["f32", "f64"]
+
 EVERYWHERE: tuple[Triple, Triple] = ((-inf, -inf, -inf), (inf, inf, inf))  # m, a domain without an end
 
 
@@ -102,13 +109,13 @@ class Surface:
 
 @dataclass(frozen=True)
 class Laws:
-    """The choice for every contact slot; one choice per ensemble, compiled in."""
+    """Law in every slot; one choice per ensemble, compiled in."""
 
-    normal: Literal["hertz", "jkr"] = "hertz"
-    adhesion_branch: Literal["touch", "edem"] = "touch"  # edem: the neck also pulls on approach
-    friction_cap: Literal["thornton", "edem"] = "thornton"
-    rolling: Literal["none", "constant_torque", "elastic_plastic"] = "none"
-    drag: Literal["schiller_naumann", "two_limits", "di_felice", "gidaspow"] = "schiller_naumann"
+    normal: NormalLaw = "hertz"
+    adhesion_branch: AdhesionBranch = "touch"
+    friction_cap: FrictionCap = "thornton"
+    rolling: RollingLaw = "none"
+    drag: DragLaw = "schiller_naumann"
 
 
 @dataclass(frozen=True)
@@ -161,4 +168,4 @@ class Numerics:
 
     arch: Literal["cpu", "cuda"] = "cpu"
     threads: int = field(default=0)  # 0: all cores
-    precision: Literal["f32", "f64"] = "f32"
+    precision: Precision = "f32"

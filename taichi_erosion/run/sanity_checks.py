@@ -69,7 +69,7 @@ LIKELY_CAUSES = {
     Status.RESTITUTION: "the time step is too long for impacts at this speed",
     Status.COUNT: "an error of this program: please report it",
     Status.MOMENTUM: "an error of this program: please report it",
-    Status.AIR: "the wind crosses more than a cell between two looks: lower wind.look_steps",
+    Status.AIR: "the wind crosses more than a cell between two exchanges: lower wind.look_steps",
     Status.RUNNING: "",
 }
 

@@ -20,7 +20,7 @@ from taichi_erosion.scene.build.air import (
 )
 from taichi_erosion.scene.build.clump import body_of, reach_over_diameter
 from taichi_erosion.scene.build.contacts import young_effective
-from taichi_erosion.scene.build.fill import lattice_points, layer_places
+from taichi_erosion.scene.build.fill import lattice_points, places_per_layer
 from taichi_erosion.scene.build.limits import (
     expected_speed,
     impact_overlap,
@@ -112,7 +112,7 @@ def exchange_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     interval = wind.look_steps * time_step(scene)
     if interval > EXCHANGE_SHARE * response:
         yield (
-            f"wind.look_steps = {wind.look_steps}: {interval:.2g} s pass between two looks at the air, "
+            f"wind.look_steps = {wind.look_steps}: {interval:.2g} s pass between two exchanges with the air, "
             f"but drag moves the smallest grain within {response:.2g} s; at most a tenth of that"
         )
 
@@ -143,7 +143,7 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     if flown > most:
         yield (
             f"wind.look_steps = {wind.look_steps}: a gust of {fastest:.3g} m/s crosses {flown:.2g} m of air "
-            f"between two looks; at most {int(wind.look_steps * most / flown)}"
+            f"between two exchanges; at most {int(wind.look_steps * most / flown)}"
         )
 
 
@@ -191,7 +191,7 @@ def layer_checks(scene: Scene, fill: Layers, reach: float) -> Iterator[str]:
             f"fill.pitch = {fill.pitch:g} m less twice the jitter is smaller than the largest grain, "
             f"{2.0 * reach:g} m: grains would start inside each other"
         )
-    for name, places in zip(("length", "width"), layer_places(scene.wind, fill), strict=True):
+    for name, places in zip(("length", "width"), places_per_layer(scene.wind, fill), strict=True):
         if places < PATCH_GRAINS_LEAST:
             size = getattr(scene.wind, name)
             least = PATCH_GRAINS_LEAST

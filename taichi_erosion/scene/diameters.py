@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.build.sizes import nominal_diameter
-from taichi_erosion.scene.schema.fields import Part, unit_of
+from taichi_erosion.scene.schema.fields import Section, unit_of
 from taichi_erosion.scene.schema.grains import Size
 from taichi_erosion.scene.schema.scene import Scene
 
@@ -23,26 +23,26 @@ Path = tuple[str | int, ...]
 Given = dict[Path, tuple[str, Any]]  # key and value as written, by the path in SI units
 
 
-def parts_of(part: type[Part]) -> Iterator[type[Part]]:
+def sections_of(section: type[Section]) -> Iterator[type[Section]]:
     """A section of a scene and all sections below it."""
-    yield part
-    for field in part.model_fields.values():
-        for sub in parts_in(field.annotation):
-            yield from parts_of(sub)
+    yield section
+    for field in section.model_fields.values():
+        for sub in sections_in(field.annotation):
+            yield from sections_of(sub)
 
 
-def parts_in(annotation: Any) -> Iterator[type[Part]]:
+def sections_in(annotation: Any) -> Iterator[type[Section]]:
     """Sections that a type annotation names, however deep in unions, lists and tables."""
-    if isinstance(annotation, type) and not get_args(annotation) and issubclass(annotation, Part):
+    if isinstance(annotation, type) and not get_args(annotation) and issubclass(annotation, Section):
         yield annotation
     for inner in get_args(annotation):
-        yield from parts_in(inner)
+        yield from sections_in(inner)
 
 
 @cache
 def scaling_names() -> frozenset[str]:
     """Names of all quantities in m or s that a scene declares."""
-    fields = (entry for part in parts_of(Scene) for entry in part.model_fields.items())
+    fields = (entry for section in sections_of(Scene) for entry in section.model_fields.items())
     return frozenset(name for name, field in fields if unit_of(field) in SCALING_UNITS)
 
 

@@ -113,8 +113,8 @@ def test_a_mean_over_a_stage_needs_its_interval(tmp_path: Path):
 GRID = ("wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
 
 
-def test_a_gust_crosses_no_more_than_a_cell_between_two_looks():
-    with pytest.raises(BadInput, match=r"a gust of .* crosses .* between two looks; at most"):
+def test_a_gust_crosses_no_more_than_a_cell_between_two_exchanges():
+    with pytest.raises(BadInput, match=r"a gust of .* crosses .* between two exchanges; at most"):
         check_scene(SCENES / "wind_threshold.toml", (*GRID, "wind.look_steps=100"))
 
 

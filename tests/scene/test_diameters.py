@@ -4,7 +4,7 @@ import pytest
 from scene_tables import changed, complaint, good_table
 
 from taichi_erosion.scene import parse_scene
-from taichi_erosion.scene.diameters import parts_of, scaling_names
+from taichi_erosion.scene.diameters import scaling_names, sections_of
 from taichi_erosion.scene.schema.fields import unit_of
 from taichi_erosion.scene.schema.scene import Scene
 
@@ -37,7 +37,7 @@ def test_a_name_that_may_be_given_in_diameters_has_one_kind_of_unit():
     scaled = scaling_names()
     units = {
         (name, unit_of(field))
-        for part in parts_of(Scene)
+        for part in sections_of(Scene)
         for name, field in part.model_fields.items()
         if name in scaled and part.__name__ != "ClumpSphere"  # [grains] is never expanded
     }

@@ -27,7 +27,7 @@ def stream(seed: int, purpose: str) -> np.random.Generator:
 
 
 def pour_layers(
-    fill: Pour, radius: Floats, gravity: float, places: np.random.Generator
+    fill: Pour, radius: Floats, gravity: float, random: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Random places from the centre of the disc [n, 2] m, and release times [n] s, of bounding radii [m].
 
@@ -42,7 +42,7 @@ def pour_layers(
     release = np.empty(len(radius))
     first, time = 0, 0.0
     while first < len(radius):
-        layer = random_layer(fill, radius[first : first + most], places)
+        layer = random_layer(fill, radius[first : first + most], random)
         last = first + len(layer)
         place[first:last], release[first:last] = layer, time
         time += max(clear, len(layer) / fill.rate if fill.rate else 0.0)
@@ -50,23 +50,23 @@ def pour_layers(
     return place, release
 
 
-def random_layer(fill: Pour, radius: Floats, places: np.random.Generator) -> Floats:
+def random_layer(fill: Pour, radius: Floats, random: np.random.Generator) -> Floats:
     """Random sequential addition of the next grains up to the wanted coverage, [n, 2] m."""
     allowed = np.searchsorted(np.cumsum(radius**2), fill.coverage * fill.radius**2, side="right")
     wanted = max(1, min(int(allowed), len(radius)))
     found = np.empty((wanted, 2))
     for k in range(wanted):
-        place = free_place(fill.radius - radius[k], found[:k], radius[:k] + radius[k], places)
+        place = free_place(fill.radius - radius[k], found[:k], radius[:k] + radius[k], random)
         if place is None:
             return found[:k]
         found[k] = place
     return found
 
 
-def free_place(bound: float, others: Floats, distance: Floats, places: np.random.Generator) -> Floats | None:
+def free_place(bound: float, others: Floats, distance: Floats, random: np.random.Generator) -> Floats | None:
     """A place in a disc of radius `bound`, farther than `distance` from the others, or None."""
     for _ in range(TRIES):
-        angle, r = places.uniform(0.0, 2.0 * pi), bound * sqrt(places.uniform())
+        angle, r = random.uniform(0.0, 2.0 * pi), bound * sqrt(random.uniform())
         place = np.array([r * np.cos(angle), r * np.sin(angle)])
         if np.all(np.sum((others - place) ** 2, axis=1) >= distance**2):
             return place
@@ -74,7 +74,7 @@ def free_place(bound: float, others: Floats, distance: Floats, places: np.random
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialBodies:
     """Bodies of one replica: a body is a spherical grain or a clump."""
 
     position: Floats  # [n, 3] m, centre of mass
@@ -84,55 +84,57 @@ class Start:
     release_time: Floats  # [n] s, never decreasing
 
 
-def start_grains(scene: Scene, seed: int, reach: float) -> Start:
+def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     """Bodies of one replica; `reach` is the bounding radius of a body over its diameter [1]."""
     if isinstance(scene.fill, Positions):
-        return listed(scene, scene.fill)
+        return listed_bodies(scene, scene.fill)
     diameter = sample_diameters(scene.grains.size, scene.grains.count, stream(seed, "diameters"))
     if isinstance(scene.fill, Pour):
-        return poured(scene, scene.fill, seed, diameter, reach)
-    places = stream(seed, "places")
+        return poured_bodies(scene, scene.fill, seed, diameter, reach)
+    random = stream(seed, "places")
     fill = scene.fill
-    position = net(scene, fill, len(diameter), places)
+    position = jittered_net(scene, fill, len(diameter), random)
     speed = fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
     velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
-    return Start(position, velocity, np.zeros_like(position), diameter, np.zeros(len(diameter)))
+    return InitialBodies(position, velocity, np.zeros_like(position), diameter, np.zeros(len(diameter)))
 
 
-def net(scene: Scene, fill: Rain | Lattice | Layers, count: int, places: np.random.Generator) -> Floats:
+def jittered_net(
+    scene: Scene, fill: Rain | Lattice | Layers, count: int, random: np.random.Generator
+) -> Floats:
     """Centres on a jittered net, [count, 3] m."""
     if isinstance(fill, Rain):
-        return rain(fill, count, places)
+        return rain(fill, count, random)
     if isinstance(fill, Lattice):
-        return lattice(fill, count, places)
+        return lattice(fill, count, random)
     assert scene.wind is not None
-    return patch_layers(scene.wind, fill, count, places)
+    return patch_layers(scene.wind, fill, count, random)
 
 
-def patch_layers(wind: Wind, fill: Layers, count: int, places: np.random.Generator) -> Floats:
+def patch_layers(wind: Wind, fill: Layers, count: int, random: np.random.Generator) -> Floats:
     """Rectangular nets over a periodic patch, each shifted at random, lowest layer first, [count, 3] m."""
-    along, across = layer_places(wind, fill)
+    along, across = places_per_layer(wind, fill)
     x, y = np.meshgrid(np.arange(along), np.arange(across), indexing="ij")
     flat = np.column_stack([x.ravel() * wind.length / along, y.ravel() * wind.width / across])
     layers = []
     for layer in range(-(-count // len(flat))):
-        points = flat + places.uniform(0.0, fill.pitch, 2)
-        points = places.permutation(points % (wind.length, wind.width))
+        points = flat + random.uniform(0.0, fill.pitch, 2)
+        points = random.permutation(points % (wind.length, wind.width))
         height = np.full((len(points), 1), fill.first_height + layer * fill.pitch)
         layers.append(np.hstack([points, height]))
     position = np.concatenate(layers)[:count]
-    return position + fill.jitter * places.uniform(-1.0, 1.0, position.shape)
+    return position + fill.jitter * random.uniform(-1.0, 1.0, position.shape)
 
 
-def layer_places(wind: Wind, fill: Layers) -> tuple[int, int]:
+def places_per_layer(wind: Wind, fill: Layers) -> tuple[int, int]:
     """Places of a layer downwind and across."""
     return int(wind.length / fill.pitch), int(wind.width / fill.pitch)
 
 
-def listed(scene: Scene, fill: Positions) -> Start:
+def listed_bodies(scene: Scene, fill: Positions) -> InitialBodies:
     """Grains placed one by one."""
     nominal = nominal_diameter(scene.grains.size)
-    return Start(
+    return InitialBodies(
         position=np.array([grain.position for grain in fill.grains]),
         velocity=np.array([grain.velocity for grain in fill.grains]),
         spin=np.array([grain.spin for grain in fill.grains]),
@@ -141,43 +143,43 @@ def listed(scene: Scene, fill: Positions) -> Start:
     )
 
 
-def poured(scene: Scene, fill: Pour, seed: int, diameter: Floats, reach: float) -> Start:
+def poured_bodies(scene: Scene, fill: Pour, seed: int, diameter: Floats, reach: float) -> InitialBodies:
     """Grains that pass a horizontal disc downwards."""
     place, release = pour_layers(fill, reach * diameter, scene.gravity.magnitude, stream(seed, "places"))
     position = np.column_stack([place, np.zeros(len(diameter))]) + np.array(fill.centre)
     velocity = np.tile((0.0, 0.0, -fill.speed), (len(diameter), 1))
-    return Start(position, velocity, np.zeros_like(velocity), diameter, release)
+    return InitialBodies(position, velocity, np.zeros_like(velocity), diameter, release)
 
 
-def rain(fill: Rain, count: int, places: np.random.Generator) -> Floats:
+def rain(fill: Rain, count: int, random: np.random.Generator) -> Floats:
     """Centres of loose random layers, lowest layer first, [count, 3] m."""
     layers: list[Floats] = []
     found = 0
     while found < count:
         height = fill.first_height + len(layers) * fill.pitch
-        layer = net_layer(fill, places)
-        lift = height + fill.jitter * places.uniform(-1.0, 1.0, len(layer))
+        layer = net_layer(fill, random)
+        lift = height + fill.jitter * random.uniform(-1.0, 1.0, len(layer))
         layers.append(np.column_stack([layer, lift]))
         found += len(layer)
     return np.concatenate(layers)[:count] + np.array(fill.axis_point)
 
 
-def net_layer(fill: Rain, places: np.random.Generator) -> Floats:
+def net_layer(fill: Rain, random: np.random.Generator) -> Floats:
     """Points of a square net, jittered, shifted and turned, inside the radius, in random order, [n, 2] m."""
-    angle, shift = places.uniform(0.0, 0.5 * pi), places.uniform(0.0, fill.pitch, 2)
+    angle, shift = random.uniform(0.0, 0.5 * pi), random.uniform(0.0, fill.pitch, 2)
     reach = int(fill.radius / fill.pitch * sqrt(2.0)) + 2
     line = np.arange(-reach, reach + 1) * fill.pitch
     net = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2) + shift
-    net += fill.jitter * places.uniform(-1.0, 1.0, net.shape)
+    net += fill.jitter * random.uniform(-1.0, 1.0, net.shape)
     points = net @ np.array([[cos(angle), sin(angle)], [-sin(angle), cos(angle)]])
-    return places.permutation(points[np.hypot(points[:, 0], points[:, 1]) <= fill.radius])
+    return random.permutation(points[np.hypot(points[:, 0], points[:, 1]) <= fill.radius])
 
 
-def lattice(fill: Lattice, count: int, places: np.random.Generator) -> Floats:
+def lattice(fill: Lattice, count: int, random: np.random.Generator) -> Floats:
     """The lowest `count` jittered points of a cubic net inside a cylinder, [count, 3] m."""
     points = lattice_points(fill)
     points = points[np.argsort(points[:, 2], kind="stable")][:count]
-    return points + fill.jitter * places.uniform(-1.0, 1.0, points.shape)
+    return points + fill.jitter * random.uniform(-1.0, 1.0, points.shape)
 
 
 def lattice_points(fill: Lattice) -> Floats:
@@ -216,7 +218,7 @@ def start_top(scene: Scene, reach_largest: float) -> float:
         return fill.centre[2] + box_of(fill)[2] + reach_largest
     if isinstance(fill, Layers):
         assert scene.wind is not None
-        along, across = layer_places(scene.wind, fill)
+        along, across = places_per_layer(scene.wind, fill)
         return fill.first_height + (scene.grains.count / (along * across) + 1.0) * fill.pitch + reach_largest
     # a layer holds at least half of its mean number, so twice the mean number of layers is an upper bound
     layers = 2.0 * scene.grains.count * fill.pitch**2 / (pi * fill.radius**2) + 2.0

@@ -9,7 +9,7 @@ from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Laws, Setu
 from taichi_erosion.scene.build.air import patch_air, patch_box, patch_coupling
 from taichi_erosion.scene.build.clump import Body, body_of, reach_over_diameter
 from taichi_erosion.scene.build.contacts import contact_table, materials_used
-from taichi_erosion.scene.build.fill import Start, start_grains, stream
+from taichi_erosion.scene.build.fill import InitialBodies, initial_bodies, stream
 from taichi_erosion.scene.build.limits import time_step
 from taichi_erosion.scene.build.walls import domain_box, primitive_table
 from taichi_erosion.scene.schema.fields import unit_vector
@@ -29,7 +29,7 @@ def laws(scene: Scene) -> Laws:
 def build_setup(scene: Scene, seed: int) -> Setup:
     """Everything that defines one replica; the same scene and seed give the same bits."""
     body = body_of(scene.grains.clump) if scene.grains.clump else None
-    start = start_grains(scene, seed, reach_over_diameter(scene.grains))
+    start = initial_bodies(scene, seed, reach_over_diameter(scene.grains))
     names = materials_used(scene)
     material = names.index(scene.grains.material)
     density = scene.materials[scene.grains.material].density
@@ -67,7 +67,7 @@ def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
     )
 
 
-def spheres(start: Start, density: float, material: int) -> GrainTable:
+def spheres(start: InitialBodies, density: float, material: int) -> GrainTable:
     """Spherical grains."""
     return GrainTable(
         position=start.position,
@@ -80,7 +80,7 @@ def spheres(start: Start, density: float, material: int) -> GrainTable:
     )
 
 
-def clump_table(scene: Scene, seed: int, start: Start, body: Body, density: float) -> ClumpTable:
+def clump_table(scene: Scene, seed: int, start: InitialBodies, body: Body, density: float) -> ClumpTable:
     """Rigid bodies at random orientation; explicitly placed ones keep the orientation of their template."""
     count, size = len(start.diameter), len(body.radius)
     turned = scipy.spatial.transform.Rotation.random(count, rng=stream(seed, "orientations"))
@@ -102,7 +102,7 @@ def canonical(rotation: "scipy.spatial.transform.Rotation") -> Floats:
     return rotation.as_quat(canonical=True, scalar_first=True)
 
 
-def clump_spheres(start: Start, body: Body, clumps: ClumpTable, material: int) -> GrainTable:
+def clump_spheres(start: InitialBodies, body: Body, clumps: ClumpTable, material: int) -> GrainTable:
     """Contact spheres of all clumps, with the velocity of their body."""
     turned = scipy.spatial.transform.Rotation.from_quat(clumps.orientation[clumps.body], scalar_first=True)
     arm = turned.apply(clumps.offset)

@@ -6,12 +6,21 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, ClosureConstants, InletTurbulence
+from taichi_erosion.core.air_setup import (
+    SIDES,
+    Advection,
+    AirModel,
+    AirSetup,
+    Closure,
+    ClosureConstants,
+    InletTurbulence,
+    SideKind,
+)
 from taichi_erosion.scene.schema.fields import (
     FASTEST,
     Name,
-    Part,
     SceneFile,
+    Section,
     Vector,
     contradiction,
     extent,
@@ -25,7 +34,7 @@ COURANT_MOST = 1.7  # limit of three-stage Runge-Kutta with central advection [1
 Counts = tuple[int, int, int]
 
 
-class AirHead(Part):
+class AirHead(Section):
     """What the scene is."""
 
     kind: Literal["cavity", "channel", "tunnel"] = Field(description="kind of flow, which the viewer follows")
@@ -33,7 +42,7 @@ class AirHead(Part):
     notes: str = Field(default="", max_length=20_000, description="assumptions and sources")
 
 
-class AirRun(Part):
+class AirRun(Section):
     """How long and how finely the air is followed."""
 
     seed: int = number(1, "1", "seed of the turbulence at the inlet", 0, 2**62)
@@ -46,24 +55,22 @@ class AirRun(Part):
     frames: int = number(40, "1", "frames of the recording", 1, 10_000)
 
 
-class Side(Part):
+class Side(Section):
     """One side of the box."""
 
-    kind: Literal["periodic", "wall", "rough", "symmetry", "inlet", "outlet", "stress"] = Field(
-        description="what the side does to the air"
-    )
+    kind: SideKind = Field(description="what the side does to the air")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity of a wall", -FASTEST, FASTEST)
     roughness_length: float = extent(0.0, "roughness length z0 of a rough wall; 0: smooth", 0.0)
 
 
-class UniformProfile(Part):
+class UniformProfile(Section):
     """The same speed at every height."""
 
     law: Literal["uniform"]
     speed: float = number(..., "m s-1", "wind speed", 0.0, FASTEST)
 
 
-class LogProfile(Part):
+class LogProfile(Section):
     """Speed that grows with the logarithm of height."""
 
     law: Literal["log"]
@@ -71,7 +78,7 @@ class LogProfile(Part):
     roughness_length: float = extent(..., "roughness length z0", 1e-9)
 
 
-class PowerProfile(Part):
+class PowerProfile(Section):
     """Speed that grows with a power of height up to the edge of a layer."""
 
     law: Literal["power"]
@@ -80,7 +87,7 @@ class PowerProfile(Part):
     exponent: float = number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
 
 
-class TableProfile(Part):
+class TableProfile(Section):
     """Measured speeds, joined by straight lines."""
 
     law: Literal["table"]
@@ -99,7 +106,7 @@ class TableProfile(Part):
 Profile = Annotated[UniformProfile | LogProfile | PowerProfile | TableProfile, Field(discriminator="law")]
 
 
-class Turbulence(Part):
+class Turbulence(Section):
     """Fluctuations at the inlet."""
 
     deviation: Vector = number(..., "m s-1", "standard deviations of u, v and w", 0.0, FASTEST)
@@ -107,7 +114,7 @@ class Turbulence(Part):
     waves: int = number(InletTurbulence.waves, "1", "random waves that are summed", 8, 10_000)
 
 
-class AirBox(Part):
+class AirBox(Section):
     """The box, the fluid, the closure."""
 
     extents: Vector = number(..., "m", "extents along x, y and z", 1e-7, 1e4)
@@ -116,10 +123,8 @@ class AirBox(Part):
     both_ends: bool = Field(default=False, description="whether cells are fine at the lid too")
     density: float = number(1.2, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = number(1.5e-5, "m2 s-1", "kinematic viscosity", 1e-9, 10.0)
-    closure: Literal["none", "mixing_length", "smagorinsky"] = Field(
-        default=AirModel.closure, description="turbulence closure"
-    )
-    advection: Literal["none", "central", "limited"] = Field(
+    closure: Closure = Field(default=AirModel.closure, description="turbulence closure")
+    advection: Advection = Field(
         default=AirModel.advection, description="central: keeps energy; limited: makes no new extremes"
     )
     implicitness: float = number(
@@ -143,7 +148,7 @@ class AirBox(Part):
     turbulence: Turbulence | None = Field(None, description="fluctuations at the inlet")
 
 
-class AirMeasure(Part):
+class AirMeasure(Section):
     """Where one observable of the air is read."""
 
     place: float | None = extent(None, "position along x; left out: the mean along x", 0.0)

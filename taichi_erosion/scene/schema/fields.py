@@ -1,6 +1,6 @@
 """Fields of a scene file: every number with its unit, meaning and range.
 
-Every section of a scene is a `Part`: frozen, strict about types, closed to unknown keys.
+Every section of a scene is a `Section`: frozen, strict about types, closed to unknown keys.
 """
 
 from collections.abc import Iterator
@@ -71,7 +71,7 @@ def numbers_in(value: Any) -> Iterator[float]:
         yield value
 
 
-class Part(BaseModel):
+class Section(BaseModel):
     """One section of a scene file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -120,7 +120,7 @@ def unit_vector(vector: Vector) -> Vector:
     return (vector[0] / size, vector[1] / size, vector[2] / size)
 
 
-class SceneFile(Part):
+class SceneFile(Section):
     """A whole scene file."""
 
     _folder: Path = PrivateAttr(default=Path())

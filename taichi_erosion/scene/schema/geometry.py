@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from taichi_erosion.scene.schema.fields import (
     Direction,
     Name,
-    Part,
+    Section,
     Vector,
     contradiction,
     direction,
@@ -23,7 +23,7 @@ Face = Literal["x_low", "x_high", "y_low", "y_high", "z_low", "z_high"]
 OPEN_BOX: tuple[Face, ...] = ("x_low", "x_high", "y_low", "y_high", "z_low")
 
 
-class Plane(Part):
+class Plane(Section):
     """Half space: everything behind the plane is solid."""
 
     shape: Literal["plane"]
@@ -32,7 +32,7 @@ class Plane(Part):
     normal: Direction = direction(UPWARDS, "normal into the free side")
 
 
-class Disc(Part):
+class Disc(Section):
     """Thin round plate."""
 
     shape: Literal["disc"]
@@ -42,7 +42,7 @@ class Disc(Part):
     radius: float = extent(..., "radius")
 
 
-class Cylinder(Part):
+class Cylinder(Section):
     """Thin open tube; `centre` is the middle of its low end, `axis` points to the other."""
 
     shape: Literal["cylinder"]
@@ -53,7 +53,7 @@ class Cylinder(Part):
     length: float = extent(..., "length along the axis")
 
 
-class Cone(Part):
+class Cone(Section):
     """Thin cone frustum."""
 
     shape: Literal["cone"]
@@ -71,7 +71,7 @@ class Cone(Part):
         return self
 
 
-class Funnel(Part):
+class Funnel(Section):
     """Upright cone frustum on a stem; `outlet` is the middle of the lower opening."""
 
     shape: Literal["funnel"]
@@ -89,7 +89,7 @@ class Funnel(Part):
         return self
 
 
-class Box(Part):
+class Box(Section):
     """Inside of a rectangular box; a face is a half space, so walls do not end at their edges."""
 
     shape: Literal["box"]
@@ -107,7 +107,7 @@ class Box(Part):
         return self
 
 
-class Mesh(Part):
+class Mesh(Section):
     """Triangles of a file (STL, PLY, OBJ), looked for beside the scene."""
 
     shape: Literal["mesh"]

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.scene.schema.fields import FARTHEST, Name, Part, Vector, contradiction, extent, number
+from taichi_erosion.scene.schema.fields import FARTHEST, Name, Section, Vector, contradiction, extent, number
 
 SMALLEST = 1e-6  # grains below it are no longer moved by contact and weight alone [m]
 LARGEST = 1.0  # grains above it are taken for a slip of units [m]
@@ -14,14 +14,14 @@ MOST_MASS = 1e6  # total of a sieve column, in whatever unit of mass [any]
 SieveRow = tuple[float, float, float]
 
 
-class Monodisperse(Part):
+class Monodisperse(Section):
     """All grains alike."""
 
     law: Literal["monodisperse"]
     diameter: float = number(..., "m", "grain diameter", SMALLEST, LARGEST)
 
 
-class Lognormal(Part):
+class Lognormal(Section):
     """Numbers of grains distributed lognormally, cut at both ends."""
 
     law: Literal["lognormal"]
@@ -39,7 +39,7 @@ class Lognormal(Part):
         return self
 
 
-class Sieve(Part):
+class Sieve(Section):
     """Mass by size class; inside a class mass is uniform over the logarithm of the diameter.
 
     `low` and `high` cut the tabulated curve, then `scale` magnifies what is left (coarse graining).
@@ -69,14 +69,14 @@ class Sieve(Part):
 Size = Annotated[Monodisperse | Lognormal | Sieve, Field(discriminator="law")]
 
 
-class ClumpSphere(Part):
+class ClumpSphere(Section):
     """One sphere of a clump template, in nominal grain diameters."""
 
     offset: Vector = number(..., "d", "centre, in nominal diameters", -10.0, 10.0)
     radius: float = number(..., "d", "radius, in nominal diameters", 0.05, 10.0)
 
 
-class Clump(Part):
+class Clump(Section):
     """Rigid grain made of several spheres: a shipped template or a list."""
 
     template: Literal["pair", "tripod", "tetrahedron"] | None = Field(
@@ -91,7 +91,7 @@ class Clump(Part):
         return self
 
 
-class Grains(Part):
+class Grains(Section):
     """What is poured."""
 
     count: int = number(..., "1", "number of grains; a clump counts as one", 1, MOST_GRAINS)
@@ -100,7 +100,7 @@ class Grains(Part):
     clump: Clump | None = Field(None, description="template of non-spherical grains; left out: spheres")
 
 
-class Softening(Part):
+class Softening(Section):
     """Why the simulated stiffness differs from the real one, and what is kept.
 
     `bond_number` keeps the pull-off force over the weight: the surface energy stays.
@@ -116,7 +116,7 @@ class Softening(Part):
     )
 
 
-class Material(Part):
+class Material(Section):
     """Elastic material of grains or walls; one modulus is given, the other follows."""
 
     density: float = number(..., "kg m-3", "density of the solid", 1.0, 3e4)
@@ -132,7 +132,7 @@ class Material(Part):
         return self
 
 
-class Contact(Part):
+class Contact(Section):
     """Contact parameters of one pair of materials."""
 
     restitution: float = number(..., "1", "coefficient of normal restitution", 0.0, 1.0)
@@ -154,7 +154,7 @@ class Contact(Part):
         return self.effects is not False
 
 
-class GrainStart(Part):
+class GrainStart(Section):
     """One explicitly placed grain."""
 
     position: Vector = number(..., "m", "centre (of the template's origin for a clump)", -FARTHEST, FARTHEST)
@@ -163,14 +163,14 @@ class GrainStart(Part):
     diameter: float | None = number(None, "m", "diameter; left out: nominal diameter", SMALLEST, LARGEST)
 
 
-class Positions(Part):
+class Positions(Section):
     """Explicit list, for scenes of one or a few grains."""
 
     law: Literal["positions"]
     grains: tuple[GrainStart, ...] = Field(min_length=1, max_length=10_000, description="one table per grain")
 
 
-class Rain(Part):
+class Rain(Section):
     """Loose random layers that fall: square nets, each turned and shifted at random, with jitter."""
 
     law: Literal["rain"]
@@ -184,7 +184,7 @@ class Rain(Part):
     )
 
 
-class Lattice(Part):
+class Lattice(Section):
     """Rain inside a cylinder of any axis (a drum): a cubic net with jitter, filled from below."""
 
     law: Literal["lattice"]
@@ -199,7 +199,7 @@ class Lattice(Part):
     )
 
 
-class Pour(Part):
+class Pour(Section):
     """Grains pass a horizontal disc downwards, layer by layer, at random places without overlap."""
 
     law: Literal["pour"]
@@ -212,7 +212,7 @@ class Pour(Part):
     coverage: float = number(0.25, "1", "share of the disc's area that a layer covers", 1e-3, 0.45)
 
 
-class Layers(Part):
+class Layers(Section):
     """Loose jittered layers over a whole periodic patch."""
 
     law: Literal["layers"]

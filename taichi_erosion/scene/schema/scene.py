@@ -6,14 +6,22 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.core.setup import Laws, Setup
+from taichi_erosion.core.setup import (
+    AdhesionBranch,
+    FrictionCap,
+    Laws,
+    NormalLaw,
+    Precision,
+    RollingLaw,
+    Setup,
+)
 from taichi_erosion.scene.schema.fields import (
     FASTEST,
     Direction,
     Name,
     PairName,
-    Part,
     SceneFile,
+    Section,
     Vector,
     contradiction,
     direction,
@@ -51,7 +59,7 @@ MOST_REPLICAS = 100_000
 Known = Mapping[str, Collection[str]]
 
 
-class Head(Part):
+class Head(Section):
     """What the scene is."""
 
     kind: Literal[
@@ -61,7 +69,7 @@ class Head(Part):
     notes: str = Field(default="", max_length=20_000, description="assumptions and sources")
 
 
-class Conditions(Part):
+class Conditions(Section):
     """What a laboratory writes beside a measurement; effects read them."""
 
     moisture: float | None = number(None, "kg kg-1", "mass of water over mass of solid", 0.0, 1.0)
@@ -84,14 +92,12 @@ class Conditions(Part):
     rest_duration: float | None = number(None, "s", "time at rest before the test", 0.0, 1e9)
 
 
-class Run(Part):
+class Run(Section):
     """How the scene is repeated and stepped."""
 
     replicas: int = number(1, "1", "independent repeats", 1, MOST_REPLICAS)
     seed: int = number(1, "1", "seed of the first replica; the next take the next integers", 0, 2**62)
-    precision: Literal["f32", "f64"] = Field(
-        default="f32", description="floating-point type of forces and velocities"
-    )
+    precision: Precision = Field(default="f32", description="floating-point type of forces and velocities")
     time_step: float | None = number(None, "s", "time step; left out: time_step_fraction", SHORTEST, 1.0)
     time_step_fraction: float = number(0.2, "1", "time step over the Rayleigh time", 1e-4, 10.0)
     force_time_step: bool = Field(default=False, description="accept more than 0.3 Rayleigh times")
@@ -104,30 +110,30 @@ class Run(Part):
     )
 
 
-class Gravity(Part):
+class Gravity(Section):
     """Weight."""
 
     magnitude: float = number(9.81, "m s-2", "acceleration of gravity", 0.0, 1e4)
     direction: Direction = direction((0.0, 0.0, -1.0), "direction of gravity at the start")
 
 
-class LawChoice(Part):
+class LawChoice(Section):
     """Law in every contact slot; the defaults are those of core.setup.Laws."""
 
-    normal: Literal["hertz", "jkr"] = Field(default=Laws.normal, description="normal force")
-    adhesion_branch: Literal["touch", "edem"] = Field(
+    normal: NormalLaw = Field(default=Laws.normal, description="normal force")
+    adhesion_branch: AdhesionBranch = Field(
         default=Laws.adhesion_branch,
         description="touch: adhesion acts after contact only; edem: on approach too",
     )
-    friction_cap: Literal["thornton", "edem"] = Field(
+    friction_cap: FrictionCap = Field(
         default=Laws.friction_cap, description="normal force in the Coulomb cap under adhesion"
     )
-    rolling: Literal["none", "constant_torque", "elastic_plastic"] = Field(
+    rolling: RollingLaw = Field(
         default=Laws.rolling, description="rolling resistance: none, type A, type C (Ai et al. 2011)"
     )
 
 
-class Movement(Part):
+class Movement(Section):
     """Rigid motion of a surface during a stage."""
 
     velocity: Vector = number(ORIGIN, "m s-1", "velocity", -FASTEST, FASTEST)
@@ -135,7 +141,7 @@ class Movement(Part):
     centre: Vector = position(ORIGIN, "a point of the spin axis")
 
 
-class Stage(Part):
+class Stage(Section):
     """One act of the experiment; changes happen at its beginning."""
 
     name: Name = Field(description="name by which measures refer to it")
@@ -171,7 +177,7 @@ class Stage(Part):
         return self
 
 
-class Measure(Part):
+class Measure(Section):
     """When and how one observable is read; what is left out is the measure's own choice."""
 
     stage: Name | None = Field(None, description="stage at whose end it is read; left out: the last")
@@ -180,7 +186,7 @@ class Measure(Part):
     plate: Name | None = Field(None, description="surface on which the heap stands")
 
 
-class Measured(Part):
+class Measured(Section):
     """A laboratory's value, printed beside the simulated one."""
 
     value: float = number(..., "unit of the observable", "mean of the repeats")
@@ -189,7 +195,7 @@ class Measured(Part):
     source: str = Field(default="", max_length=500, description="where it was published")
 
 
-class Record(Part):
+class Record(Section):
     """What the recording keeps."""
 
     every: float = number(0.01, "s", "interval of frames of moving grains", 1e-9, LONGEST)

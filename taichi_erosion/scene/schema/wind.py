@@ -5,8 +5,9 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.core.setup import Coupling, Laws
-from taichi_erosion.scene.schema.fields import Part, contradiction, extent, number
+from taichi_erosion.core.air_setup import Closure
+from taichi_erosion.core.setup import Coupling, DragLaw, Laws
+from taichi_erosion.scene.schema.fields import Section, contradiction, extent, number
 
 Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
@@ -15,7 +16,7 @@ LONGEST_HOLD = 1e3  # longest time that a search for thresholds may hold a wind 
 FASTEST_FRICTION = 10.0  # largest friction velocity that a scene may name [m s-1]
 
 
-class Wind(Part):
+class Wind(Section):
     """Periodic patch of a bed under wind: one column of air cells, driven by the stress at its lid, or many.
 
     The patch reaches from 0 to `length` downwind and from 0 to `width` across; heights count from 0. On
@@ -31,11 +32,9 @@ class Wind(Part):
     )
     density: float = number(1.225, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = number(1.46e-5, "m2 s-1", "kinematic viscosity of the air", 1e-8, 1.0)
-    drag: Literal["schiller_naumann", "two_limits", "di_felice", "gidaspow"] = Field(
-        default=Laws.drag, description="law of drag on a grain"
-    )
+    drag: DragLaw = Field(default=Laws.drag, description="law of drag on a grain")
     columns: Columns = number((1, 1), "1", "columns of cells downwind and across", 1, COLUMNS_MOST)
-    closure: Literal["none", "mixing_length", "smagorinsky"] = Field(
+    closure: Closure = Field(
         "mixing_length", description="turbulence closure; smagorinsky, or none, lets a grid have eddies"
     )
     drive: Literal["lid", "gradient"] = Field(
@@ -55,7 +54,7 @@ class Wind(Part):
     cell: float | None = number(None, "m", "finest layer of air; left out: a quarter diameter", 1e-7, 1e4)
     growth: float = number(1.15, "1", "widening of a layer over the one below, above the bed", 1.0001, 2.0)
     look_steps: int = number(
-        Coupling.look_steps, "1", "time steps of the grains between two looks at the air", 1, 10_000
+        Coupling.look_steps, "1", "time steps of the grains between two exchanges with the air", 1, 10_000
     )
     sleep_after: float | None = number(
         None,
@@ -93,7 +92,7 @@ def count_problems(wind: Wind) -> Iterator[str]:
             yield f"wind.columns.{place} = {count}: an even number is needed, at least {COLUMNS_LEAST}"
 
 
-class Threshold(Part):
+class Threshold(Section):
     """A ramp, then winds from rest on either side of where it ended, then transport that is slowed down.
 
     A grain has rolled when it has moved over the bed by `distance`, and has left the bed when it has risen by
