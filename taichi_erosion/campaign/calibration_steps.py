@@ -1,11 +1,4 @@
-"""Effects of a screening whose centre shows how far the response is from a plane.
-
-Centre points and corners have means of their own, so that a bent response is neither taken for noise nor for
-an effect: effects follow from the corners, the error from what is left there and from the centre's runs.
-
-Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., 6.8.
-
-Calibration by designed experiments: screen, climb, fit a surface, find the optimum, confirm it.
+"""Steps of a calibration by designed experiments.
 
     screen     Plackett-Burman in all parameters; the largest effects go on, the others stay at their centre
     climb      along the steepest path of those, towards the first target
@@ -16,8 +9,13 @@ Calibration by designed experiments: screen, climb, fit a surface, find the opti
 Every step rests on the runs of those before it, and a run that stands in the ledger is not repeated: a step
 may be called again, after a crash or alone, and ends the same.
 
+Centre points and corners of the screening have means of their own, so that curvature is neither taken for
+noise nor for an effect: effects follow from the corners, the error from their residuals and from the centre's
+runs.
+
 Reference: Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; Myers, Montgomery & Anderson-Cook (2016), Response
-Surface Methodology, 4th ed., ch. 5 and 6.
+Surface Methodology, 4th ed., ch. 5 and 6; Montgomery (2017), Design and Analysis of Experiments, 9th ed.,
+6.8 (curvature and the corners).
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +29,6 @@ from taichi_erosion.campaign.study_file import CalibrationStudy
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.anova import (
     CONFIDENCE,
-    Curvature,
     Effect,
     EffectLimits,
     curvature,
@@ -52,8 +49,9 @@ def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
     corners, bent = corner_fit(fit), curvature(fit)
     if corners is None or bent is None:
         return effects(fit), effect_limits(fit)
-    spread = corner_errors(corners, bent)
-    found = [judged(one, error, bent.df_error) for one, error in zip(effects(corners), spread, strict=True)]
+    # standard error of every effect, in the response's unit
+    spread = 2.0 * np.sqrt(bent.ms_error * np.diag(corners.unscaled_covariance)[1:])
+    found = [tested(one, error, bent.df_error) for one, error in zip(effects(corners), spread, strict=True)]
     tail, largest = 0.5 * (1.0 - CONFIDENCE), float(spread.max())
     limits = EffectLimits(
         single=float(stats.t.isf(tail, bent.df_error)) * largest,
@@ -68,23 +66,14 @@ def corner_fit(fit: Fit) -> Fit | None:
     """The same model on the corners alone; None without a centre, or where too few corners have a result."""
     corner = np.any(np.abs(fit.coded) > SAME_POINT, axis=1)
     part = replace(
-        fit,
-        coded=fit.coded[corner],
-        values=fit.values[corner],
-        blocks=fit.blocks[corner],
-        rows=fit.rows[corner],
+        fit, **{name: getattr(fit, name)[corner] for name in ("coded", "values", "blocks", "rows")}
     )
     coefficients = len(fit.terms) + len(np.unique(fit.blocks))
-    carried = np.linalg.matrix_rank(part.results.model.exog) == coefficients
-    return part if carried and not corner.all() else None
+    full_rank = np.linalg.matrix_rank(part.results.model.exog) == coefficients
+    return part if full_rank and not corner.all() else None
 
 
-def corner_errors(corners: Fit, bent: Curvature) -> Floats:
-    """Standard error of every effect, in the response's unit."""
-    return 2.0 * np.sqrt(bent.ms_error * np.diag(corners.unscaled_covariance)[1:])
-
-
-def judged(effect: Effect, error: float, df: int) -> Effect:
+def tested(effect: Effect, error: float, df: int) -> Effect:
     """The effect with t and p for a standard error."""
     t = effect.value / float(error) if error > 0.0 else nan
     return replace(effect, t=t, p=2.0 * float(stats.t.sf(abs(t), df)))
@@ -109,7 +98,7 @@ class Climb:
 
 @dataclass(frozen=True, eq=False)
 class ResponseSurface:
-    """The surface design, its full quadratic models by target, and those models without their idle terms."""
+    """The surface design, its full quadratic models by target, and those models reduced."""
 
     design: Design
     full: dict[str, Fit]
@@ -150,7 +139,7 @@ def effect_sizes(fit: Fit) -> Floats:
 
 
 def climb(runner: DesignRunner, screening: Screening) -> Climb:
-    """Walk from the centre of the screening towards the first target."""
+    """Run the steepest path from the centre of the screening towards the first target."""
     study = runner.file.study
     name, target = next(iter(study.targets.items()))
     fit = screening.fits[name]
@@ -171,7 +160,7 @@ def climb(runner: DesignRunner, screening: Screening) -> Climb:
 
 
 def centre_value(design: Design, name: str, otherwise: float) -> float:
-    """Mean response of the centre points, where the path begins; a bent surface lies far from its plane."""
+    """Mean response of the centre points, where the path begins; a curved surface lies far from its plane."""
     centre = np.array([kind == "centre" for kind in design.kinds])
     known = design.responses[name][centre & np.isfinite(design.responses[name])]
     return float(known.mean()) if len(known) else otherwise

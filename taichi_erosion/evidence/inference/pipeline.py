@@ -153,7 +153,7 @@ def seed_stability(fitted: FittedHypotheses, decision: Decision) -> tuple[float,
 
 def mean_over_seeds(prepared: PreparedProblem, best: Fit) -> Floats:
     """Mean of a fit over the scoring seeds, out of runs with more seeds where there are any."""
-    for (x, acting, seeds), values in prepared.predictor.seen.items():
+    for (x, acting, seeds), values in prepared.predictor.cache.items():
         drawn = np.frombuffer(seeds, dtype=np.int64)
         same = x == best.x.tobytes() and dict(acting) == best.acting()
         if same and np.isin(prepared.seeds.scoring, drawn).all():

@@ -112,19 +112,19 @@ def scene_model(
     path: Path, file: StudyFile, results: Path, measurements: Measurements, report: Report | None
 ) -> StudyModel:
     """Simulator of scenes; its runs stand in the ledger of a campaign."""
-    from taichi_erosion.evidence.models import scene_study
+    from taichi_erosion.evidence.models import simulator as scenes
 
     runs = results if file.study.runs is None else path.parent / file.study.runs
-    simulator = scene_study.study_simulator(path, file, measurements, runs)
+    simulator = scenes.study_simulator(path, file, measurements, runs)
     simulator.report = report
-    candidates = scene_study.library_candidates(file, simulator, str(path))
+    candidates = scenes.library_candidates(file, simulator, str(path))
     adopted = tuple(
-        scene_study.library_candidate(simulator, name, entry, file.conditions)
+        scenes.library_candidate(simulator, name, entry, file.conditions)
         for name, entry in file.adopted.items()
     )
-    parameters = scene_study.uncertain_parameters(file, simulator, measurements, (*candidates, *adopted))
-    simulator = scene_study.accepting(simulator, parameters)
-    return StudyModel(simulator, scene_study.scene_identity(simulator), candidates, adopted, parameters)
+    parameters = scenes.uncertain_parameters(file, simulator, measurements, (*candidates, *adopted))
+    simulator = scenes.accepting(simulator, parameters)
+    return StudyModel(simulator, scenes.scene_identity(simulator), candidates, adopted, parameters)
 
 
 def observable_of(name: str, entry: ObservableEntry) -> Observable:

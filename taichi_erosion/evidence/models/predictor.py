@@ -1,6 +1,4 @@
-"""The model behind one counter: predictions on the comparison scale, remembered, failures counted.
-
-Differences between paired runs, freed from replicate noise where the runs say how much of it there is.
+"""Cached predictions on the comparison scale with their cost, and smoothed differences between paired runs.
 
 A slope or signature changes smoothly with the conditions; replicate noise does not. Within one observable
 
@@ -8,7 +6,7 @@ A slope or signature changes smoothly with the conditions; replicate noise does 
 
 with K a squared-exponential kernel over the conditions, s^2 the measured variance of the mean difference, c
 the mean and the amplitude a the likeliest one. Two calibrated numbers that move a heap alike stay
-indistinguishable then; raw noise would tell them apart. A model without noise is left as it is.
+indistinguishable then; raw noise would separate them. A model without noise is left as it is.
 """
 
 from dataclasses import dataclass, field, replace
@@ -24,6 +22,7 @@ from taichi_erosion.evidence.data.problem import (
     Floats,
     Integers,
     Model,
+    Numbers,
     Observable,
     Uncertainty,
 )
@@ -32,11 +31,15 @@ from taichi_erosion.evidence.data.transforms import Axis, split_setting, strengt
 Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
 Spectrum = tuple[Floats, Floats]  # eigenvalues and eigenvectors of a kernel
 NEGLIGIBLE = 1e-6  # share of the largest variance below which a common error is dropped
+PRIOR_FREEDOM = 6.0  # nu_0, degrees of freedom of the pooled variance of seeds
+LENGTH = 1.5  # of the kernel, in sd of a condition
+AMPLITUDES = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 25)])  # of the smooth part, over the noise
+LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
 
 
 @dataclass
 class ModelCost:
-    """What the model has cost so far."""
+    """Cost of a model so far."""
 
     runs: int = 0  # seeds times settings, each over all conditions
     failures: int = 0  # values that could not be computed
@@ -44,7 +47,7 @@ class ModelCost:
 
 @dataclass(frozen=True)
 class Predictor:
-    """Model, rows and axes bound together; `predict` is the only place where the model is called."""
+    """A model bound to rows and axes; `predict` is the only place where the model is called."""
 
     model: Model
     observables: tuple[Observable, ...]
@@ -54,18 +57,20 @@ class Predictor:
     candidates: tuple[Candidate, ...]
     uncertainty: Uncertainty | None = None
     cost: ModelCost = field(default_factory=ModelCost)
-    seen: dict[Key, Floats] = field(default_factory=dict)
+    cache: dict[Key, Floats] = field(default_factory=dict)
     spectra: dict[bytes, Spectrum] = field(default_factory=dict)  # of smooth functions over some rows
 
     def over(
         self, observables: tuple[Observable, ...], which: Integers, conditions: Conditions
     ) -> "Predictor":
-        """The same model, at the same cost counter, over other rows."""
-        return replace(self, observables=observables, which=which, conditions=conditions, seen={}, spectra={})
+        """The same model and cost counter with other rows."""
+        return replace(
+            self, observables=observables, which=which, conditions=conditions, cache={}, spectra={}
+        )
 
     @cached_property
-    def asked(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
-        """Every observable that has rows, these rows, and their conditions, which nobody may write to."""
+    def requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
+        """Every observable that has rows, these rows, and their conditions as read-only arrays."""
         parts = []
         for observable, rows in zip(self.observables, self.rows, strict=True):
             if rows.size:
@@ -80,22 +85,26 @@ class Predictor:
         """Rows of every observable."""
         return tuple(np.flatnonzero(self.which == index) for index in range(len(self.observables)))
 
-    def predict(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+    def predict(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
         """Values (r, n) on the comparison scale at calibrated numbers x, with some effects acting."""
         key = (np.asarray(x, float).tobytes(), tuple(sorted(acting.items())), seeds.tobytes())
-        if key not in self.seen:
-            self.seen[key] = self.compute(x, acting, seeds)
-        return self.seen[key]
+        if key not in self.cache:
+            self.cache[key] = self.compute(x, acting, seeds)
+        return self.cache[key]
 
-    def mean(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+    def mean(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
         """Mean over seeds; NaN only where every seed failed."""
         return seed_mean(self.predict(x, acting, seeds))
 
-    def compute(self, x: Floats, acting: dict[str, float], seeds: Integers) -> Floats:
+    def setting(self, x: Floats, acting: Numbers) -> tuple[Numbers, Numbers]:
+        """Parameters and strengths of all effects at calibrated numbers x, with some effects acting."""
         parameters, adopted = split_setting(self.axes, x)
-        effects = {**strengths(self.candidates, acting), **adopted}
+        return parameters, {**strengths(self.candidates, acting), **adopted}
+
+    def compute(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
+        parameters, effects = self.setting(x, acting)
         result = np.empty((seeds.size, self.which.size))
-        for observable, rows, chosen in self.asked:
+        for observable, rows, chosen in self.requests:
             answer = self.model(observable.name, dict(chosen), dict(parameters), dict(effects), seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
         self.cost.runs += int(seeds.size)
@@ -105,17 +114,16 @@ class Predictor:
             result[failed] = np.nan
         return result
 
-    def model_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
-        """Errors (n, r) of the model itself at one setting, one sd each: their covariance is F F^T.
+    def model_errors(self, x: Floats, acting: Numbers) -> Floats:
+        """Factor F (n, r) of the covariance F F^T of the model's own errors at one setting.
 
-        No column for a model that is what it says.
+        No column for a model without errors.
         """
         if self.uncertainty is None:
             return np.zeros((self.which.size, 0))
-        parameters, adopted = split_setting(self.axes, x)
-        effects = {**strengths(self.candidates, acting), **adopted}
+        parameters, effects = self.setting(x, acting)
         parts = []
-        for observable, rows, chosen in self.asked:
+        for observable, rows, chosen in self.requests:
             own = self.uncertainty(observable, dict(chosen), dict(parameters), dict(effects))
             values, vectors = np.linalg.eigh(np.nan_to_num(own))
             kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
@@ -136,11 +144,10 @@ def seed_mean(values: Floats) -> Floats:
 
 
 def seed_variance(values: Floats, which: Integers) -> Floats:
-    """Variance of one seed, row by row, drawn towards the pooled one of its observable.
+    """Variance of one seed, row by row, shrunk towards the pooled one of its observable.
 
     s~_i^2 = (nu_0 s_t^2 + nu_i s_i^2) / (nu_0 + nu_i),    nu_0 = 6
     """
-    prior_freedom = 6.0
     good = np.isfinite(values)
     freedom = np.maximum(good.sum(axis=0) - 1, 0)
     centred = np.where(good, values - seed_mean(values), 0.0)
@@ -149,12 +156,7 @@ def seed_variance(values: Floats, which: Integers) -> Floats:
     for index in np.unique(which):
         rows = which == index
         pooled[rows] = squares[rows].sum() / max(int(freedom[rows].sum()), 1)
-    return (prior_freedom * pooled + squares) / (prior_freedom + freedom)
-
-
-LENGTH = 1.5  # of the kernel, in sd of a condition
-AMPLITUDES = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 25)])  # of the smooth part, over the noise
-LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
+    return (PRIOR_FREEDOM * pooled + squares) / (PRIOR_FREEDOM + freedom)
 
 
 def standard_axis(column: Floats) -> Floats | None:
@@ -183,7 +185,7 @@ def pooled_noise(differences: Floats, which: Integers) -> Floats:
 
 
 def paired_change(after: Floats, before: Floats, predictor: Predictor) -> Floats:
-    """Mean change between paired runs of a predictor, smoothed as far as their noise demands."""
+    """Mean change between paired runs of a predictor, smoothed where it is noisy."""
     change = seed_mean(after) - seed_mean(before)
     noise = pooled_noise(after - before, predictor.which)
     if not np.any(noise > 0.0):
@@ -196,7 +198,7 @@ def paired_change(after: Floats, before: Floats, predictor: Predictor) -> Floats
 
 
 def spectrum(predictor: Predictor, rows: Bools) -> Spectrum:
-    """Eigenvalues and eigenvectors of the kernel over some rows; remembered, no run changes them."""
+    """Eigenvalues and eigenvectors of the kernel over some rows, cached."""
     key = rows.tobytes()
     if key not in predictor.spectra:
         axes = [standard_axis(column[rows]) for column in predictor.conditions.values()]
@@ -210,7 +212,7 @@ def spectrum(predictor: Predictor, rows: Bools) -> Spectrum:
 
 
 def smoothed(values: Floats, variance: float, kernel: Spectrum) -> Floats:
-    """Posterior mean of a smooth function of the conditions, at its likeliest amplitude."""
+    """Posterior mean of a smooth function of the conditions, at its most likely amplitude."""
     eigenvalues, vectors = kernel
     centre = values.mean()
     parts = vectors.T @ (values - centre)

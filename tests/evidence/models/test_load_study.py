@@ -17,7 +17,7 @@ from taichi_erosion.evidence.data.problem import Budget, Candidate
 from taichi_erosion.evidence.models.load_study import load_study
 from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 GOOD = study_text()
 SHIPPED = [
     path

@@ -15,7 +15,7 @@ from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.emulator import training_runs
 
-SCENE = Path(__file__).parents[2] / "scenes" / "column_collapse.toml"
+SCENE = Path(__file__).parents[3] / "scenes" / "column_collapse.toml"
 FRICTION = "contact.grain-grain.friction_rolling"
 ANGULARITIES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 DIAMETERS = (1.5, 3.0)  # mm

@@ -13,7 +13,7 @@ from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.evidence.models.load_study import load_study
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SCENE = ROOT / "scenes" / "column_collapse.toml"
 FRICTION = "contact.grain-grain.friction_rolling"
 TABLE = """observable,value,sd,n,unit,group,moisture,angularity,diameter [mm],source

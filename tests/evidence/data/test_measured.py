@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.measured import read_table
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 HEAD = "observable,value,sd,n,unit,group,moisture [%],source\n"
 GOOD = HEAD + "repose_angle,33.5,0.7,10,deg,heap,1.65,Hao\nrepose_angle,31.2,,,deg,heap,0,Hao\n"
 
