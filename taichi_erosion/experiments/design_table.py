@@ -1,16 +1,14 @@
-"""A design: which levels of which factors, run by run, in coded and in natural units.
+"""A design: levels of factors run by run, in coded and in natural units, and its CSV table.
 
     x = (natural - centre) / half,   centre = (high + low) / 2,   half = (high - low) / 2
 
-with x the coded level [1]: -1 at the low, +1 at the high end of a factor's range.
+with x the coded level [1]: -1 at the low, +1 at the high end of a factor's range. The table can be filled in
+by a spreadsheet and comes back unchanged. One row a run, in standard order: `run` (standard order, from 1),
+`turn` (when it is carried out), `block`, `point`, one column of natural values for every factor headed
+`path [unit] low..high`, one of coded levels headed `coded path`, then the responses. An empty cell of a
+response is a run without a result.
 
 Reference: Box, Hunter & Hunter (2005), Statistics for Experimenters, 2nd ed., ch. 5.
-
-A design as a CSV table that a spreadsheet can fill in and that comes back unchanged.
-
-One row a run, in standard order: `run` (standard order, from 1), `turn` (when it is carried out), `block`,
-`point`, one column of natural values for every factor headed `path [unit] low..high`, one of coded levels
-headed `coded path`, then the responses. An empty cell of a response is a run without a result.
 """
 
 import csv
@@ -195,19 +193,51 @@ def write_design(design: Design, path: Path) -> None:
     path.write_text(design_text(design), encoding="utf-8")
 
 
-def read_design(path: Path) -> Design:
-    """The design of a table that `write_design` wrote; raises BadInput with file, row and column."""
+def read_columns(path: Path) -> dict[str, list[str]]:
+    """Cells of a CSV table by heading; raises BadInput."""
     try:
-        lines = list(csv.reader(io.StringIO(read_text_file(path, "utf-8-sig"), newline=""), strict=True))
+        text = read_text_file(path, "utf-8-sig")
+        lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if any(line)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"{path}: cannot be read as a CSV table: {error}") from None
-    if len(lines) < 2 or tuple(lines[0][:4]) != FIXED:
+    if not lines:
+        raise BadInput(f"{path}: is empty; the first row names the columns")
+    headings = [cell.strip() for cell in lines[0]]
+    if len(set(headings)) != len(headings):
+        raise BadInput(f"{path}: a heading stands twice in {', '.join(headings)}")
+    for number, line in enumerate(lines[1:], start=1):
+        if len(line) != len(headings):
+            raise BadInput(f"{path}: row {number} has {len(line)} cells, the heading {len(headings)}")
+    return {heading: [line[k].strip() for line in lines[1:]] for k, heading in enumerate(headings)}
+
+
+def column_numbers(
+    columns: Mapping[str, Sequence[str]], heading: str, file: str, gaps: bool = False
+) -> Floats:
+    """One column of finite numbers; an empty cell is NaN where gaps are allowed. Raises BadInput."""
+    if heading not in columns:
+        raise BadInput(f"{file}: column '{heading}' is missing")
+    values = np.array([as_number(text) for text in columns[heading]])
+    for row in np.flatnonzero(~np.isfinite(values)):
+        text = columns[heading][row]
+        if text or not gaps:
+            raise BadInput(f"{file}: row {row + 1}, {heading} = '{text}' must be a number")
+    return values
+
+
+def as_number(text: str) -> float:
+    """A number with any of the signs that print uses for minus; NaN for anything else."""
+    try:
+        return float(text.replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-"))
+    except ValueError:
+        return nan
+
+
+def read_design(path: Path) -> Design:
+    """The design of a table that `write_design` wrote; raises BadInput with file, row and column."""
+    columns = read_columns(path)
+    if tuple(columns)[:4] != FIXED or not columns["run"]:
         raise BadInput(f"{path}: not a design; its first columns must be {', '.join(FIXED)}")
-    width = len(lines[0])
-    for number, cells in enumerate(lines[1:], start=1):
-        if len(cells) != width:
-            raise BadInput(f"{path}: row {number} has {len(cells)} cells, the heading {width}")
-    columns = {heading: [line[k] for line in lines[1:]] for k, heading in enumerate(lines[0])}
     return parsed(columns, str(path))
 
 
@@ -218,12 +248,12 @@ def parsed(columns: Mapping[str, Sequence[str]], name: str) -> Design:
         raise BadInput(f"{name}: no factor; a factor's heading is 'path [unit] low..high'")
     known = {*FIXED, *(CODED + f.path for f in factors)}
     natural_headings = {heading for heading in columns if FACTOR.fullmatch(heading)}
-    coded = np.column_stack([numbers(columns, CODED + f.path, name) for f in factors])
+    coded = np.column_stack([column_numbers(columns, CODED + f.path, name) for f in factors])
     natural = np.column_stack(
-        [numbers(columns, heading, name) for heading in columns if heading in natural_headings]
+        [column_numbers(columns, heading, name) for heading in columns if heading in natural_headings]
     )
     refuse_disagreement(factors, coded, natural, name)
-    order, blocks = (numbers(columns, heading, name).astype(np.int64) for heading in ("turn", "block"))
+    order, blocks = (column_numbers(columns, heading, name).astype(np.int64) for heading in ("turn", "block"))
     if sorted(order) != list(range(1, len(coded) + 1)):
         raise BadInput(f"{name}: column turn must hold each of 1 to {len(coded)} once")
     others = [heading for heading in columns if heading not in known | natural_headings]
@@ -234,7 +264,7 @@ def parsed(columns: Mapping[str, Sequence[str]], name: str) -> Design:
         run_order=order,
         blocks=blocks,
         kinds=tuple(read_kind(text, name) for text in columns["point"]),
-        responses={heading: numbers(columns, heading, name, gaps=True) for heading in others},
+        responses={heading: column_numbers(columns, heading, name, gaps=True) for heading in others},
     )
 
 
@@ -255,22 +285,6 @@ def read_kind(text: str, name: str) -> PointKind:
         if text == kind:
             return kind
     raise BadInput(f"{name}: point = '{text}'; allowed: {', '.join(get_args(PointKind))}")
-
-
-def numbers(columns: Mapping[str, Sequence[str]], heading: str, name: str, gaps: bool = False) -> Floats:
-    """One column of numbers; an empty cell is NaN where gaps are allowed."""
-    if heading not in columns:
-        raise BadInput(f"{name}: column '{heading}' is missing")
-    values = []
-    for row, text in enumerate(columns[heading], start=1):
-        try:
-            value = nan if gaps and not text.strip() else float(text)
-        except ValueError:
-            value = nan
-        if not isfinite(value) and not (gaps and not text.strip()):
-            raise BadInput(f"{name}: row {row}, {heading} = '{text}' must be a number")
-        values.append(value)
-    return np.array(values)
 
 
 def refuse_disagreement(factors: Sequence[Factor], coded: Floats, natural: Floats, name: str) -> None:

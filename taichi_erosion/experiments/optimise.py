@@ -1,21 +1,19 @@
-"""Several responses wished for at once: one number between 0 and 1.
+"""Settings of the factors that best meet goals for one or several responses, by the fitted models.
+
+Goals are combined into one number between 0 and 1, the overall desirability D:
 
     maximise   d = ((y - low) / (high - low))^w,   0 below low, 1 above high
     minimise   d = ((high - y) / (high - low))^w
     target     d = 1 - |y - T| / (T - low) below and / (high - T) above T, to the power w
     D = (prod d_i^r_i)^(1 / sum r_i)
 
-with w the weight and r the importance [1]; D = 0 as soon as one response lies outside its limits.
+with w the weight and r the importance [1]; D = 0 as soon as one response lies outside its limits. The search
+starts from a grid and climbs D. A target that the surface does reach is met along a whole line or face of the
+design, not in a point: well separated points of it are listed, the most certain prediction first. A target
+that it does not reach is reported as out of reach, with the nearest value.
 
-Reference: Derringer & Suich (1980), J. Quality Technology 12, 214, eq. (1)-(4).
-
-Where in the design the fitted models promise what is wished for, or that they promise it nowhere.
-
-The search starts from a grid and climbs the overall desirability. A target that the surface does reach is met
-along a whole line or face of the design, not in a point: well separated points of it are listed, the most
-certain prediction first. A target that it does not reach is said to be out of reach, with the nearest value.
-
-Reference: Myers, Montgomery & Anderson-Cook (2016), Response Surface Methodology, 4th ed., ch. 6 and 7.
+References: Derringer & Suich (1980), J. Quality Technology 12, 214, eq. (1)-(4); Myers, Montgomery &
+Anderson-Cook (2016), Response Surface Methodology, 4th ed., ch. 6 and 7.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,9 +1,9 @@
-"""Printed sums of squares, tests, figures of merit and coefficients against those that the table gives.
+"""Printed numbers against those that the table gives, and conclusions against the fitted surface.
 
-What a study concludes from its fitted surface: coding, optimum, target, runs at the same point.
-
-The coding -1, 0, +1 of a table can be read in two ways, factor by factor. The published optimum decides: in
-one of them the surface has its best point where the study says so, in the other at the mirror image.
+Compared are sums of squares, tests, figures of merit and coefficients; then coding, optimum, target, and
+runs at the same point. The coding -1, 0, +1 of a table can be read in two ways, factor by factor. The
+published optimum decides: in one of them the surface has its best point where the study says so, in the
+other at the mirror image.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,12 +21,10 @@ from taichi_erosion.experiments.audit.published import (
     Finding,
     Kind,
     Printed,
-    column_numbers,
     parse_printed,
-    read_columns,
 )
 from taichi_erosion.experiments.confirm import Sample, confirm
-from taichi_erosion.experiments.design_table import Floats
+from taichi_erosion.experiments.design_table import Floats, column_numbers, read_columns
 from taichi_erosion.experiments.fit import Fit, Quality, coded_polynomial, quality
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.experiments.terms import parse_term, term_name
@@ -229,9 +227,6 @@ def read_levels(path: Path, fit: Fit) -> Coding:
     if LEVEL not in columns:
         raise BadInput(f"{path}: column '{LEVEL}' is missing; it holds -1, 0 and 1")
     levels = column_numbers(columns, LEVEL, str(path))
-    missing = [f.path for f in fit.factors if f.path not in columns]
-    if missing:
-        raise BadInput(f"{path}: column '{missing[0]}' is missing")
     lines = [np.polyfit(levels, column_numbers(columns, f.path, str(path)), 1) for f in fit.factors]
     return Coding(np.array([line[1] for line in lines]), np.array([line[0] for line in lines]))
 
@@ -324,9 +319,6 @@ def optimum_findings(
 def same_point_findings(path: Path, coding: Coding, fit: Fit) -> Iterator[Finding]:
     """Runs of another table that contradict this one: at a point of the design, or inside it."""
     columns = read_columns(path)
-    missing = [name for name in (*(f.path for f in fit.factors), fit.response) if name not in columns]
-    if missing:
-        raise BadInput(f"{path}: column '{missing[0]}' is missing")
     natural = np.column_stack([column_numbers(columns, f.path, str(path)) for f in fit.factors])
     points, values = coding.coded(natural), column_numbers(columns, fit.response, str(path))
     for row, (point, value) in enumerate(zip(points, values, strict=True)):

@@ -1,8 +1,4 @@
-"""One thing that is wrong, or that a reader should know.
-
-Numbers as they stand in print: their last digit says how far they can be trusted.
-
-What a study says about its table, beside the table: `TABLE.claims.toml`. Numbers are kept as printed.
+"""A published table of runs, and what the study prints about it: `TABLE.claims.toml` beside the table.
 
 model = "quadratic"            # linear | interactions | quadratic; guessed from the levels if left out
 anova = "table_9.csv"          # printed analysis of variance
@@ -14,15 +10,11 @@ target = 33.52                 # wished for
 [optimum]                      # printed best setting in natural units, by factor
 [t_test]                       # runs = [...], mean, sd, n of the measurement, and the printed p
 
-A table of runs as somebody published it: which columns are factors, and which levels they mean.
-
-The columns of numbers before the response are the factors, but for one that counts the runs and for those
-that hold results. What stands behind the response, other responses or the same levels in other units, is set
-aside.
+Numbers are kept as printed: the last digit says how exact they are. In the table, the columns of numbers
+before the response are the factors, but for one that counts the runs and for those that hold results. What
+stands behind the response, other responses or the same levels in other units, is set aside.
 """
 
-import csv
-import io
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -35,7 +27,16 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
-from taichi_erosion.experiments.design_table import Design, Factor, Floats, arranged
+from taichi_erosion.experiments.design_table import (
+    Design,
+    Factor,
+    Floats,
+    arranged,
+    as_number,
+    column_numbers,
+    read_columns,
+    to_coded,
+)
 from taichi_erosion.experiments.terms import Order
 
 Kind = Literal[
@@ -229,24 +230,6 @@ class PublishedTable:
         return plain.with_responses(**{self.response: self.values})
 
 
-def read_columns(path: Path) -> dict[str, list[str]]:
-    """Cells of a CSV table by heading; raises BadInput."""
-    try:
-        text = read_text_file(path, "utf-8-sig")
-        lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if any(line)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadInput(f"{path}: cannot be read as a CSV table: {error}") from None
-    if not lines:
-        raise BadInput(f"{path}: is empty; the first row names the columns")
-    headings = [cell.strip() for cell in lines[0]]
-    if len(set(headings)) != len(headings):
-        raise BadInput(f"{path}: a heading stands twice in {', '.join(headings)}")
-    for number, line in enumerate(lines[1:], start=1):
-        if len(line) != len(headings):
-            raise BadInput(f"{path}: row {number} has {len(line)} cells, the heading {len(headings)}")
-    return {heading: [line[k].strip() for line in lines[1:]] for k, heading in enumerate(headings)}
-
-
 def read_published(path: Path, response: str | None = None) -> PublishedTable:
     """A table of runs; the response is the last column where it is not named."""
     columns = read_columns(path)
@@ -262,26 +245,8 @@ def read_published(path: Path, response: str | None = None) -> PublishedTable:
         raise BadInput(f"{path}: no column of factor levels beside the response '{wanted}'")
     levels = np.column_stack(list(chosen.values()))
     factors = tuple(factor_of(name, column) for name, column in chosen.items())
-    centre, half = np.array([f.centre for f in factors]), np.array([f.half for f in factors])
-    coded = np.round((levels - centre) / half, 9) + 0.0
+    coded = np.round(to_coded(factors, levels), 9) + 0.0
     return PublishedTable(str(path), factors, levels, coded, wanted, values, tuple(aside))
-
-
-def column_numbers(columns: Mapping[str, Sequence[str]], name: str, file: str) -> Floats:
-    """A column of finite numbers."""
-    values = np.array([as_number(text) for text in columns[name]])
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        raise BadInput(f"{file}: row {bad[0] + 1}, {name} = '{columns[name][bad[0]]}' must be a number")
-    return values
-
-
-def as_number(text: str) -> float:
-    """A number with any of the signs that print uses for minus; NaN for anything else."""
-    try:
-        return float(text.replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-"))
-    except ValueError:
-        return float("nan")
 
 
 def factor_columns(
@@ -292,7 +257,11 @@ def factor_columns(
     place = names.index(response)
     for side in (names[:place], names[place + 1 :]):  # a table may begin with its response
         found = {name: column_numbers(columns, name, file) for name in side if not is_text(columns[name])}
-        levels = {name: column for name, column in found.items() if not is_idle(name, column)}
+        levels = {
+            name: column
+            for name, column in found.items()
+            if not is_counter(name, column) and np.ptp(column) > 0.0
+        }
         chosen = without_responses(levels)
         if chosen:
             return chosen, [name for name in names if name not in chosen and name != response]
@@ -302,11 +271,6 @@ def factor_columns(
 def is_text(cells: Sequence[str]) -> bool:
     """Whether a column holds words only."""
     return all(as_number(text) != as_number(text) for text in cells)
-
-
-def is_idle(name: str, column: Floats) -> bool:
-    """Whether a column tells runs apart by nothing but their number."""
-    return is_counter(name, column) or bool(np.ptp(column) == 0.0)
 
 
 def without_responses(levels: Mapping[str, Floats]) -> dict[str, Floats]:
