@@ -95,17 +95,9 @@ def join(parts: list[tuple[Floats, Integers]]) -> tuple[Floats, Integers]:
 
 def section(wall: WallMesh, depth: float = 0.0) -> Floats:
     """Cut of a wall by the vertical plane y = depth: line segments (x, z) of both ends, [k, 2, 2] m."""
-    corners = wall.vertices[wall.triangles]
-    above = corners[:, :, 1] >= depth
-    cut = corners[above.any(axis=1) & ~above.all(axis=1)]
-    return np.array([crossing(triangle, depth) for triangle in cut]).reshape(-1, 2, 2)
-
-
-def crossing(triangle: Floats, depth: float) -> Floats:
-    """The two points (x, z) [m] where the edges of a triangle pass through y = depth."""
-    points = []
-    for start, end in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
-        if (start[1] >= depth) != (end[1] >= depth):
-            share = (depth - start[1]) / (end[1] - start[1])
-            points.append((start + share * (end - start))[[0, 2]])
-    return np.array(points)
+    start = wall.vertices[wall.triangles]
+    end = np.roll(start, -1, axis=1)
+    crosses = (start[..., 1] >= depth) != (end[..., 1] >= depth)  # none or two edges of a triangle
+    start, end = start[crosses], end[crosses]
+    share = (depth - start[:, 1:2]) / (end[:, 1:2] - start[:, 1:2])
+    return (start + share * (end - start))[:, [0, 2]].reshape(-1, 2, 2)

@@ -1,11 +1,9 @@
-"""Thresholds of several beds, the wind they mean, flux and stresses of made-up transport."""
+"""Thresholds of several beds, and the wind speed of a tunnel."""
 
 import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from taichi_erosion.core.snapshot import AirProfile, Snapshot
-from taichi_erosion.measures import wind_bed
 from taichi_erosion.measures.threshold import (
     Bracket,
     Tunnel,
@@ -16,8 +14,6 @@ from taichi_erosion.measures.threshold import (
     ratio,
     wind_speed,
 )
-
-PATCH = wind_bed.Patch(area=2e-5, surface=1e-3, diameter=2.5e-4, density=1.2, viscosity=1.5e-5)
 
 
 def beds(thresholds: np.ndarray, width: float, seed: int = 0):
@@ -116,51 +112,3 @@ def test_the_speed_of_a_tunnel_is_that_of_the_flat_plate_seven_metres_from_its_i
 ):
     # friction velocities of the table are rounded to a millimetre per second
     assert wind_speed(friction, Tunnel(7.0, diameter, 1.5e-5)) == pytest.approx(speed, rel=0.01)
-
-
-def flying(height: np.ndarray, speed: float) -> Snapshot:
-    count = len(height)
-    place = np.column_stack([np.zeros((count, 2)), height])
-    velocity = np.tile([speed, 0.0, 0.0], (count, 1))
-    rank = np.arange(count, dtype=np.int32)
-    return Snapshot(
-        0.0, 0, place, velocity, 0.0 * place, np.full(count, 1e-4), np.full(count, 2e-8), rank, rank, 0
-    )
-
-
-def test_flux_and_its_height_are_those_of_the_transport_that_was_made():
-    random = np.random.default_rng(2)
-    frames = [flying(1e-3 + random.exponential(0.02, 400), 1.5) for _ in range(64)]
-    found = wind_bed.flux(frames, PATCH)
-    assert found.value == pytest.approx(400 * 2e-8 * 1.5 / 2e-5)
-    assert found.sd == pytest.approx(0.0, abs=1e-9)
-    height = wind_bed.flux_height(frames, PATCH)
-    # 25,600 grains: 1/sqrt(N) is 0.6 %; bins and the tail that is cut add a few percent
-    assert height.value == pytest.approx(0.02, rel=0.08)
-
-
-def test_the_error_of_a_mean_counts_that_neighbours_in_time_are_alike():
-    random = np.random.default_rng(3)
-    slow = np.repeat(random.normal(10.0, 1.0, 64), 16)  # 64 independent values
-    found = wind_bed.blocked("flux", slow.tolist(), "kg m-1 s-1")
-    assert found.sd == pytest.approx(1.0 / 8.0, rel=0.6)
-    drifting = wind_bed.blocked("flux", np.linspace(1.0, 2.0, 64).tolist(), "kg m-1 s-1")
-    assert drifting.notes
-    assert wind_bed.blocked("flux", [1.0] * 5, "kg m-1 s-1").n == 0
-
-
-def shear_flow(stress: float) -> AirProfile:
-    """Air without eddies under one stress, from which grains take 30 Pa m-1 below 2 mm."""
-    face = np.linspace(0.0, 4e-3, 41)
-    centre = 0.5 * (face[1:] + face[:-1])
-    velocity = np.column_stack([stress / (1.2 * 1.5e-5) * centre, 0.0 * centre])
-    drag = np.column_stack([np.where(centre < 2e-3, -30.0, 0.0), 0.0 * centre])
-    one = np.ones(40)
-    return AirProfile(face, velocity, one, 0.0 * one, drag, 0.0 * one)
-
-
-def test_stresses_at_the_bed_are_those_of_the_profile():
-    airs = [shear_flow(0.05)] * 16
-    assert wind_bed.bed_stress(airs, PATCH).value == pytest.approx(0.05)
-    # the drag reaches to 2 mm, and only what lies a diameter of 0.25 mm over the bed of 1 mm counts
-    assert wind_bed.grain_stress(airs, PATCH).value == pytest.approx(30.0 * 0.75e-3)
