@@ -5,7 +5,7 @@ at random. A falling error on held-out rows is supporting evidence; one case in 
 The new study is a file beside the old one, in which the effect belongs to the model.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import nan
 from pathlib import Path
 from time import perf_counter
@@ -33,14 +33,6 @@ from taichi_erosion.scene.load import file_text
 
 MARK = "# Written by `adopt`"  # first words of a file that may be written again
 DIGITS = 6  # of a calibrated number
-
-
-@dataclass(frozen=True)
-class Held:
-    """Held-out rows with the model bound to them."""
-
-    rows: ComparisonRows
-    prepared: PreparedProblem
 
 
 def adopt(problem: Problem, effect: str, seed: int, progress: Progress = no_progress) -> Adoption:
@@ -72,7 +64,7 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = no_prog
         random_wrong=random_wrong,
         held_out=held.rows.size if held else 0,
         vault_opened=problem.vault.opened + (1 if held else 0),
-        runs=prepared.predictor.cost.runs + (held.prepared.predictor.cost.runs if held else 0),
+        runs=prepared.predictor.cost.runs + (held.predictor.cost.runs if held else 0),
         wall_s=perf_counter() - start,
     )
     return replace(found, sentence=adoption_sentence(found))
@@ -98,7 +90,7 @@ def added_fit(prepared: PreparedProblem, screened: Screen, name: str) -> Fit:
     return fit(prepared, (name,), [np.append(screened.base.fit.x, strength), middle])
 
 
-def held_out_problem(prepared: PreparedProblem, base: Fit) -> Held | None:
+def held_out_problem(prepared: PreparedProblem, base: Fit) -> PreparedProblem | None:
     """The held-out rows; a missing variance is that of the visible rows of the same observable.
 
     All hypotheses are compared with the same variance, the bare model's own errors in it. None where the
@@ -122,20 +114,20 @@ def held_out_problem(prepared: PreparedProblem, base: Fit) -> Held | None:
     predictor = bound_predictor(problem, rows)
     own = predictor.model_errors(base.x, base.acting())
     total = rows.variance + simulated + np.sum(own**2, axis=1)
-    return Held(rows, replace(prepared, rows=rows, predictor=predictor, variance=total))
+    return replace(prepared, rows=rows, predictor=predictor, variance=total)
 
 
-def evaluated(prepared: PreparedProblem, best: Fit, held: Held | None) -> HypothesisFit:
+def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None) -> HypothesisFit:
     """One hypothesis on both sides; the residual of a held-out row without a value is NaN."""
     expansion = expand(prepared, best)
     scored = score(prepared, expansion)
     hidden = None
     if held is not None:
-        mean = held.prepared.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)
+        mean = held.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)
         mean = mean + shared_shift(prepared, expansion.mean, held.rows)
         good = np.isfinite(mean)
         part = replace(expansion, mean=np.where(good, mean, held.rows.z), shared=held.rows.shared)
-        hidden = rows_table(held.prepared, part)
+        hidden = rows_table(held, part)
         hidden = replace(hidden, residual=np.where(good, hidden.residual, nan))
     return HypothesisFit(
         effects=best.names,

@@ -21,8 +21,8 @@ from taichi_erosion.evidence.answers.adopt import adopt, write_adopted_study
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.answers.documents import Command, Document
-from taichi_erosion.evidence.answers.next_experiments import next_experiments, propose
-from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Experiment, HypothesisFit
+from taichi_erosion.evidence.answers.next_experiments import next_experiments
+from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, HypothesisFit
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
@@ -70,7 +70,7 @@ def compare_study(path: Path, progress: Progress) -> Document:
         found, ready = answered(
             study, last_budget(study), Question("compare", question, comparison_points), progress
         )
-        return stored(ready, "compare", documents.compare_document(ready, found), start)
+        return stored(ready, "compare", documents.record(found), start)
 
 
 def discover_study(path: Path, budget: BudgetName | None, progress: Progress) -> Document:
@@ -79,17 +79,16 @@ def discover_study(path: Path, budget: BudgetName | None, progress: Progress) ->
     with open_study(path, budget) as study:
         seed, spent = study.file.study.seed, study.problem.budget.name
 
-        def question(ready: Study) -> Discovery:
+        def answer(ready: Study) -> Discovery:
             return discover(ready.problem, seed, ready.problem.budget, progress)
 
-        asked = Question("discover", question, discovery_points, names_of(study), required=required_points)
+        asked = Question("discover", answer, discovery_points, names_of(study), required=required_points)
         found, ready = answered(study, spent, asked, progress)
         if study.file.study.model is not None or not study.file.laboratory.ranges:
-            experiments = next_experiments(ready.problem, found, laboratory_of(ready))
-            found = replace(found, next_experiments=tuple(experiments))
+            found = with_experiments(ready, found)
         adopted = documents.read_answer(study.results, path.stem, "adopt")
         vault = adopted["vault"] if adopted and adopted.get("digest") == study.digest[:12] else None
-        document = documents.discover_document(ready, found, vault) | {"budget": spent}
+        document = documents.record(found) | ({"vault": vault} if vault else {}) | {"budget": spent}
         return stored(ready, "discover", document, start)
 
 
@@ -101,16 +100,16 @@ def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
         if effect not in names:
             raise BadInput(f"{path}: {effect} is no candidate; there are: {', '.join(names) or 'none'}")
 
-        def question(ready: Study) -> Adoption:
+        def answer(ready: Study) -> Adoption:
             return adopt(ready.problem, effect, seed, progress)
 
-        asked = Question(f"adopt {effect}", question, adoption_points, names)
+        asked = Question(f"adopt {effect}", answer, adoption_points, names)
         found, ready = answered(study, last_budget(study), asked, progress)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, effect)
         written = write_adopted_study(study, found)
-        document = documents.adopt_document(ready, found, count, str(written))
+        document = documents.adopt_document(found, count, str(written))
         before = list(study.file.adopted)
         if not documents.ladder(study.results):
             documents.extend_ladder(study.results, rung(before, found.base))
@@ -124,19 +123,19 @@ def next_study(path: Path, progress: Progress) -> Document:
     with open_study(path) as study:
         seed, budget = study.file.study.seed, last_budget(study)
 
-        def question(ready: Study) -> tuple[Discovery, list[Experiment]]:
-            return propose(ready.problem, laboratory_of(ready), seed, progress)
+        def answer(ready: Study) -> Discovery:
+            found = discover(ready.problem, seed, ready.problem.budget, progress)
+            return with_experiments(ready, found)
 
-        def points(found: tuple[Discovery, list[Experiment]]) -> Points:
-            return discovery_points(found[0])
-
-        asked = Question("next", question, points, names_of(study), ahead=True)
+        asked = Question("next", answer, discovery_points, names_of(study), ahead=True)
         found, ready = answered(study, budget, asked, progress)
-        return stored(ready, "next", documents.next_document(ready, found[1]), start)
+        document = {"next_experiments": documents.plain([asdict(each) for each in found.next_experiments])}
+        return stored(ready, "next", document, start)
 
 
 def stored(study: Study, command: Command, document: Document, start: float) -> Document:
-    """A document in the results folder, with what all of it has cost."""
+    """A document in the results folder, with its study and what all of it has cost."""
+    document = documents.study_document(study) | document
     if study.simulations is not None:
         document |= {"runs": study.simulations, "wall_s": perf_counter() - start}
     documents.write_document(documents.document_file(study.results, study.path.stem, command), document)
@@ -148,10 +147,11 @@ def names_of(study: Study) -> list[str]:
     return [candidate.name for candidate in study.problem.candidates]
 
 
-def laboratory_of(study: Study) -> Laboratory:
-    """What could be measured next, as the study states it."""
+def with_experiments(study: Study, found: Discovery) -> Discovery:
+    """A discovery with the experiments that the study's laboratory could make next."""
     said = study.file.laboratory
-    return Laboratory(ranges=dict(said.ranges), costs=dict(said.costs), repeats=said.repeats)
+    laboratory = Laboratory(ranges=dict(said.ranges), costs=dict(said.costs), repeats=said.repeats)
+    return replace(found, next_experiments=tuple(next_experiments(study.problem, found, laboratory)))
 
 
 def rung(effects: list[str], fit: HypothesisFit) -> Document:

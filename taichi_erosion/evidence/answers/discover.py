@@ -24,6 +24,7 @@ from taichi_erosion.evidence.data.findings import (
 )
 from taichi_erosion.evidence.data.problem import Budget, Problem, Progress, expected_strength
 from taichi_erosion.evidence.data.transforms import split_setting
+from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
 from taichi_erosion.evidence.inference.familywise_test import power
@@ -35,13 +36,6 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     misfit_places,
     noise_table,
     rows_table,
-)
-from taichi_erosion.evidence.inference.levels import (
-    ABSORBED,
-    NOISE_LIMIT,
-    PLAUSIBLE,
-    TESTABLE_POWER,
-    TOLD_CLOSEST,
 )
 from taichi_erosion.evidence.inference.marginal_likelihood import projected_residual
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
@@ -219,7 +213,7 @@ def status_of(name: str, decision: Decision, strong: float) -> Status:
     """Present only what stands alone; silence means absence only where the effect would have been seen."""
     if name in decision.named:
         return "present"
-    return "not_testable" if name in decision.group or strong < TESTABLE_POWER else "excluded"
+    return "not_testable" if name in decision.group or strong < levels.TESTABLE_POWER else "excluded"
 
 
 def effect_reason(
@@ -236,9 +230,9 @@ def effect_reason(
         return f"excluded above strength {strength.high:.2g}"
     if not np.any(signature.raw):
         return "cannot act in any measured condition"
-    if signature.noise > NOISE_LIMIT and signature.norm <= 1.0:
+    if signature.noise > levels.NOISE_LIMIT and signature.norm <= 1.0:
         return "its signature is not resolved from the model's own scatter; more seeds would tell"
-    if absorption > ABSORBED:
+    if absorption > levels.ABSORBED:
         return f"hardly distinguishable from a change of the calibrated numbers ({absorption:.0%} imitated)"
     return "not testable with these measurements"
 
@@ -262,7 +256,7 @@ def plausible_hypotheses(found: Analysis) -> tuple[PlausibleHypothesis, ...]:
     """Explanations that the next experiment has to tell apart, likeliest first; two at least."""
     fitted = [plausible_hypothesis(found, item) for item in [found.fitted.base, *found.fitted.refits]]
     fitted.sort(key=lambda each: -each.probability)
-    kept = [each for k, each in enumerate(fitted) if k < 2 or each.probability > PLAUSIBLE]
+    kept = [each for k, each in enumerate(fitted) if k < 2 or each.probability > levels.PLAUSIBLE]
     return tuple(kept[:MOST_PLAUSIBLE])
 
 
@@ -274,11 +268,11 @@ def closest_hypotheses(found: Analysis) -> tuple[PlausibleHypothesis, ...]:
 
 
 def nearest_hypothesis(found: Analysis) -> NearestHypothesis | None:
-    """The refit that takes away most of the misfit, where it takes away TOLD_CLOSEST of it."""
+    """The refit that takes away most of the misfit, where it takes away levels.TOLD_CLOSEST of it."""
     prepared, base = found.fitted.prepared, found.fitted.base.expansion
     tried = [(explained_share(prepared, base, i.expansion), i) for i in found.fitted.refits if i.usable]
     share, item = max(tried, key=lambda pair: pair[0], default=(0.0, found.fitted.base))
-    if share < TOLD_CLOSEST:
+    if share < levels.TOLD_CLOSEST:
         return None
     return NearestHypothesis(item.names, share, misfit_p(prepared, item.expansion))
 

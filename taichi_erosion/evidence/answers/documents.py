@@ -22,9 +22,7 @@ from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,
     Adoption,
-    Comparison,
     Discovery,
-    Experiment,
     VaultErrors,
 )
 from taichi_erosion.evidence.inference.levels import (
@@ -196,29 +194,13 @@ def study_document(study: Study) -> Document:
     }
 
 
-def compare_document(study: Study, found: Comparison) -> Document:
-    """The document of `compare --json`, and the rows that figures are drawn from."""
-    return study_document(study) | record(found)
-
-
-def discover_document(study: Study, found: Discovery, vault: Document | None = None) -> Document:
-    """The document of `discover --json`; `vault` are the errors that an earlier `adopt` showed."""
-    document = study_document(study) | record(found)
-    return document | ({"vault": vault} if vault else {})
-
-
-def adopt_document(study: Study, found: Adoption, opened: int, written: str) -> Document:
+def adopt_document(found: Adoption, opened: int, written: str) -> Document:
     """The document of `adopt --json`: errors on fitted and held-out rows, and the study written."""
     control = found.random_wrong or found.best_wrong
     wrong = control.vault_chi2 if control else nan
     vault = VaultErrors(opened, found.base.vault_chi2, found.added.vault_chi2, wrong)
-    document = study_document(study) | record(found) | {"vault": record(vault), "written": written}
+    document = record(found) | {"vault": record(vault), "written": written}
     return document | plain({"chi2_before": found.base.chi2, "chi2_after": found.added.chi2})
-
-
-def next_document(study: Study, found: Sequence[Experiment]) -> Document:
-    """The document of `next --json`."""
-    return study_document(study) | {"next_experiments": [record(experiment) for experiment in found]}
 
 
 def without_rows(document: Document) -> Document:

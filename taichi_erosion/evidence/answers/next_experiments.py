@@ -19,8 +19,6 @@ from itertools import product
 import numpy as np
 from scipy.stats import qmc
 
-from taichi_erosion.evidence.answers.compare import no_progress
-from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.findings import Discovery, Experiment, PlausibleHypothesis
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
@@ -29,7 +27,6 @@ from taichi_erosion.evidence.data.problem import (
     Floats,
     Laboratory,
     Problem,
-    Progress,
     expected_strength,
 )
 from taichi_erosion.evidence.data.transforms import from_scale, position_of, slope
@@ -65,15 +62,6 @@ class RivalPrediction:
     weight: float
     mean: Floats  # (pool,)
     root: Floats  # (pool, k): covariance of predictions = root root^T
-
-
-def propose(
-    problem: Problem, laboratory: Laboratory, seed: int, progress: Progress = no_progress
-) -> tuple[Discovery, list[Experiment]]:
-    """The discovery, and the experiments that would decide what it leaves open."""
-    found = discover(problem, seed, problem.budget, progress)
-    experiments = next_experiments(problem, found, laboratory)
-    return replace(found, next_experiments=tuple(experiments)), experiments
 
 
 def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory) -> list[Experiment]:

@@ -38,15 +38,15 @@ ASK_REPEATS = (
 )
 
 
-def quadratic_form_p(value: float, eigenvalues: Floats) -> float:
-    """P(sum lambda_j chi^2_1 > value) by matching three moments to a shifted chi^2."""
-    eigenvalues = np.maximum(eigenvalues, 0.0)
+def quadratic_form_p(value: Floats | float, matrix: Floats) -> Floats:
+    """P(sum lambda_j chi^2_1 > value), lambda of a matrix, by matching three moments to a shifted chi^2."""
+    eigenvalues = np.maximum(np.linalg.eigvalsh(matrix), 0.0)
     first, second, third = (float(np.sum(eigenvalues**k)) for k in (1, 2, 3))
     if second <= 0.0 or third <= 0.0:
-        return 1.0
+        return np.ones_like(value)
     freedom = second**3 / third**2
     position = (value - first) * np.sqrt(freedom / second) + freedom
-    return float(stats.chi2.sf(max(position, 0.0), freedom))
+    return np.asarray(stats.chi2.sf(np.maximum(position, 0.0), freedom), dtype=np.float64)
 
 
 def misfit_p(prepared: PreparedProblem, expansion: Expansion) -> float:
@@ -61,15 +61,14 @@ def misfit_p_by_noise(prepared: PreparedProblem, expansion: Expansion, factors: 
     """The same where the scatter is `factors` times as large as stated."""
     left = projected_residual(prepared, expansion)
     value = float(left.free @ left.free)
-    eigenvalues = np.linalg.eigvalsh(np.eye(left.whole.size) - left.row_basis @ left.row_basis.T)
-    return np.array([quadratic_form_p(value / factor**2, eigenvalues) for factor in factors])
+    matrix = np.eye(left.whole.size) - left.row_basis @ left.row_basis.T
+    return quadratic_form_p(value / factors**2, matrix)
 
 
 def structure_p(left: ProjectedResidual, factor: Floats) -> float:
     """Chance of as much structure along one kernel factor (n, r)."""
     projected = factor.T @ left.free
-    eigenvalues = np.linalg.eigvalsh(factor.T @ left.project(factor))
-    return quadratic_form_p(float(projected @ projected), eigenvalues)
+    return float(quadratic_form_p(float(projected @ projected), factor.T @ left.project(factor)))
 
 
 def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[MisfitPlace, ...]:
@@ -182,7 +181,7 @@ def observable_misfits(
     for observable, chosen in prepared.by_observable():
         gap = (table.measured - table.predicted)[chosen]
         count, part, free, whole = gap.size, left.row_basis[chosen], left.free[chosen], left.whole[chosen]
-        p = quadratic_form_p(float(free @ free), np.linalg.eigvalsh(np.eye(count) - part @ part.T))
+        p = float(quadratic_form_p(float(free @ free), np.eye(count) - part @ part.T))
         rmse = float(np.sqrt(np.mean(gap**2)))
         found[observable.name] = ObservableMisfit(count, float(whole @ whole), rmse, float(gap.mean()), p)
     return found

@@ -13,17 +13,12 @@ from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Estimate
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import axis_value, effect_of
-from taichi_erosion.evidence.inference.levels import (
-    INTERVAL_TAIL,
-    PRIOR_NONE,
-    PRIOR_OUTSIDE,
-    PRIOR_PAIRS,
-    PRIOR_REMAINDER,
-)
+from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, cell_width
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
-HALF_WIDTH = float(stats.norm.ppf(1.0 - INTERVAL_TAIL))  # of a normal 90 % interval, in sd
+TAIL = levels.INTERVAL_TAIL
+HALF_WIDTH = float(stats.norm.ppf(1.0 - TAIL))  # of a normal 90 % interval, in sd
 BOUND = 1e-3  # of a prior sd: closer to an end of its range a number is called bound
 
 
@@ -61,12 +56,13 @@ def label(names: tuple[str, ...]) -> str:
 def log_prior_of(names: tuple[str, ...], outside: bool, count: int) -> float:
     """Ln prior of an explanation among `count` candidates."""
     pairs = count * (count - 1) // 2
-    share_pairs = PRIOR_PAIRS if pairs else 0.0
-    singles = 1.0 - PRIOR_NONE - PRIOR_OUTSIDE - share_pairs
+    share_pairs = levels.PRIOR_PAIRS if pairs else 0.0
+    singles = 1.0 - levels.PRIOR_NONE - levels.PRIOR_OUTSIDE - share_pairs
     if not names:
-        return float(np.log(PRIOR_OUTSIDE if outside else PRIOR_NONE))
+        return float(np.log(levels.PRIOR_OUTSIDE if outside else levels.PRIOR_NONE))
     if len(names) == 1:
-        return float(np.log(singles / count * (PRIOR_REMAINDER if outside else 1.0 - PRIOR_REMAINDER)))
+        share = levels.PRIOR_REMAINDER if outside else 1.0 - levels.PRIOR_REMAINDER
+        return float(np.log(singles / count * share))
     return float(np.log(share_pairs / pairs))
 
 
@@ -109,7 +105,7 @@ def strength_estimates(prepared: PreparedProblem, scored: ScoredHypothesis) -> d
     found = {}
     for index, (name, value) in enumerate(best.acting().items()):
         share = table.sum(axis=1 - index) if len(paths) == 2 else table
-        low, high = (quantile(paths[index].grid, share, q) for q in (INTERVAL_TAIL, 1.0 - INTERVAL_TAIL))
+        low, high = (quantile(paths[index].grid, share, q) for q in (TAIL, 1.0 - TAIL))
         bound = value >= prepared.candidate(name).maximum * (1.0 - BOUND)
         found[name] = Estimate(value, min(low, value), max(high, value), bound)
     return found
@@ -128,7 +124,7 @@ def quantile(grid: Floats, share: Floats, level: float) -> float:
 def upper_strength(grid: Floats, log_likelihood: Floats) -> float:
     """Strength above which an effect is excluded with 95 %."""
     weight = np.exp(log_likelihood - log_likelihood.max()) * cell_width(grid)
-    return quantile(grid, weight, 1.0 - INTERVAL_TAIL)
+    return quantile(grid, weight, 1.0 - TAIL)
 
 
 def parameter_estimates(prepared: PreparedProblem, scored: ScoredHypothesis) -> dict[str, Estimate]:

@@ -12,14 +12,9 @@ import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress, expected_strength
+from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.familywise_test import FamilywiseTest
 from taichi_erosion.evidence.inference.goodness_of_fit import explained_share, misfit_p, misfit_p_by_noise
-from taichi_erosion.evidence.inference.levels import (
-    EXPLAINED_SHARE,
-    REJECTION_LEVEL,
-    SECOND_EFFECT_LEVEL,
-    fails,
-)
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Fit, fit
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, ScoredHypothesis, expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import Kernel, discrepancy_gain
@@ -61,15 +56,10 @@ class FittedHypothesis:
         return bool(self.scored.likelihoods)
 
 
-def fitted(prepared: PreparedProblem, best: Fit, family: list[Kernel]) -> FittedHypothesis:
-    """Expansion and evidence of a fit, scored with fresh seeds."""
-    return scored_expansion(prepared, expand(prepared, best), family)
-
-
 def scored_expansion(
     prepared: PreparedProblem, expansion: Expansion, family: list[Kernel]
 ) -> FittedHypothesis:
-    """Evidence of an expansion, without and with a smooth discrepancy."""
+    """Evidence of an expansion, scored with fresh seeds, without and with a smooth discrepancy."""
     return FittedHypothesis(score(prepared, expansion), discrepancy_gain(prepared, expansion, family))
 
 
@@ -97,9 +87,9 @@ def fit_singles(
         best = fit(prepared, (name,), [np.append(base.x, strength)])
         if best.misfit > base.misfit:  # a fit is no worse than the bare model, its own case at strength 0
             best = fit(prepared, (name,), [np.append(base.x, 0.0)])
-        singles[name] = fitted(prepared, best, family)
-    explained = (not fails(misfit_p(prepared, each.expansion)) for each in singles.values() if each.usable)
-    if prepared.quick or any(explained):
+        singles[name] = scored_expansion(prepared, expand(prepared, best), family)
+    left = (misfit_p(prepared, each.expansion) for each in singles.values() if each.usable)
+    if prepared.quick or not all(map(levels.fails, left)):
         return list(singles.values())
     for signature in screened.signatures:
         if signature.resolved:
@@ -124,7 +114,7 @@ def refit_from_other_starts(
         starts.append(np.append(screened.base.fit.x, unit))
     best = fit(prepared, (name,), starts)
     if name not in singles or best.misfit < singles[name].fit.misfit - GOOD_ENOUGH:
-        singles[name] = fitted(prepared, best, family)
+        singles[name] = scored_expansion(prepared, expand(prepared, best), family)
 
 
 def fit_pairs(
@@ -141,7 +131,8 @@ def fit_pairs(
     pairs = []
     for index, (pair, positions) in enumerate(starts.items()):
         progress(f"refitting with {pair[0]} and {pair[1]}", 0.7 + 0.2 * index / len(starts))
-        pairs.append(fitted(prepared, fit(prepared, pair, positions[:2]), family))
+        best = fit(prepared, pair, positions[:2])
+        pairs.append(scored_expansion(prepared, expand(prepared, best), family))
     return pairs
 
 
@@ -151,7 +142,7 @@ def second_effects(prepared: PreparedProblem, singles: list[FittedHypothesis]) -
     order = [candidate.name for candidate in prepared.problem.candidates]
     starts: Starts = {}
     for first in ranked[: 1 if prepared.quick else FIRSTS]:
-        if misfit_p(prepared, first.expansion) > SECOND_EFFECT_LEVEL:
+        if misfit_p(prepared, first.expansion) > levels.SECOND_EFFECT_LEVEL:
             break
         rest = screen(prepared, first.expansion)
         gains = [(float(s.log_bayes(rest.residual)), s) for s in rest.signatures if s.resolved]
@@ -226,13 +217,13 @@ def hypotheses(
             evidence = screened_evidence(base, test, refits, screened, index)
             listed.append(Hypothesis(names, False, log_prior_of(names, False, count), evidence))
     for each in refits:
-        evidence, rejected = each.scored.log_evidence, not mean_misfit_p(prepared, each) > REJECTION_LEVEL
-        prior = log_prior_of(each.names, False, count)
+        rejected = not mean_misfit_p(prepared, each) > levels.REJECTION_LEVEL
+        evidence, prior = each.scored.log_evidence, log_prior_of(each.names, False, count)
         listed.append(Hypothesis(each.names, False, prior, evidence, rejected))
         if len(each.names) == 1:
             share = explained_share(prepared, base.expansion, each.expansion)
             prior = log_prior_of(each.names, True, count)
-            rejected = rejected or not share > EXPLAINED_SHARE
+            rejected = rejected or not share > levels.EXPLAINED_SHARE
             listed.append(Hypothesis(each.names, True, prior, evidence + each.gain, rejected))
     return listed
 

@@ -172,7 +172,7 @@ def expression(
     rows: Bools,
     observable: str,
     terms: tuple[dict[str, float], ...],
-    coefficients: Floats,
+    coefficients: tuple[float, ...],
 ) -> str:
     """The law in writing, every condition over its typical value."""
     scale = next(o.transform for o in prepared.rows.observables if o.name == observable)

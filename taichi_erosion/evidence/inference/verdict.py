@@ -5,18 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Verdict
-from taichi_erosion.evidence.inference.levels import (
-    ALONE,
-    CREDIBLE,
-    FAMILYWISE_LEVEL,
-    NAME_ODDS,
-    NONE_LIMIT,
-    RIVAL_MISFIT,
-    SURE,
-    TESTABLE_POWER,
-    TESTABLE_SHARE,
-    fails,
-)
+from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.posterior import Posterior, label
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 
@@ -39,7 +28,8 @@ def detected(posterior: Posterior, p: float, p_misfit: float) -> bool:
 
     `p` is that of the best signature, `p_misfit` the least of the misfit as a whole and of its worst place.
     """
-    return posterior.probability[NONE] < NONE_LIMIT and (p < FAMILYWISE_LEVEL or fails(p_misfit))
+    unlikely = p < levels.FAMILYWISE_LEVEL or levels.fails(p_misfit)
+    return unlikely and posterior.probability[NONE] < levels.NONE_LIMIT
 
 
 def decide(
@@ -48,8 +38,8 @@ def decide(
     """Verdict of the whole study: the likeliest of nothing, something unknown, something named."""
     none, outside, named = posterior.probability[NONE], posterior.probability[OUTSIDE], posterior.named
     if not detected(posterior, p, p_misfit) or max(named, outside) < none:
-        testable = np.mean([power >= TESTABLE_POWER for power in powers]) if powers else 0.0
-        return Decision("none_detected" if testable >= TESTABLE_SHARE else "not_testable")
+        testable = np.mean([power >= levels.TESTABLE_POWER for power in powers]) if powers else 0.0
+        return Decision("none_detected" if testable >= levels.TESTABLE_SHARE else "not_testable")
     return Decision("outside_library") if outside > named else name_effects(posterior, refits)
 
 
@@ -61,8 +51,8 @@ def adequate_decision(decision: Decision, posterior: Posterior, p_left: float) -
 
     Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773, section 3.2.
     """
-    unlikely = posterior.named < NAME_ODDS * posterior.probability[OUTSIDE]
-    if decision.verdict in ("present", "group") and fails(p_left) and unlikely:
+    unlikely = posterior.named < levels.NAME_ODDS * posterior.probability[OUTSIDE]
+    if decision.verdict in ("present", "group") and levels.fails(p_left) and unlikely:
         return Decision("outside_library")
     return decision
 
@@ -72,7 +62,7 @@ def name_effects(posterior: Posterior, refits: list[FittedHypothesis]) -> Decisi
     mass = posterior.named
     share = {effect: value / mass for effect, value in posterior.inclusion.items()}
     ranked = sorted(share.items(), key=lambda item: -item[1])
-    sure = [effect for effect, value in ranked if value >= SURE and value * mass >= ALONE]
+    sure = [effect for effect, value in ranked if value >= levels.SURE and value * mass >= levels.ALONE]
     rivals = equal_rivals(refits, sure)
     if sure and not rivals and not second_effect_open(posterior, sure):
         return Decision("present", tuple(sure))
@@ -91,18 +81,18 @@ def equal_rivals(refits: list[FittedHypothesis], sure: list[str]) -> list[str]:
     misfit = {item.names[0]: item.fit.misfit for item in refits if len(item.names) == 1}
     if len(sure) != 1 or sure[0] not in misfit:
         return []
-    limit = misfit[sure[0]] + RIVAL_MISFIT
+    limit = misfit[sure[0]] + levels.RIVAL_MISFIT
     return [other for other, value in misfit.items() if other != sure[0] and value < limit]
 
 
 def credible_group(posterior: Posterior) -> list[str]:
-    """Effects of the smallest set of named explanations that holds CREDIBLE of their probability."""
+    """Effects of the smallest set of named explanations that holds levels.CREDIBLE of their probability."""
     named = {k: v for k, v in posterior.probability.items() if k not in (NONE, OUTSIDE)}
     effects, total = [], 0.0
     for key, value in sorted(named.items(), key=lambda item: -item[1]):
         effects += [effect for effect in key.split("+") if effect not in effects]
         total += value / posterior.named
-        if total >= CREDIBLE:
+        if total >= levels.CREDIBLE:
             break
     return effects
 

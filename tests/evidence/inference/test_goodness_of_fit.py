@@ -16,8 +16,8 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
 
 def test_a_quadratic_form_of_equal_weights_is_chi_square():
     for value in (2.0, 7.0, 20.0):
-        assert quadratic_form_p(3.0 * value, np.full(5, 3.0)) == pytest.approx(stats.chi2.sf(value, 5))
-    assert quadratic_form_p(1.0, np.zeros(3)) == 1.0, "nothing is left to test"
+        assert quadratic_form_p(3.0 * value, 3.0 * np.eye(5)) == pytest.approx(stats.chi2.sf(value, 5))
+    assert quadratic_form_p(1.0, np.zeros((3, 3))) == 1.0, "nothing is left to test"
 
 
 def test_holm_multiplies_by_the_tests_that_are_left():
