@@ -13,9 +13,9 @@ from taichi_erosion.verification.claims import verify
 DOCS = Path(__file__).resolve().parent
 HEAD = """# Verification: do we solve the equations right?
 
-Made by `python docs/build.py`, which runs `./erosion verify` and draws the curves. A claim that fails stands
-here as failing. `got`, `want` and `tolerance` are in the unit that the claim names; `precision` is that of
-forces and velocities.
+Made by `python docs/build.py`, which runs `./erosion verify` and draws the curves. The table also shows
+failed claims. `got`, `want` and `tolerance` have the unit of the claim; `precision` is that of forces and
+velocities. The [glossary](../GLOSSARY.md) explains the terms.
 
 """
 DOUBTS = """
@@ -23,7 +23,7 @@ DOUBTS = """
 
 V33: through round holes the law holds as well as three of them can tell: 2.48 with the k of the least
 squares, 1.2, at the lower end of its range, 2.40 with Beverloo's 1.4. Through slots it does not: 1.64 with
-the k of the least squares at the upper end, 1.6, where 1.5 is asked for; with 3/2 given, the two edges of a
+the k of the least squares at the upper end, 1.6, where 1.5 is expected; with 3/2 given, the two edges of a
 slot take 2.1 grains from its width instead of 1.4. Silos, heads and openings are those that the law is
 stated for (`taichi_erosion/verification/contact/bulk.py`), and the flow through slots changes neither with
 time nor as the head falls. It does scatter from filling to filling, by 3 % through the narrowest slot and
@@ -49,8 +49,7 @@ sublayer and slow the wind down (over a plane it goes on down to 0.167 and 0.233
 V36 read 0.128 m/s for 0.25 mm from the line of the flux of beds over which the wind fell by 7 percent
 every 0.4 s. That flux was not saturated: in a wind a tenth too weak one grain hops on for 1.3 s, and in
 one a fifth too weak for 0.9 s (`time_to_rest` in `taichi_erosion/verification/reference/hopping.py`). The
-stress at the bed was divided by that of this threshold, and so came out at 1.5 to 2.5 where 1 was asked
-for.
+stress at the bed was divided by that of this threshold, and so was 1.5 to 2.5 in place of 1.
 
 V26 failed until its pressure was found more closely. The errors of its time steps are 1e-8 to 1e-7 of the
 velocity, and the ordinary tolerance of the pressure, 1e-9, leaves 1e-8: the orders from step to halved step

@@ -146,3 +146,8 @@ def test_every_file_that_a_page_names_exists(page: Path) -> None:
     }
     missing = [path for path in sorted(named) if not any(any(base.glob(path)) for base in bases)]
     assert missing == []
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.name)
+def test_every_page_links_to_the_glossary(page: Path) -> None:
+    assert "](../GLOSSARY.md)" in page.read_text(encoding="utf-8")
