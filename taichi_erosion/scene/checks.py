@@ -33,7 +33,7 @@ from taichi_erosion.scene.build.sizes import nominal_diameter, size_range
 from taichi_erosion.scene.build.walls import mesh_triangles, outward
 from taichi_erosion.scene.schema.air import AirBox, AirScene, box_problems
 from taichi_erosion.scene.schema.geometry import Mesh, Plane
-from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour
+from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Known, Scene, observable_problems, reference_problems
 from taichi_erosion.scene.schema.wind import Wind
 
@@ -161,41 +161,31 @@ def check_fill(scene: Scene) -> Iterator[str]:
     fill, reach = scene.fill, reach_over_diameter(scene.grains) * size_range(scene.grains.size)[1]
     if isinstance(fill, Positions):
         yield from listed_checks(scene, fill)
-        return
-    if isinstance(fill, Layers):
-        yield from layer_checks(scene, fill, reach)
-        return
-    if fill.radius < reach:
+    elif isinstance(fill, Layers) and scene.wind is None:
+        yield "fill.law = 'layers' fills a patch: a [wind] section must state its length and width"
+    elif not isinstance(fill, Layers) and fill.radius < reach:
         yield f"fill.radius = {fill.radius:g} m is smaller than a grain's reach of {reach:g} m"
-        return
-    if isinstance(fill, Pour):
+    elif isinstance(fill, Pour):
         if fill.speed == 0.0 and scene.gravity.magnitude == 0.0:
             yield "fill.speed = 0.0 without gravity: poured grains would never fall"
-        return
-    if fill.pitch - 2.0 * fill.jitter < 2.0 * reach:
+    else:
+        yield from net_checks(scene, fill, 2.0 * reach)
+
+
+def net_checks(scene: Scene, fill: Rain | Lattice | Layers, largest: float) -> Iterator[str]:
+    """A net is wider than the largest grain [m] and has enough places."""
+    if fill.pitch - 2.0 * fill.jitter < largest:
         yield (
             f"fill.pitch = {fill.pitch:g} m less twice the jitter is smaller than the largest grain, "
-            f"{2.0 * reach:g} m: grains would start inside each other"
+            f"{largest:g} m: grains would start inside each other"
         )
     elif isinstance(fill, Lattice):
         yield from lattice_checks(scene, fill)
-
-
-def layer_checks(scene: Scene, fill: Layers, reach: float) -> Iterator[str]:
-    """Layers need a patch with room for a few grains in each direction."""
-    if scene.wind is None:
-        yield "fill.law = 'layers' fills a patch: a [wind] section must state its length and width"
-        return
-    if fill.pitch - 2.0 * fill.jitter < 2.0 * reach:
-        yield (
-            f"fill.pitch = {fill.pitch:g} m less twice the jitter is smaller than the largest grain, "
-            f"{2.0 * reach:g} m: grains would start inside each other"
-        )
-    for name, places in zip(("length", "width"), places_per_layer(scene.wind, fill), strict=True):
-        if places < PATCH_GRAINS_LEAST:
-            size = getattr(scene.wind, name)
-            least = PATCH_GRAINS_LEAST
-            yield f"wind.{name} = {size:g} m holds {places} grains of this pitch; at least {least}"
+    if isinstance(fill, Layers) and scene.wind is not None:
+        for name, places in zip(("length", "width"), places_per_layer(scene.wind, fill), strict=True):
+            if places < PATCH_GRAINS_LEAST:
+                size, least = getattr(scene.wind, name), PATCH_GRAINS_LEAST
+                yield f"wind.{name} = {size:g} m holds {places} grains of this pitch; at least {least}"
 
 
 def lattice_checks(scene: Scene, fill: Lattice) -> Iterator[str]:
@@ -232,7 +222,7 @@ def check_meshes(scene: Scene) -> Iterator[str]:
     """Mesh files can be read."""
     for name, wall in scene.geometry.items():
         if isinstance(wall, Mesh):
-            mesh_triangles(scene, name, wall)
+            mesh_triangles(scene, name, wall)  # raises BadInput
     yield from ()
 
 

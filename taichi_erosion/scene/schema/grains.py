@@ -4,7 +4,17 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.scene.schema.fields import FARTHEST, Name, Section, Vector, contradiction, extent, number
+from taichi_erosion.scene.schema.fields import (
+    Direction,
+    Name,
+    Section,
+    Vector,
+    contradiction,
+    direction,
+    extent,
+    number,
+    position,
+)
 
 SMALLEST = 1e-6  # grains below it are no longer moved by contact and weight alone [m]
 LARGEST = 1.0  # grains above it are taken for a slip of units [m]
@@ -157,7 +167,7 @@ class Contact(Section):
 class GrainStart(Section):
     """One explicitly placed grain."""
 
-    position: Vector = number(..., "m", "centre (of the template's origin for a clump)", -FARTHEST, FARTHEST)
+    position: Vector = position(..., "centre (of the template's origin for a clump)")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
     spin: Vector = number((0.0, 0.0, 0.0), "rad s-1", "angular velocity", -1e6, 1e6)
     diameter: float | None = number(None, "m", "diameter; left out: nominal diameter", SMALLEST, LARGEST)
@@ -170,40 +180,41 @@ class Positions(Section):
     grains: tuple[GrainStart, ...] = Field(min_length=1, max_length=10_000, description="one table per grain")
 
 
-class Rain(Section):
+class JitteredNet(Section):
+    """Random parts of a net of places."""
+
+    jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
+    speed_sd: float = number(
+        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
+    )
+
+
+class Rain(JitteredNet):
     """Loose random layers that fall: square nets, each turned and shifted at random, with jitter."""
 
     law: Literal["rain"]
     pitch: float = extent(..., "distance of neighbours in a layer, and of layers")
-    jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
     radius: float = extent(..., "largest distance of a centre from the axis")
     axis_point: Vector = number((0.0, 0.0, 0.0), "m", "point of the vertical axis; heights count from it")
     first_height: float = extent(..., "height of the first layer")
-    speed_sd: float = number(
-        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
-    )
 
 
-class Lattice(Section):
+class Lattice(JitteredNet):
     """Rain inside a cylinder of any axis (a drum): a cubic net with jitter, filled from below."""
 
     law: Literal["lattice"]
     pitch: float = extent(..., "distance of neighbours")
-    jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
-    centre: Vector = number((0.0, 0.0, 0.0), "m", "centre of the cylinder", -FARTHEST, FARTHEST)
-    axis: Vector = number((0.0, 0.0, 1.0), "1", "direction of the axis", -FARTHEST, FARTHEST)
+    centre: Vector = position((0.0, 0.0, 0.0), "centre of the cylinder")
+    axis: Direction = direction((0.0, 0.0, 1.0), "direction of the axis")
     radius: float = extent(..., "radius that holds the centres")
     length: float = extent(..., "length that holds the centres")
-    speed_sd: float = number(
-        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
-    )
 
 
 class Pour(Section):
     """Grains pass a horizontal disc downwards, layer by layer, at random places without overlap."""
 
     law: Literal["pour"]
-    centre: Vector = number(..., "m", "centre of the disc", -FARTHEST, FARTHEST)
+    centre: Vector = position(..., "centre of the disc")
     radius: float = extent(..., "radius of the disc, whole grains inside")
     speed: float = number(2.0, "m s-1", "downward speed at the disc", 0.0, 100.0)
     rate: float | None = number(
@@ -212,16 +223,12 @@ class Pour(Section):
     coverage: float = number(0.25, "1", "share of the disc's area that a layer covers", 1e-3, 0.45)
 
 
-class Layers(Section):
+class Layers(JitteredNet):
     """Loose jittered layers over a whole periodic patch."""
 
     law: Literal["layers"]
     pitch: float = extent(..., "least distance of neighbours in a layer, and of layers")
-    jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
     first_height: float = extent(..., "height of the first layer")
-    speed_sd: float = number(
-        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
-    )
 
 
 Fill = Annotated[Positions | Rain | Lattice | Pour | Layers, Field(discriminator="law")]
