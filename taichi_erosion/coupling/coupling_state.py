@@ -9,11 +9,9 @@ from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.effect import compile_grain_type
 from taichi_erosion.core.setup import Laws, Setup
-from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import upload, write
 from taichi_erosion.coupling.drag import drag_law
-
-real = ti.f64
+from taichi_erosion.grains.state import arrays, block
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,21 +54,15 @@ class CouplingState:
 
 
 def allocate_partition_sums(replicas: int, partitions: int, cells: int) -> PartitionSums:
-    table: dict[str, Any] = {name: ti.field(real) for name in ("volume", "rate", "volume_flow")}
-    table |= {name: ti.Vector.field(3, real) for name in ("drag_source", "impulse")}
-    ti.root.dense(ti.ij, (replicas * partitions, cells)).place(*table.values())
-    return PartitionSums(**table)
+    shape = (replicas * partitions, cells)
+    return PartitionSums(**block(shape, f64="volume rate volume_flow", f64x3="drag_source impulse"))
 
 
 def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
     """Fields by replica."""
-    table: dict[str, Any] = {
-        name: ti.field(ti.i32, shape=replicas) for name in ("look_steps", "last_exchange", "seed")
-    }
-    table |= {name: ti.field(real, shape=replicas) for name in ("surface", "through_flow")}
-    table |= {name: ti.field(real, shape=(replicas, layers)) for name in ("rise_velocity", "pressure_lift")}
-    table["residual_momentum"] = ti.Vector.field(3, real, shape=(replicas, cells))
-    return Exchange(**table)
+    table = arrays(replicas, i32="look_steps last_exchange seed", f64="surface through_flow")
+    table |= arrays((replicas, layers), f64="rise_velocity pressure_lift")
+    return Exchange(**table, **arrays((replicas, cells), f64x3="residual_momentum"))
 
 
 def upload_exchange_settings(exchange: Exchange, setups: Sequence[Setup]) -> None:

@@ -42,7 +42,7 @@ def mean_wind(air: ti.template(), r, position, radius):
 
 
 @ti.func
-def cell_index(air: ti.template(), column, k):
+def air_cell_index(air: ti.template(), column, k):
     """Number of a cell among those of its replica."""
     return (column[0] * air.cells[1] + column[1]) * air.cells[2] + k
 
@@ -78,7 +78,7 @@ def deposit_grain(world_out: ti.template(), coupling_out: ti.template(), r, row,
         for k in range(first, last + 1):
             above = ti.select(k == last, real(1.0), share_below(air, r, position[2], radius, k + 1))
             gain = drag_kick + kick * (wind_of(air, r, column, k) - mean)
-            cell = cell_index(air, column, k)
+            cell = air_cell_index(air, column, k)
             deposit_share(sums_out, row, cell, across * (above - below), volume, mass, rate, velocity, gain)
             below = above
     frozen_out.drag_kick[i] = 0.0 * frozen_out.drag_kick[i]

@@ -28,7 +28,7 @@ continuity and the balance of drag and pressure give, layer by layer,
 from taichi_erosion.air.column import advance_column
 from taichi_erosion.air.grid import cell_volume
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.deposit import buffer_row, cell_index, deposit_partition, exchange_interval
+from taichi_erosion.coupling.deposit import air_cell_index, buffer_row, deposit_partition, exchange_interval
 from taichi_erosion.coupling.gather import gather_partition
 from taichi_erosion.coupling.weights import wind_of
 from taichi_erosion.grains.partition import barrier, owns_partition
@@ -80,7 +80,7 @@ def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, column, 
     air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
     i, j = column[0], column[1]
     volume, rate, drag_source, volume_flow = sum_partitions(
-        world, coupling_out, r, cell_index(air_out, column, k)
+        world, coupling_out, r, air_cell_index(air_out, column, k)
     )
     cell = cell_volume(air_out, r, k)
     void = ti.max(1.0 - volume / cell, VOID_LEAST)

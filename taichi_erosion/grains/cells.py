@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.state import side_block
+from taichi_erosion.grains.state import arrays, side_block
 
 SPREAD = 2.0  # half width of the box over the standard deviation of the grains' positions [1]; few lie beyond
 WIDER = 1.1  # factor on the width of cells while they are too many [1]
@@ -36,18 +36,9 @@ class Cells:
 
 def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
     """Fields of `capacity` cells a replica."""
-    return Cells(
-        capacity,
-        most=ti.field(ti.i32, shape=replicas),
-        width_least=ti.field(ti.f64, shape=replicas),
-        low=ti.Vector.field(3, ti.f64, shape=replicas),
-        inverse_width=ti.Vector.field(3, ti.f64, shape=replicas),
-        number=ti.Vector.field(3, ti.i32, shape=replicas),
-        axes=ti.Vector.field(3, ti.i32, shape=replicas),
-        first=ti.field(ti.i32, shape=replicas * (capacity + 2)),
-        cell=ti.field(ti.i32, shape=replicas * grains),
-        order=ti.field(ti.i32, shape=replicas * grains),
-    )
+    table = arrays(replicas, i32="most", f64="width_least", f64x3="low inverse_width", i32x3="number axes")
+    first = arrays(replicas * (capacity + 2), i32="first")
+    return Cells(capacity, **table, **first, **arrays(replicas * grains, i32="cell order"))
 
 
 @ti.func

@@ -17,7 +17,7 @@ from typing import Any
 from taichi_erosion.core.periodic import nearest_image
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.integrate import kick_time
-from taichi_erosion.grains.state import REBUILD, force_block, side_block
+from taichi_erosion.grains.state import REBUILD, arrays, force_block, side_block
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +39,14 @@ class Clumps:
 
 def allocate_clumps(replicas: int, bodies: int, spheres: int) -> Clumps:
     """Fields for `bodies` clumps and `spheres` contact spheres a replica."""
-    whole = {name: ti.field(ti.i32, shape=replicas * bodies) for name in ("first", "number")}
-    exact = ("position", "velocity", "momentum", "inertia_inverse")
-    vectors = {name: ti.Vector.field(3, ti.f64, shape=replicas * bodies) for name in exact}
-    return Clumps(
-        bodies,
-        **whole,
-        **vectors,
-        orientation=ti.Vector.field(4, ti.f64, shape=replicas * bodies),
-        mass_inverse=ti.field(ti.f64, shape=replicas * bodies),
-        offset=ti.Vector.field(3, ti.f64, shape=replicas * spheres),
-        rank=ti.field(ti.i32, shape=replicas * spheres),
+    table = arrays(
+        replicas * bodies,
+        i32="first number",
+        f64="mass_inverse",
+        f64x3="position velocity momentum inertia_inverse",
+        f64x4="orientation",
     )
+    return Clumps(bodies, **table, **arrays(replicas * spheres, f64x3="offset", i32="rank"))
 
 
 @ti.func

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.state import vector
+from taichi_erosion.grains.state import block
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,8 @@ FROZEN_FIELDS = ("air_velocity", "drag_rate", "steady_acceleration", "steady_spi
 
 def allocate_frozen_drag(replicas: int, capacity: int) -> FrozenDrag:
     """Fields for `capacity` places a replica and side."""
-    table = {name: vector() for name in FROZEN_FIELDS if name != "drag_rate"} | {"drag_rate": ti.field(float)}
-    ti.root.dense(ti.i, 2 * replicas * capacity).place(*table.values())
-    return FrozenDrag(**table)
+    vectors = "air_velocity steady_acceleration steady_spin_rate drag_kick"
+    return FrozenDrag(**block(2 * replicas * capacity, realx3=vectors, real="drag_rate"))
 
 
 def fields_of(frozen: FrozenDrag) -> tuple[Any, ...]:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.state import side_block
+from taichi_erosion.grains.state import block, side_block
 
 ENGAGED = 1  # bit of a label: the contact acts
 MET = 2  # bit of a label: the two have touched, and an effect has attracted them since
@@ -48,17 +48,15 @@ class NeighbourList:
 
 def allocate_neighbour_list(replicas: int, grains: int, capacity: int) -> NeighbourList:
     """Fields of `capacity` entries a replica and side."""
-    reals = {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
-    names = ("tangential_displacement", "rolling_displacement")
-    springs = {name: ti.Vector.field(3, float) for name in names}
-    separation = ti.Vector.field(3, float)
-    labels = {name: ti.field(ti.i32) for name in ("owner", "neighbour", "label")}
-    # by themselves: the search for a pair in an old list reads nothing else
-    ti.root.dense(ti.i, 2 * replicas * capacity).place(*labels.values())
-    ti.root.dense(ti.i, 2 * replicas * capacity).place(separation, *reals.values(), *springs.values())
-    bounds = {name: ti.field(ti.i32) for name in ("start", "stop")}
-    ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())
-    return NeighbourList(capacity, separation=separation, **reals, **springs, **labels, **bounds)
+    places = 2 * replicas * capacity
+    # apart from the rest: the search for a pair in an old list reads nothing else
+    labels = block(places, i32="owner neighbour label")
+    entries = block(
+        places,
+        realx3="separation tangential_displacement rolling_displacement",
+        real="root_radius damping rolling_damping",
+    )
+    return NeighbourList(capacity, **labels, **entries, **block(2 * replicas * grains, i32="start stop"))
 
 
 @ti.func

@@ -25,7 +25,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.frozen_drag import apply_drag
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.grains.partition import barrier, owns_partition
-from taichi_erosion.grains.state import partition_first, side_block, vector
+from taichi_erosion.grains.state import arrays, partition_first, side_block
 
 REST_SPEED = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
 DEEP = 0.05  # of its weight, by air and fields: a grain with more lies open to the wind [1]
@@ -54,12 +54,9 @@ SAVED_FIELDS = ("state", "rest_count", "load")
 
 def allocate_sleep(replicas: int, capacity: int) -> Sleep:
     """Fields for `capacity` places a replica and side."""
-    labels = {name: ti.field(ti.i32) for name in ("state", "rest_count", "unsettled")}
-    table: dict[str, Any] = labels | {"load": vector()}
-    # a layout per field: the force loop reads the state alone
-    for name in table:
-        ti.root.dense(ti.i, 2 * replicas * capacity).place(table[name])
-    return Sleep(**table, rest_least=ti.field(ti.i32, shape=replicas), share=ti.field(float, shape=replicas))
+    # each by itself: the force loop reads the state alone
+    table = arrays(2 * replicas * capacity, i32="state rest_count unsettled", realx3="load")
+    return Sleep(**table, **arrays(replicas, i32="rest_least", real="share"))
 
 
 @ti.func

@@ -96,56 +96,58 @@ class Replicas:
     arrivals: Any  # i32 [replica, place]: workers that reached the barrier, at `ARRIVAL_SLOT` alone
 
 
-def vector(dtype: Any = float) -> Any:
-    """Unplaced field of three-vectors."""
-    return ti.Vector.field(3, dtype)
+def new_field(kind: str, **shape: Any) -> Any:
+    """Field of a kind such as `i32`, `real` (the run's precision), `f64x3` (vectors of three)."""
+    dtype: Any = {"i32": ti.i32, "real": float, "f64": ti.f64}[kind.partition("x")[0]]
+    size = kind.partition("x")[2]
+    return ti.Vector.field(int(size), dtype, **shape) if size else ti.field(dtype, **shape)
+
+
+def block(shape: int | tuple[int, int], **kinds: str) -> dict[str, Any]:
+    """Fields by name, stored together place by place: names of each kind, in the order of storage."""
+    table = {name: new_field(kind) for kind, names in kinds.items() for name in names.split()}
+    ti.root.dense(ti.i if isinstance(shape, int) else ti.ij, shape).place(*table.values())
+    return table
+
+
+def arrays(shape: int | tuple[int, int], **kinds: str) -> dict[str, Any]:
+    """Fields by name, each stored by itself: names of each kind."""
+    return {name: new_field(kind, shape=shape) for kind, names in kinds.items() for name in names.split()}
 
 
 def allocate_grains(replicas: int, partitions: int, capacity: int) -> Grains:
     """Fields of `replicas` blocks; what the force loop reads lies together in memory."""
     places = 2 * replicas * capacity
-    hot = {"shift": vector(), "velocity": vector(), "spin": vector(), "radius": ti.field(float)}
-    hot |= {"mass_inverse": ti.field(float), "skin_squared": ti.field(float)}
-    ti.root.dense(ti.i, places).place(*hot.values())
-    cold = {"origin": vector(ti.f64), "extent": ti.field(float)}
-    ti.root.dense(ti.i, places).place(*cold.values())
-    labels = {"material": ti.field(ti.i32), "ident": ti.field(ti.i32)}
-    ti.root.dense(ti.i, places).place(*labels.values())
-    sums = {"force": vector(), "torque": vector()}
-    ti.root.dense(ti.i, partitions * replicas * capacity).place(*sums.values())
-    rates = {"acceleration": vector(), "spin_rate": vector()}
-    ti.root.dense(ti.i, replicas * capacity).place(*rates.values())
+    hot = block(places, realx3="shift velocity spin", real="radius mass_inverse skin_squared")
+    cold = block(places, f64x3="origin", real="extent")
+    labels = block(places, i32="material ident")
+    sums = block(partitions * replicas * capacity, realx3="force torque")
+    rates = block(replicas * capacity, realx3="acceleration spin_rate")
     return Grains(capacity, **hot, **cold, **labels, **sums, **rates)
 
 
 def allocate_source(replicas: int, capacity: int) -> Source:
     """Fields of the GrainTables, by replica and row."""
     places = replicas * capacity
-    exact = {"position": vector(ti.f64)}
-    ti.root.dense(ti.i, places).place(*exact.values())
-    reals = {"velocity": vector(), "spin": vector()}
-    reals |= {name: ti.field(float) for name in ("radius", "mass_inverse")}
-    ti.root.dense(ti.i, places).place(*reals.values())
-    labels = {name: ti.field(ti.i32) for name in ("material", "release_step", "body")}
-    ti.root.dense(ti.i, places).place(*labels.values())
-    return Source(**exact, **reals, **labels)
+    motion = block(places, realx3="velocity spin", real="radius mass_inverse")
+    return Source(
+        **block(places, f64x3="position"), **motion, **block(places, i32="material release_step body")
+    )
 
 
 def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
-    clocks = ("step", "steps_left", "rebuilds", "status")
-    whole = ("side", "partitions", "stale", "crowded", "released", "total", *clocks)
-    skins = ("skin_least", "skin_most", "skin_time", "cell_reach", "reach", "wall_travel")
-    reals = ("time_step", *skins, "overlap_limit")
-    shared = ("need", "short", "wall_short", "fault_grain", "fault_partner", *REACH_FIELDS)
-    table: dict[str, Any] = {name: ti.field(ti.i32, shape=count) for name in whole}
-    table |= {name: ti.field(float, shape=count) for name in reals}
-    table |= {name: ti.field(ti.i32, shape=(count, partitions)) for name in shared}
-    table |= {name: ti.Vector.field(3, ti.f64, shape=count) for name in ("low", "high", "period")}
-    table["bounds"] = ti.field(ti.i32, shape=(count, partitions + 1))
-    table["arrivals"] = ti.field(ti.i32, shape=(count, CACHE_PADDING))
-    table["gravity"] = ti.Vector.field(3, float, shape=count)
-    table["fault_value"] = ti.field(float, shape=(count, partitions))
+    skins = "skin_least skin_most skin_time cell_reach reach wall_travel"
+    table = arrays(
+        count,
+        i32="side partitions stale crowded released total step steps_left rebuilds status",
+        real=f"time_step {skins} overlap_limit",
+        realx3="gravity",
+        f64x3="low high period",
+    )
+    shared = f"need short wall_short fault_grain fault_partner {' '.join(REACH_FIELDS)}"
+    table |= arrays((count, partitions), i32=shared, real="fault_value")
+    table |= arrays((count, partitions + 1), i32="bounds") | arrays((count, CACHE_PADDING), i32="arrivals")
     return Replicas(count, **table)
 
 

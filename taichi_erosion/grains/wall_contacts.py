@@ -31,7 +31,7 @@ from taichi_erosion.grains.simd_batch import (
     store_contact,
 )
 from taichi_erosion.grains.sleep import is_asleep
-from taichi_erosion.grains.state import force_block, partition_first, side_block
+from taichi_erosion.grains.state import block, force_block, partition_first, side_block
 from taichi_erosion.grains.walls import (
     into_wall_frame,
     out_of_wall_frame,
@@ -66,15 +66,14 @@ class WallList:
 
 def allocate_wall_list(replicas: int, grains: int, capacity: int) -> WallList:
     """Fields of `capacity` entries a replica and side."""
-    entries: dict[str, Any] = {name: ti.field(ti.i32) for name in ("owner", "wall", "label", "pushes")}
-    entries |= {name: ti.field(float) for name in ("root_radius", "damping", "rolling_damping")}
-    springs = ("tangential_displacement", "rolling_displacement")
-    entries |= {name: ti.Vector.field(3, float) for name in springs}
-    entries["offset"] = ti.Vector.field(3, ti.f64)
-    ti.root.dense(ti.i, 2 * replicas * capacity).place(*entries.values())
-    bounds: dict[str, Any] = {name: ti.field(ti.i32) for name in ("start", "stop")}
-    bounds["clearance_squared"] = ti.field(float)
-    ti.root.dense(ti.i, 2 * replicas * grains).place(*bounds.values())
+    entries = block(
+        2 * replicas * capacity,
+        i32="owner wall label pushes",
+        real="root_radius damping rolling_damping",
+        realx3="tangential_displacement rolling_displacement",
+        f64x3="offset",
+    )
+    bounds = block(2 * replicas * grains, i32="start stop", real="clearance_squared")
     return WallList(capacity, **entries, **bounds)
 
 

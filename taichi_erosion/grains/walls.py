@@ -12,6 +12,7 @@ from typing import Any
 
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.state import arrays
 
 PLANE = int(PrimitiveKind.PLANE)
 REVOLVED = int(PrimitiveKind.REVOLVED)
@@ -47,16 +48,13 @@ class Walls:
 def allocate_walls(replicas: int, primitives: int, surfaces: int) -> Walls:
     """Fields for the walls of all replicas; at least one place of each, since a field cannot be empty."""
     bodies, pieces = replicas * max(surfaces, 1), replicas * max(primitives, 1)
-    points = ("corner", "second", "third", "middle")
-    motions = ("shift", "velocity", "spin", "centre")
-    table: dict[str, Any] = {name: ti.Vector.field(3, ti.f64, shape=pieces) for name in points}
-    table |= {name: ti.Vector.field(3, ti.f64, shape=bodies) for name in motions}
-    table |= {name: ti.field(ti.i32, shape=pieces) for name in ("kind", "surface")}
-    table |= {name: ti.field(ti.i32, shape=bodies) for name in ("material", "present", "moving", "moved")}
-    table |= {"size": ti.field(ti.f64, shape=pieces), "sweep": ti.field(ti.f64, shape=bodies)}
-    table["profile"] = ti.Vector.field(4, ti.f64, shape=pieces)
-    table["turn"] = ti.Matrix.field(3, 3, ti.f64, shape=bodies)
-    return Walls(primitives, surfaces, **table)
+    table = arrays(
+        pieces, i32="kind surface", f64="size", f64x3="corner second third middle", f64x4="profile"
+    )
+    table |= arrays(
+        bodies, i32="material present moving moved", f64="sweep", f64x3="shift velocity spin centre"
+    )
+    return Walls(primitives, surfaces, **table, turn=ti.Matrix.field(3, 3, ti.f64, shape=bodies))
 
 
 @ti.func

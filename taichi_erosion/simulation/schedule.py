@@ -19,22 +19,12 @@ from taichi_erosion.core.transfer import upload
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """Tasks of all workers on the device."""
+    """Tasks of all workers, worker by worker: fields on the device, or lists on the host."""
 
-    first: Any  # i32 by worker: first task, and one more bound
-    replica: Any  # i32 by task
-    steps: Any  # i32 by task
-    order: Any  # i32 by task: number of earlier tasks of the same replica
-
-
-@dataclass(frozen=True)
-class Assignment:
-    """The same tasks as lists, worker by worker."""
-
-    first: list[int]
-    replica: list[int]
-    steps: list[int]
-    order: list[int]
+    first: Any  # by worker: first task, and one more bound
+    replica: Any  # by task
+    steps: Any  # by task
+    order: Any  # by task: number of earlier tasks of the same replica
 
 
 def allocate_schedule(workers: int, replicas: int) -> Schedule:
@@ -43,16 +33,16 @@ def allocate_schedule(workers: int, replicas: int) -> Schedule:
     return Schedule(ti.field(ti.i32, workers + 1), *(ti.field(ti.i32, tasks) for _ in range(3)))
 
 
-def assign_steps(steps: Integers, workers: int) -> Assignment:
+def assign_steps(steps: Integers, workers: int) -> Schedule:
     """Cut the steps of all replicas into equal parts; a part never contains the same replica twice."""
     if workers >= len(steps):
         everyone = list(range(len(steps)))
         first = [min(worker, len(steps)) for worker in range(workers + 1)]
-        return Assignment(first, everyone, [int(n) for n in steps], [0] * len(steps))
+        return Schedule(first, everyone, [int(n) for n in steps], [0] * len(steps))
     total = int(steps.sum())
     share = max(-(-total // workers), int(steps.max()), 1)
     bounds = np.concatenate([[0], np.cumsum(steps)])
-    assignment = Assignment([0], [], [], [])
+    assignment = Schedule([0], [], [], [])
     for worker in range(workers):
         low, high = worker * share, min((worker + 1) * share, total)
         for r in np.flatnonzero((bounds[:-1] < high) & (bounds[1:] > low)):
@@ -65,7 +55,7 @@ def assign_steps(steps: Integers, workers: int) -> Assignment:
     return assignment
 
 
-def upload_schedule(schedule: Schedule, assignment: Assignment) -> None:
+def upload_schedule(schedule: Schedule, assignment: Schedule) -> None:
     upload([(schedule.first, assignment.first)])
     names = ("replica", "steps", "order")
     upload([(getattr(schedule, name), getattr(assignment, name)) for name in names])

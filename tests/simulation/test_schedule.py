@@ -4,13 +4,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.simulation.schedule import Assignment, assign_steps
+from taichi_erosion.simulation.schedule import Schedule, assign_steps
 
 steps_of_replicas = st.lists(st.integers(0, 5000), min_size=1, max_size=12)
 workers_present = st.integers(1, 8)
 
 
-def parts(assignment: Assignment) -> list[list[tuple[int, int, int]]]:
+def parts(assignment: Schedule) -> list[list[tuple[int, int, int]]]:
     """Replica, steps and order of every turn, worker by worker."""
     turns = list(zip(assignment.replica, assignment.steps, assignment.order, strict=True))
     return [turns[low:high] for low, high in zip(assignment.first[:-1], assignment.first[1:], strict=True)]
