@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.flank import fit_window
 from taichi_erosion.measures.result import Measurement, no_measurement
+from taichi_erosion.measures.silhouette import fit_window
 
 HIGHEST_GRAINS = 5  # averaged for the pile height [1]
 COLUMN_TOP_SHARE = 0.05  # of the grains, averaged for the column height [1]

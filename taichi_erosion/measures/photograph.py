@@ -15,9 +15,17 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import regular_file
-from taichi_erosion.measures.flank import Flank, fit_flanks, is_bent, is_flat_topped, meeting_height
 from taichi_erosion.measures.result import Measurement, as_record
-from taichi_erosion.measures.silhouette import EIGHT_NEIGHBOURS, extract_outline, largest_body
+from taichi_erosion.measures.silhouette import (
+    EIGHT_NEIGHBOURS,
+    Flank,
+    extract_outline,
+    fit_flanks,
+    is_bent,
+    is_flat_topped,
+    largest_body,
+    meeting_height,
+)
 
 Grey = NDArray[np.float64]  # [rows, columns], 0 black to 1 white
 Background = Literal["auto", "dark", "light"]

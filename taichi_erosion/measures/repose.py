@@ -11,24 +11,20 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.flank import (
+from taichi_erosion.measures.heap import defect, grain_diameter, pile_height, ring_heights, ring_sectors
+from taichi_erosion.measures.result import Measurement, no_measurement
+from taichi_erosion.measures.silhouette import (
     Flank,
+    draw_silhouette,
+    extract_outline,
     fit_flanks,
     fit_polynomial,
     fit_window,
     is_bent,
     is_flat_topped,
+    largest_body,
     meeting_height,
 )
-from taichi_erosion.measures.heap import (
-    defect,
-    grain_diameter,
-    pile_height,
-    ring_heights,
-    ring_sectors,
-)
-from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.measures.silhouette import draw_silhouette, extract_outline, largest_body
 
 SHORTEST_FLANK = 3.0  # diameters of outline that carry a line [1]; lab_C asks for three bins of one diameter
 FEW_FLANKS_SHARE = 0.25  # of the flanks too short: the value rests on a selection [1]

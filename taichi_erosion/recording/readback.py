@@ -78,7 +78,7 @@ class GrainFrame:
 
     time: float  # s
     ident: Integers  # [n]
-    position: Singles  # [n, 3] m; of a static grain to within static_grains.CREEP of its radius
+    position: Singles  # [n, 3] m; of a static grain to within stream.CREEP of its radius
     radius: Singles  # [n] m
 
 

@@ -2,6 +2,8 @@
 
 The file grows as PATH.part and takes its name when it is closed. A run killed at any moment leaves a part
 file that `readback` and the viewer can read; it lacks at most what was logged in the last FLUSH_INTERVAL.
+
+Grains at rest (static grains) are the bulk of a recording; they are written only now and then.
 """
 
 import os
@@ -21,7 +23,6 @@ from taichi_erosion.core.snapshot import Ledger, Snapshot
 from taichi_erosion.recording import pictures
 from taichi_erosion.recording.blueprint import MAGNIFICATION, TIMELINE, WIND_KINDS, blueprint, choose_focus
 from taichi_erosion.recording.disk_space import abandon_writer, lock_part_file
-from taichi_erosion.recording.static_grains import StaticGrains, is_static, update_static_grains
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ TRANSPORT = {  # curves of grains under wind
     "flying": ("share of the grains above the bed", pictures.EMBER),
     "friction_velocity": ("friction velocity, m/s", (120, 220, 255)),
 }
+REWRITE_INTERVAL = 20  # frames after which the resting grains are chosen and written anew [1]
+CREEP = 0.02  # displacement of a resting grain that is not worth writing, over its radius [1]
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,20 @@ class RunHeader:
     scene_text: str  # the scene file, TOML
     radii: Floats  # [n] m, of all grains that the run will release
     walls: tuple[WallMesh, ...] = ()
+
+
+@dataclass(frozen=True)
+class StaticGrains:
+    """Resting grains as they were last written."""
+
+    ident: NDArray[np.int32]  # [k] rows of the GrainTable, ascending
+    position: NDArray[np.float64]  # [k, 3] m
+    age: int  # frames since
+
+    @staticmethod
+    def empty() -> "StaticGrains":
+        """No grain at rest; due at once."""
+        return StaticGrains(np.empty(0, dtype=np.int32), np.empty((0, 3)), REWRITE_INTERVAL)
 
 
 @dataclass
@@ -159,6 +176,31 @@ def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> 
     speed = np.linalg.norm(snapshot.velocity[~resting], axis=1)
     colours = pictures.speed_colours(speed, moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
     log_grains(recording, "world/mobile", snapshot, ~resting, colours)
+
+
+def update_static_grains(
+    before: StaticGrains, snapshot: Snapshot, moving_speed: float
+) -> tuple[StaticGrains, bool]:
+    """The resting grains at this snapshot, and whether they must be written.
+
+    Every grain is static or mobile, never both. A grain becomes mobile as soon as it is faster than
+    `moving_speed` [m s-1] or has crept CREEP radii, and static only every REWRITE_INTERVAL frames: a quiet
+    heap costs next to nothing.
+    """
+    slow = np.linalg.norm(snapshot.velocity, axis=1) <= moving_speed
+    if before.age + 1 >= REWRITE_INTERVAL:
+        return StaticGrains(snapshot.ident[slow], snapshot.position[slow], 0), True
+    rows = np.searchsorted(snapshot.ident, before.ident)
+    crept = np.linalg.norm(snapshot.position[rows] - before.position, axis=1)
+    stays = slow[rows] & (crept <= CREEP * snapshot.radius[rows])
+    if stays.all():
+        return StaticGrains(before.ident, before.position, before.age + 1), False
+    return StaticGrains(before.ident[stays], snapshot.position[rows[stays]], before.age + 1), True
+
+
+def is_static(grains: StaticGrains, snapshot: Snapshot) -> NDArray[np.bool_]:
+    """Mask of the grains of the snapshot that are static."""
+    return np.isin(snapshot.ident, grains.ident)
 
 
 def log_grains(

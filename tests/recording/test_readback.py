@@ -13,16 +13,8 @@ from recorded_heaps import MOVING, header, heap_snapshot, record_heap, recorded
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import part_path
-from taichi_erosion.recording.readback import (
-    HEADER_SIZE,
-    MESSAGE_HEAD,
-    read_grains,
-    whole_size,
-)
-from taichi_erosion.recording.stream import (
-    flush,
-    log_frame,
-)
+from taichi_erosion.recording.readback import HEADER_SIZE, MESSAGE_HEAD, read_grains, whole_size
+from taichi_erosion.recording.stream import flush, log_frame
 
 WRITER = """
 import os, signal, sys

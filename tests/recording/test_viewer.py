@@ -12,14 +12,7 @@ from taichi_erosion.recording import pictures, viewer
 from taichi_erosion.recording.air_recording import log_profile
 from taichi_erosion.recording.blueprint import WIND_KINDS
 from taichi_erosion.recording.pictures import silhouette_picture
-from taichi_erosion.recording.stream import (
-    Recording,
-    log_frame,
-    log_image,
-    log_ledger,
-    log_text,
-    log_values,
-)
+from taichi_erosion.recording.stream import Recording, log_frame, log_image, log_ledger, log_text, log_values
 
 pytestmark = pytest.mark.viewer
 Colour = tuple[int, int, int]
