@@ -1,13 +1,41 @@
-"""One run: scene file -> simulate -> measure -> record -> result."""
+"""One run: scene file -> simulate -> measure -> record -> result.
 
+The result document, printed by `run --json`, is described in `run.result`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from taichi_erosion.run.checks import check_scene
-from taichi_erosion.run.options import RunOptions
 from taichi_erosion.scene.load import is_air_scene
 
-__all__ = ["RunOptions", "check_scene", "run_scene"]
+__all__ = ["CHECKPOINT_INTERVAL", "Report", "RunOptions", "check_scene", "run_scene"]
+
+CHECKPOINT_INTERVAL = inf  # simulated s; infinite: one checkpoint, at the end or at an interruption
+
+Report = Callable[[float, str], None]  # (share done [1], words)
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of a run beside its scene, as `./erosion run` sets them; None leaves a choice to the scene."""
+
+    overrides: tuple[str, ...] = ()
+    seed: int | None = None
+    replicas: int | None = None
+    arch: Literal["cpu", "cuda"] = "cpu"
+    threads: int = 0
+    precision: Literal["f32", "f64"] | None = None
+    record: Path | None = None
+    no_record: bool = False
+    checkpoint: Path | None = None
+    checkpoint_interval: float = CHECKPOINT_INTERVAL  # simulated s, --every
+    resume: Path | None = None
+    effect_files: tuple[Path, ...] = ()  # effects from outside the package
+    progress: Report | None = None
 
 
 def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:

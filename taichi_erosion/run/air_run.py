@@ -18,8 +18,8 @@ from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureIn
 from taichi_erosion.measures.result import Measurement, as_record, pool
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import WindHeader, log_wind, open_wind_recording
+from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import read_air_scene
-from taichi_erosion.run.options import RunOptions
 from taichi_erosion.run.result import RECORDINGS, run_document, write_document_or_warn
 from taichi_erosion.run.scene_run import deferred_signals
 from taichi_erosion.scene.build.air import build_air

@@ -17,7 +17,7 @@ class Checkpointer:
     """Writer of the checkpoints of a run; as a callback it saves whenever an interval is over."""
 
     path: Path
-    interval: float  # simulated s; see options.CHECKPOINT_INTERVAL
+    interval: float  # simulated s; see run.CHECKPOINT_INTERVAL
     meta: dict[str, Any]
     saved: int = 0  # intervals that have a checkpoint
 

@@ -17,8 +17,8 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
 from taichi_erosion.effects import load_library
+from taichi_erosion.run import Report
 from taichi_erosion.run.ensemble_loop import EnsembleRun, ProgressReporter, run_ensemble
-from taichi_erosion.run.options import Report
 from taichi_erosion.run.recorder import (
     Properties,
     Recorder,

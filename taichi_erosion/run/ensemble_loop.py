@@ -8,7 +8,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.run.options import Report
+from taichi_erosion.run import Report
 from taichi_erosion.run.sanity_checks import (
     MOMENTUM_AFTER,
     count_failure,

@@ -19,10 +19,10 @@ from taichi_erosion.effects import load_library
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
+from taichi_erosion.run import CHECKPOINT_INTERVAL, RunOptions
 from taichi_erosion.run.checkpointer import Checkpointer
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble_loop import Callback, EnsembleRun, ProgressReporter, run_ensemble
-from taichi_erosion.run.options import CHECKPOINT_INTERVAL, RunOptions
 from taichi_erosion.run.recorder import (
     Recorder,
     finish_recording_or_warn,

@@ -1,14 +1,22 @@
 """Drawing spheres, cleaning a picture, reading its upper edge, and the straight line through a flank."""
 
-from math import cos, pi, sin
-import numpy as np
-import pytest
-from taichi_erosion.measures.silhouette import draw_silhouette, extract_outline, fill_discs, largest_body
-from math import atan, degrees, radians, tan
+from math import atan, cos, degrees, pi, radians, sin, tan
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from taichi_erosion.measures.silhouette import Outline, fit_flank, fit_flanks, fit_polynomial, is_bent
+
+from taichi_erosion.measures.silhouette import (
+    Outline,
+    draw_silhouette,
+    extract_outline,
+    fill_discs,
+    fit_flank,
+    fit_flanks,
+    fit_polynomial,
+    is_bent,
+    largest_body,
+)
 
 
 def test_discs_are_drawn_as_a_pixel_by_pixel_search_finds_them():

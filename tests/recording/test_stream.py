@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import sqrt
 from pathlib import Path
+
 import numpy as np
 import pytest
 from recorded_heaps import (
@@ -19,13 +20,16 @@ from recorded_heaps import (
     record_heap,
     recorded,
 )
+
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.blueprint import choose_focus, heap_focus
 from taichi_erosion.recording.readback import read_chunks, read_grains, read_rows
 from taichi_erosion.recording.stream import (
     CREEP,
     REWRITE_INTERVAL,
+    StaticGrains,
     close,
+    is_static,
     log_frame,
     log_image,
     log_text,
@@ -33,17 +37,9 @@ from taichi_erosion.recording.stream import (
     log_wall_removed,
     open_recording,
     set_properties,
-)
-from taichi_erosion.recording.wall_mesh import WallMesh
-import numpy as np
-from recorded_heaps import MOVING, heap_snapshot, moved
-from taichi_erosion.recording.stream import (
-    CREEP,
-    REWRITE_INTERVAL,
-    StaticGrains,
-    is_static,
     update_static_grains,
 )
+from taichi_erosion.recording.wall_mesh import WallMesh
 
 
 def test_the_state_of_effects_is_recorded_beside_the_grains(tmp_path: Path):
