@@ -21,13 +21,13 @@ restored beds. Pair effects read the state of both grains, grain effects that of
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import MISSING, Field, asdict, dataclass, field, fields
+from math import inf
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.quantity import check_range
 from taichi_erosion.core.ti import ti
 
 Conditions = Mapping[str, float]  # stated beside a measurement, in SI units
@@ -36,6 +36,29 @@ Probe = Callable[..., Any]  # (params, conditions, **members of the place) -> re
 STATEFUL = ("pair", "grain")  # places of effects that may have a grain state
 STRENGTH = "strength"  # reserved among an effect's entries in a scene
 STRENGTH_MOST = 100.0  # largest strength that a scene may ask for [1]
+
+
+def quantity(default: float, unit: str, meaning: str, *, low: float = -inf, high: float = inf) -> Any:
+    """Declare a dataclass field holding one number in SI units.
+
+    `unit` is written as in print ("N m-1", "1" for a pure number); `low` and
+    `high` bound the values for which the model is claimed to hold.
+    """
+    return field(default=default, metadata={"unit": unit, "meaning": meaning, "low": low, "high": high})
+
+
+def check_range(params: Any) -> None:
+    """Raise ValueError naming the first parameter outside its range."""
+    for f in fields(params):
+        value, low, high = getattr(params, f.name), f.metadata["low"], f.metadata["high"]
+        if not low <= value <= high:
+            owner, unit = type(params).__module__, f.metadata["unit"]
+            raise ValueError(f"{owner}: {f.name} = {value} {unit} lies outside [{low}, {high}] {unit}")
+
+
+def documented(f: "Field[Any]") -> bool:
+    """Whether a field was declared through `quantity`."""
+    return "unit" in f.metadata and f.default is not MISSING
 
 
 @dataclass(frozen=True)

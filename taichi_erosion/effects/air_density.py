@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section
 

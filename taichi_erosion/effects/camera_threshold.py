@@ -15,8 +15,7 @@ Trans. ASAE 14, 563 (stages of motion).
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14).
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import drag_partition, sample_scene, with_section
 

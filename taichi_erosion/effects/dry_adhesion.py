@@ -17,8 +17,7 @@ J. Geophys. Res. 114, D17204 (beta).
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
 from taichi_erosion.core.ti import ti
 
 DIAMETER_OVER_EFFECTIVE = 4.0  # d / R* of two equal spheres [1]

@@ -17,8 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 
 READ = "flux"  # observables of this name
 

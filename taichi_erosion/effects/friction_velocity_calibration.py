@@ -16,8 +16,7 @@ Reference: Lee & Baas (2012), Earth Surf. Process. Landforms 37, 1349 (u* from p
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 
 
 @dataclass(frozen=True)

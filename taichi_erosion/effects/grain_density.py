@@ -14,9 +14,8 @@ Bagnold (1941), The Physics of Blown Sand, ch. 7 (threshold and density).
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_grain_material, with_shorter_step
 

@@ -16,9 +16,8 @@ to 0.9: width over length); Favier et al. (1999), Eng. Comput. 16, 467 (multi-sp
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
 from taichi_erosion.scene.schema.grains import Clump, ClumpSphere

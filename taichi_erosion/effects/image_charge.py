@@ -17,8 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
 from taichi_erosion.core.ti import ti
 
 PERMITTIVITY = 8.8541878e-12  # of vacuum, eps0 [F m-1], CODATA 2018

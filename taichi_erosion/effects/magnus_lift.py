@@ -18,8 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi, tanh
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
 from taichi_erosion.core.ti import ti
 
 SLOWEST = 1e-9  # slip below which there is no lift [m s-1]

@@ -16,8 +16,7 @@ the flux); Sorensen & McEwan (1996), Sedimentology 43, 65 (how often grains coll
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
 from taichi_erosion.core.ti import ti
 
 DEEP = 0.25  # overlap over the effective radius that no first touch reaches in one step [1]

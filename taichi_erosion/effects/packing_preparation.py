@@ -15,8 +15,7 @@ Reference: Knight, Fandrich, Lau, Jaeger & Nagel (1995), Phys. Rev. E 51, 3957 (
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.change import sample_scene

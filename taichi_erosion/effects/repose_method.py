@@ -14,8 +14,7 @@ Reference: Beakawi Al-Hashemi & Baghabra Al-Amoudi (2018), Powder Technology 330
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 
 ANGLES = ("repose_angle", "angle_of_repose", "cone_angle", "dynamic_angle")  # observables that are meant
 

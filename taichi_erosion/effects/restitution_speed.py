@@ -22,8 +22,7 @@ v).
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
 from taichi_erosion.core.ti import ti
 
 LOSS_FACTOR = 1.5 * 1.15344  # (1 - e) / (A (K / m*)^(2/5) v^(1/5)) as A goes to 0; Ramirez et al. (1999) [1]

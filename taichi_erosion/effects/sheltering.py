@@ -17,9 +17,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.sizes import mean_cube
 from taichi_erosion.scene.change import sample_scene, with_section, with_wider_fill

@@ -16,9 +16,8 @@ Nowak, Samadani & Kudrolli (2005), Nature Physics 1, 50 (walls of a drum).
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.change import sample_scene

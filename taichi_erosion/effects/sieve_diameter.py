@@ -16,8 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
 from taichi_erosion.scene.schema.grains import Size

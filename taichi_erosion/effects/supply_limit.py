@@ -15,9 +15,8 @@ Reference: Nickling & McKenna Neuman (2009), in Geomorphology of Desert Environm
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section
 

@@ -28,9 +28,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import pi
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
 from taichi_erosion.core.periodic import nearest_image
-from taichi_erosion.core.quantity import quantity
 from taichi_erosion.core.ti import ti
 
 LOOSE = -1.0  # of State.calm

@@ -20,9 +20,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import log
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe
+from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.quantity import quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.change import drag_partition, sample_scene, with_section

@@ -21,8 +21,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import cos, pi, sqrt, tan
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
 from taichi_erosion.core.ti import ti
 
 WAVES = 24  # K; correlations are then right to 0.04 [1]

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.effect import Check, Effect, Probe
+from taichi_erosion.core.effect import Check, Effect, Probe, check_range, documented
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.quantity import check_range, documented
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.scene import Conditions

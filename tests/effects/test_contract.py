@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.core.device import start_device, stop_device
-from taichi_erosion.core.effect import Check, Effect, Probe
+from taichi_erosion.core.effect import Check, Effect, Probe, quantity
 from taichi_erosion.core.effect_probe import Bench, make_bench, probe_of
-from taichi_erosion.core.quantity import quantity
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effects import load_library, shipped

@@ -11,8 +11,7 @@ import pytest
 from grain_worlds import MASS, NONE, RADIUS, contacts, fingerprint, grains, heap, setup
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import Effect, ReplicaEffect, replica_effect
-from taichi_erosion.core.quantity import quantity
+from taichi_erosion.core.effect import Effect, ReplicaEffect, quantity, replica_effect
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effects import load_library
