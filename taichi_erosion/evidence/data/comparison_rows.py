@@ -1,12 +1,16 @@
-"""Measurements as the statistics see them: on the comparison scale, repeats merged, error sources known."""
+"""Measurements on the comparison scale: repeats merged, the sources of error known."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from taichi_erosion.evidence.data.findings import ObservableNoise
-from taichi_erosion.evidence.data.measurement_noise import Scatter, lab_scatter, unchecked_noise_sentence
+from taichi_erosion.evidence.data.measurement_noise import (
+    Scatter,
+    measurement_scatter,
+    unchecked_noise_sentence,
+)
 from taichi_erosion.evidence.data.problem import (
     Bools,
     Conditions,
@@ -49,19 +53,16 @@ class ComparisonRows:
         """Some of the rows."""
         index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         shared = self.shared[index]
-        return ComparisonRows(
-            self.observables,
-            self.which[index],
-            self.z[index],
-            self.variance[index],
-            self.censored[index],
-            shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0],
-            {name: column[index] for name, column in self.conditions.items()},
-            tuple(self.group[i] for i in index),
-            self.slope[index],
-            self.freedom,
-            self.noise,
-            self.warnings,
+        return replace(
+            self,
+            which=self.which[index],
+            z=self.z[index],
+            variance=self.variance[index],
+            censored=self.censored[index],
+            shared=shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0],
+            conditions={name: column[index] for name, column in self.conditions.items()},
+            group=tuple(self.group[i] for i in index),
+            slope=self.slope[index],
         )
 
 
@@ -69,57 +70,41 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     """The rows of a table on their comparison scales, with repeated rows merged."""
     names = sorted(set(table.observable))
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
-    pieces, noise, warnings, scatters = [], {}, [], []
-    for index, observable in enumerate(observables):
-        rows = np.array([i for i, name in enumerate(table.observable) if name == observable.name])
-        piece, scatter, notes = merged_rows(observable, table.rows(rows), index, len(observables))
-        pieces.append(piece)
-        noise[observable.name] = noise_budget(piece, scatter)
-        warnings += notes
-        scatters.append(scatter)
-    freedom = joint_freedom(scatters)
+    named = np.array(table.observable)
+    found = [
+        merged_rows(observables, index, table.rows(np.flatnonzero(named == name)))
+        for index, name in enumerate(names)
+    ]
+    rows = joined([part for part, _ in found])
+    freedom = joint_freedom([scatter for _, scatter in found])
     note = unchecked_noise_sentence(freedom)
-    return joined(observables, pieces, freedom, noise, [*warnings, *([note] if note else [])])
+    return replace(rows, freedom=freedom, warnings=(*rows.warnings, *([note] if note else [])))
 
 
-def joint_freedom(scatters: list[Scatter]) -> float:
+def joint_freedom(scatters: Sequence[Scatter]) -> float:
     """Degrees of freedom behind the noise level as a whole.
 
-    Repeated rows check the same thing everywhere, what a stated sd is worth. Sample variances tell the level
-    of their own observable and of no other, so that the level is known as well as on average in one of them.
+    Repeated rows check the same thing everywhere, the worth of a stated sd. Sample variances measure the
+    level of their own observable and of no other, so that the level is known as well as on average in one.
     """
     own = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
     return sum(scatter.freedom for scatter in scatters) + (sum(own) / len(own) if own else 0.0)
 
 
-@dataclass(frozen=True)
-class Piece:
-    """Merged rows of one observable."""
-
-    which: Integers
-    z: Floats
-    variance: Floats
-    censored: Bools
-    shared: Floats
-    conditions: Conditions
-    group: tuple[str, ...]
-    slope: Floats
-    numerical: float
-
-
 def merged_rows(
-    observable: Observable, table: Measurements, index: int, width: int
-) -> tuple[Piece, Scatter, list[str]]:
+    observables: tuple[Observable, ...], index: int, table: Measurements
+) -> tuple[ComparisonRows, Scatter]:
     """Rows of one observable, repeats merged by inverse variance."""
+    observable = observables[index]
     value = np.where(table.censored, table.limit, table.value)
     z, steepness = to_scale(observable, value), slope(observable, value)
     usable = np.isfinite(z) & np.isfinite(steepness)
     notes = row_notes(observable, table, usable)
-    table, z, steepness = table.rows(usable), z[usable], steepness[usable]
-    cell = cell_numbers(table)
+    table, value, z, steepness = table.rows(usable), value[usable], z[usable], steepness[usable]
+    cell = condition_numbers(table)
     repeats = np.where(table.n >= 1.0, table.n, 1.0)
-    shapes = scatter_shapes(observable, value[usable], steepness)
-    scatter = lab_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
+    shapes = scatter_shapes(observable, value, steepness)
+    scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     merge_key = np.array([f"{c}|{g}|{b}" for c, g, b in zip(cell, table.group, table.censored, strict=True)])
     _, first, inverse = np.unique(merge_key, return_index=True, return_inverse=True)
@@ -133,30 +118,33 @@ def merged_rows(
     if unknown.any():
         count = f"{int(unknown.sum())} of {unknown.size}"
         notes.append(f"{observable.name}: the scatter of {count} rows is not known; they are not used")
-    shared = np.zeros((first.size, width))
-    growing = observable.sd_shared_relative * value[usable][first]
-    shared[:, index] = np.hypot(observable.sd_shared, growing) * steep
-    piece = Piece(
+    shared = np.zeros((first.size, len(observables)))
+    shared[:, index] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
+    variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
+    rows = ComparisonRows(
+        observables,
         which=np.full(first.size, index),
         z=mean,
-        variance=np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical),
+        variance=variance,
         censored=table.censored[first],
         shared=shared,
         conditions={name: column[first] for name, column in table.conditions.items()},
         group=tuple(table.group[i] for i in first),
         slope=steep,
-        numerical=float(np.sqrt(np.median(numerical))) if first.size else 0.0,
+        freedom=np.nan,
+        noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
+        warnings=tuple(notes),
     )
-    return piece, scatter, notes
+    return rows, scatter
 
 
 def scatter_shapes(observable: Observable, value: Floats, steepness: Floats) -> Floats:
-    """Ways in which sd may go with the value, on the comparison scale: what the scale implies first."""
+    """Ways in which sd may vary with the value, on the comparison scale: that of the scale itself first."""
     relative, absolute = np.abs(value) * steepness, steepness
     return np.array([absolute, relative] if observable.transform == "identity" else [relative, absolute])
 
 
-def cell_numbers(table: Measurements) -> Floats:
+def condition_numbers(table: Measurements) -> Floats:
     """Number of each row's set of conditions; equal for repeated rows."""
     if table.size == 0:
         return np.zeros(0)
@@ -166,7 +154,7 @@ def cell_numbers(table: Measurements) -> Floats:
 
 
 def row_notes(observable: Observable, table: Measurements, usable: Bools) -> list[str]:
-    """What the report must say about rows that lack something."""
+    """Sentences about rows without a finite value, sd or n."""
     notes = []
     lost = int(np.sum(~usable))
     if lost:
@@ -182,38 +170,38 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
     return notes
 
 
-def noise_budget(piece: Piece, scatter: Scatter) -> ObservableNoise:
+def noise_budget(variance: Floats, shared: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
     """Budget of one observable before the model has been run."""
-    known = piece.variance[np.isfinite(piece.variance)]
-    lab = float(np.sqrt(max(np.median(known) - piece.numerical**2, 0.0))) if known.size else np.nan
-    shared = float(np.median(np.abs(piece.shared).sum(axis=1))) if piece.z.size else 0.0
-    repeats = int(scatter.freedom + scatter.own_freedom)
+    known, tolerance = variance[np.isfinite(variance)], 0.0
+    if variance.size:
+        tolerance = float(np.sqrt(np.median(numerical)))
     return ObservableNoise(
-        lab, 0.0, shared, piece.numerical, repeats, scatter.factor, scatter.p, float("nan")
+        lab=float(np.sqrt(max(np.median(known) - tolerance**2, 0.0))) if known.size else np.nan,
+        simulator=0.0,
+        shared=float(np.median(np.abs(shared).sum(axis=1))) if variance.size else 0.0,
+        numerical=tolerance,
+        repeats=int(scatter.freedom + scatter.own_freedom),
+        stated_factor=scatter.factor,
+        p=scatter.p,
+        seed_correlation=np.nan,
     )
 
 
-def joined(
-    observables: tuple[Observable, ...],
-    pieces: list[Piece],
-    freedom: float,
-    noise: Mapping[str, ObservableNoise],
-    warnings: list[str],
-) -> ComparisonRows:
-    """All observables together."""
-    shared = np.vstack([piece.shared for piece in pieces]) if pieces else np.zeros((0, 0))
-    names = list(pieces[0].conditions) if pieces else []
-    return ComparisonRows(
-        observables,
-        np.concatenate([piece.which for piece in pieces]).astype(np.int64),
-        np.concatenate([piece.z for piece in pieces]),
-        np.concatenate([piece.variance for piece in pieces]),
-        np.concatenate([piece.censored for piece in pieces]),
-        shared[:, np.any(shared != 0.0, axis=0)],
-        {name: np.concatenate([piece.conditions[name] for piece in pieces]) for name in names},
-        tuple(group for piece in pieces for group in piece.group),
-        np.concatenate([piece.slope for piece in pieces]),
-        freedom,
-        noise,
-        tuple(warnings),
+def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
+    """Rows of all observables."""
+    shared = np.vstack([part.shared for part in parts])
+    return replace(
+        parts[0],
+        which=np.concatenate([part.which for part in parts]).astype(np.int64),
+        z=np.concatenate([part.z for part in parts]),
+        variance=np.concatenate([part.variance for part in parts]),
+        censored=np.concatenate([part.censored for part in parts]),
+        shared=shared[:, np.any(shared != 0.0, axis=0)],
+        conditions={
+            name: np.concatenate([part.conditions[name] for part in parts]) for name in parts[0].conditions
+        },
+        group=tuple(group for part in parts for group in part.group),
+        slope=np.concatenate([part.slope for part in parts]),
+        noise={name: noise for part in parts for name, noise in part.noise.items()},
+        warnings=tuple(note for part in parts for note in part.warnings),
     )

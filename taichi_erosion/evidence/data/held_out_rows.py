@@ -1,6 +1,6 @@
-"""The vault: measurements that nobody looks at until an effect is adopted, and the count of the looks.
+"""The vault: measurements held out until an effect is adopted, and the count of its openings.
 
-The split is settled by the table alone: units of hold-out are drawn in the order of a digest of their
+The split follows from the table alone: units of hold-out are drawn in the order of a digest of their
 content, so that neither the order of rows nor a second try moves it.
 """
 
@@ -18,7 +18,7 @@ from taichi_erosion.evidence.data.problem import Bools, Integers, Measurements
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
 FEWEST_UNITS = 4  # of an observable; with fewer nothing of it is held out
-DIGITS = 9  # of a number in the digest: a change of units does not move it
+DIGITS = 9  # of a number in the digest, the same after a change of units
 COUNTER = "vault.json"
 
 Unit = tuple[str, ...]  # what identifies a unit of hold-out
@@ -31,11 +31,11 @@ def split(
     inside = in_ranges(measurements, ranges)
     by_group = enough_groups(measurements, ~inside)
     units = [unit_of(measurements, i, by_group) for i in range(measurements.size)]
-    drawn = draw(measurements, units, ~inside, fraction)
+    drawn = drawn_units(measurements, units, ~inside, fraction)
     hidden = inside | np.array([unit in drawn for unit in units], dtype=np.bool_)
     if hidden.all():
         raise BadInput("vault: fraction and ranges hold out every row; leave some to fit")
-    return np.flatnonzero(hidden), sentence(len(drawn), by_group, ranges, int(hidden.sum()), len(units))
+    return np.flatnonzero(hidden), split_sentence(len(drawn), by_group, ranges, int(hidden.sum()), len(units))
 
 
 def in_ranges(measurements: Measurements, ranges: Mapping[str, Sequence[float]]) -> Bools:
@@ -55,34 +55,35 @@ def enough_groups(measurements: Measurements, rows: Bools) -> bool:
 
 
 def unit_of(measurements: Measurements, row: int, by_group: bool) -> Unit:
-    """What a row is held out with: its group, or all that was measured under its conditions."""
+    """Unit of hold-out of a row: its group, or all that was measured under its conditions."""
     if by_group:
         return (measurements.group[row],)
     return tuple(f"{column[row]:.{DIGITS}g}" for column in measurements.conditions.values())
 
 
-def draw(measurements: Measurements, units: Sequence[Unit], rows: Bools, fraction: float) -> set[Unit]:
+def drawn_units(measurements: Measurements, units: Sequence[Unit], rows: Bools, fraction: float) -> set[Unit]:
     """Units for the vault: of every observable its fraction, as nearly as whole units allow.
 
-    A unit stays out of it without which a condition would no longer vary among the rows of an observable that
-    are seen, or all of them would have some of it, or none: only dry heaps tell water from what always acts.
-    So does one without which three levels of a condition would be one under either of two others: what water
-    does to grains of two sizes tells it from what resembles it.
+    A unit stays visible without which a condition would no longer vary among the visible rows of an
+    observable, or all of them would have some of it, or none: only dry heaps separate the effect of water
+    from effects that always act. So does one without which three levels of a condition would be one under
+    either of two others: the effect of water on grains of two sizes separates it from similar effects.
     """
     seen: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(rows).tolist():
         seen.setdefault(units[i], set()).add(measurements.observable[i])
     numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
     unit_of_row = np.array([numbers[unit] for unit in units])
-    left, before, crossings = rows, varied(measurements, rows), crossed(measurements, rows, 3)
+    left, before, crossings = rows, varying(measurements, rows), crossed(measurements, rows, 3)
     counts = Counter(observable for kinds in seen.values() for observable in kinds)
     wanted = {name: round(fraction * n) if n >= FEWEST_UNITS else 0 for name, n in counts.items()}
     drawn: set[Unit] = set()
     salt = content_digest(measurements)
     for unit in sorted(seen, key=lambda u: sha256(f"{salt}|{u}".encode()).hexdigest()):
         without = left & (unit_of_row != numbers[unit])
-        telling = varied(measurements, without) == before and crossings <= crossed(measurements, without, 2)
-        if all(wanted[name] > 0 for name in seen[unit]) and telling:
+        identified = varying(measurements, without) == before
+        identified = identified and crossings <= crossed(measurements, without, 2)
+        if identified and all(wanted[name] > 0 for name in seen[unit]):
             drawn.add(unit)
             left = without
             for name in seen[unit]:
@@ -90,7 +91,7 @@ def draw(measurements: Measurements, units: Sequence[Unit], rows: Bools, fractio
     return drawn
 
 
-def varied(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
+def varying(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
     """Observables with the conditions that vary among some of their rows, and with those that begin at 0."""
     named = np.array(measurements.observable)
     found: set[tuple[str, str]] = set()
@@ -105,7 +106,7 @@ def varied(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
 
 
 def crossed(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:
-    """Observables, conditions of two levels, each level, and what takes at least so many values under it."""
+    """Observable, condition of two levels, one level, and a condition of at least so many values under it."""
     named = np.array(measurements.observable)
     found: set[tuple[str, str, float, str]] = set()
     for observable in dict.fromkeys(measurements.observable):
@@ -121,7 +122,7 @@ def crossed(measurements: Measurements, rows: Bools, least: int) -> set[tuple[st
 
 
 def content_digest(measurements: Measurements) -> str:
-    """Digest of a table that neither the order of its rows nor that of its columns moves."""
+    """Digest of a table, whatever the order of its rows and columns."""
     names = sorted(measurements.conditions)
     lines = sorted(
         "|".join(
@@ -137,8 +138,10 @@ def content_digest(measurements: Measurements) -> str:
     return sha256("\n".join(lines).encode()).hexdigest()
 
 
-def sentence(drawn: int, by_group: bool, ranges: Mapping[str, Sequence[float]], rows: int, among: int) -> str:
-    """What was held out, in words."""
+def split_sentence(
+    drawn: int, by_group: bool, ranges: Mapping[str, Sequence[float]], rows: int, among: int
+) -> str:
+    """Sentence about the split."""
     kind = "groups" if by_group else "sets of conditions (there are too few groups to hold them out whole)"
     named = "".join(f", and {name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
     if not rows:
@@ -152,7 +155,7 @@ def openings(folder: Path, digest: str) -> int:
 
 
 def record_opening(folder: Path, digest: str, effect: str) -> int:
-    """Count one more look into the vault; returns how many there have been."""
+    """Count one more opening of the vault; returns how many there have been."""
     counter = read_counter(folder / COUNTER)
     counter.setdefault(digest, []).append(effect)
     write_atomic(folder / COUNTER, (json.dumps(counter, indent=1) + "\n").encode())

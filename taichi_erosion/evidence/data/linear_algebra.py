@@ -1,12 +1,12 @@
-"""Least squares with a prior: what calibration can imitate, and what it cannot.
+"""Least squares with a prior: the projection onto what calibration cannot imitate.
 
 With whitened residual e, Jacobian J of the calibrated numbers x (prior N(0, 1)) and C of the shared errors
 (one sd each), everything stands in stacked rows
 
     D = [J C; I 0; 0 I],   e+ = [e; -x; 0],   M = 1 - D (D^T D)^-1 D^T
 
-so that |M e+|^2 is the misfit after recalibration and M g the part of a signature g that no calibration
-hides.
+so that |M e+|^2 is the misfit after recalibration and M g the part of a signature g that calibration cannot
+absorb.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from taichi_erosion.evidence.data.problem import Bools, Floats
 
 @dataclass(frozen=True)
 class Projection:
-    """Orthogonal basis of what calibration and shared errors can imitate."""
+    """Orthogonal basis of the columns of calibration and shared errors."""
 
     basis: Floats  # Q (n + p + q, p + q)
     triangle: Floats  # R, D = Q R
@@ -31,11 +31,11 @@ class Projection:
         return 2.0 * float(np.sum(np.log(np.abs(np.diag(self.triangle)))))
 
     def free(self, stacked: Floats) -> Floats:
-        """M v: what is left when calibration has done its best."""
+        """M v: the part that calibration and shared errors cannot absorb."""
         return stacked - self.basis @ (self.basis.T @ stacked)
 
     def solve(self, stacked: Floats) -> Floats:
-        """Change of the calibrated numbers and shared errors that removes most of v."""
+        """Least-squares change of the calibrated numbers and shared errors that removes v."""
         if not self.triangle.size:
             return np.zeros((0, *stacked.shape[1:]))
         return np.asarray(np.linalg.solve(self.triangle, self.basis.T @ stacked), dtype=np.float64)

@@ -1,11 +1,9 @@
-"""Measurements as laboratories write them: a tidy CSV table, one row for every mean of repeats.
+"""Tables of measurements: a tidy CSV, one row for every mean of repeats, and the rows that a study uses.
 
 Columns: observable, value, sd, n, unit, group, source, and one for every condition. A condition's unit may
 stand in its heading, `moisture [%]`; without one it is SI. `value` is the mean of `n` repeats and `sd` the
 standard deviation of single repeats. An empty value, `no transport` or `<x` is censored: the instrument saw
 nothing, or less than x. Rows that repeat observable, group, source and conditions are repeats of one another.
-
-Rows of a measurement table as a study needs them: its observables, its conditions, the model's units.
 """
 
 import csv
@@ -28,7 +26,7 @@ from taichi_erosion.scene.load import file_text
 REQUIRED = ("observable", "value", "unit")
 OPTIONAL = ("sd", "n", "group", "source")
 REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
-NOTHING_SEEN = ("", "no transport")  # values of a censored row
+CENSORED = ("", "no transport")  # values of a censored row
 CELSIUS, ICE_POINT = ("degC", "°C", "℃"), 273.15  # K
 HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
@@ -64,7 +62,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Column:
-    """Where a column stands, what it is called, and how its numbers become SI."""
+    """Place, name and conversion to SI of a column."""
 
     place: int
     name: str
@@ -199,8 +197,8 @@ def read_row(
 
 
 def read_value(text: str, where: str) -> tuple[float, bool]:
-    """Value and whether it is censored; the value of nothing seen is NaN."""
-    if text.lower() in NOTHING_SEEN:
+    """Value and whether it is censored; NaN where no limit is stated."""
+    if text.lower() in CENSORED:
         return nan, True
     limit = text.removeprefix("<").strip()
     if not NUMBER.fullmatch(limit):
@@ -265,7 +263,7 @@ def refuse_copies(lines: Sequence[tuple[int, Sequence[str]]], columns: Sequence[
 
 
 def study_measurements(table: Table, file: StudyFile, name: str) -> tuple[Measurements, list[str]]:
-    """Rows that the study uses, in the model's units, and what is to be said about the others."""
+    """Rows that the study uses, in the model's units, and sentences about the others."""
     for column in file.conditions:
         if column not in table.conditions:
             there = ", ".join(table.conditions) or "none"
@@ -279,9 +277,9 @@ def study_measurements(table: Table, file: StudyFile, name: str) -> tuple[Measur
             raise BadInput(f"{name}: observables.{observable} has no row in {table.file}; there: {there}")
     places = [table.conditions.index(column) for column in file.conditions]
     units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
-    scales = [scale(row, units[row.observable], table.file) for row in rows]
+    scales = [unit_factor(row, units[row.observable], table.file) for row in rows]
     limits = [
-        limit(row, s, file.observables[row.observable], table.file)
+        censoring_limit(row, s, file.observables[row.observable], table.file)
         for row, s in zip(rows, scales, strict=True)
     ]
     measurements = Measurements(
@@ -299,16 +297,16 @@ def study_measurements(table: Table, file: StudyFile, name: str) -> tuple[Measur
         limit=np.array(limits),
         source=tuple(row.source for row in rows),
     )
-    return measurements, [*unused_notes(table, file), *unseen_notes(table, file)]
+    return measurements, [*unused_notes(table, file), *ignored_notes(table, file)]
 
 
 def group_of(row: Row, places: Sequence[int]) -> str:
-    """Physical set-up of a row; where none is named, its conditions stand for it."""
+    """Physical set-up of a row; its conditions where none is named."""
     return row.group or ", ".join(f"{row.conditions[place]:g}" for place in places) or "all"
 
 
 def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str) -> str:
-    """Unit in which a model answers: what the study says, else the unit of the first row."""
+    """Unit of a model's values: that of the study, else the unit of the first row."""
     unit = entry.unit if entry.unit is not None else next(row.unit for row in rows if row.observable == name)
     try:
         parse_unit(unit)
@@ -319,7 +317,7 @@ def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str
     return unit
 
 
-def scale(row: Row, unit: str, file: str) -> float:
+def unit_factor(row: Row, unit: str, file: str) -> float:
     """Factor from a row's unit to the model's."""
     factor = conversion(parse_unit(row.unit), parse_unit(unit))
     if factor is None:
@@ -327,8 +325,8 @@ def scale(row: Row, unit: str, file: str) -> float:
     return factor
 
 
-def limit(row: Row, factor: float, entry: ObservableEntry, file: str) -> float:
-    """What a censored value lies below, in the model's unit; NaN for an ordinary value."""
+def censoring_limit(row: Row, factor: float, entry: ObservableEntry, file: str) -> float:
+    """Upper limit of a censored value in the model's unit; NaN for an ordinary value."""
     if not row.censored:
         if entry.transform != "identity" and row.value <= 0.0 and not entry.floor:
             raise BadInput(
@@ -347,7 +345,7 @@ def limit(row: Row, factor: float, entry: ObservableEntry, file: str) -> float:
 
 
 def unused_notes(table: Table, file: StudyFile) -> list[str]:
-    """Observables of the table that the study does not ask for."""
+    """Observables of the table that the study does not name."""
     other = [row.observable for row in table.rows if row.observable not in file.observables]
     return [
         f"{name}: {other.count(name)} rows of {table.file} are not used; the study names no such observable."
@@ -355,8 +353,8 @@ def unused_notes(table: Table, file: StudyFile) -> list[str]:
     ]
 
 
-def unseen_notes(table: Table, file: StudyFile) -> list[str]:
-    """Conditions that vary in the table and that the model is not told."""
+def ignored_notes(table: Table, file: StudyFile) -> list[str]:
+    """Conditions that vary in the table and do not enter the model."""
     rows = [row for row in table.rows if row.observable in file.observables]
     notes = []
     for place, column in enumerate(table.conditions):

@@ -1,4 +1,4 @@
-"""Scatter of the laboratory: stated, measured by repeats, and checked one against the other."""
+"""Scatter of measurements: stated, measured by repeats, and the one checked against the other."""
 
 from dataclasses import dataclass
 from math import log, sqrt
@@ -17,13 +17,13 @@ UNEVEN = 0.01  # chance below which sample variances are taken to differ in trut
 LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken to be
 SHAPE_GAIN = 1.0  # ln likelihood by which another way of the scatter must be better
 LEAST_SHAPE = 0.5  # of the typical sd
-LEAST_PRIOR = 4.0  # degrees of freedom that the other rows lend to each at least
-DOUBT = 0.2  # mean of ln(true sd / stated sd) where nothing checks it: exponential above 1
+LEAST_PRIOR = 4.0  # least nu_0, degrees of freedom of the common level
+UNCHECKED_LOG = 0.2  # mean of ln(true sd / stated sd) where nothing checks it: exponential above 1
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Variance of single repeats, row by row, on the comparison scale; NaN where nothing tells it."""
+    """Variance of single repeats, row by row, on the comparison scale; NaN where it is unknown."""
 
     variance: Floats
     freedom: float  # degrees of freedom by which repeated rows check it
@@ -52,7 +52,7 @@ def trigamma_inverse(value: float) -> float:
 
 
 def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats, float]:
-    """Variances of few repeats, drawn towards their common level, and the degrees of freedom behind that.
+    """Moderated variances of few repeats, shrunk to their common level, and the degrees of freedom behind it.
 
         s~_i^2 = (nu_0 s_0i^2 + nu_i s_i^2) / (nu_0 + nu_i) (nu_0 + nu_i) / (nu_0 + nu_i - 2)
 
@@ -87,7 +87,7 @@ def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats
 
 
 def likely_shape(variance: Floats, freedom: Floats, shapes: Floats) -> Floats:
-    """How the scatter goes with the rows: the first of the shapes (k, n) unless another is much likelier.
+    """Variation of the scatter over the rows: the first of the shapes (k, n) unless another is much likelier.
 
         ln L = -1/2 sum nu_i ln(s_0^2 h_i^2),    s_0^2 = sum nu_i s_i^2 / h_i^2 / sum nu_i
 
@@ -113,44 +113,44 @@ def uneven_p(variance: Floats, freedom: Floats) -> float:
     return float(stats.chi2.sf(statistic / correction, variance.size - 1))
 
 
-def lab_scatter(scaled: Floats, sd: Floats, repeats: Floats, cell: Floats, shapes: Floats) -> Scatter:
+def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, shapes: Floats) -> Scatter:
     """Scatter of the rows of one observable.
 
-    `cell` numbers the conditions, equal for repeated rows; `shapes` are the ways in which sd may go with the
-    rows, on the comparison scale, the likeliest first.
+    `cell` numbers the conditions, equal for repeated rows; `shapes` are the ways in which sd may vary over
+    the rows, on the comparison scale, the likeliest first.
     """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
     own = 0.0
     if sampled.any():
         variance[sampled], own = moderated(variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled])
-    squares, between = between_repeats(scaled, variance, repeats, cell)
+    squares, between = between_repeats(z, variance, repeats, cell)
     if np.isfinite(variance).any():
         variance = np.where(np.isfinite(variance), variance, np.nanmedian(variance))
-        return checked(variance, squares, between, own)
-    squares, freedom = between_repeats(scaled, np.ones(scaled.size), repeats, cell)
+        return corrected_by_repeats(variance, squares, between, own)
+    squares, freedom = between_repeats(z, np.ones(z.size), repeats, cell)
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has
-        variance, own = np.full(scaled.size, squares / (freedom - 2.0)), float(freedom)
+        variance, own = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
     return Scatter(variance, 0.0, own, np.nan, np.nan)
 
 
-def between_repeats(scaled: Floats, variance: Floats, repeats: Floats, cell: Floats) -> tuple[float, int]:
+def between_repeats(z: Floats, variance: Floats, repeats: Floats, cell: Floats) -> tuple[float, int]:
     """Weighted sum of squares of repeated rows about their means, and its degrees of freedom."""
     total, freedom = 0.0, 0
-    good = np.isfinite(variance) & np.isfinite(scaled)
+    good = np.isfinite(variance) & np.isfinite(z)
     for number in np.unique(cell[good]):
         rows = good & (cell == number)
         if rows.sum() > 1:
             weight = repeats[rows] / variance[rows]
-            mean = np.average(scaled[rows], weights=weight)
-            total += float(np.sum(weight * (scaled[rows] - mean) ** 2))
+            mean = np.average(z[rows], weights=weight)
+            total += float(np.sum(weight * (z[rows] - mean) ** 2))
             freedom += int(rows.sum()) - 1
     return total, freedom
 
 
-def checked(variance: Floats, squares: float, between: int, own: float) -> Scatter:
-    """Stated variances, scaled by what repeated rows say of them: SS_pe ~ chi^2(nu) if they are right."""
+def corrected_by_repeats(variance: Floats, squares: float, between: int, own: float) -> Scatter:
+    """Stated variances, scaled by the scatter of repeated rows: SS_pe ~ chi^2(nu) if they are right."""
     if between == 0:
         return Scatter(variance, 0.0, own, np.nan, np.nan)
     factor = sqrt(squares / between)
@@ -163,8 +163,8 @@ def likely_factor(squares: float, between: int) -> float:
     """True over stated sd, given the scatter between repeated rows: exp E[ln f].
 
     Most statements are right to a few percent, some are wrong by a factor (an instrument's error given for
-    the scatter of samples, a standard error for an sd); the mixture keeps eight repeats from overruling a
-    good statement by their own chance, and lets them overrule a bad one.
+    the scatter of samples, a standard error for an sd); under the mixture eight repeats do not overrule a
+    good statement by their own chance, and do overrule a bad one.
     """
     grid = np.linspace(-1.2, 1.6, 281)  # ln f
     right = log(RIGHT_SHARE / RIGHT_SD) - 0.5 * (grid / RIGHT_SD) ** 2
@@ -183,24 +183,24 @@ class NoiseLevelPrior:
 
 
 def noise_level_prior(freedom: float) -> NoiseLevelPrior:
-    """How far the noise level may be wrong, given the degrees of freedom that measure it.
+    """Prior of the factor on the noise level, given the degrees of freedom that measure it.
 
-    Without repeats a stated sd can only be understated: ln f ~ exponential with mean DOUBT. With nu degrees
-    of freedom ln f ~ N(0, 1 / (2 nu)), never wider than DOUBT.
+    Without repeats a stated sd can only be understated: ln f ~ exponential with mean UNCHECKED_LOG. With nu
+    degrees of freedom ln f ~ N(0, 1 / (2 nu)), never wider than UNCHECKED_LOG.
     """
     if freedom < LEAST_FREEDOM:
-        grid = np.linspace(0.0, 6.0 * DOUBT, 10)
-        log_weight = -grid / DOUBT
+        grid = np.linspace(0.0, 6.0 * UNCHECKED_LOG, 10)
+        log_weight = -grid / UNCHECKED_LOG
         log_weight[0] -= log(2.0)  # half a cell at the end of the grid
     else:
-        sd = min(DOUBT, sqrt(0.5 / freedom))
+        sd = min(UNCHECKED_LOG, sqrt(0.5 / freedom))
         grid = sd * np.linspace(-3.0, 3.0, 9)
         log_weight = -0.5 * (grid / sd) ** 2
     return NoiseLevelPrior(np.exp(grid), log_weight - log_sum_exp(log_weight))
 
 
 def unchecked_noise_sentence(freedom: float) -> str:
-    """What to measure when the noise level is only asserted."""
+    """Advice where the noise level is only stated; empty where repeats check it."""
     if freedom >= LEAST_FREEDOM:
         return ""
     return (

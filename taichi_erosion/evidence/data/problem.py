@@ -1,7 +1,6 @@
-"""What an evidence study is made of: measurements, a model, what may be calibrated, what may be missing.
+"""Records of an evidence study: measurements, model, calibrated parameters, candidate effects.
 
-The statistics see nothing else. What they find stands in `findings.py`; the ways to ask are
-`compare.compare`, `discover.discover`, `adopt.adopt` and `propose.propose`.
+They are the whole input of the statistics; `findings.py` holds the output.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,7 +18,7 @@ Transform = Literal["identity", "log", "log_floor"]
 Conditions = dict[str, Floats]  # one value per row, in SI units
 Numbers = dict[str, float]  # parameters by path, or strengths by effect
 Mask = Callable[[Conditions], Bools]
-Progress = Callable[[str, float], None]  # what is being done, share of the whole that is done [1]
+Progress = Callable[[str, float], None]  # (stage, share of the whole that is done [1])
 
 
 def row_count(conditions: Conditions) -> int:
@@ -99,7 +98,7 @@ class Observable:
 
 
 class Uncertainty(Protocol):
-    """How far off a model may be that stands in for another: covariance (n, n) of its errors over n rows.
+    """Covariance (n, n) of a model's own errors over n rows, such as those of an emulator.
 
     On the comparison scale, at one setting of the calibrated numbers and strengths.
     """
@@ -137,7 +136,7 @@ def expected_strength(candidate: Candidate) -> float:
 
 @dataclass(frozen=True)
 class Budget:
-    """How much may be spent. One run = one seed at one setting of the model, over all conditions."""
+    """Largest number of runs. One run = one seed at one setting of the model, over all conditions."""
 
     name: Literal["quick", "full"] = "full"
     runs: int = 2000
@@ -156,7 +155,7 @@ class Laboratory:
 
 @dataclass(frozen=True)
 class Vault:
-    """Rows that nothing but `adopt` may look at, and how often they have been looked at."""
+    """Rows that only `adopt` may use, and how often they have been used."""
 
     rows: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     opened: int = 0
@@ -164,7 +163,7 @@ class Vault:
 
 @dataclass(frozen=True)
 class Problem:
-    """A whole study, ready to be examined."""
+    """A whole study, ready for the statistics."""
 
     measurements: Measurements
     observables: Mapping[str, Observable]
@@ -174,7 +173,7 @@ class Problem:
     budget: Budget = field(default_factory=Budget)
     vault: Vault = field(default_factory=Vault)
     adopted: tuple[Candidate, ...] = ()  # effects already in the model; their strengths are calibrated too
-    uncertainty: Uncertainty | None = None  # of the model itself; None: it is what it says
+    uncertainty: Uncertainty | None = None  # of the model itself; None: it has no error
 
     def visible(self) -> Measurements:
         """The rows outside the vault."""

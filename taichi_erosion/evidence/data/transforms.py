@@ -10,7 +10,7 @@ from taichi_erosion.evidence.data.problem import Candidate, Floats, Observable, 
 
 EFFECTS = "effects."  # prefix of the strength of an effect that is calibrated with the parameters
 STRENGTH = ".strength"
-ROUNDING = 1e-14  # of a raised value, below which nothing is left of it [1]
+ROUNDING = 1e-14  # of a raised value, below which a value is 0 [1]
 
 
 def to_scale(observable: Observable, value: Floats) -> Floats:
@@ -41,7 +41,7 @@ def slope(observable: Observable, value: Floats) -> Floats:
 
 
 def offset(observable: Observable) -> float:
-    """What is added before the logarithm, in the observable's unit."""
+    """Constant added before the logarithm, in the observable's unit."""
     return observable.floor if observable.transform == "log_floor" else 0.0
 
 
@@ -113,7 +113,7 @@ def split_setting(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], 
 
 
 def effect_of(path: str) -> str | None:
-    """Effect whose number a path names, None for any other path."""
+    """Effect to which a parameter belongs, None for any other path."""
     return path.split(".")[1] if path.startswith(EFFECTS) else None
 
 

@@ -1,4 +1,4 @@
-"""Units as laboratories print them: `m s-1`, `kg/(m s)`, `%`, `kg m⁻¹ s⁻¹`.
+"""Reading and conversion of units as laboratories print them: `m s-1`, `kg/(m s)`, `%`, `kg m⁻¹ s⁻¹`.
 
 A unit is a factor to SI and five exponents: kilogram, metre, second, kelvin, radian. An angle counts as a
 quantity of its own, so that degrees are not mistaken for a pure number.
@@ -12,15 +12,15 @@ from math import isclose, pi
 
 Exponents = tuple[int, int, int, int, int]
 
-NOTHING: Exponents = (0, 0, 0, 0, 0)
-SIMPLE: dict[str, tuple[float, Exponents]] = {
-    "1": (1.0, NOTHING),
-    "-": (1.0, NOTHING),
-    "": (1.0, NOTHING),
-    "%": (1e-2, NOTHING),
-    "percent": (1e-2, NOTHING),
-    "‰": (1e-3, NOTHING),
-    "ppm": (1e-6, NOTHING),
+DIMENSIONLESS: Exponents = (0, 0, 0, 0, 0)
+SYMBOLS: dict[str, tuple[float, Exponents]] = {
+    "1": (1.0, DIMENSIONLESS),
+    "-": (1.0, DIMENSIONLESS),
+    "": (1.0, DIMENSIONLESS),
+    "%": (1e-2, DIMENSIONLESS),
+    "percent": (1e-2, DIMENSIONLESS),
+    "‰": (1e-3, DIMENSIONLESS),
+    "ppm": (1e-6, DIMENSIONLESS),
     "g": (1e-3, (1, 0, 0, 0, 0)),
     "t": (1e3, (1, 0, 0, 0, 0)),
     "m": (1.0, (0, 1, 0, 0, 0)),
@@ -69,7 +69,7 @@ class Unit:
         )
 
 
-PURE = Unit(1.0, NOTHING)
+PURE = Unit(1.0, DIMENSIONLESS)
 
 
 def parse_unit(text: str) -> Unit:
@@ -80,8 +80,8 @@ def parse_unit(text: str) -> Unit:
     """
     plain = unicodedata.normalize("NFKC", text).strip().replace("\N{MINUS SIGN}", "-")
     plain = plain.replace("\N{GREEK SMALL LETTER MU}", "u")
-    if plain in SIMPLE:
-        return Unit(*SIMPLE[plain])
+    if plain in SYMBOLS:
+        return Unit(*SYMBOLS[plain])
     if len(plain) > LONGEST:
         raise UnknownUnit(text)
     unit, rest = product(tokens(plain, text), text)
@@ -139,10 +139,10 @@ def factor(words: Sequence[tuple[str, int]], text: str) -> tuple[Unit, Sequence[
 
 def symbol_unit(symbol: str, text: str) -> Unit:
     """Unit of one symbol, with or without a prefix."""
-    if symbol in SIMPLE:
-        return Unit(*SIMPLE[symbol])
+    if symbol in SYMBOLS:
+        return Unit(*SYMBOLS[symbol])
     if symbol[0] in PREFIXES and symbol[1:] in PREFIXED:
-        size, exponents = SIMPLE[symbol[1:]]
+        size, exponents = SYMBOLS[symbol[1:]]
         return Unit(PREFIXES[symbol[0]] * size, exponents)
     raise UnknownUnit(text)
 
