@@ -7,13 +7,20 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy import stats
 
-from taichi_erosion.experiments.anova import effect_limits, effects, half_normal_scores
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.experiments.anova import effect_limits, effects
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.report.design_figures import LINE, NEUTRAL, POINT, Names, label, panels
 
 LABEL_BOX: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 OFFSET: dict[str, Any] = {"textcoords": "offset points"}
+
+
+def half_normal_scores(count: int) -> Floats:
+    """Expected sizes of `count` sorted pure-noise effects, in standard errors: (i - 1/2) / n quantiles."""
+    return np.asarray(stats.norm.ppf(0.5 + 0.5 * (np.arange(1, count + 1) - 0.5) / count))
 
 
 def half_normal(fit: Fit, names: Names, unit: str) -> Figure:

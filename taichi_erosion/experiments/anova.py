@@ -257,8 +257,3 @@ def lenth_limits(values: Floats) -> tuple[float, float]:
     together = 0.5 * (1.0 + CONFIDENCE ** (1.0 / len(sizes)))
     single = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, df))
     return single * pseudo_error, float(stats.t.ppf(together, df)) * pseudo_error
-
-
-def half_normal_scores(count: int) -> Floats:
-    """Expected sizes of `count` sorted pure-noise effects, in standard errors: (i - 1/2) / n quantiles."""
-    return np.asarray(stats.norm.ppf(0.5 + 0.5 * (np.arange(1, count + 1) - 0.5) / count))

@@ -18,6 +18,7 @@ Anderson-Cook (2016), Response Surface Methodology, 4th ed., ch. 6 and 7.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import isfinite, nan
 from typing import Literal
 
@@ -34,7 +35,7 @@ Aim = Literal["target", "maximise", "minimise"]
 
 @dataclass(frozen=True)
 class Goal:
-    """What is wished of one response, in its unit; limits that are left out follow from runs and model."""
+    """Goal of one response, in its unit; limits that are left out follow from runs and model."""
 
     response: str
     aim: Aim
@@ -45,7 +46,7 @@ class Goal:
     importance: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse a goal that wishes for nothing."""
+        """Refuse a goal without a target, a weight or an importance."""
         if (self.aim == "target") != isfinite(self.target):
             raise BadInput(f"goal {self.response}: a target is stated with aim = 'target', and only then")
         if not (self.weight > 0.0 and self.importance > 0.0):
@@ -96,14 +97,14 @@ def combined(goals: Sequence[Goal], shares: Floats) -> Floats:
     return np.prod(np.maximum(shares, 0.0) ** powers, axis=1)
 
 
-SOFTNESS = (1e-1, 1e-3, 1e-6)  # the tip at a target becomes sharper from climb to climb [1]
+SOFTNESS = (1e-1, 1e-3, 1e-6)  # the tip at a target becomes sharper from search to search [1]
 PRECISION = {"ftol": 1e-16, "xtol": 1e-9, "gtol": 1e-10, "maxfun": 200}  # of a function of order 1
 NUDGE = 1e-5  # coded step of the central differences; exact for quadratics but for rounding [1]
 SPREAD_STARTS, MANY_STARTS = 8, 128  # of a Sobol sequence, with the grid and in its place [1]
 MOST_GRID_STARTS = 81
 BEST_STARTS = 6  # from which the range of one model is sought [1]
 SOBOL_SEED = 0  # the starts between the grid points are the same in every search
-ALIKE = 1e-3  # climbs that have come this close in coded levels go on as one [1]
+ALIKE = 1e-3  # searches that have come this close in coded levels go on as one [1]
 SEPARATE = 0.25  # optima closer than this in coded levels are one [1]
 MET = 1e-6  # desirability short of 1 that is rounding of the search [1]
 MOST_OPTIMA = 20
@@ -140,7 +141,7 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class Optimisation:
-    """The optima, best first; what every model can reach; and what must be said about the wish."""
+    """The optima, best first; the range of every model; and sentences about the goals."""
 
     optima: tuple[Optimum, ...]
     reach: dict[str, Reach]
@@ -148,80 +149,56 @@ class Optimisation:
     sentences: tuple[str, ...]
 
 
-def optimise(fits: Sequence[Fit], goals: Sequence[Goal], bound: float = 1.0) -> Optimisation:
-    """Best settings with coded levels from -bound to +bound; fits share their factors."""
-    pairs = matched(fits, goals)
-    reach = {fit.response: reachable(fit, bound) for _, fit in pairs}
-    models = [fit for _, fit in pairs]
-    wishes = [limited(goal, fit, reach[fit.response]) for goal, fit in pairs]
-    optima = climb_all(models, wishes, bound)
-    met = all(
-        goal.aim != "target" or abs(single_share(goal, values_at(fit, optima[0])) - 1.0) < MET
-        for goal, fit in zip(wishes, models, strict=True)
-    )
-    return Optimisation(tuple(optima), reach, met, tuple(explain(wishes, optima, reach, met)))
-
-
-def limited(goal: Goal, fit: Fit, reach: Reach) -> Goal:
-    """The goal with limits that hold all runs and all that the model predicts."""
-    smallest, largest = float(fit.values.min()), float(fit.values.max())
-    return completed(goal, min(smallest, reach.low), max(largest, reach.high))
-
-
-def matched(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[tuple[Goal, Fit]]:
-    """Every goal with the model of its response."""
+def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
+    """Best settings within the design, coded levels from -1 to +1; fits share their factors."""
     known = {fit.response: fit for fit in fits}
     if not goals:
         raise BadInput("optimise: no goal; name a response and its aim")
     for goal in goals:
         if goal.response not in known:
             raise BadInput(f"goal {goal.response}: no such response; there are: {', '.join(known)}")
-    return [(goal, known[goal.response]) for goal in goals]
+    models = [known[goal.response] for goal in goals]
+    reach = {fit.response: reachable(fit) for fit in models}
+    limited = [with_limits(goal, fit, reach[fit.response]) for goal, fit in zip(goals, models, strict=True)]
+    optima = local_optima(models, limited)
+    met = all(
+        goal.aim != "target" or abs(single_share(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
+        for goal, fit in zip(limited, models, strict=True)
+    )
+    return Optimisation(tuple(optima), reach, met, tuple(explain(limited, optima, reach, met)))
 
 
-def values_at(fit: Fit, optimum: Optimum) -> Floats:
-    """Prediction at an optimum, [1]."""
-    return fit.predict(optimum.coded[None, :])
+def with_limits(goal: Goal, fit: Fit, reach: Reach) -> Goal:
+    """The goal with limits that hold all runs and all that the model predicts."""
+    smallest, largest = float(fit.values.min()), float(fit.values.max())
+    return completed(goal, min(smallest, reach.low), max(largest, reach.high))
 
 
-def climb_all(fits: Sequence[Fit], goals: Sequence[Goal], bound: float) -> list[Optimum]:
+def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
     """Distinct local optima, the most desirable first, the most certain first among equals."""
-    ends = starts(len(fits[0].factors), bound)
+    ends = starts(len(fits[0].factors))
     for softness in SOFTNESS:
-        ends = distinct(np.array([climb(fits, goals, end, bound, softness) for end in ends]))
-    worth = desirability(goals, predictions(fits, ends))
+        loss = partial(shortfall, fits, goals, softness=softness)
+        found = np.array([descend(loss, end) for end in ends])
+        ends = found[np.unique(np.round(found / ALIKE), axis=0, return_index=True)[1]]
+    overall = desirability(goals, predictions(fits, ends))
     certainty = sum((fit.leverage(ends) for fit in fits), np.zeros(len(ends)))
-    shown = np.round(worth / MET)
-    missed = miss(fits, goals, ends)
+    missing = shortfall(fits, goals, ends)
     kept: list[int] = []
-    for place in np.lexsort((certainty, np.round(missed / MET), -shown)):
+    for place in np.lexsort((certainty, np.round(missing / MET), -np.round(overall / MET))):
         if all(np.max(np.abs(ends[place] - ends[other])) > SEPARATE for other in kept):
             kept.append(int(place))
-    return [as_optimum(fits, ends[place], float(worth[place])) for place in kept[:MOST_OPTIMA]]
+    return [as_optimum(fits, ends[place], float(overall[place])) for place in kept[:MOST_OPTIMA]]
 
 
-def starts(count: int, bound: float) -> Floats:
-    """Coded points from which the search climbs: corners, midpoints and centre, and points in between."""
+def starts(count: int) -> Floats:
+    """Coded points from which the search starts: corners, midpoints and centre, and points in between."""
     small = 3**count <= MOST_GRID_STARTS
     spread = sobol_points(count, SPREAD_STARTS if small else MANY_STARTS, SOBOL_SEED)
-    return bound * np.concatenate([grid_points(count) if small else np.zeros((1, count)), spread])
+    return np.concatenate([grid_points(count) if small else np.zeros((1, count)), spread])
 
 
-def climb(fits: Sequence[Fit], goals: Sequence[Goal], start: Floats, bound: float, softness: float) -> Floats:
-    """Local optimum that is reached from a point."""
-
-    def loss(points: Floats) -> Floats:
-        return miss(fits, goals, points, softness)
-
-    return descend(loss, start, bound)
-
-
-def distinct(points: Floats) -> Floats:
-    """Points without those that have met another."""
-    return points[np.unique(np.round(points / ALIKE), axis=0, return_index=True)[1]]
-
-
-def descend(loss: Callable[[Floats], Floats], start: Floats, bound: float) -> Floats:
+def descend(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
     """Nearest minimum in the cube of a smooth function of many points, [points, factors] -> [points]."""
     shifts = NUDGE * np.concatenate([np.eye(len(start)), -np.eye(len(start))])
 
@@ -232,14 +209,14 @@ def descend(loss: Callable[[Floats], Floats], start: Floats, bound: float) -> Fl
     def value(coded: Floats) -> float:
         return float(loss(coded[None, :])[0])
 
-    limits = [(-bound, bound)] * len(start)
+    limits = [(-1.0, 1.0)] * len(start)
     # a method without linear algebra: threads of a library would cost more than these few numbers
     found = minimize(value, start, jac=slope, bounds=limits, method="TNC", options=PRECISION)
     return np.asarray(found.x)
 
 
-def miss(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
-    """What the search makes small, [points]: 1 - D inside all limits, 1 and what is missing outside."""
+def shortfall(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
+    """Objective to minimise, [points]: 1 - D inside all limits, 1 and the excess over them outside."""
     values = predictions(fits, coded)
     shares = np.column_stack([single_share(goal, values[:, k], softness) for k, goal in enumerate(goals)])
     return 1.0 - combined(goals, shares) + np.sum(np.maximum(-shares, 0.0), axis=1)
@@ -266,21 +243,19 @@ def settings_at(fit: Fit, coded: Floats) -> dict[str, float]:
     }
 
 
-def reachable(fit: Fit, bound: float = 1.0) -> Reach:
+def reachable(fit: Fit) -> Reach:
     """Range of the predictions in the cube."""
-    count = len(fit.factors)
-    ends = {}
+    begin, ends = starts(len(fit.factors)), []
     for sign in (1.0, -1.0):
 
         def signed(points: Floats, sign: float = sign) -> Floats:
             return sign * fit.predict(points)
 
-        begin = starts(count, bound)
         best = begin[np.argsort(signed(begin))[:BEST_STARTS]]
-        found = np.array([descend(signed, start, bound) for start in best])
-        ends[sign] = found[np.argmin(signed(found))]
-    low, high = (float(fit.predict(ends[sign][None, :])[0]) for sign in (1.0, -1.0))
-    return Reach(low, high, settings_at(fit, ends[1.0]), settings_at(fit, ends[-1.0]))
+        found = np.array([descend(signed, start) for start in best])
+        ends.append(found[np.argmin(signed(found))])
+    low, high = (float(fit.predict(end[None, :])[0]) for end in ends)
+    return Reach(low, high, settings_at(fit, ends[0]), settings_at(fit, ends[1]))
 
 
 def explain(

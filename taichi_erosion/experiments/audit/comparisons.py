@@ -184,18 +184,18 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
     if lack is not None and lack.p < 0.05:
         sentence = f"the model misses the means of its points: lack of fit F = {lack.f:.3g}, p = {lack.p:.2g}"
         yield Finding("lack of fit", sentence, found=lack.p)
-    bend = curvature(fit)
-    if bend is None:
+    found = curvature(fit)
+    if found is None:
         return
     hidden = any(c.agrees and c.quantity == "f" for c in comparisons)
     used = "; the printed F values count it as noise" if hidden else ""
-    side = "below" if bend.difference < 0.0 else "above"
+    side = "below" if found.difference < 0.0 else "above"
     sentence = (
-        f"the corners lie {abs(bend.difference):.4g} {side} the centre "
-        f"(p = {bend.p:.2g}): {bend.sum_of_squares:.4g} of the residual {fit.ss_error:.4g} is curvature; "
-        f"without it the mean square is {bend.ms_error:.4g} with {bend.df_error} degree(s) of freedom{used}"
+        f"the corners lie {abs(found.difference):.4g} {side} the centre "
+        f"(p = {found.p:.2g}): {found.sum_of_squares:.4g} of the residual {fit.ss_error:.4g} is curvature; "
+        f"without it the mean square is {found.ms_error:.4g} with {found.df_error} degree(s) of freedom{used}"
     )
-    yield Finding("curvature", sentence, found=bend.sum_of_squares)
+    yield Finding("curvature", sentence, found=found.sum_of_squares)
 
 
 SAME_PLACE = 1e-6  # coded levels closer than this are one point [1]
@@ -242,11 +242,11 @@ def examine_surface(claims: Claims, fit: Fit) -> tuple[list[Finding], Optimisati
         return findings, best
     coding = read_levels(claims.levels, fit)
     if best is not None and claims.optimum:
-        coding = judged(coding, claims.optimum, best, fit)
+        coding = reversed_coding(coding, claims.optimum, best, fit)
         findings += coding_findings(claims.levels, coding, claims.optimum, fit)
         findings += optimum_findings(coding, claims.optimum, best, fit)
     for other in claims.others:
-        findings += same_point_findings(other, mended(coding, fit), fit)
+        findings += same_point_findings(other, with_reversals(coding, fit), fit)
         findings += relative_errors(other, claims.target, fit)
     return findings, best
 
@@ -256,7 +256,7 @@ def nearest(best: Optimisation, fit: Fit) -> float:
     return best.optima[0].predictions[fit.response].value
 
 
-def judged(coding: Coding, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit) -> Coding:
+def reversed_coding(coding: Coding, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit) -> Coding:
     """The coding, with the factors for which the published optimum speaks for the opposite one.
 
     Only a single best point can tell: where the target is met along a line, nothing is decided.
@@ -274,7 +274,7 @@ def judged(coding: Coding, optimum: Mapping[str, Printed], best: Optimisation, f
     return Coding(coding.centre, coding.step, tuple(wrong))
 
 
-def mended(coding: Coding, fit: Fit) -> Coding:
+def with_reversals(coding: Coding, fit: Fit) -> Coding:
     """The coding with its reversed factors turned round."""
     turn = np.array([-1.0 if f.path in coding.reversed_factors else 1.0 for f in fit.factors])
     return Coding(coding.centre, coding.step * turn)
@@ -285,7 +285,9 @@ def coding_findings(
 ) -> Iterator[Finding]:
     """A sentence for every factor whose levels are printed the wrong way round."""
     place = np.array([optimum[f.path].value if f.path in optimum else np.nan for f in fit.factors])
-    said, meant = (float(fit.predict(way.coded(place)[None, :])[0]) for way in (coding, mended(coding, fit)))
+    said, meant = (
+        float(fit.predict(way.coded(place)[None, :])[0]) for way in (coding, with_reversals(coding, fit))
+    )
     for k, factor in enumerate(fit.factors):
         if factor.path not in coding.reversed_factors:
             continue
@@ -304,7 +306,7 @@ def optimum_findings(
     coding: Coding, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit
 ) -> Iterator[Finding]:
     """The published optimum beside the recomputed one."""
-    right = mended(coding, fit)
+    right = with_reversals(coding, fit)
     found = right.natural(best.optima[0].coded)
     said = ", ".join(f"{f.path} = {optimum[f.path].text}" for f in fit.factors if f.path in optimum)
     ours = ", ".join(f"{f.path} = {value:.5g}" for f, value in zip(fit.factors, found, strict=True))

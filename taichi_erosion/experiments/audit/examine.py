@@ -32,7 +32,7 @@ from taichi_erosion.experiments.terms import Order
 
 @dataclass(frozen=True, eq=False)
 class Audit:
-    """Everything that was found; `fit` is of the mended levels where one cell mends them."""
+    """Everything that was found; `fit` is of the restored levels where one cell restores them."""
 
     table: PublishedTable
     structure: Structure
@@ -48,10 +48,10 @@ def audit(path: Path, response: str | None = None, claims_file: Path | None = No
     claims = claims_of(path, claims_file)
     structure = examine_structure(table)
     findings = list(structure_findings(table, structure))
-    mended = structure.mended(table.coded)
+    restored = structure.restored(table.coded)
     try:
         as_printed = fit_table(table, claims, structure, table.coded)
-        fit = as_printed if mended is None else fit_table(table, claims, structure, mended)
+        fit = as_printed if restored is None else fit_table(table, claims, structure, restored)
     except BadInput as fault:
         findings.append(Finding("setting", f"no model can be fitted: {fault}"))
         return Audit(table, structure, None, (), 0, tuple(named(findings, path)))
@@ -115,7 +115,7 @@ def as_document(result: Audit) -> dict[str, Any]:
 
 
 def cell_record(table: PublishedTable, row: int, column: int, level: float) -> dict[str, Any]:
-    """A mending cell by column name and row number."""
+    """A restoring cell by column name and row number."""
     factor = table.factors[column]
     return {
         "row": row + 1,

@@ -42,7 +42,7 @@ from taichi_erosion.experiments.terms import Order
 Kind = Literal[
     "unbalanced",  # a factor is not as often high as low
     "not orthogonal",  # factors cannot be told apart
-    "cell",  # one cell whose change mends the design
+    "cell",  # one cell whose change restores the design
     "level",  # a level that stands alone
     "lack of fit",  # the model misses the means of its points
     "curvature",  # the centre lies off the plane

@@ -1,10 +1,10 @@
-"""Is the design what it claims to be: balanced, orthogonal; and if not, which single cell would mend it?
+"""Is the design what it claims to be: balanced, orthogonal; and if not, which single cell would restore it?
 
     balanced     every column of levels adds up to 0
     orthogonal   any two of those columns have the scalar product 0
 
 In a design of three levels the products of two factors must be orthogonal too, or else a sign may stray
-unnoticed. A design is mended by a cell if changing it alone makes all of these sums vanish.
+unnoticed. A design is restored by a cell if changing it alone makes all of these sums vanish.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,13 +26,13 @@ from taichi_erosion.experiments.terms import columns, interaction_terms, linear_
 
 NOTHING = 1e-6  # sums of coded levels below it vanish [1]
 MOST_ODD = 0.1  # share of the runs beyond which levels are not misprints but the design's own [1]
-MOST_SPOILT = 2  # factors; where more overlap, the table is no orthogonal design at all
+MOST_NONORTHOGONAL = 2  # factors; where more overlap, the table is no orthogonal design at all
 MOST_FACTORS = 6  # a larger two-level factorial is not looked for
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell and the coded level that would mend the design."""
+    """A cell and the coded level that would restore the design."""
 
     row: int  # from 0
     column: int
@@ -46,12 +46,12 @@ class Structure:
     two_level: bool
     balanced: bool
     orthogonal: bool
-    cells: tuple[Cell, ...]  # each mends the design alone
+    cells: tuple[Cell, ...]  # each restores the design alone
     textbook: str  # name of the design that the rows follow in standard order, but for these cells
     differing: tuple[Cell, ...]
 
-    def mended(self, coded: Floats) -> Floats | None:
-        """The levels with the one cell changed, where one alone mends them."""
+    def restored(self, coded: Floats) -> Floats | None:
+        """The levels with the one cell changed, where one alone restores them."""
         cell = self.chosen
         if cell is None:
             return None
@@ -61,7 +61,7 @@ class Structure:
 
     @property
     def chosen(self) -> Cell | None:
-        """The cell that mends the design: the only one, or that in which it departs from its textbook."""
+        """The cell that restores the design: the only one, or that in which it departs from its textbook."""
         if len(self.cells) == 1:
             return self.cells[0]
         known = [cell for cell in self.cells if cell in self.differing]
@@ -69,12 +69,12 @@ class Structure:
 
 
 def examine_structure(table: PublishedTable) -> Structure:
-    """Balance, orthogonality, the mending cells, the textbook's design."""
+    """Balance, orthogonality, the restoring cells, the textbook's design."""
     coded = table.coded
     two_level = is_two_level(coded)
     sums, products = imbalance(coded, two_level), overlap(coded, two_level)
     balanced, orthogonal = bool(np.all(sums < NOTHING)), bool(np.all(products < NOTHING))
-    cells = () if balanced and orthogonal else tuple(mending_cells(coded, two_level))
+    cells = () if balanced and orthogonal else tuple(restoring_cells(coded, two_level))
     name, differing = textbook(coded)
     return Structure(two_level, balanced, orthogonal, cells, name, differing)
 
@@ -105,12 +105,12 @@ def contrasts(coded: Floats, two_level: bool) -> Floats:
     return columns(coded, terms)
 
 
-def mending_cells(coded: Floats, two_level: bool) -> Iterator[Cell]:
+def restoring_cells(coded: Floats, two_level: bool) -> Iterator[Cell]:
     """Every single change of a level after which nothing is left to find."""
     for column in range(coded.shape[1]):
         others = np.delete(coded, column, axis=1)
         if not is_sound(others, two_level):
-            continue  # no cell of this column can mend what the others spoil
+            continue  # no cell of this column can restore the others
         for row in range(len(coded)):
             for level in (-1.0, 1.0) if two_level else (-1.0, 0.0, 1.0):
                 changed = coded.copy()
@@ -184,7 +184,7 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
     matrix = columns(table.coded, linear_terms(len(table.factors)))
     gram = matrix.T @ matrix
     pairs = [(i, j) for i, j in combinations(range(len(gram)), 2) if abs(gram[i, j]) > NOTHING]
-    if spoilt(pairs) > MOST_SPOILT:
+    if nonorthogonal_factors(pairs) > MOST_NONORTHOGONAL:
         yield worst_pair(table, pairs)
         return
     for k, factor in enumerate(table.factors):
@@ -194,7 +194,7 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
             yield Finding("not orthogonal", sentence, column=factor.path, found=float(len(others)))
 
 
-def spoilt(pairs: Sequence[tuple[int, int]]) -> int:
+def nonorthogonal_factors(pairs: Sequence[tuple[int, int]]) -> int:
     """How few factors, left out one after the other, leave no pair that overlaps."""
     left, count = list(pairs), 0
     while left:
@@ -218,7 +218,7 @@ def worst_pair(table: PublishedTable, pairs: Sequence[tuple[int, int]]) -> Findi
 
 
 def cell_finding(table: PublishedTable, structure: Structure, cell: Cell) -> Finding:
-    """The sentence for a cell that mends the design."""
+    """The sentence for a cell that restores the design."""
     factor = table.factors[cell.column]
     printed = f"{table.levels[cell.row, cell.column]:g}"
     level = factor.centre + factor.half * cell.level

@@ -152,7 +152,7 @@ def test_the_audit_finds_the_one_cell_of_table_4():
     assert not structure.orthogonal
     (cell,) = structure.cells
     assert (cell.row + 1, fitted(4).factors[cell.column].path, cell.level) == (7, "Et", 1.0)
-    mended = structure.mended(audited(4).table.coded)
+    mended = structure.restored(audited(4).table.coded)
     assert mended is not None
     assert np.array_equal(mended.T @ mended, 12.0 * np.eye(9))
 
