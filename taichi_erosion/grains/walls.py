@@ -31,8 +31,8 @@ class Walls:
     second: Any  # f64 vec3 by primitive: plane normal, axis direction or corner b
     third: Any  # f64 vec3 by primitive: corner c
     profile: Any  # f64 vec4 by primitive: radius and height of both ends of a revolved segment [m]
-    middle: Any  # f64 vec3 by primitive, centre of a ball around it [m]
-    size: Any  # f64 by primitive, radius of that ball, infinite for a plane [m]
+    ball_centre: Any  # f64 vec3 by primitive, centre of a ball around it [m]
+    ball_radius: Any  # f64 by primitive, radius of that ball, infinite for a plane [m]
     material: Any  # i32 by surface
     present: Any  # i32 by surface, 0 once removed
     moving: Any  # i32 by surface
@@ -49,7 +49,11 @@ def allocate_walls(replicas: int, primitives: int, surfaces: int) -> Walls:
     """Fields for the walls of all replicas; at least one place of each, since a field cannot be empty."""
     bodies, pieces = replicas * max(surfaces, 1), replicas * max(primitives, 1)
     table = arrays(
-        pieces, i32="kind surface", f64="size", f64x3="corner second third middle", f64x4="profile"
+        pieces,
+        i32="kind surface",
+        f64="ball_radius",
+        f64x3="corner second third ball_centre",
+        f64x4="profile",
     )
     table |= arrays(
         bodies, i32="material present moving moved", f64="sweep", f64x3="shift velocity spin centre"
@@ -73,8 +77,9 @@ def revolved_offset(walls: ti.template(), w, position):
     height = relative.dot(axis)
     radial = relative - height * axis
     radius = radial.norm()
-    along = ti.Vector([profile[2] - profile[0], profile[3] - profile[1]])
-    to_point = ti.Vector([radius - profile[0], height - profile[1]])
+    low, high = ti.Vector([profile[0], profile[1]]), ti.Vector([profile[2], profile[3]])
+    along = high - low
+    to_point = ti.Vector([radius, height]) - low
     share = ti.math.clamp(to_point.dot(along) / along.norm_sqr(), 0.0, 1.0)
     away = to_point - share * along
     return away[0] * radial / ti.max(radius, LENGTH_LEAST) + away[1] * axis

@@ -38,6 +38,8 @@ def wall_poses(sim: Simulation, replica: int) -> dict[str, WallPose]:
     }
 
 
+ELASTIC, CONTACTS, OVERLAP = range(3)  # sums of `read_contacts`
+TRANSLATION, ROTATION, POTENTIAL, STORED, SPEED, RELEASED = range(6)  # columns of `sum_replicas`
 SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
 
 
@@ -59,10 +61,9 @@ def pair_overlap(world: ti.template(), base, i, e):
 
 
 @ti.func
-def pair_energy(world: ti.template(), e, overlap):
-    """Energy stored in the pair of entry e, which overlaps so far [J]."""
-    row = world.pairs.label[e] >> ROW_SHIFT
-    (entries,) = ti.static((world.pairs,))
+def entry_energy(world: ti.template(), entries: ti.template(), e, overlap):
+    """Energy stored in the contact of entry e of a neighbour list or wall list [J]."""
+    row = entries.label[e] >> ROW_SHIFT
     tangential, rolling = entries.tangential_displacement[e], entries.rolling_displacement[e]
     return stored_energy(world, row, overlap, entries.root_radius[e], tangential, rolling)
 
@@ -73,15 +74,6 @@ def wall_overlap(world: ti.template(), i, e):
     w = world.wall_pairs.wall[e]
     distance = wall_distance(world.walls, w, wall_offset(world.walls, w, position_in_wall_frame(world, i, e)))
     return ti.cast(ti.cast(world.grains.radius[i], ti.f64) - distance, float)
-
-
-@ti.func
-def wall_energy(world: ti.template(), i, e, overlap):
-    """Energy stored in the wall contact of entry e, which overlaps so far [J]."""
-    (entries,) = ti.static((world.wall_pairs,))
-    tangential, rolling = entries.tangential_displacement[e], entries.rolling_displacement[e]
-    row = entries.label[e] >> ROW_SHIFT
-    return stored_energy(world, row, overlap, ti.sqrt(world.grains.radius[i]), tangential, rolling)
 
 
 @ti.kernel
@@ -104,16 +96,16 @@ def read_contacts(
                 root, overlap = world.pairs.root_radius[e], pair_overlap(world, base, i, e)
                 contacts_out[rank] += 1
                 contacts_out[world.pairs.neighbour[e]] += 1
-                sums_out[0] += pair_energy(world, e, overlap)
-                sums_out[1] += 1.0
-                ti.atomic_max(sums_out[2], overlap / (2.0 * root * root))
+                sums_out[ELASTIC] += entry_energy(world, world.pairs, e, overlap)
+                sums_out[CONTACTS] += 1.0
+                ti.atomic_max(sums_out[OVERLAP], overlap / (2.0 * root * root))
         for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
             if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
                 overlap = wall_overlap(world, i, e)
                 contacts_out[rank] += 1
-                sums_out[0] += wall_energy(world, i, e, overlap)
-                sums_out[1] += 1.0
-                ti.atomic_max(sums_out[2], overlap / world.grains.radius[i])
+                sums_out[ELASTIC] += entry_energy(world, world.wall_pairs, e, overlap)
+                sums_out[CONTACTS] += 1.0
+                ti.atomic_max(sums_out[OVERLAP], overlap / world.grains.radius[i])
 
 
 @ti.kernel
@@ -192,9 +184,9 @@ def ledger(sim: Simulation, replica: int) -> Ledger:
         kinetic_translation=float(0.5 * (state.mass * squared).sum()),
         kinetic_rotation=float(0.5 * (inertia * (state.spin**2).sum(axis=1)).sum()),
         potential=float(-(state.mass * (state.position @ gravity)).sum()),
-        elastic=float(sums[0]),
-        contacts=int(sums[1]),
-        overlap_largest=float(sums[2]),
+        elastic=float(sums[ELASTIC]),
+        contacts=int(sums[CONTACTS]),
+        overlap_largest=float(sums[OVERLAP]),
         speed_largest=float(np.sqrt(squared.max(initial=0.0))),
         released=released,
         rebuilds=rebuilds,
@@ -220,22 +212,24 @@ def sum_replicas(
             velocity = world.grains.velocity[i] + half * world.grains.acceleration[place]
             spin = world.grains.spin[i] + half * world.grains.spin_rate[place]
             position = position_of(world.grains, world.replicas, r, i)
-            sums_out[r, 0] += 0.5 * mass * velocity.norm_sqr()
-            sums_out[r, 1] += 0.5 * inertia * spin.norm_sqr()
-            sums_out[r, 2] -= mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64))
-            sums_out[r, 4] = ti.max(sums_out[r, 4], ti.cast(velocity.norm(), ti.f64))
+            sums_out[r, TRANSLATION] += 0.5 * mass * velocity.norm_sqr()
+            sums_out[r, ROTATION] += 0.5 * inertia * spin.norm_sqr()
+            sums_out[r, POTENTIAL] -= mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64))
+            sums_out[r, SPEED] = ti.max(sums_out[r, SPEED], ti.cast(velocity.norm(), ti.f64))
             for e in range(world.pairs.start[i], world.pairs.stop[i]):
                 if world.pairs.label[e] & ENGAGED == ENGAGED:
-                    sums_out[r, 3] += pair_energy(world, e, pair_overlap(world, base, i, e))
+                    sums_out[r, STORED] += entry_energy(
+                        world, world.pairs, e, pair_overlap(world, base, i, e)
+                    )
             for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
                 if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
-                    sums_out[r, 3] += wall_energy(world, i, e, wall_overlap(world, i, e))
-        sums_out[r, 5] = world.replicas.released[r]
+                    sums_out[r, STORED] += entry_energy(world, world.wall_pairs, e, wall_overlap(world, i, e))
+        sums_out[r, RELEASED] = world.replicas.released[r]
 
 
 def energies(sim: Simulation) -> Floats:
     """Sums of `sum_replicas`, [replicas, 6], in one launch, for sanity checks and checks of rest."""
-    sums = np.zeros((sim.capacities.replicas, 6))
+    sums = np.zeros((sim.capacities.replicas, RELEASED + 1))
     sum_replicas(sim.world, sums)
     return sums[: len(sim.setups)]
 

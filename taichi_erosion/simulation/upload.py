@@ -109,8 +109,8 @@ def fill_walls(walls: Walls, setups: list[Setup]) -> None:
             (walls.second, shapes[..., 3:6]),
             (walls.third, np.where((kinds == PrimitiveKind.TRIANGLE)[..., None], shapes[..., 6:9], 0.0)),
             (walls.profile, shapes[..., 6:10]),
-            (walls.middle, padded([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE)),
-            (walls.size, padded([[b[1] for b in ball] for ball in balls], walls.primitives)),
+            (walls.ball_centre, padded([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE)),
+            (walls.ball_radius, padded([[b[1] for b in ball] for ball in balls], walls.primitives)),
         ]
     )
     present = padded([np.ones(len(s.surfaces)) for s in setups], walls.surfaces)

@@ -5,15 +5,24 @@ from typing import Any
 
 import numpy as np
 
+from taichi_erosion.air.grid import Air
 from taichi_erosion.air.readback import set_velocities
 from taichi_erosion.air.step import advance_active
-from taichi_erosion.core.air_setup import bed_gradient, initial_wind
+from taichi_erosion.core.air_setup import AirSetup, bed_gradient, initial_wind
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.coupling.grid_exchange import clear_residuals, exchange_with_grids, match_air_to_grains
 from taichi_erosion.coupling.spin_up import spin_up_column
 from taichi_erosion.simulation.assemble import Simulation
+
+
+def air_of(sim: Simulation, replica: int) -> tuple[Air, AirSetup]:
+    """Air on the device, and its setup in one replica; for runs with air alone."""
+    air, setup = sim.coupling.air, sim.setups[replica].air
+    assert air is not None
+    assert setup is not None
+    return air, setup
 
 
 def exchange_when_due(sim: Simulation, going: Any) -> Integers:
@@ -36,8 +45,7 @@ def exchange_when_due(sim: Simulation, going: Any) -> Integers:
 
 def select_replicas(sim: Simulation, moving: Any) -> None:
     """Select the replicas that the kernels of grids act on."""
-    assert sim.coupling.air is not None
-    upload([(sim.coupling.air.active, moving)])
+    upload([(air_of(sim, 0)[0].active, moving)])
 
 
 def change_grid_wind(sim: Simulation, replica: int, before: float, after: float, anew: bool) -> None:
@@ -46,9 +54,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
     Wind that starts from rest has initial turbulence and develops over grains that keep their places. A wind
     that changes keeps its eddies: all velocities grow with u*, all pressures with its square.
     """
-    air, setup = sim.coupling.air, sim.setups[replica].air
-    assert air is not None
-    assert setup is not None
+    air, setup = air_of(sim, replica)
     if before > 0.0 or after == 0.0:
         factor = after / before if before > 0.0 else 0.0
         for field, power in (*((part, 1) for part in air.velocities), (air.pressure, 2), (air.gradient, 2)):
@@ -68,22 +74,18 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
 
 def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> None:
     """Advance the air over resting grains for the stated number of turnovers."""
-    setup = sim.setups[replica].air
-    assert setup is not None
+    air, setup = air_of(sim, replica)
     assert setup.initial_turbulence is not None
-    assert sim.coupling.air is not None
     time = setup.initial_turbulence.turnovers * (setup.high[2] - setup.ground) / friction_velocity
     count = len(sim.setups)
     for _ in range(ceil(time / setup.time_step)):
-        advance_active(sim.coupling.air, count, sim.chunk)
+        advance_active(air, count, sim.chunk)
         match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
 
 
 def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
     """Change the stress on the bed of one replica to rho u*^2; `value` is u* [m s-1] before its partition."""
-    air, setup = sim.coupling.air, sim.setups[replica].air
-    assert air is not None
-    assert setup is not None
+    air, setup = air_of(sim, replica)
     reaching = value * sim.setups[replica].coupling.partition
     upload([(air.numbers.friction_velocity, [reaching])], replica)
     if not air.is_column:
@@ -92,8 +94,7 @@ def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
 
 def friction_velocity(sim: Simulation, replica: int) -> float:
     """u* [m s-1] before its partition, as set last."""
-    assert sim.coupling.air is not None
-    reaching = download([sim.coupling.air.numbers.friction_velocity], replica, 1)[0][0]
+    reaching = download([air_of(sim, replica)[0].numbers.friction_velocity], replica, 1)[0][0]
     return float(reaching) / sim.setups[replica].coupling.partition
 
 
@@ -103,10 +104,9 @@ def spin_up_wind(sim: Simulation, replica: int, value: float, anew: bool = False
     `anew`: the grains have just been put back, and the residual momentum is cleared. A grid has no steady
     profile: see `change_grid_wind`.
     """
-    assert sim.coupling.air is not None
     before = friction_velocity(sim, replica)
     set_friction_velocity(sim, replica, value)
-    if sim.coupling.air.is_column:
+    if air_of(sim, replica)[0].is_column:
         spin_up_column(replica, int(anew), sim.world, sim.coupling)
     else:
         part = sim.setups[replica].coupling.partition
@@ -120,10 +120,7 @@ def set_through_flow(sim: Simulation, replica: int, value: float) -> None:
 
 def air_profile(sim: Simulation, replica: int) -> AirProfile:
     """The air of one replica, layer by layer; of a grid the means over its columns."""
-    air = sim.coupling.air
-    assert air is not None
-    setup = sim.setups[replica].air
-    assert setup is not None
+    air, setup = air_of(sim, replica)
 
     def inner(field: Any) -> Floats:
         return read(field)[replica, 1:-1, 1:-1, 1:-1].mean(axis=(0, 1))
