@@ -123,7 +123,7 @@ def run(
     """Simulate a scene, measure and record it; print the measured value beside the simulated one."""
     overrides, effects = tuple(override or ()), tuple(effect or ())
     if check:
-        return check_only(scene, overrides, effects, as_json)
+        return print_check(scene, overrides, effects, as_json)
     check_options(record, no_record, checkpoint, every)
     options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
     options |= given(record=record, checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
@@ -135,7 +135,7 @@ def run(
         raise typer.Exit(ExitCode.STOPPED)
 
 
-def check_only(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:
+def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:
     """Validate a scene and print its hash."""
     from taichi_erosion.run import check_scene
 

@@ -7,7 +7,6 @@ Lines differ by dash as well as by colour and maps by lightness, for prints with
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import combinations
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from scipy import stats
 from taichi_erosion.campaign.study_file import Target
 from taichi_erosion.experiments.design_table import Design, to_natural
 from taichi_erosion.experiments.fit import Fit, diagnostics
+from taichi_erosion.report import figures
 
 Floats = NDArray[np.float64]
 Names = Mapping[str, str]
@@ -36,26 +36,14 @@ LEVELS = 9  # contour lines
 STYLE: dict[Any, Any] = {"font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False}
 CALIBRATION_STYLE: dict[Any, Any] = STYLE | {"font.size": 8.5}
 RESOLUTION = 130  # of a calibration's pictures [dots per inch]
-WIDTH = 3.3  # of one panel [inch]
+PANEL = (3.3, 0.9 * 3.3)  # in
 
 
 @contextmanager
-def panels(count: int, columns: int, solid: bool = False) -> Iterator[tuple[Figure, list[Any]]]:
+def panels(count: int, columns: int, projection: str | None = None) -> Iterator[tuple[Figure, list[Any]]]:
     """Figure of `count` panels in STYLE."""
-    across = min(count, columns)
-    down = ceil(count / across)
     with plt.rc_context(STYLE):
-        figure, frames = plt.subplots(
-            down,
-            across,
-            figsize=(WIDTH * across, 0.9 * WIDTH * down),
-            layout="constrained",
-            squeeze=False,
-            subplot_kw={"projection": "3d"} if solid else None,
-        )
-        for spare in frames.flat[count:]:
-            spare.set_visible(False)
-        yield figure, list(frames.flat[:count])
+        yield figures.panels(count, columns, PANEL, projection)
 
 
 def label(term: str, names: Names) -> str:
@@ -67,7 +55,7 @@ def label(term: str, names: Names) -> str:
 def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats | None = None) -> Figure:
     """Fitted surface over every pair of factors, the others at a coded point (default: the centre)."""
     pairs = list(combinations(range(len(fit.factors)), 2))
-    with panels(len(pairs), 3, solid=True) as (figure, frames):
+    with panels(len(pairs), 3, projection="3d") as (figure, frames):
         for axes, (i, j) in zip(frames, pairs, strict=True):
             across, up, height = grid(fit, i, j, at)
             axes.plot_surface(across, up, height, cmap=MAP, rstride=2, cstride=2, edgecolor="black", lw=0.15)

@@ -29,6 +29,10 @@ COMMANDS = ("discover", "compare", "adopt", "next")  # the most complete result 
 
 CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
 NO_MISFIT = "No significant misfit in any observable or along any condition."
+UNDECLARED_NUMERICS = (
+    "Numerics: the study declares no tolerance for box, time step and grain number. A smooth numerical error "
+    "of the model would look like a missing effect."
+)
 TIMES = {0: "has not been opened", 1: "was opened once"}
 
 
@@ -115,7 +119,7 @@ def page_fields(found: Results) -> dict[str, Any]:
         "vault": vault_sentences(found),
         "fits_of_adoption": list(fits(adoption)),
         "adoption_parameters": calibrated(adoption),
-        "limits": list(limits(comparison, discovery, adoption)),
+        "limits": list(limits(found)),
         "experiments": (next_ or discovery or {"next_experiments": []})["next_experiments"],
         "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
         "facts": list(facts(found)),
@@ -203,22 +207,14 @@ def facts(found: Results) -> Iterator[tuple[str, str]]:
     yield "versions", ", ".join(f"{name} {number}" for name, number in first["versions"].items())
 
 
-def limits(
-    comparison: Document | None, discovery: Document | None, adoption: Document | None
-) -> Iterator[str]:
+def limits(found: Results) -> Iterator[str]:
     """Limits of the conclusion, one sentence each: noise, names, runs, vault."""
+    comparison, discovery, adoption = main_results(found)
     noise = (discovery or comparison or {})["noise"]["observables"]
-    unrepeated = ", ".join(name for name, budget in noise.items() if budget["repeats"] < 1)
-    if unrepeated:
-        yield (
-            f"Repeats: the table states the scatter of {unrepeated}, but has no repeats to check it. "
-            "A larger scatter gives a smaller misfit."
-        )
+    if unrepeated := ", ".join(name for name, budget in noise.items() if budget["repeats"] < 1):
+        yield f"Repeats: the scatter of {unrepeated} is stated, not checked. A larger one lowers misfits."
     if not any(budget["numerical"] for budget in noise.values()):
-        yield (
-            "Numerics: the study declares no tolerance for box, time step and grain number. A smooth "
-            "numerical error of the model would look like a missing effect."
-        )
+        yield UNDECLARED_NUMERICS
     if discovery:
         yield from limits_of_names(discovery)
         yield from limits_of_runs(discovery)
@@ -229,16 +225,12 @@ def limits(
 def limits_of_names(discovery: Document) -> Iterator[str]:
     """Limits of the named effects."""
     effects = discovery["effects"]
-    hidden = ", ".join(name for name, effect in effects.items() if effect["status"] == "not_testable")
-    if hidden:
+    if hidden := ", ".join(name for name, effect in effects.items() if effect["status"] == "not_testable"):
         yield f"Not testable: these measurements cannot show {hidden}, even if present."
     for name in dict.fromkeys((*discovery["named"], *discovery["group"])):
         if (effects.get(name, {}).get("absorption") or 0.0) > ABSORBED:
             parameter = discovery["absorbed_by"].get(name, "a calibrated parameter")
-            yield (
-                f"Absorption: calibration can imitate most of {name}. "
-                f"A separate measurement of {parameter} separates the two."
-            )
+            yield f"Absorption: {parameter} can imitate most of {name}. Measure that parameter separately."
     if len(discovery["group"]) > 1:
         yield f"Group: these measurements cannot separate {', '.join(discovery['group'])}."
 

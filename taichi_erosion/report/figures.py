@@ -61,12 +61,18 @@ def raster(drawn: Picture) -> bytes:
     return page.getvalue()
 
 
-def panels(count: int) -> tuple[Figure, list[Axes]]:
-    """Figure of `count` panels, COLUMNS in a row."""
-    columns = min(count, COLUMNS)
-    size = (PANEL[0] * columns, PANEL[1] * ceil(count / columns))
+def panels(
+    count: int, columns: int = COLUMNS, size: tuple[float, float] = PANEL, projection: str | None = None
+) -> tuple[Figure, list[Any]]:
+    """Figure of `count` panels of a size [in], `columns` in a row."""
+    across, down = min(count, columns), ceil(count / columns)
     figure, frames = plt.subplots(
-        ceil(count / columns), columns, figsize=size, squeeze=False, layout="constrained"
+        down,
+        across,
+        figsize=(size[0] * across, size[1] * down),
+        squeeze=False,
+        layout="constrained",
+        subplot_kw={"projection": projection},
     )
     for frame in frames.flat[count:]:
         frame.set_visible(False)
