@@ -63,7 +63,7 @@ def device_columns(table: ContactTable) -> dict[str, Floats]:
     }
 
 
-def fill_materials(materials: Materials, tables: list[ContactTable]) -> None:
+def upload_materials(materials: Materials, tables: list[ContactTable]) -> None:
     """Write the contact tables of all replicas to the device."""
     columns = [device_columns(table) for table in tables]
     upload([(getattr(materials, name), np.concatenate([c[name] for c in columns])) for name in columns[0]])

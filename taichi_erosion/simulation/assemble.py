@@ -33,7 +33,7 @@ from taichi_erosion.simulation.capacities import (
 )
 from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
 from taichi_erosion.simulation.step import release_first
-from taichi_erosion.simulation.upload import fill_world
+from taichi_erosion.simulation.upload import upload_world
 
 POOL_LEAST = 2  # threads: runs on one core and on two share their kernels; an idle thread sleeps
 
@@ -87,14 +87,14 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> Worl
         sleeps=sleeps,
         sleep=allocate_sleep(capacities.replicas if sleeps else 1, capacities.grains if sleeps else 1),
     )
-    fill(world, setups)
+    upload_setups(world, setups)
     return world
 
 
-def fill(world: World, setups: list[Setup]) -> None:
+def upload_setups(world: World, setups: list[Setup]) -> None:
     """Write the Setups to the fields, one a replica. Raises BadInput where a period is too narrow."""
     reaches = [gap_reach(s, world.laws) for s in setups]
-    fill_world(world, setups, reaches, [partition_count(s) for s in setups])
+    upload_world(world, setups, reaches, [partition_count(s) for s in setups])
     check_periods(world, setups)
 
 

@@ -12,7 +12,7 @@ from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import device_fields, write
 from taichi_erosion.coupling.coupling_state import upload_exchange_settings
-from taichi_erosion.simulation.assemble import Simulation, assemble, checked, fill
+from taichi_erosion.simulation.assemble import Simulation, assemble, checked, upload_setups
 from taichi_erosion.simulation.capacities import Capacities, initial_capacities, padded_with_copies
 from taichi_erosion.simulation.step import release_first
 
@@ -36,7 +36,7 @@ def reuse_or_assemble(
     everyone = padded_with_copies(listed, before.capacities)
     for bound in (before.world.pair_effects, before.world.first_contact_effects, before.world.grain_effects):
         write_constants(bound, [setup.effects for setup in everyone])
-    fill(before.world, everyone)
+    upload_setups(before.world, everyone)
     upload_exchange_settings(before.coupling.exchange, everyone)
     release_first(before.world)
     return before

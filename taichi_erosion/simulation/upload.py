@@ -1,4 +1,4 @@
-"""Writing the Setups of an ensemble to the device."""
+"""Upload of the setups of an ensemble to the device."""
 
 from typing import Any
 
@@ -7,17 +7,17 @@ import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import upload
-from taichi_erosion.grains.materials import fill_materials
+from taichi_erosion.grains.materials import upload_materials
 from taichi_erosion.grains.state import Replicas
 from taichi_erosion.grains.walls import Walls
 from taichi_erosion.grains.world import World
 from taichi_erosion.simulation.capacities import cell_grid, verlet_skin
 
-NOWHERE = np.inf  # m, where the primitives lie that a replica with fewer walls than another has too many
+NOWHERE = np.inf  # m, position of the padding primitives of a replica with fewer walls than another
 
 
 def padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
-    """Join one array a replica, each filled up to `rows`; a replica may have none."""
+    """Arrays of all replicas, joined, each padded to `rows`; a replica may have none."""
     inner = np.asarray(max(columns, key=len)).shape[1:]
     stacked = np.full((len(columns), rows, *inner), filling)
     for block, column in zip(stacked, columns, strict=True):
@@ -31,22 +31,22 @@ def release_steps(setup: Setup) -> Any:
     return np.ceil(setup.grains.release_time / setup.time_step - 1e-9).astype(np.int32).clip(0)
 
 
-def fill_world(world: World, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
-    """Write everything that a Setup states."""
-    fill_source(world, setups)
-    fill_replicas(world.replicas, setups, reaches, partitions)
-    fill_cells(world, setups, reaches)
-    fill_walls(world.walls, setups)
-    fill_materials(world.materials, [s.contacts for s in setups])
+def upload_world(world: World, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
+    """Everything that the setups state."""
+    upload_source(world, setups)
+    upload_replicas(world.replicas, setups, reaches, partitions)
+    upload_cells(world, setups, reaches)
+    upload_walls(world.walls, setups)
+    upload_materials(world.materials, [s.contacts for s in setups])
     if world.sleeps:
         orders = [(s.coupling.sleep_exchanges, s.coupling.sleep_share) for s in setups]
         rest_least, share = zip(*orders, strict=True)
         upload([(world.sleep.rest_least, rest_least), (world.sleep.share, share)])
     if world.clumped:
-        fill_clumps(world, setups)
+        upload_clumps(world, setups)
 
 
-def fill_source(world: World, setups: list[Setup]) -> None:
+def upload_source(world: World, setups: list[Setup]) -> None:
     """GrainTables, from which grains are released."""
     source, rows = world.source, world.grains.capacity
     grains = [s.grains for s in setups]
@@ -59,13 +59,13 @@ def fill_source(world: World, setups: list[Setup]) -> None:
     upload(columns)
 
 
-def fill_replicas(
+def upload_replicas(
     replicas: Replicas, setups: list[Setup], reaches: list[float], partitions: list[int]
 ) -> None:
     """Clocks, boxes and skins; nothing is released yet, the first step rebuilds."""
     allowed = [verlet_skin(s) for s in setups]
     # where cells hold the widest grain, none is wide, whatever rounding gives
-    grasp = [np.inf if s.air is None else m.cell_reach for s, m in zip(setups, allowed, strict=True)]
+    cell_reach = [np.inf if s.air is None else m.cell_reach for s, m in zip(setups, allowed, strict=True)]
     upload(
         [
             (replicas.total, [len(s.grains.radius) for s in setups]),
@@ -81,19 +81,19 @@ def fill_replicas(
             (replicas.skin_least, [m.least for m in allowed]),
             (replicas.skin_most, [m.most for m in allowed]),
             (replicas.skin_time, [m.time for m in allowed]),
-            (replicas.cell_reach, grasp),
+            (replicas.cell_reach, cell_reach),
         ]
     )
 
 
-def fill_cells(world: World, setups: list[Setup], reaches: list[float]) -> None:
+def upload_cells(world: World, setups: list[Setup], reaches: list[float]) -> None:
     """Cell grids."""
     grids = [cell_grid(s, reach, world.cells.capacity) for s, reach in zip(setups, reaches, strict=True)]
     names = ("most", "width_least", "low", "inverse_width", "number")
     upload([(getattr(world.cells, name), [getattr(grid, name) for grid in grids]) for name in names])
 
 
-def fill_walls(walls: Walls, setups: list[Setup]) -> None:
+def upload_walls(walls: Walls, setups: list[Setup]) -> None:
     """Primitives and surfaces, at rest."""
     tables = [s.primitives for s in setups]
     if not any(len(table.kind) for table in tables):
@@ -135,7 +135,7 @@ def bounding_ball(kind: int, row: Floats) -> tuple[Floats, float]:
     return np.zeros(3), float("inf")
 
 
-def fill_clumps(world: World, setups: list[Setup]) -> None:
+def upload_clumps(world: World, setups: list[Setup]) -> None:
     """Bodies as placed, moving and turning as the first sphere of each does at release."""
     clumps, rows = world.clumps, world.grains.capacity
     tables = [s.clumps for s in setups if s.clumps is not None]
