@@ -1,7 +1,7 @@
 """Adoption of an effect: everything is calibrated anew, the vault is opened once, a new study is written.
 
 Beside the effect stand two controls, fitted in the same way: the best of the other candidates and one drawn
-at random. A falling error on held-out rows is supporting evidence; one case in ten says otherwise by luck.
+at random. A falling error on held-out rows is supporting evidence; in one case in ten it is luck.
 The new study is a file beside the old one, in which the effect belongs to the model.
 """
 
@@ -18,7 +18,7 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
-from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit, Rows
+from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress, expected_strength
 from taichi_erosion.evidence.inference.familywise_test import familywise_test
@@ -166,17 +166,13 @@ def on_common_rows(fits: list[HypothesisFit | None]) -> list[HypothesisFit | Non
 
 
 def scored_on(best: HypothesisFit, chosen: Bools) -> HypothesisFit:
-    """A hypothesis and its errors on some of the held-out rows."""
+    """A hypothesis and its errors on some of the held-out rows: misfit per row, rms by observable."""
     assert best.vault_rows is not None
-    hidden = best.vault_rows.select(chosen)
-    chi2 = float(np.mean(hidden.residual**2)) if chosen.any() else nan
-    return replace(best, vault_chi2=chi2, vault_rmse=errors_by_observable(hidden), vault_rows=hidden)
-
-
-def errors_by_observable(rows: Rows) -> dict[str, float]:
-    """Root mean square error of the held-out rows, in each observable's unit."""
+    rows = best.vault_rows.select(chosen)
+    chi2 = float(np.mean(rows.residual**2)) if chosen.any() else nan
     names, gap = np.array(rows.observable), rows.measured - rows.predicted
-    return {str(name): float(np.sqrt(np.mean(gap[names == name] ** 2))) for name in np.unique(names)}
+    rmse = {str(name): float(np.sqrt(np.mean(gap[names == name] ** 2))) for name in np.unique(names)}
+    return replace(best, vault_chi2=chi2, vault_rmse=rmse, vault_rows=rows)
 
 
 def write_adopted_study(study: Study, found: Adoption) -> Path:

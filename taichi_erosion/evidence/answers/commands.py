@@ -22,7 +22,7 @@ from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.answers.documents import Command, Document
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
-from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, HypothesisFit
+from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Estimate, HypothesisFit
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
@@ -49,7 +49,7 @@ def open_study(path: Path, budget: BudgetName | None = None) -> Iterator[Study]:
     """A study whose runs are safe in its store when the block is left, however it is left.
 
     Matrices are multiplied on one thread: on several their last bits would depend on how many there are, and
-    with them which runs are asked for next.
+    with them the choice of the next runs.
     """
     with threadpool_limits(1, user_api="blas"):
         study = load_study(path, budget)
@@ -63,13 +63,11 @@ def compare_study(path: Path, progress: Progress) -> Document:
     """Where the model fails."""
     start = perf_counter()
     with open_study(path) as study:
-
-        def question(ready: Study) -> Comparison:
-            return compare(ready.problem, progress, ready.file.study.seed)
-
-        found, ready = answered(
-            study, last_budget(study), Question("compare", question, comparison_points), progress
+        seed = study.file.study.seed
+        question = Question(
+            "compare", lambda ready: compare(ready.problem, progress, seed), comparison_points
         )
+        found, ready = answered(study, last_budget(study), question, progress)
         return stored(ready, "compare", documents.record(found), start)
 
 
@@ -82,8 +80,8 @@ def discover_study(path: Path, budget: BudgetName | None, progress: Progress) ->
         def answer(ready: Study) -> Discovery:
             return discover(ready.problem, seed, ready.problem.budget, progress)
 
-        asked = Question("discover", answer, discovery_points, names_of(study), required=required_points)
-        found, ready = answered(study, spent, asked, progress)
+        question = Question("discover", answer, discovery_points, names_of(study), required=required_points)
+        found, ready = answered(study, spent, question, progress)
         if study.file.study.model is not None or not study.file.laboratory.ranges:
             found = with_experiments(ready, found)
         adopted = documents.read_answer(study.results, path.stem, "adopt")
@@ -103,8 +101,8 @@ def adopt_study(path: Path, effect: str, progress: Progress) -> Document:
         def answer(ready: Study) -> Adoption:
             return adopt(ready.problem, effect, seed, progress)
 
-        asked = Question(f"adopt {effect}", answer, adoption_points, names)
-        found, ready = answered(study, last_budget(study), asked, progress)
+        question = Question(f"adopt {effect}", answer, adoption_points, names)
+        found, ready = answered(study, last_budget(study), question, progress)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, effect)
@@ -127,8 +125,8 @@ def next_study(path: Path, progress: Progress) -> Document:
             found = discover(ready.problem, seed, ready.problem.budget, progress)
             return with_experiments(ready, found)
 
-        asked = Question("next", answer, discovery_points, names_of(study), ahead=True)
-        found, ready = answered(study, budget, asked, progress)
+        question = Question("next", answer, discovery_points, names_of(study), ahead=True)
+        found, ready = answered(study, budget, question, progress)
         document = {"next_experiments": documents.plain([asdict(each) for each in found.next_experiments])}
         return stored(ready, "next", document, start)
 
@@ -149,8 +147,8 @@ def names_of(study: Study) -> list[str]:
 
 def with_experiments(study: Study, found: Discovery) -> Discovery:
     """A discovery with the experiments that the study's laboratory could make next."""
-    said = study.file.laboratory
-    laboratory = Laboratory(ranges=dict(said.ranges), costs=dict(said.costs), repeats=said.repeats)
+    stated = study.file.laboratory
+    laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
     return replace(found, next_experiments=tuple(next_experiments(study.problem, found, laboratory)))
 
 
@@ -162,13 +160,13 @@ def rung(effects: list[str], fit: HypothesisFit) -> Document:
 
 @dataclass(frozen=True)
 class Question(Generic[Found]):
-    """A function of the study, and the points about which its answer asks for simulations."""
+    """A function of the study, and the points about which its answer needs simulations."""
 
     name: str
     answer: Callable[[Study], Found]
     points: Callable[[Found], Points]
-    effects: Sequence[str] = ()  # that it needs to know
-    ahead: bool = False  # whether it looks at conditions that were not measured but could be
+    effects: Sequence[str] = ()  # that it needs
+    ahead: bool = False  # whether it needs conditions that were not measured but could be
     required: Callable[[Found], Points] = lambda _: []  # to be simulated about before the answer counts
 
 
@@ -244,7 +242,7 @@ def last_budget(study: Study) -> BudgetName:
 
 def comparison_points(found: Comparison) -> Points:
     """The calibrated bare model."""
-    return [refinement_point({name: number.value for name, number in found.parameters.items()}, {})]
+    return [refinement_point(values(found.parameters), {})]
 
 
 def discovery_points(found: Discovery) -> Points:
@@ -254,20 +252,19 @@ def discovery_points(found: Discovery) -> Points:
 
 
 def required_points(found: Discovery) -> Points:
-    """The closest single effect and pair, before something that no candidate describes is blamed."""
+    """The closest single effect and pair, before the verdict is something that no candidate describes."""
     closest = found.closest if found.verdict == "outside_library" else ()
     return [refinement_point(each.parameters, each.strengths) for each in closest]
 
 
 def adoption_points(found: Adoption) -> Points:
     """The model before and after, and with the controls."""
-    return [
-        refinement_point(
-            {name: number.value for name, number in fit.parameters.items()},
-            {name: number.value for name, number in fit.strengths.items()},
-        )
-        for fit in found.fits
-    ]
+    return [refinement_point(values(fit.parameters), values(fit.strengths)) for fit in found.fits]
+
+
+def values(estimates: Mapping[str, Estimate]) -> dict[str, float]:
+    """Estimates without their intervals."""
+    return {name: estimate.value for name, estimate in estimates.items()}
 
 
 def refinement_point(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> RefinementPoint:

@@ -29,7 +29,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import (
 from taichi_erosion.evidence.inference.posterior import parameter_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
-SEED = 1  # of the runs where a study does not say; any other would do
+SEED = 1  # of the runs where a study states none; any other would do
 GUESS_ROUNDS = 2  # calibrations from which a missing sd is guessed
 
 

@@ -1,4 +1,4 @@
-"""Which effect is missing, as far as these measurements can tell: the analysis as a record of findings.
+"""Which effect is missing, as far as these measurements show: the analysis as a record of findings.
 
 Every candidate is present, excluded above a strength, or not testable, with the reason.
 """
@@ -6,6 +6,7 @@ Every candidate is present, excluded above a strength, or not testable, with the
 from dataclasses import dataclass, replace
 from math import nan
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     noise_table,
     rows_table,
 )
-from taichi_erosion.evidence.inference.marginal_likelihood import projected_residual
+from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
 from taichi_erosion.evidence.inference.posterior import (
     label,
@@ -45,7 +46,7 @@ from taichi_erosion.evidence.inference.posterior import (
     strength_estimates,
     upper_strength,
 )
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.residual_structure import residual_trends
 from taichi_erosion.evidence.inference.screen import Signature
@@ -69,25 +70,18 @@ def discover(problem: Problem, seed: int, budget: Budget, progress: Progress) ->
 def discovery_of(found: Analysis, seed: int) -> Discovery:
     """The record of an analysis."""
     prepared, screened = found.fitted.prepared, found.fitted.screened
-    base, final = found.fitted.base.expansion, found.final.expansion
     strengths = fitted_strengths(found)
     expected = {name: estimate.value for name, estimate in strengths.items()}
     outside = found.decision.verdict == "outside_library"
     record = Discovery(
+        **shared_fields(prepared, found.fitted.base.scored, found.final.scored, seed),
         verdict=found.decision.verdict,
         named=found.decision.named,
         group=found.decision.group,
         probabilities=found.posterior.probability,
         effects=effect_findings(found, strengths),
-        parameters=parameter_estimates(prepared, found.final.scored),
-        calibrated=len(prepared.axes),
-        calibrated_with=found.final.names,
         where=found.places,
-        chi2_before=chi_square(prepared, base),
-        chi2_after=chi_square(prepared, final),
-        n=prepared.rows.size,
-        vault=VaultErrors(prepared.problem.vault.opened, nan, nan, nan),
-        clues=residual_trends(prepared, base, found.places) if outside else (),
+        clues=residual_trends(prepared, found.fitted.base.expansion, found.places) if outside else (),
         p=found.test.p,
         p_misfit=found.p_misfit,
         p_misfit_after=found.p_misfit_after,
@@ -100,11 +94,6 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         survivors=plausible_hypotheses(found),
         closest=closest_hypotheses(found),
         nearest=nearest_hypothesis(found) if outside else None,
-        rows_before=rows_table(prepared, base),
-        rows_after=rows_table(prepared, final),
-        failures=prepared.predictor.cost.failures,
-        runs=prepared.predictor.cost.runs,
-        seed=seed,
     )
     return replace(record, sentences=discovery_sentences(record))
 
@@ -113,29 +102,39 @@ def nameless_discovery(problem: Problem, seed: int, progress: Progress) -> Disco
     """The record where nothing may be named: only where the model fails."""
     prepared, base, known = calibrated_base(problem, seed, progress)
     names = [candidate.name for candidate in problem.candidates]
-    rows = rows_table(prepared, base.expansion)
-    chi2 = chi_square(prepared, base.expansion) if known else nan
     record = Discovery(
+        **shared_fields(prepared, base, base, seed),
         verdict="not_testable",
         probabilities=dict.fromkeys((NONE, OUTSIDE, *names), 1.0 / (len(names) + 2)),
         effects={name: EffectFinding(sentence=f"{name}: not testable") for name in names},
-        parameters=parameter_estimates(prepared, base),
-        calibrated=len(prepared.axes),
         where=misfit_places(prepared, base.expansion),
-        chi2_before=chi2,
-        chi2_after=chi2,
-        n=prepared.rows.size,
-        vault=VaultErrors(problem.vault.opened, nan, nan, nan),
         decoy_rank=len(names) + 1,
         warnings=prepared.warnings,
         noise=noise_table(prepared, known=known),
-        rows_before=rows,
-        rows_after=rows,
-        failures=prepared.predictor.cost.failures,
-        runs=prepared.predictor.cost.runs,
-        seed=seed,
     )
+    if not known:
+        record = replace(record, chi2_before=nan, chi2_after=nan)
     return replace(record, sentences=discovery_sentences(record))
+
+
+def shared_fields(
+    prepared: PreparedProblem, base: ScoredHypothesis, final: ScoredHypothesis, seed: int
+) -> dict[str, Any]:
+    """Fields that do not depend on what is named, from the bare model and the recalibrated one."""
+    return {
+        "parameters": parameter_estimates(prepared, final),
+        "calibrated": len(prepared.axes),
+        "calibrated_with": final.expansion.fit.names,
+        "chi2_before": chi_square(prepared, base.expansion),
+        "chi2_after": chi_square(prepared, final.expansion),
+        "n": prepared.rows.size,
+        "vault": VaultErrors(prepared.problem.vault.opened, nan, nan, nan),
+        "rows_before": rows_table(prepared, base.expansion),
+        "rows_after": rows_table(prepared, final.expansion),
+        "failures": prepared.predictor.cost.failures,
+        "runs": prepared.predictor.cost.runs,
+        "seed": seed,
+    }
 
 
 @dataclass(frozen=True)
@@ -188,7 +187,9 @@ def effect_finding(
     else:
         rest = unexplained(found, signature)
     strong = power(rest.norm, found.test.threshold)
-    status = status_of(name, decision, strong)
+    status: Status = "excluded"  # silence means absence only where the effect would have been seen
+    if name in decision.accepted or strong < levels.TESTABLE_POWER:
+        status = "present" if name in decision.named else "not_testable"
     if strength is None or not (acts or name in decision.accepted):
         strength = rest.strength
     gain = found.gains.get(name, ScoreGain())
@@ -207,13 +208,6 @@ def effect_finding(
         held_out_error=gain.error,
         sentence=f"{name}: {effect_reason(signature, status, strength, decision, rest.absorption)}",
     )
-
-
-def status_of(name: str, decision: Decision, strong: float) -> Status:
-    """Present only what stands alone; silence means absence only where the effect would have been seen."""
-    if name in decision.named:
-        return "present"
-    return "not_testable" if name in decision.group or strong < levels.TESTABLE_POWER else "excluded"
 
 
 def effect_reason(
@@ -253,7 +247,7 @@ def plausible_hypothesis(found: Analysis, item: FittedHypothesis) -> PlausibleHy
 
 
 def plausible_hypotheses(found: Analysis) -> tuple[PlausibleHypothesis, ...]:
-    """Explanations that the next experiment has to tell apart, likeliest first; two at least."""
+    """Explanations between which the next experiment has to decide, likeliest first; two at least."""
     fitted = [plausible_hypothesis(found, item) for item in [found.fitted.base, *found.fitted.refits]]
     fitted.sort(key=lambda each: -each.probability)
     kept = [each for k, each in enumerate(fitted) if k < 2 or each.probability > levels.PLAUSIBLE]
@@ -272,13 +266,13 @@ def nearest_hypothesis(found: Analysis) -> NearestHypothesis | None:
     prepared, base = found.fitted.prepared, found.fitted.base.expansion
     tried = [(explained_share(prepared, base, i.expansion), i) for i in found.fitted.refits if i.usable]
     share, item = max(tried, key=lambda pair: pair[0], default=(0.0, found.fitted.base))
-    if share < levels.TOLD_CLOSEST:
+    if share < levels.REPORTED_CLOSEST:
         return None
     return NearestHypothesis(item.names, share, misfit_p(prepared, item.expansion))
 
 
 def bound_warnings(found: Analysis) -> list[str]:
-    """Calibrated numbers of the bare model that want to leave their range."""
+    """Calibrated numbers of the bare model that end at a bound of their range."""
     estimates = parameter_estimates(found.fitted.prepared, found.fitted.base.scored)
     return [
         f"{path}: the calibration of the bare model ends at the bound of its range ({number.value:.3g})"

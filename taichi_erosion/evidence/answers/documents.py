@@ -28,7 +28,7 @@ from taichi_erosion.evidence.data.findings import (
 from taichi_erosion.evidence.inference.levels import (
     HELD_OUT_MISFIT,
     HELD_OUT_SHARE,
-    TOLD_RIVAL,
+    REPORTED_RIVAL,
     fails,
     p_text,
     too_few_rows,
@@ -117,7 +117,7 @@ def rival_sentence(found: Discovery) -> str:
     accepted |= {OUTSIDE} if found.verdict == "outside_library" else set()
     others = {key: p for key, p in found.probabilities.items() if not accepted & set(key.split("+"))}
     rival = max(others, key=lambda key: others[key], default=NONE)
-    if others.get(rival, 0.0) < TOLD_RIVAL:
+    if others.get(rival, 0.0) < REPORTED_RIVAL:
         return "No other explanation is left with a probability worth naming."
     called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}.get(rival, rival)
     weak = sum(effect.status == "not_testable" for effect in found.effects.values())
@@ -129,7 +129,7 @@ def rival_sentence(found: Discovery) -> str:
 
 
 def adoption_sentence(found: Adoption) -> str:
-    """What the held-out rows say of an adopted effect."""
+    """Errors of the held-out rows before and after, with the controls."""
     effect, base, added = found.effect, found.base, found.added
     if isnan(added.vault_chi2):
         return (

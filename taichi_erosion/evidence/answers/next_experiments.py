@@ -1,4 +1,4 @@
-"""What to measure next: the experiments that would tell the remaining explanations apart.
+"""What to measure next: the experiments that would decide between the remaining explanations.
 
 For every measurement x that the laboratory could make, explanations a and b with probabilities q predict
 mu_a(x) +- v_a(x), calibration and strengths being as uncertain as the present data leave them. The next one
@@ -65,7 +65,7 @@ class RivalPrediction:
 
 
 def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory) -> list[Experiment]:
-    """Greedy choice of experiments, best first; empty where no rival is left to tell apart."""
+    """Greedy choice of experiments, best first; empty where no rival is left."""
     prepared = prepare(problem, problem.visible(), found.seed)
     if prepared.rows.size == 0 or not prepared.rows.conditions:
         return []

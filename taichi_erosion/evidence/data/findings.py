@@ -90,7 +90,7 @@ class Estimate:
     value: float
     low: float
     high: float
-    at_bound: bool  # the calibration wants to leave the allowed range
+    at_bound: bool  # the calibration ends at a bound of the allowed range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +113,7 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class EffectFinding:
-    """What the measurements say about one candidate effect; the defaults are those of an untested one."""
+    """Status and numbers of one candidate effect; the defaults are those of an untested one."""
 
     status: Status = "not_testable"
     strength: float = nan
@@ -157,7 +157,7 @@ class ResidualTrend:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A measurement that tells the remaining explanations apart; an answer of `next`."""
+    """A measurement that decides between the remaining explanations; an answer of `next`."""
 
     observable: str
     conditions: Mapping[str, float]
@@ -179,7 +179,7 @@ class VaultErrors:
 
 @dataclass(frozen=True)
 class PlausibleHypothesis:
-    """An explanation that is not excluded: what the next experiment has to tell from the others."""
+    """An explanation that is not excluded: one of those between which the next experiment has to decide."""
 
     names: tuple[str, ...]
     probability: float
@@ -198,11 +198,11 @@ class NearestHypothesis:
 
 @dataclass(frozen=True, kw_only=True)
 class Discovery:
-    """Answer of `discover`: which effect is missing, as far as these measurements can tell."""
+    """Answer of `discover`: which effect is missing, as far as these measurements show."""
 
     verdict: Verdict
     named: tuple[str, ...] = ()
-    group: tuple[str, ...] = ()  # effects that these measurements do not tell apart
+    group: tuple[str, ...] = ()  # effects that these measurements do not separate
     probabilities: Mapping[str, float]  # "none", "outside_library", every effect, "a+b" for pairs; sums to 1
     effects: Mapping[str, EffectFinding]
     parameters: Mapping[str, Estimate]  # calibrated with what was named

@@ -1,4 +1,4 @@
-"""Confounding: effects that these measurements do not tell apart, and numbers that imitate an effect."""
+"""Confounding: effects that these measurements do not separate, and numbers that imitate an effect."""
 
 from collections.abc import Mapping
 

@@ -98,7 +98,7 @@ def decoy_rank(
 ) -> int:
     """Rank of the best made-up effect among the candidates, 1 being the strongest of all.
 
-    A decoy has a smooth random signature with the typical norm of the candidates; one that ranks high says
+    A decoy has a smooth random signature with the typical norm of the candidates; one that ranks high shows
     that names are being given to noise, or to something that no candidate describes.
     """
     axes, which = condition_axes(prepared), prepared.rows.which

@@ -188,7 +188,7 @@ def observable_misfits(
 
 
 def noise_table(prepared: PreparedProblem, correlation: Floats | None = None, known: bool = True) -> Noise:
-    """Noise budget with the simulator's share, and what must be said about it; `known` unless guessed."""
+    """Noise budget with the simulator's share, and warnings about it; `known` unless guessed."""
     budgets, sentences = {}, []
     simulated = np.sqrt(np.maximum(prepared.variance - prepared.rows.variance, 0.0))
     for index, observable in enumerate(prepared.rows.observables):

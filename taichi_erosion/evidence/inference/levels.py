@@ -2,7 +2,7 @@
 
 Figures "t0" are those of the 3000 sealed cases of the reduced model (`doe/t0`, 1393 of them with nothing
 missing and the scatter as stated); "watched" those of 272 such nulls and 109 single effects among the first
-600 cases of family 5000, from which the tests draw. Probabilities and shares [1] unless said otherwise.
+600 cases of family 5000, from which the tests draw. Probabilities and shares [1] unless a unit is given.
 
 Why the misfit level is 0.01: a misfit is looked for in the whole and in every place, and the least of these
 chances decides. On the watched nulls it lies below 0.05 in 9 % (24) and below 0.01 in 3 % (9); of the single
@@ -34,21 +34,21 @@ EXPLAINED_SHARE = 0.85  # of the misfit, from which an effect with a smooth rema
 TESTABLE_POWER = 0.8  # from which silence means absence; t0: 5 of 710 silences hid an effect above 4.5 sd
 TESTABLE_SHARE = 0.5  # of the candidates, below which silence means nothing
 
-SEPARATION = 3.0  # sd between two hypotheses below which they form a group: Phi(3 / 2) = 93 % told apart
-ABSORBED = 0.8  # share of a signature that calibration imitates, from which the two are hardly told apart
+SEPARATION = 3.0  # sd between two hypotheses below which they form a group: Phi(3 / 2) = 93 % separated
+ABSORBED = 0.8  # share of a signature that calibration imitates, from which the two are hardly separable
 UNRESOLVED_NOISE = 0.7  # share of noise in a signature from which it is not used at all
-NOISE_LIMIT = 0.1  # share of noise in a signature from which more seeds are asked for
+NOISE_LIMIT = 0.1  # share of noise in a signature from which more seeds are needed
 
 INTERVAL_TAIL = 0.05  # to either side; t0: such intervals hold 0.920 of strengths, 0.889 of parameters
 HELD_OUT_MISFIT = 2.0  # per held-out row, from which the bare model fails there
 HELD_OUT_SHARE = 0.5  # of that misfit left, above which a name is refuted; t0: right names leave 0.096
 SECOND_TERM = 0.05  # share of the misfit that a second term of a law must explain on left-out groups
 
-TOLD_RIVAL = 1e-3  # probability from which another explanation is told
-TOLD_CLOSEST = 0.5  # share of the misfit, from which an explanation that does not suffice is told
+REPORTED_RIVAL = 1e-3  # probability from which another explanation is reported
+REPORTED_CLOSEST = 0.5  # share of the misfit, from which an explanation that does not suffice is reported
 PLAUSIBLE = 0.01  # probability from which an explanation is carried to the next experiment
 DECIDED = 0.9  # probability at which an explanation has won
-STABLE = 1.0  # share of repeats with other seeds that agree, below which this is told
+STABLE = 1.0  # share of repeats with other seeds that agree, below which this is reported
 
 
 def fails(p: float | None) -> bool:

@@ -191,9 +191,9 @@ def refined(
 ) -> tuple[Floats, float]:
     """Best position from one start, and -2 ln of its likelihood times prior.
 
-    Weights are fixed during the steps, or they would lead to where the model knows least. A model with errors
-    of its own has those of the start first, then those of what was found; the volume ln |1 + F^T V^-1 F| of
-    its errors F tells sure fits from vague ones.
+    Weights are fixed during the steps, or these would lead to where the model is least certain. A model with
+    errors of its own has those of the start first, then those of what was found; the volume
+    ln |1 + F^T V^-1 F| of its errors F separates sure fits from vague ones.
     """
     whole = Objective(prepared, names, seeds)
     there = prepared.with_model_errors(*whole.split(start))
@@ -212,7 +212,7 @@ def fit(
     starts: list[Floats],
     steps: int | None = None,
 ) -> Fit:
-    """Best of several starts of one hypothesis; as many steps as the budget allows unless said otherwise."""
+    """Best of several starts of one hypothesis; by default as many steps as the budget allows."""
     steps = (STEPS_QUICK if prepared.quick else STEPS) if steps is None else steps
     results = [refined(prepared, names, start, steps, prepared.seeds.fitting) for start in starts]
     position, misfit = min(results, key=lambda result: result[1])

@@ -146,7 +146,10 @@ def strength_sd(prepared: PreparedProblem, slopes: Floats, count: int) -> tuple[
 
 
 def path_of(prepared: PreparedProblem, fit: Fit, index: int, spread: float, ridge: Floats) -> Path:
-    """Path along one strength and its ridge, the other strength at its best."""
+    """Path along one strength and its ridge, the other strength at its best.
+
+    Its grid is fine about the best strength and coarse over the rest of the allowed range.
+    """
     name, seeds = fit.names[index], prepared.seeds.signature
     candidate, best = prepared.candidate(name), float(fit.psi[index])
     spread = min(spread, 0.5 * candidate.maximum)
@@ -161,17 +164,12 @@ def path_of(prepared: PreparedProblem, fit: Fit, index: int, spread: float, ridg
     change = np.array(changes)
     good = np.all(np.isfinite(change), axis=1)
     nodes, change = nodes[good], change[good]
-    count = GRID if len(fit.names) == 1 else PAIR_GRID
-    grid = integration_grid(nodes[0], nodes[-1], best, spread, count)
+    low, high, count = nodes[0], nodes[-1], GRID if len(fit.names) == 1 else PAIR_GRID
+    fine = np.linspace(max(low, best - WIDTH * spread), min(high, best + WIDTH * spread), (2 * count) // 3)
+    grid = np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [best]]))
     shift = np.clip(fit.x + np.outer(grid - best, ridge), prepared.low, prepared.high) - fit.x
     smooth = smooth_path(prepared, nodes, change, best, grid)
     return Path(grid, smooth, shift, log_prior(grid, candidate.prior_scale))
-
-
-def integration_grid(low: float, high: float, best: float, spread: float, count: int) -> Floats:
-    """Strengths, fine about the best one and coarse over the rest of the allowed range."""
-    fine = np.linspace(max(low, best - WIDTH * spread), min(high, best + WIDTH * spread), (2 * count) // 3)
-    return np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [best]]))
 
 
 def smooth_path(

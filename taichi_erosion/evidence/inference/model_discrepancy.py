@@ -13,7 +13,7 @@ simulation. With such a rival probabilities cannot polarise onto a wrong name.
 Reference: Plumlee & Joseph (2018), Stat. Sinica 28, 601 (orthogonal discrepancy).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,23 +28,17 @@ AMPLITUDES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # sd of the discrepancy over that 
 SMALL = 1e-5  # eigenvalues below this share of the largest are dropped
 
 
-@dataclass(frozen=True)
-class Kernel:
-    """Factor B of K = B B^T, whitened by the typical noise of each observable."""
-
-    axis: str  # a condition, or "all"
-    length: float
-    factor: Floats  # (n, r)
-
-
 def condition_axes(prepared: PreparedProblem) -> dict[str, Floats]:
     """Conditions that vary, standardised; by their logarithm where they span a wide positive range."""
     axes = {name: standard_axis(column) for name, column in prepared.rows.conditions.items()}
     return {name: values for name, values in axes.items() if values is not None}
 
 
-def kernels(prepared: PreparedProblem) -> list[Kernel]:
-    """One kernel per condition and length, and one over all conditions together."""
+def kernels(prepared: PreparedProblem) -> list[Floats]:
+    """Factors B (n, r) of K = B B^T: one per length and condition, and one over all conditions together.
+
+    They are whitened by the typical noise of each observable.
+    """
     axes = condition_axes(prepared)
     same = prepared.rows.which[:, np.newaxis] == prepared.rows.which[np.newaxis, :]
     typical = np.ones(prepared.rows.size)
@@ -56,9 +50,8 @@ def kernels(prepared: PreparedProblem) -> list[Kernel]:
         distances = {name: squared_distance(values, length) for name, values in axes.items()}
         if len(distances) > 1:
             distances["all"] = np.sum(list(distances.values()), axis=0)
-        for name, square in distances.items():
-            matrix = np.where(same, np.exp(-0.5 * square), 0.0) * np.outer(height, height)
-            found.append(Kernel(name, length, low_rank(matrix)))
+        for square in distances.values():
+            found.append(low_rank(np.where(same, np.exp(-0.5 * square), 0.0) * np.outer(height, height)))
     return found
 
 
@@ -74,7 +67,7 @@ def low_rank(matrix: Floats) -> Floats:
     return vectors[:, kept] * np.sqrt(values[kept])
 
 
-def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: list[Kernel]) -> Floats:
+def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: list[Floats]) -> Floats:
     """Ln evidence gained by a discrepancy on top of a hypothesis, per noise factor."""
     factors = prepared.doubt.factor
     if not family or not expansion.finite:
@@ -86,14 +79,14 @@ def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: li
     return np.concatenate([gains(each, expansion, family, np.ones(1)) for each in scaled])
 
 
-def gains(prepared: PreparedProblem, expansion: Expansion, family: list[Kernel], factors: Floats) -> Floats:
+def gains(prepared: PreparedProblem, expansion: Expansion, family: list[Floats], factors: Floats) -> Floats:
     """Ln evidence gained at every noise factor where one balance of errors serves all of them."""
     left = projected_residual(prepared, expansion)
     terms, amplitude = [], np.array(AMPLITUDES)[:, np.newaxis] ** 2
-    for kernel in family:
-        values, vectors = np.linalg.eigh(kernel.factor.T @ left.project(kernel.factor))
+    for factor in family:
+        values, vectors = np.linalg.eigh(factor.T @ left.project(factor))
         values = np.maximum(values, 1e-12)
-        squares = (vectors.T @ (kernel.factor.T @ left.free)) ** 2 / values
+        squares = (vectors.T @ (factor.T @ left.free)) ** 2 / values
         loss = -0.5 * np.sum(np.log1p(amplitude * values), axis=1)
         gained = 0.5 * (amplitude * values / (1.0 + amplitude * values) @ squares)
         terms.append(loss[:, np.newaxis] + gained[:, np.newaxis] / factors**2)

@@ -12,7 +12,7 @@ from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_p
 from taichi_erosion.evidence.inference.levels import UNSTABLE, too_few_rows
 from taichi_erosion.evidence.inference.map_fit import Fit, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand
-from taichi_erosion.evidence.inference.model_discrepancy import Kernel, kernels
+from taichi_erosion.evidence.inference.model_discrepancy import kernels
 from taichi_erosion.evidence.inference.posterior import Posterior, posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import (
@@ -39,7 +39,7 @@ class FittedHypotheses:
     screened: Screen
     ranking: FamilywiseTest
     refits: list[FittedHypothesis]
-    family: list[Kernel]
+    family: list[Floats]
 
     def posterior(self) -> Posterior:
         """Probabilities of all explanations."""
@@ -94,7 +94,9 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
     progress("weighing the evidence", 0.9)
     fitted = FittedHypotheses(prepared, base, screened, ranking, refits, family)
     posterior = fitted.posterior()
-    test = familywise_test(prepared, screened, noise_draws(prepared, posterior, seed), seed)
+    weight = posterior.noise_weight / posterior.noise_weight.sum()
+    factors = np.random.default_rng(seed + 1).choice(prepared.doubt.factor, size=DRAWS, p=weight)
+    test = familywise_test(prepared, screened, factors, seed)
     least = min([p_misfit, *(place.p for place in places)])
     decision = initial_decision(fitted, posterior, test, least)
     usable = [item for item in refits if len(item.names) == 1 and item.usable]
@@ -125,12 +127,6 @@ def final_decision(
     p_left = misfit_p(fitted.prepared, final.expansion)
     kept = adequate_decision(decision, posterior, p_left)
     return (decision, final, p_left) if kept == decision else final_decision(fitted, posterior, kept)
-
-
-def noise_draws(prepared: PreparedProblem, posterior: Posterior, seed: int) -> Floats:
-    """Draws of the noise factor from its posterior."""
-    weight = posterior.noise_weight / posterior.noise_weight.sum()
-    return np.random.default_rng(seed + 1).choice(prepared.doubt.factor, size=DRAWS, p=weight)
 
 
 def seed_stability(fitted: FittedHypotheses, decision: Decision) -> tuple[float, Decision]:

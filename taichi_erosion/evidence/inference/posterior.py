@@ -130,7 +130,7 @@ def upper_strength(grid: Floats, log_likelihood: Floats) -> float:
 def parameter_estimates(prepared: PreparedProblem, scored: ScoredHypothesis) -> dict[str, Estimate]:
     """Calibrated numbers with 90 % intervals, strengths and noise factors integrated out.
 
-    Numbers of a candidate that does not act are left out: the measurements say nothing about them.
+    Numbers of a candidate that does not act are left out: the measurements do not depend on them.
     """
     if not prepared.axes or not scored.likelihoods:
         return {}

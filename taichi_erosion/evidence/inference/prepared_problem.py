@@ -168,27 +168,21 @@ def draw_seeds(generator: np.random.Generator, count: int) -> Integers:
 def seed_counts(
     problem: Problem, rows: ComparisonRows, variance: Floats, noisy: bool
 ) -> tuple[int, int, int]:
-    """How many seeds fit, make signatures, score."""
+    """How many seeds fit, make signatures, score.
+
+    Seeds per fitted setting: until the simulator's variance is NOISE_SHARE of the laboratory's, within the
+    budget for all settings that an analysis visits, scoring seeds included.
+    """
     if not noisy:
         return 1, 1, 1
-    count = fitting_seeds(problem, rows, variance)
-    factor = SCORING_FACTOR_QUICK if problem.budget.name == "quick" else SCORING_FACTOR
-    return count, count, count * factor
-
-
-def fitting_seeds(problem: Problem, rows: ComparisonRows, variance: Floats) -> int:
-    """Seeds per fitted setting: until the simulator's variance is NOISE_SHARE of it, within the budget."""
-    known = rows.known
-    if not known.any():
-        return PROBE_SEEDS
-    share = float(np.nanmedian(variance[known] / np.maximum(rows.variance[known], UNKNOWN_NOISE)))
-    affordable = problem.budget.runs / settings_needed(problem)
-    return int(np.clip(np.ceil(share / NOISE_SHARE), 2, max(2, min(affordable, MOST_FITTING))))
-
-
-def settings_needed(problem: Problem) -> float:
-    """Settings of the model that the whole analysis visits, scoring seeds included."""
+    quick = problem.budget.name == "quick"
     p, k = len(problem.parameters) + len(problem.adopted), len(problem.candidates)
-    if problem.budget.name == "quick":
-        return 4.0 * (p + 1) + 3.0 * k + 3.0 * (3.0 * p + 8.0)
-    return 10.0 * p + 12.0 * (p + 1) + 5.0 * k + 8.0 * (6.0 * p + 14.0)
+    settings = 10.0 * p + 12.0 * (p + 1) + 5.0 * k + 8.0 * (6.0 * p + 14.0)
+    if quick:
+        settings = 4.0 * (p + 1) + 3.0 * k + 3.0 * (3.0 * p + 8.0)
+    known, count = rows.known, PROBE_SEEDS
+    if known.any():
+        share = float(np.nanmedian(variance[known] / np.maximum(rows.variance[known], UNKNOWN_NOISE)))
+        most = max(2, min(problem.budget.runs / settings, MOST_FITTING))
+        count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, most))
+    return count, count, count * (SCORING_FACTOR_QUICK if quick else SCORING_FACTOR)

@@ -17,7 +17,7 @@ from taichi_erosion.evidence.inference.familywise_test import FamilywiseTest
 from taichi_erosion.evidence.inference.goodness_of_fit import explained_share, misfit_p, misfit_p_by_noise
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Fit, fit
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, ScoredHypothesis, expand, score
-from taichi_erosion.evidence.inference.model_discrepancy import Kernel, discrepancy_gain
+from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain
 from taichi_erosion.evidence.inference.posterior import Hypothesis, log_prior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.screen import Screen, screen
@@ -57,7 +57,7 @@ class FittedHypothesis:
 
 
 def scored_expansion(
-    prepared: PreparedProblem, expansion: Expansion, family: list[Kernel]
+    prepared: PreparedProblem, expansion: Expansion, family: list[Floats]
 ) -> FittedHypothesis:
     """Evidence of an expansion, scored with fresh seeds, without and with a smooth discrepancy."""
     return FittedHypothesis(score(prepared, expansion), discrepancy_gain(prepared, expansion, family))
@@ -73,7 +73,7 @@ def shortlist(prepared: PreparedProblem, screened: Screen, test: FamilywiseTest)
 
 
 def fit_singles(
-    prepared: PreparedProblem, screened: Screen, names: list[str], family: list[Kernel], progress: Progress
+    prepared: PreparedProblem, screened: Screen, names: list[str], family: list[Floats], progress: Progress
 ) -> list[FittedHypothesis]:
     """All shortlisted singles; every candidate from further starts too where none of them fits.
 
@@ -103,7 +103,7 @@ def refit_from_other_starts(
     singles: dict[str, FittedHypothesis],
     screened: Screen,
     name: str,
-    family: list[Kernel],
+    family: list[Floats],
 ) -> None:
     """The prior mean and the leader's calibration as further starts; the best fit is kept."""
     unit = expected_strength(prepared.candidate(name))
@@ -121,10 +121,10 @@ def fit_pairs(
     prepared: PreparedProblem,
     screened: Screen,
     singles: list[FittedHypothesis],
-    family: list[Kernel],
+    family: list[Floats],
     progress: Progress,
 ) -> list[FittedHypothesis]:
-    """The pairs that either search finds, refitted; none where one effect says as much as two."""
+    """The pairs that either search finds, refitted; none where one effect explains as much as two."""
     starts = promising_pairs(prepared, screened, singles)
     for pair, position in second_effects(prepared, singles).items():
         starts[pair] = position + starts.get(pair, [])
@@ -137,7 +137,7 @@ def fit_pairs(
 
 
 def second_effects(prepared: PreparedProblem, singles: list[FittedHypothesis]) -> Starts:
-    """Second effects that the residuals of the best singles ask for, most of all first."""
+    """Second effects that explain the residuals of the best singles, strongest first."""
     ranked = sorted((each for each in singles if each.usable), key=lambda each: each.fit.misfit)
     order = [candidate.name for candidate in prepared.problem.candidates]
     starts: Starts = {}

@@ -40,7 +40,6 @@ class Signature:
     norm: float  # of the free part at expected strength, noise removed
     absorption: float  # share of the signature that calibration can imitate
     noise: float  # share of the free energy that is replicate noise
-    failed: int  # strengths at which the model failed
 
     @property
     def resolved(self) -> bool:
@@ -113,7 +112,6 @@ class StrengthRuns:
 
     nodes: Floats  # strengths
     change: Floats  # (nodes, n)
-    failed: int  # strengths at which the model failed
     correlation: Floats  # (n,), of paired runs; NaN without noise
     variance: Floats | None  # (n,), of the change at the largest strength; None without noise
 
@@ -131,7 +129,7 @@ def runs_along(prepared: PreparedProblem, base: Expansion, candidate: Candidate)
     correlation, variance = np.full(mask.size, np.nan), None
     if acting:
         correlation, variance = paired_noise(prepared, bare, acting[-1])
-    return StrengthRuns(nodes[good], change[good], int(np.sum(~good)), correlation, variance)
+    return StrengthRuns(nodes[good], change[good], correlation, variance)
 
 
 def strength_nodes(prepared: PreparedProblem, candidate: Candidate, mask: Bools) -> Floats:
@@ -182,7 +180,7 @@ def signature(
     variance = None if path.variance is None else path.variance * left.scale**2
     norm, absorption, noise = denoised_norm(raw[at], free[at], left.row_basis, variance)
     prior = log_prior(grid, candidate.prior_scale)
-    return Signature(candidate.name, grid, prior, raw, free, norm, absorption, noise, path.failed)
+    return Signature(candidate.name, grid, prior, raw, free, norm, absorption, noise)
 
 
 def paired_noise(prepared: PreparedProblem, bare: Floats, acting: Floats) -> tuple[Floats, Floats | None]:

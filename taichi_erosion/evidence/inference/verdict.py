@@ -1,4 +1,4 @@
-"""Decision rules: what may be named, what is a group, what the data cannot tell."""
+"""Decision rules: what may be named, what is a group, what the data cannot decide."""
 
 from dataclasses import dataclass
 
