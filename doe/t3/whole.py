@@ -2,7 +2,7 @@
 
     python -m doe.t3.whole make        113 heaps of 1800 grains, half a minute of a core each
     python -m doe.t3.whole solve       discover and adopt, by the commands; several core-hours
-    python -m doe.t3.whole tell        results_whole.csv
+    python -m doe.t3.whole score        results_whole.csv
 
 They were chosen, not drawn: water whose pull grows in proportion to its amount, which our law does not know;
 nothing at all; water and rolling resistance together; a pull of dry grains; and three that no candidate
@@ -126,7 +126,7 @@ def solve() -> None:
             write_atomic(answer, json.dumps({"found": found, "vault": adopted["vault"]}).encode())
 
 
-def told(name: str) -> dict[str, Any]:
+def score_row(name: str) -> dict[str, Any]:
     """One row of the table."""
     answer = json.loads((FOLDER / f"{name}.solved.json").read_text("utf-8"))
     found, vault = answer["found"], answer["vault"] or {}
@@ -147,9 +147,9 @@ def told(name: str) -> dict[str, Any]:
     }
 
 
-def tell() -> None:
+def score() -> None:
     """The table of those that are solved."""
-    done = [told(name) for name in LABORATORIES if (FOLDER / f"{name}.solved.json").exists()]
+    done = [score_row(name) for name in LABORATORIES if (FOLDER / f"{name}.solved.json").exists()]
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(done[0]))
         writer.writeheader()
@@ -157,4 +157,4 @@ def tell() -> None:
 
 
 if __name__ == "__main__":
-    run_step(__doc__, {"make": make, "solve": solve, "tell": tell})
+    run_step(__doc__, {"make": make, "solve": solve, "score": score})

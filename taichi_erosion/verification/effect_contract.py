@@ -1,4 +1,4 @@
-"""What every effect promises, checked on one effect at a time.
+"""The contract that every effect keeps, checked on one effect at a time.
 
 Each clause gives one sentence for every breach of it, and nothing for an effect that keeps it. The device
 must have been started.
@@ -20,7 +20,7 @@ from taichi_erosion.scene.schema.scene import Conditions
 
 LEAST_CHECKS = 3
 WRONG = 1.1  # factor by which a parameter is falsified
-SAID = {  # a laboratory that states every condition
+CONDITIONS = {  # a laboratory that states every condition
     "moisture": 0.02,
     "temperature": 300.0,
     "relative_humidity": 0.3,
@@ -32,8 +32,8 @@ SAID = {  # a laboratory that states every condition
     "friction_velocity": 0.35,
 }
 SCENES: tuple[dict[str, Any], ...] = (  # with and without wind
-    {"conditions": SAID},
-    {"conditions": SAID, "wind": {"length": 0.02, "width": 0.01, "height": 0.05}},
+    {"conditions": CONDITIONS},
+    {"conditions": CONDITIONS, "wind": {"length": 0.02, "width": 0.01, "height": 0.05}},
 )
 ENDS = ("low", "high")  # of the range of a parameter
 RESTING = TYPICAL["grain"] | {"velocity": (0.0, 0.0, 0.0), "spin": (0.0, 0.0, 0.0), "interval": 1.0}
@@ -68,7 +68,7 @@ def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "params is not a dataclass"
         return
     for f in fields(effect.params):
-        if not told(f):
+        if not is_declared(f):
             yield f"{f.name} is declared without unit or meaning; use quantity"
         elif not isfinite(f.metadata["low"]) or not isfinite(f.metadata["high"]):
             yield f"{f.name} has no range"
@@ -78,7 +78,7 @@ def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
         yield str(error)
 
 
-def told(f: Any) -> bool:
+def is_declared(f: Any) -> bool:
     """Whether a number is declared with unit and meaning."""
     return documented(f) and bool(f.metadata["meaning"]) and bool(f.metadata["unit"])
 
@@ -88,12 +88,9 @@ def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
     if effect.grain_state is None:
         return
     for f in fields(effect.grain_state):
-        if not told(f):
+        if not is_declared(f):
             yield f"grain_state.{f.name} is declared without unit or meaning; use quantity"
-    ends = [
-        replace(effect.params(), **{f.name: f.metadata[end]}) for f in fields(effect.params) for end in ENDS
-    ]
-    for params in (effect.params(), *ends):
+    for params in (effect.params(), *extreme_params(effect)):
         for state in reached_states(effect, probe, params, 1.0):
             if not np.all(np.isfinite(list(asdict(state).values()))):
                 yield f"with {params} a state variable is not finite"
@@ -112,17 +109,22 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
     for name in effect.reads:
         if name not in Conditions.model_fields:
             yield f"it reads '{name}', which is not among the conditions of a scene"
-    if not np.all(np.isin(effect.can_act({name: np.array([1.0]) for name in SAID}), (True, False))):
+    if not np.all(np.isin(effect.can_act({name: np.array([1.0]) for name in CONDITIONS}), (True, False))):
         yield "can_act does not give a mask"
 
 
 def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
-    """At both ends of every range what it does is finite; a scene may be refused with a clear line."""
-    for f in fields(effect.params):
-        for end in ENDS:
-            params = replace(effect.params(), **{f.name: f.metadata[end]})
-            if not np.all(np.isfinite(numbers(effect, probe, params, 1.0))):
-                yield f"{f.name} = {f.metadata[end]:g} gives a number that is not finite"
+    """All its numbers are finite at both ends of every range; a scene may be refused with a clear line."""
+    names = [f.name for f in fields(effect.params) for _ in ENDS]
+    for name, params in zip(names, extreme_params(effect), strict=True):
+        if not np.all(np.isfinite(effect_numbers(effect, probe, params, 1.0))):
+            yield f"{name} = {getattr(params, name):g} gives a number that is not finite"
+
+
+def extreme_params(effect: Effect) -> list[Any]:
+    """Default parameters with one of them at an end of its range, parameter by parameter."""
+    declared = [(f.name, f.metadata[end]) for f in fields(effect.params) for end in ENDS]
+    return [replace(effect.params(), **{name: value}) for name, value in declared]
 
 
 def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -130,12 +132,12 @@ def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
     params = effect.params()
     if effect.place == "scene":
         for scene in SCENES:
-            if effect.act(params, 0.0, SAID, sample_scene(**scene)) != sample_scene(**scene):
+            if effect.act(params, 0.0, CONDITIONS, sample_scene(**scene)) != sample_scene(**scene):
                 yield "it changes the scene at strength 0"
     elif effect.place == "instrument":
-        if any(effect.act(params, 0.0, SAID, name, 0.3) != 0.3 for name in READINGS):
+        if any(effect.act(params, 0.0, CONDITIONS, name, 0.3) != 0.3 for name in READINGS):
             yield "it changes a reading at strength 0"
-    elif np.any(numbers(effect, probe, params, 0.0) != 0.0):
+    elif np.any(effect_numbers(effect, probe, params, 0.0) != 0.0):
         yield "it acts at strength 0"
 
 
@@ -143,13 +145,13 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
     """A pair effect is silent beyond its reach, which is finite and not negative."""
     if effect.place != "pair" or effect.constants is None:
         return
-    reach = effect.reach(effect.constants(effect.params(), 1.0, SAID), TYPICAL["pair"]["radius_i"])
+    reach = effect.reach(effect.constants(effect.params(), 1.0, CONDITIONS), TYPICAL["pair"]["radius_i"])
     if not 0.0 <= reach < float("inf"):
         yield f"its reach is {reach}"
         return
     beyond = TYPICAL["pair"] | {"gap": 1.001 * reach + 1e-9, "stiffness": 0.0}
     for partner in ({}, {"radius_j": 0.0, "radius_effective": 1e-4, "mass_j": 0.0}):
-        if np.any(probe(effect.params(), SAID, **(beyond | partner)) != 0.0):
+        if np.any(probe(effect.params(), CONDITIONS, **(beyond | partner)) != 0.0):
             yield f"it still pulls beyond its reach of {reach:.4g} m"
 
 
@@ -163,19 +165,18 @@ def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:
             yield f"uncertain.{name} = {sd} is no standard deviation"
 
 
-def numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
+def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
     """All numbers that an effect gives in a typical situation."""
     if effect.place == "scene":
-        return np.array(
-            [number for scene in SCENES for number in scene_numbers(probe, params, strength, scene)]
-        )
+        found = [number for scene in SCENES for number in scene_numbers(probe, params, strength, scene)]
+        return np.array(found)
     if effect.place == "instrument":
-        return np.array([effect.act(params, strength, SAID, name, 0.3) for name in READINGS])
+        return np.array([effect.act(params, strength, CONDITIONS, name, 0.3) for name in READINGS])
     situation = TYPICAL[effect.place]
     if effect.grain_state is None:
-        return np.ravel(probe(params, SAID, strength=strength, **situation))
+        return np.ravel(probe(params, CONDITIONS, strength=strength, **situation))
     found = [
-        probe(params, SAID, strength=strength, state_i=state, **situation)
+        probe(params, CONDITIONS, strength=strength, state_i=state, **situation)
         for state in reached_states(effect, probe, params, strength)
     ]
     return np.concatenate([np.ravel(one) for one in found])
@@ -183,28 +184,28 @@ def numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
 
 def reached_states(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
     """States of a grain that has entered, after a long rest, and after a flight that follows it."""
-    found = [probe(params, SAID, strength=strength, state_before=None, **RESTING)]
+    found = [probe(params, CONDITIONS, strength=strength, state_before=None, **RESTING)]
     for situation in (RESTING, TYPICAL["grain"]):
-        found.append(probe(params, SAID, strength=strength, state_before=found[-1], **situation))
+        found.append(probe(params, CONDITIONS, strength=strength, state_before=found[-1], **situation))
     return found
 
 
 def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str, Any]) -> list[float]:
     """All numbers of a changed scene; none where the effect refuses the scene with a clear line."""
     try:
-        scene: Scene = probe(params, SAID, scene=sample_scene(**sections), strength=strength)
+        scene: Scene = probe(params, CONDITIONS, scene=sample_scene(**sections), strength=strength)
     except BadInput:
         return []
-    return list(leaves(resolved(scene)))
+    return list(numbers_in(resolved(scene)))
 
 
-def leaves(tree: Any) -> Iterator[float]:
+def numbers_in(tree: Any) -> Iterator[float]:
     """Numbers of nested tables and lists."""
     if isinstance(tree, dict):
         tree = list(tree.values())
     if isinstance(tree, list):
         for branch in tree:
-            yield from leaves(branch)
+            yield from numbers_in(branch)
     elif isinstance(tree, int | float):
         yield float(tree)
 
@@ -217,7 +218,7 @@ CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
     "it is finite at the ends of every range": is_finite_everywhere,
     "it does nothing at strength 0": vanishes_at_no_strength,
     "it is silent beyond its reach": has_a_sane_reach,
-    "what it leaves to calibration is its own": leaves_open_its_own,
+    "what it numbers_in to calibration is its own": leaves_open_its_own,
     "its state variables are declared and finite": grain_state_is_sound,
 }
 

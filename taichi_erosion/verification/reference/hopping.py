@@ -30,9 +30,7 @@ from taichi_erosion.core.setup import Floats
 
 KARMAN, SUBLAYER = 0.4, 7.0  # of the mixing length [1]
 LOSS, STEER = 0.87, 0.72  # A and B of the bounce [1]
-CENTRE = (
-    0.7  # of a diameter: height of the centre of a grain that lies on the bed, over where the wind begins
-)
+CENTRE = 0.7  # height of the centre of a grain on the bed over where the wind begins, over the diameter [1]
 GRAVITY = 9.81  # m s-2
 LANDINGS = 60  # that a grain must go on for
 STEADY = 1e-3  # change of the speed between landings below which it goes on for ever [1]
@@ -41,10 +39,10 @@ HIGHEST, ROWS = 0.3, 4000  # m, and heights of the profile
 LOWEST_HEIGHT = 1e-6  # m
 LONGEST = 4.0  # of a throw in vacuum: longer than any hop, over v_z / g [1]
 SLOWEST = 1e-9  # keeps the drag of no slip finite [m s-1]
-HALVINGS = 9
+BISECTIONS = 9
 SPAN = (0.02, 0.3)  # of sqrt((s - 1) g d), between which the threshold is looked for [1]
 
-Blow = Callable[[float], float]  # speed of a wind [m s-1] by the height over where it begins [m]
+WindProfile = Callable[[float], float]  # speed of a wind [m s-1] by the height over where it begins [m]
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,7 @@ class Sand:
         return sqrt((self.density / self.air - 1.0) * GRAVITY * self.diameter)
 
 
-def wind(friction: float, viscosity: float) -> Blow:
+def wind(friction: float, viscosity: float) -> WindProfile:
     """Wind over a flat bed [m s-1] as a function of the height [m].
 
     Near the bed u = u*^2 z / nu; there a length that grows from nought is (kappa u* / (3 nu))^2 z^3 / 7.
@@ -91,7 +89,7 @@ class Touchdown:
         return float(state[0]) - self.bed
 
 
-def hop(sand: Sand, blow: Blow, forward: float, upward: float) -> tuple[float, float, float]:
+def hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[float, float, float]:
     """Duration of one hop [s], forward and downward speed at its end [m s-1]."""
     bed = CENTRE * sand.diameter
     rate = 0.75 * sand.air / (sand.density * sand.diameter)
@@ -118,7 +116,7 @@ def bounce(forward: float, downward: float) -> tuple[float, float]:
     return (sqrt(max(after**2 - upward**2, 0.0)), min(upward, after))
 
 
-def next_hop(sand: Sand, blow: Blow, forward: float, upward: float) -> tuple[float, float, float]:
+def next_hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[float, float, float]:
     """Duration of one hop [s], forward and upward speed after the bounce at its end [m s-1]."""
     duration, ahead, down = hop(sand, blow, forward, upward)
     return (duration, *bounce(ahead, down))
@@ -135,7 +133,7 @@ def least_rise(sand: Sand) -> float:
     return sqrt(2.0 * GRAVITY * sand.diameter)
 
 
-def goes_on(sand: Sand, blow: Blow) -> bool:
+def goes_on(sand: Sand, blow: WindProfile) -> bool:
     """Whether a grain that was thrown hard still hops after many landings."""
     forward, upward = launch(sand)
     for _ in range(LANDINGS):
@@ -167,14 +165,14 @@ def time_to_rest(sand: Sand, before: float, after: float) -> float:
     return inf
 
 
-def hopping_threshold(sand: Sand, over: Callable[[float], Blow] | None = None) -> float:
+def hopping_threshold(sand: Sand, over: Callable[[float], WindProfile] | None = None) -> float:
     """Lowest friction velocity in which a grain goes on [m s-1], to 0.3 %.
 
     `over` gives the wind of a friction velocity [m s-1]; that over a flat bed where there is none.
     """
     over = over or partial(wind, viscosity=sand.viscosity)
     low, high = (share * sand.scale for share in SPAN)
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         middle = sqrt(low * high)
         low, high = (low, middle) if goes_on(sand, over(middle)) else (middle, high)
     return high

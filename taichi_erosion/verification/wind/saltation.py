@@ -52,20 +52,20 @@ from taichi_erosion.scene import Scene, parse_scene
 from taichi_erosion.simulation import Simulation, snapshot
 from taichi_erosion.simulation.wind_driver import air_profile, spin_up_wind
 from taichi_erosion.verification.claim import Outcome, below, holds, relative
-from taichi_erosion.verification.reference.hopping import CENTRE, KARMAN, Blow, Sand, hopping_threshold
+from taichi_erosion.verification.reference.hopping import CENTRE, KARMAN, Sand, WindProfile, hopping_threshold
 from taichi_erosion.verification.small_scenes import run_to_end
 
 DROPS = 2000  # places on a bed where a grain is laid down
 SEED = 1
 
 
-def winds_over_beds(scenes: Sequence[Scene], sands: Sequence[Sand]) -> list[Callable[[float], Blow]]:
+def winds_over_beds(scenes: Sequence[Scene], sands: Sequence[Sand]) -> list[Callable[[float], WindProfile]]:
     """The wind of a friction velocity [m s-1] over the bed that each scene comes to."""
     sim = run_to_end(scenes, SEED).sim
     return [bed_wind(sim, k, sand.diameter) for k, sand in enumerate(sands)]
 
 
-def roughness(blow: Blow, friction: float, height: float) -> float:
+def roughness(blow: WindProfile, friction: float, height: float) -> float:
     """Roughness length z0 [m] of u = (u* / kappa) ln(z / z0), as seen from a height [m] far above the bed."""
     return height * exp(-KARMAN * blow(height) / friction)
 
@@ -83,7 +83,7 @@ def landing_heights(bed: Snapshot, extent: Floats, diameter: float) -> Floats:
     return np.where(reach > 0.0, touching, 0.5 * diameter).max(axis=1)
 
 
-def bed_wind(sim: Simulation, replica: int, diameter: float) -> Callable[[float], Blow]:
+def bed_wind(sim: Simulation, replica: int, diameter: float) -> Callable[[float], WindProfile]:
     """The steady wind of a friction velocity over a bed at rest, by the height over where it begins.
 
     It begins `CENTRE` diameters below where centres of grains land in the mean, as over a flat bed; above
@@ -92,7 +92,7 @@ def bed_wind(sim: Simulation, replica: int, diameter: float) -> Callable[[float]
     extent = np.array(sim.setups[replica].period[:2])
     landing = float(landing_heights(snapshot(sim, replica), extent, diameter).mean())
 
-    def over(friction: float) -> Blow:
+    def over(friction: float) -> WindProfile:
         spin_up_wind(sim, replica, friction)
         profile = air_profile(sim, replica)
         height = 0.5 * (profile.face[1:] + profile.face[:-1]) - landing + CENTRE * diameter
