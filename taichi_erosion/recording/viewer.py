@@ -99,11 +99,13 @@ def web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
         page, sink = free_port(), free_port()
         shown = [whole.resolve()] if whole else []
         with viewer_process(sink, "--serve-web", "--web-viewer-port", str(page), *shown):
-            wait_until(lambda: answers(page) and answers(sink), START_LIMIT, "the web viewer did not start")
+            wait_until(
+                lambda: is_listening(page) and is_listening(sink), START_LIMIT, "the web viewer did not start"
+            )
             yield WebViewer(page, sink)
 
 
-def answers(port: int) -> bool:
+def is_listening(port: int) -> bool:
     """Whether a process listens on a port of the loopback interface."""
     with socket.socket() as probe:
         return probe.connect_ex((LOOPBACK, port)) == 0

@@ -155,6 +155,7 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
         cell_steps=len(run.seeds) * cells * run.steps,
         pressure_iterations_per_step=run.iterations / max(run.steps, 1),
         wall_s=seconds,
+        recording=None,
         numerics={"threads": threads, "precision": "f64", "time_step": run.step_length},
         resolved=resolved(scene),
     )

@@ -49,14 +49,13 @@ class ReplicaRequest:
 
 
 @dataclass(frozen=True)
-class PreparedReplicas:
-    """Replicas that can start, with the indices of their requests."""
+class PreparedReplica:
+    """A replica that can start."""
 
-    library: dict[str, Effect]  # empty where no scene names an effect
-    indices: list[int] = field(default_factory=list)
-    requests: list[ReplicaRequest] = field(default_factory=list)
-    setups: list[Setup] = field(default_factory=list)
-    scenes: list[Scene] = field(default_factory=list)  # after the effects that change them
+    index: int  # of its request
+    request: ReplicaRequest
+    setup: Setup
+    scene: Scene  # after the effects that change it
 
 
 def run_replicas(
@@ -86,39 +85,43 @@ def run_replicas_after(
 
     The device keeps running: after the last ensemble the caller stops it.
     """
-    prepared = prepare_replicas(requests, on_result)
-    if not prepared.requests:
+    library = load_library() if any(request.scene.effects for request in requests) else {}
+    prepared = prepare_replicas(requests, library, on_result)
+    if not prepared:
         return previous
     try:
-        sim = reuse_or_assemble(previous, prepared.setups, laws(prepared.scenes[0]), numerics)
+        setups = [replica.setup for replica in prepared]
+        sim = reuse_or_assemble(previous, setups, laws(prepared[0].scene), numerics)
     except BadInput as error:
-        if len(prepared.requests) == 1:
-            on_result(prepared.indices[0], refusal_record(prepared.requests[0], str(error)))
+        if len(prepared) == 1:
+            on_result(prepared[0].index, refusal_record(prepared[0].request, str(error)))
             return None
-        for index, request in zip(prepared.indices, prepared.requests, strict=True):
-            run_replicas([request], numerics, lambda _, record, i=index: on_result(i, record), progress)
+        for replica in prepared:
+            run_replicas(
+                [replica.request], numerics, lambda _, record, i=replica.index: on_result(i, record), progress
+            )
         return None
-    states = [ReplicaState(request.seed) for request in prepared.requests]
-    ensemble = EnsembleRun(prepared.scenes, sim, states)
-    reporter = ResultReporter(prepared, on_result, recorders_of(prepared, ensemble))
+    states = [ReplicaState(replica.request.seed) for replica in prepared]
+    ensemble = EnsembleRun([replica.scene for replica in prepared], sim, states)
+    reporter = ResultReporter(prepared, library, on_result, recorders_of(prepared, ensemble))
     recording = [partial(record_while_disk_has_room, recorder) for recorder in reporter.recorders.values()]
     run_ensemble(ensemble, [*recording, *([ProgressReporter(progress)] if progress else []), reporter])
     return sim
 
 
-def prepare_replicas(requests: Sequence[ReplicaRequest], on_result: OnResult) -> PreparedReplicas:
+def prepare_replicas(
+    requests: Sequence[ReplicaRequest], library: dict[str, Effect], on_result: OnResult
+) -> list[PreparedReplica]:
     """Build the set-up of every replica; one that cannot be built is reported as failed."""
-    prepared = PreparedReplicas(load_library() if any(r.scene.effects for r in requests) else {})
+    prepared = []
     for index, request in enumerate(requests):
         try:
-            setup = prepare(request.scene, request.seed, prepared.library)
+            setup = prepare(request.scene, request.seed, library)
         except BadInput as error:
             on_result(index, refusal_record(request, str(error)))
             continue
-        prepared.indices.append(index)
-        prepared.requests.append(request)
-        prepared.setups.append(setup)
-        prepared.scenes.append(effective_scene(request.scene, prepared.library))
+        scene = effective_scene(request.scene, library)
+        prepared.append(PreparedReplica(index, request, setup, scene))
     return prepared
 
 
@@ -129,10 +132,10 @@ def refusal_record(request: ReplicaRequest, reason: str) -> dict[str, Any]:
     return empty | cost | {"hash": scene_hash(request.scene), "failure": reason}
 
 
-def recorders_of(prepared: PreparedReplicas, ensemble: EnsembleRun) -> dict[int, Recorder]:
+def recorders_of(prepared: list[PreparedReplica], ensemble: EnsembleRun) -> dict[int, Recorder]:
     """Recorders by replica; a recording that cannot be opened becomes a warning."""
     recorders = {}
-    for replica, request in enumerate(prepared.requests):
+    for replica, request in enumerate(ready.request for ready in prepared):
         if request.record is None:
             continue
         text = json.dumps(resolved(request.scene), indent=1)  # a run of a campaign has no scene file
@@ -149,7 +152,8 @@ def recorders_of(prepared: PreparedReplicas, ensemble: EnsembleRun) -> dict[int,
 class ResultReporter:
     """Callback that reports the record of every replica once, at the check at which it ends."""
 
-    prepared: PreparedReplicas
+    prepared: list[PreparedReplica]
+    library: dict[str, Effect]  # empty where no scene names an effect
     on_result: OnResult
     recorders: dict[int, Recorder]
     wall_start: float = field(default_factory=time.perf_counter)  # s
@@ -160,19 +164,19 @@ class ResultReporter:
         for replica, state in enumerate(ensemble.states):
             if not state.active and replica not in self.reported:
                 self.reported.add(replica)
-                self.on_result(self.prepared.indices[replica], self.record(ensemble, replica))
+                self.on_result(self.prepared[replica].index, self.record(ensemble, replica))
 
     def record(self, ensemble: EnsembleRun, replica: int) -> dict[str, Any]:
         """Record of one replica, its recording finished."""
-        request, state = self.prepared.requests[replica], ensemble.states[replica]
-        state.measurements = apply_instruments(state.measurements, request.scene, self.prepared.library)
+        request, state = self.prepared[replica].request, ensemble.states[replica]
+        state.measurements = apply_instruments(state.measurements, request.scene, self.library)
         record = replica_record(ensemble, replica)
         recorder, hashed = self.recorders.get(replica), scene_hash(request.scene)
         if recorder is not None:
             properties = {"scene": {"hash": hashed}} | dict(request.properties or {})
             record |= finish_recording_or_warn(recorder, ensemble, record, properties)
         failure = record["warnings"][-1] if record["stopped"] is not None else None
-        count = len(self.prepared.requests)
+        count = len(self.prepared)
         wall, cpu = time.perf_counter() - self.wall_start, time.process_time() - self.cpu_start
         cost = {"wall_s": wall / count, "cpu_s": cpu / count, "versions": versions()}
         return record | cost | {"hash": hashed, "failure": failure}

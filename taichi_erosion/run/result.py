@@ -91,7 +91,6 @@ def run_document(
         "replicas": replicas,
         "measures": {name: as_record(measurement) for name, measurement in pooled.items()},
         "measured": {name: m.model_dump() for name, m in scene.measured.items()},
-        "recording": None,
         **entries,
         "versions": versions(),
     }

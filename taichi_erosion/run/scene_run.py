@@ -203,6 +203,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         hash=scene_hash(scene),
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
+        recording=None,
         numerics={
             "arch": numerics.arch,
             "threads": ensemble.sim.workers,

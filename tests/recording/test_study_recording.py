@@ -77,4 +77,4 @@ def test_the_page_for_browsers_is_served_to_this_machine_alone(tmp_path: Path) -
         assert {address.port for address in listening if address.port in ports} == ports
         assert {address.ip for address in listening if address.port in ports} == {"127.0.0.1"}
         assert f"http://127.0.0.1:{served.page}/" in served.instructions
-    assert not viewer.answers(served.page)
+    assert not viewer.is_listening(served.page)
