@@ -54,7 +54,7 @@ def test_no_text_is_run_as_code_and_no_stranger_is_unpickled() -> None:
 
 def test_whatever_the_viewer_serves_is_bound_to_this_machine() -> None:
     text = (PACKAGE / "recording" / "viewer.py").read_text(encoding="utf-8")
-    commands = re.findall(r"\[viewer_binary\(\),[^\]]*\]", text)
+    commands = re.findall(r"\[binary,[^\]]*\]", text)
     assert commands
     assert all('"--bind", LOOPBACK' in command for command in commands)
     assert 'LOOPBACK = "127.0.0.1"' in text
