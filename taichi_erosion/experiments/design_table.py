@@ -218,10 +218,9 @@ def column_numbers(
     if heading not in columns:
         raise BadInput(f"{file}: column '{heading}' is missing")
     values = np.array([as_number(text) for text in columns[heading]])
-    for row in np.flatnonzero(~np.isfinite(values)):
-        text = columns[heading][row]
-        if text or not gaps:
-            raise BadInput(f"{file}: row {row + 1}, {heading} = '{text}' must be a number")
+    for row, (text, value) in enumerate(zip(columns[heading], values, strict=True), start=1):
+        if not isfinite(value) and (text or not gaps):
+            raise BadInput(f"{file}: row {row}, {heading} = '{text}' must be a number")
     return values
 
 
