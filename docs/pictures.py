@@ -1,10 +1,11 @@
-"""Draws the pictures of the pages from the program's own commands: `python docs/pictures.py [NAME]...`.
+"""Draws the pictures of the pages by commands of the program: `python docs/pictures.py [NAME]...`.
 
-sample   a moment of recordings/sample.rrd in the viewer
-heap     its heap from the side, for the page on photographs
-live     a session in a terminal
-study    doe/first_calibration.toml in the viewer, once it has been calibrated
-funnel   scenes/funnel_repose.toml while it pours, in the viewer
+sample   one moment of recordings/sample.rrd in the viewer
+heap     its heap from the side, for docs/photograph.md
+live     a live session in a terminal
+study    the results of doe/funnel_soil.toml in the viewer
+first    the results of doe/first_calibration.toml in the viewer, after its calibration
+funnel   scenes/funnel_repose.toml during pouring, in the viewer
 """
 
 import io
@@ -31,17 +32,17 @@ SAMPLE = DOCS.parent / "recordings" / "sample.rrd"
 STUDY = DOCS.parent / "doe" / "funnel_soil.toml"
 FIRST = DOCS.parent / "doe" / "first_calibration.toml"
 FUNNEL = DOCS.parent / "scenes" / "funnel_repose.toml"
-MOMENT = 1.0  # s, of the sample: grains run out below the tube
+MOMENT = 1.0  # s, of the sample: grains flow out below the tube
 POURING = 0.4  # s
 MARGIN = 0.004  # m beside the heap
-PAPER = 240  # grey of the wall behind the heap [1]
+PAPER = 240  # grey level of the background
 DARK = 0.55  # brightness of soil over that of dry sand [1]
 HEAP_SIZE = (900, 360)  # px
-FONT_FROM_AFAR = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)  # the picture asks no server for anything
+FONT_FROM_AFAR = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)  # the picture needs no server
 WIDTH = 88  # characters
 SCENE = "scenes/column_collapse.toml"
 CHANGES = ["grains.count=400", "geometry.tube.radius_d=5.0", "fill.radius_d=4.3"]
-ORDERS = (
+COMMANDS = (
     "run until rest",
     "stage",
     "run 0.03s",
@@ -55,12 +56,12 @@ ORDERS = (
 
 
 def draw_sample() -> None:
-    """A moment in the viewer."""
+    """One moment of the sample recording in the viewer."""
     command(["snapshot", str(SAMPLE), "--time", str(MOMENT), "-o", str(PICTURES / "sample.png")])
 
 
 def draw_heap() -> None:
-    """The last frame from the side, without lettering: what a photograph would show."""
+    """Side view of the last frame, without lettering, in the form of a photograph."""
     heap = read_grains(SAMPLE)[-1]
     position, radius = heap.position.astype(np.float64), heap.radius.astype(np.float64)
     reach = float(np.abs(position[:, 0]).max()) + MARGIN
@@ -72,35 +73,35 @@ def draw_heap() -> None:
 
 
 def draw_study() -> None:
-    """A study that keeps figures and tables, in the viewer."""
+    """Results of a study in the viewer."""
     command(["snapshot", str(STUDY), "-o", str(PICTURES / "study.png")])
 
 
 def draw_first() -> None:
-    """A study that keeps recordings of its last step, in the viewer."""
+    """Results of a study with recordings of its last step, in the viewer."""
     command(["snapshot", str(FIRST), "-o", str(PICTURES / "first_calibration.png")])
 
 
 def draw_funnel() -> None:
-    """The funnel test while soil runs."""
+    """The funnel test during pouring."""
     record = DOCS.parent / "recordings" / "funnel_repose.rrd"
     command(["run", str(FUNNEL), "--replicas", "1", "--record", str(record)])
     command(["snapshot", str(record), "--time", str(POURING), "-o", str(PICTURES / "funnel_repose.png")])
 
 
 def draw_live() -> None:
-    """A session as a terminal shows it."""
-    said = "".join(session())
+    """A live session as SVG of a terminal."""
+    shown = "".join(terminal_output())
     console = Console(
         record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
     )
-    console.print(Text(f"$ ./erosion live {SCENE}\n") + Text.from_ansi(said))
+    console.print(Text(f"$ ./erosion live {SCENE}\n") + Text.from_ansi(shown))
     page = FONT_FROM_AFAR.sub("", console.export_svg(title="./erosion live", unique_id="live"))
     (PICTURES / "live.svg").write_text(page, encoding="utf-8")
 
 
-def session() -> Iterator[str]:
-    """What a session on a terminal prints, typed orders included."""
+def terminal_output() -> Iterator[str]:
+    """Output of a session on a terminal, with the typed commands."""
     master, slave = pty.openpty()
     changes = [word for change in CHANGES for word in ("--set", change)]
     words = [sys.executable, "-m", "taichi_erosion", "live", SCENE, *changes]
@@ -110,26 +111,26 @@ def session() -> Iterator[str]:
         words, stdin=slave, stdout=slave, stderr=subprocess.DEVNULL, cwd=DOCS.parent, env=environment
     )
     os.close(slave)
-    for order in ORDERS:
+    for line in COMMANDS:
         yield until_prompt(master)
-        os.write(master, f"{order}\n".encode())
+        os.write(master, f"{line}\n".encode())
     yield until_prompt(master)
     child.wait()
     os.close(master)
 
 
 def until_prompt(terminal: int) -> str:
-    """What is printed until the next prompt, or until the end."""
-    said = b""
-    while not said.endswith(PROMPT.encode()):
+    """Output up to the next prompt, or up to the end."""
+    read = b""
+    while not read.endswith(PROMPT.encode()):
         try:
             part = os.read(terminal, 1 << 16)
         except OSError:  # the session has ended
             break
         if not part:
             break
-        said += part
-    return said.decode().replace("\r\n", "\n")
+        read += part
+    return read.decode().replace("\r\n", "\n")
 
 
 DRAWN = {

@@ -1,6 +1,6 @@
-"""Fills the tutorial and the thresholds with what their commands print: `python docs/tutorial.py`.
+"""Inserts the output of commands into docs/discover.md and docs/threshold.md: `python docs/tutorial.py`.
 
-A block behind the mark `<!-- output: N -->` shows the first N lines of the command above it.
+A block after the mark `<!-- output: N -->` shows the first N lines of output of the command above it.
 """
 
 import io
@@ -11,46 +11,46 @@ import tempfile
 from contextlib import chdir, redirect_stdout
 from pathlib import Path
 
-from taichi_erosion.cli.main import main as command
+from taichi_erosion.cli.main import main as run_command
 
 DOCS = Path(__file__).resolve().parent
 PAGES = (DOCS / "discover.md", DOCS / "threshold.md")
-READ = (
+INPUTS = (
     "measured/*.csv",
     "impact_threshold*.toml",
     "hao2022*_reduced.toml",
     "wind/answers.py",
     "wind/saturated.csv",
 )
-ORDER = r"```sh\n\./erosion (?P<words>[^\n]+)\n```\n\n<!-- output: (?P<lines>\d+) -->\n```text\n"
-STEP = re.compile(rf"(?P<order>{ORDER}).*?```", re.DOTALL)
+COMMAND = r"```sh\n\./erosion (?P<words>[^\n]+)\n```\n\n<!-- output: (?P<lines>\d+) -->\n```text\n"
+STEP = re.compile(rf"(?P<command>{COMMAND}).*?```", re.DOTALL)
 
 
 def printed(words: str) -> list[str]:
-    """Lines that a command prints."""
+    """Output lines of a command."""
     page = io.StringIO()
     with redirect_stdout(page):
-        code = command(words.split())
+        code = run_command(words.split())
     if code != 0:
         raise SystemExit(f"{words}: exit code {code}")
     return page.getvalue().splitlines()
 
 
-def filled(step: re.Match[str]) -> str:
-    """One step of the tutorial with its output."""
+def with_output(step: re.Match[str]) -> str:
+    """One command with its output."""
     shown = printed(step["words"])[: int(step["lines"])]
-    return step["order"] + "\n".join(shown) + "\n```"
+    return step["command"] + "\n".join(shown) + "\n```"
 
 
 def fill(page: str) -> str:
-    """The page with every output made afresh, in a copy of doe/ so that no results are left behind."""
+    """Page with new output of every command, run in a temporary copy of doe/."""
     with tempfile.TemporaryDirectory() as folder:
-        for file in (file for pattern in READ for file in (DOCS.parent / "doe").glob(pattern)):
+        for file in (file for pattern in INPUTS for file in (DOCS.parent / "doe").glob(pattern)):
             place = Path(folder) / file.relative_to(DOCS.parent)
             place.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(file, place)
         with chdir(folder):
-            return STEP.sub(filled, page)
+            return STEP.sub(with_output, page)
 
 
 if __name__ == "__main__":

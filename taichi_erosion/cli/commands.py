@@ -18,7 +18,7 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
 from taichi_erosion.cli.output import AsJson
-from taichi_erosion.cli.progress import LOG, open_log, reporting
+from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.core.errors import BadInput, ExitCode
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def run(
     options |= {"overrides": overrides, "effect_files": effects}
     document = simulate(scene, no_record=no_record, **options)
     output.log_run(document)
-    (output.print_json if as_json else output.print_run)(document)
+    output.print_result(document, as_json, output.print_run)
     if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(ExitCode.STOPPED)
 
@@ -140,10 +140,7 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
     from taichi_erosion.run import check_scene
 
     document = check_scene(scene, overrides, effects)
-    if as_json:
-        output.print_json(document)
-    else:
-        typer.echo(f"{scene}: valid, hash {document['hash']}")
+    output.print_result(document, as_json, lambda found: typer.echo(f"{scene}: valid, hash {found['hash']}"))
 
 
 def check_options(record: Path | None, no_record: bool, checkpoint: Path | None, every: float | None) -> None:
@@ -157,15 +154,11 @@ def check_options(record: Path | None, no_record: bool, checkpoint: Path | None,
 
 
 def simulate(scene: Path, **options: Any) -> dict[str, Any]:
-    """Run a scene with a progress report; Ctrl-C ends the program with a line on what was saved."""
+    """Run a scene with a progress report."""
     from taichi_erosion.run import RunOptions, run_scene
 
-    try:
-        with reporting("simulating") as progress:
-            return run_scene(scene, RunOptions(**options, progress=progress))
-    except KeyboardInterrupt as interrupt:
-        typer.echo(f"interrupted; {interrupt}" if str(interrupt) else "interrupted", err=True)
-        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    with interruptible("simulating") as progress:
+        return run_scene(scene, RunOptions(**options, progress=progress))
 
 
 @app.command(**help_of("live"))
@@ -284,7 +277,7 @@ def repose(
 
     options = given(crop=None if crop is None else rectangle(crop), background=background)
     record = measure_photograph(image, **options)
-    (output.print_json if as_json else output.print_measurement)(record)
+    output.print_result(record, as_json, output.print_measurement)
 
 
 def rectangle(text: str) -> tuple[int, int, int, int]:
@@ -311,10 +304,7 @@ def verify(
     from taichi_erosion.verification.claims import verify as verify_claims
 
     claims = [asdict(claim) for claim in verify_claims(tuple(ids or ()), on_claim=print_claim)]
-    if as_json:
-        output.print_json({"claims": claims})
-    else:
-        output.print_claims(claims)
+    output.print_result({"claims": claims}, as_json, output.print_claims)
     if not all(claim["passed"] for claim in claims):
         raise typer.Exit(ExitCode.FAILURE)
 
@@ -331,10 +321,7 @@ def bench(as_json: AsJson = False) -> None:
 
     with reporting("timing") as progress:
         document = run_benchmarks(progress=progress)
-    if as_json:
-        output.print_json(document)
-    else:
-        output.print_cases(document["cases"])
+    output.print_result(document, as_json, output.print_cases)
 
 
 @app.command(**help_of("schema"))

@@ -12,8 +12,7 @@ import typer
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import AsJson
-from taichi_erosion.cli.progress import reporting
-from taichi_erosion.core.errors import ExitCode
+from taichi_erosion.cli.progress import KEPT, interruptible
 
 if TYPE_CHECKING:
     from taichi_erosion.campaign.calibration import Calibration, Step
@@ -60,7 +59,7 @@ def audit(
     from taichi_erosion.experiments.audit.examine import audit as examine
 
     document = as_document(examine(table, response, claims))
-    (output.print_json if as_json else print_audit)(document)
+    output.print_result(document, as_json, print_audit)
 
 
 def print_audit(document: Record) -> None:
@@ -123,12 +122,8 @@ def run_steps(
     """Run a calibration up to a step and print the result of that step."""
     from taichi_erosion.campaign.calibration import calibrate
 
-    try:
-        with reporting("calibrating") as progress:
-            found = calibrate(study, until, workers, scheduler, progress)
-    except KeyboardInterrupt:
-        typer.echo("interrupted; finished runs are kept, the same command continues", err=True)
-        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    with interruptible("calibrating", KEPT) as progress:
+        found = calibrate(study, until, workers, scheduler, progress)
     if as_json:
         output.print_json(found.document)
     else:

@@ -12,8 +12,7 @@ import typer
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, Record, print_table
-from taichi_erosion.cli.progress import reporting
-from taichi_erosion.core.errors import ExitCode
+from taichi_erosion.cli.progress import KEPT, interruptible
 from taichi_erosion.evidence.inference.levels import fails
 
 Progress = Callable[[str, float], None]  # (text, share done [1])
@@ -76,10 +75,7 @@ def report(source: ReportSource, to: PageFile = None, as_json: AsJson = False) -
     from taichi_erosion.report import write_report
 
     page = str(write_report(source, to))
-    if as_json:
-        output.print_json({"report": page})
-    else:
-        typer.echo(page)
+    output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
 
 
 def answer(
@@ -88,12 +84,8 @@ def answer(
     """Run a command with progress on stderr and print its result; finished runs survive Ctrl-C."""
     from taichi_erosion.evidence.answers.documents import without_rows
 
-    try:
-        with reporting(title) as progress:
-            document = ask(lambda text, share: progress(share, text))
-    except KeyboardInterrupt:
-        typer.echo("interrupted; finished runs are kept, the same command continues from them", err=True)
-        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    with interruptible(title, KEPT) as progress:
+        document = ask(lambda text, share: progress(share, text))
     if as_json:
         output.print_json(without_rows(document))
     else:

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import floor, isfinite, log10
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,6 +25,11 @@ def print_json(document: Record) -> None:
     from taichi_erosion.measures.result import without_nan
 
     typer.echo(json.dumps(without_nan(document), default=json_value, allow_nan=False))
+
+
+def print_result(document: Record, as_json: bool, print_text: Callable[[Any], None]) -> None:
+    """Print a document as JSON, or as text by a function."""
+    (print_json if as_json else print_text)(document)
 
 
 def json_value(value: Any) -> Any:
@@ -88,8 +93,9 @@ def print_measurement(record: Record) -> None:
         typer.echo(f"note: {note}")
 
 
-def print_claims(claims: Sequence[Record]) -> None:
+def print_claims(document: Record) -> None:
     """Print the verification table."""
+    claims = document["claims"]
     keys = ("id", "claim", "got", "want", "tolerance", "precision")
     rows = (
         (
@@ -108,8 +114,9 @@ def verdict(claim: Record) -> str:
     return "ok" if claim["passed"] else "FAILED"
 
 
-def print_cases(cases: Sequence[Record]) -> None:
+def print_cases(document: Record) -> None:
     """Print measured speeds: one row per case, one column per key."""
+    cases = document["cases"]
     keys = tuple(dict.fromkeys(key for case in cases for key in case))
     print_table("speed", keys, ([cell(case.get(key)) for key in keys] for case in cases))
 

@@ -7,10 +7,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic
 
+import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, ExitCode
 
 LOG = logging.getLogger("taichi_erosion")
 LAYOUT = "%(asctime)s %(levelname)s %(message)s"
@@ -51,6 +52,8 @@ ESTIMATE_AFTER = 5.0  # s before the remaining time is estimated
 ESTIMATE_FROM = 0.02  # share done from which it is [1]
 MINUTE = 60.0  # s
 
+KEPT = "finished runs are kept, the same command continues"  # after Ctrl-C
+
 Report = Callable[[float, str], None]  # (share done [1], short text)
 
 
@@ -73,6 +76,18 @@ def reporting(title: str) -> Iterator[Report]:
             log(share, words)
 
         yield report
+
+
+@contextmanager
+def interruptible(title: str, kept: str = "") -> Iterator[Report]:
+    """Context of `reporting` in which Ctrl-C ends the program with a line on what is kept."""
+    try:
+        with reporting(title) as report:
+            yield report
+    except KeyboardInterrupt as interrupt:
+        text = str(interrupt) or kept
+        typer.echo(f"interrupted; {text}" if text else "interrupted", err=True)
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
 
 
 def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
