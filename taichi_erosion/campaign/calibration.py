@@ -12,8 +12,9 @@ import numpy as np
 from taichi_erosion.campaign import calibration_steps as calculate
 from taichi_erosion.campaign.calibration_steps import Climb, Confirmed, ResponseSurface, Screening
 from taichi_erosion.campaign.design_runs import DesignRun, DesignRunner
-from taichi_erosion.campaign.execute import SIMULATE, Report
+from taichi_erosion.campaign.execute import SIMULATE
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
+from taichi_erosion.campaign.request import Report
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.campaign.execute import SIMULATE, Report, execute
+from taichi_erosion.campaign.execute import SIMULATE, execute
 from taichi_erosion.campaign.ledger import Ledger
-from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
+from taichi_erosion.campaign.request import Report, RunRequest, RunResult, scene_request
 from taichi_erosion.campaign.study_file import CalibrationStudy
 from taichi_erosion.experiments.design_table import Design
 

@@ -11,7 +11,7 @@ Reference: Polychronopoulos & Kuck (1987), IEEE Trans. Comput. C-36, 1425.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,7 +21,7 @@ import numpy as np
 from taichi_erosion.campaign import ledger as ledgers
 from taichi_erosion.campaign.ledger import Ledger, unfinished
 from taichi_erosion.campaign.pool import Batch, Event, Payloads, Pool, named_work, start_pool
-from taichi_erosion.campaign.request import WORTH_A_START, RunRequest, RunResult
+from taichi_erosion.campaign.request import WORTH_A_START, Report, RunRequest, RunResult
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
 
@@ -33,8 +33,6 @@ POLL = 0.2  # s that a poll of the workers takes at most
 CONNECT = 20.0  # s until a scheduler that does not answer is an error
 QUEUE = 2  # batches in flight per Dask worker: one runs, one waits beside it
 GAIN_LEAST = 0.02  # share of the work done before the time left is worth printing [1]
-
-Report = Callable[[float, str], None]  # (share done [1], words)
 
 
 def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: int) -> list[RunRequest]:

@@ -4,7 +4,7 @@ A request is addressed by its content: the scene (with all that can change its r
 version of this package make its key, and a key is never run twice in one ledger.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import nan
@@ -16,6 +16,8 @@ from taichi_erosion.campaign.pool import Payloads, RunFunction, SendRecord, Send
 from taichi_erosion.run.checks import compatibility_key, read_scene
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.build.limits import time_step
+
+Report = Callable[[float, str], None]  # (share done [1], sentence)
 
 WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble: about four seconds of one core
 THREADS = 1  # of a batch: it is one of several that run beside each other

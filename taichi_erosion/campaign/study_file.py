@@ -106,7 +106,7 @@ class ParameterEntry(Section):
 
 
 class CandidateEntry(Section):
-    """An effect that may be missing; what is left out, the library says."""
+    """An effect that may be missing; entries left out are those of the library."""
 
     prior_scale: float | None = number(None, "1", "half-normal scale of its strength", 1e-6, 1e6)
     max: float | None = number(None, "1", "largest strength that is physical", 1e-6, 1e6)
@@ -116,7 +116,7 @@ class Candidates(Section):
     """Effects to try."""
 
     effects: tuple[Name, ...] = Field(default=(), description="'all', or a list of names")
-    tables: dict[Name, CandidateEntry] = Field(default={}, description="what is said about single effects")
+    tables: dict[Name, CandidateEntry] = Field(default={}, description="priors of single effects")
 
 
 class AdoptedEntry(Section):
@@ -172,7 +172,9 @@ class DesignSizes(Section):
     surface_half: float = number(0.5, "1", "half range of the surface, in that of the screening", 1e-3, 10.0)
     surface_centre: int = number(5, "1", "centre points of the surface", 1, 100)
     confirm: int = number(5, "1", "fresh seeds at the optimum", 2, 10_000)
-    record: Literal["none", "confirm", "all"] = Field("none", description="runs whose recordings are kept")
+    record: Literal["none", "confirm", "all"] = Field(
+        default="none", description="runs whose recordings are kept"
+    )
 
 
 class WorkersEntry(Section):

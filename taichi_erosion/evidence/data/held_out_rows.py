@@ -27,7 +27,7 @@ Unit = tuple[str, ...]  # what identifies a unit of hold-out
 def split(
     measurements: Measurements, fraction: float, ranges: Mapping[str, Sequence[float]]
 ) -> tuple[Integers, str]:
-    """Rows of the vault, and one sentence that says how they were chosen."""
+    """Rows of the vault, and a sentence about their choice."""
     inside = in_ranges(measurements, ranges)
     by_group = enough_groups(measurements, ~inside)
     units = [unit_of(measurements, i, by_group) for i in range(measurements.size)]

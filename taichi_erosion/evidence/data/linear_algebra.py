@@ -87,7 +87,7 @@ class Working:
 def working(residual: Floats, censored: Bools) -> Working:
     """Working residuals of one whitened residual, or of columns of them.
 
-    A censored row says that the value lies below its limit: with u = (limit - m) / s its deviance is
+    A censored value lies below its limit: with u = (limit - m) / s its deviance is
     -2 ln Phi(u); l = phi(u) / Phi(u) is its score and w = l (l + u) its curvature.
 
     Reference: Tobin (1958), Econometrica 26, 24.

@@ -109,29 +109,29 @@ def tokens(plain: str, text: str) -> list[tuple[str, int]]:
     return found
 
 
-def product(words: Sequence[tuple[str, int]], text: str) -> tuple[Unit, Sequence[tuple[str, int]]]:
+def product(factors: Sequence[tuple[str, int]], text: str) -> tuple[Unit, Sequence[tuple[str, int]]]:
     """Unit of a product up to its end or to a closing parenthesis, and what is left."""
     unit, divided, empty = PURE, False, True
-    while words and words[0][0] != ")":
-        dividing = words[0][0] == "/"
+    while factors and factors[0][0] != ")":
+        dividing = factors[0][0] == "/"
         if divided and not dividing:
             raise UnknownUnit(text)
         divided = divided or dividing
-        part, words = factor(words[1:] if dividing else words, text)
+        part, factors = factor(factors[1:] if dividing else factors, text)
         unit, empty = unit.times(part, -1 if dividing else 1), False
     if empty:
         raise UnknownUnit(text)
-    return unit, words
+    return unit, factors
 
 
-def factor(words: Sequence[tuple[str, int]], text: str) -> tuple[Unit, Sequence[tuple[str, int]]]:
+def factor(factors: Sequence[tuple[str, int]], text: str) -> tuple[Unit, Sequence[tuple[str, int]]]:
     """Unit of one symbol or one parenthesis, and what is left."""
-    if not words or words[0][0] in "/)":
+    if not factors or factors[0][0] in "/)":
         raise UnknownUnit(text)
-    symbol, power = words[0]
+    symbol, power = factors[0]
     if symbol != "(":
-        return PURE.times(symbol_unit(symbol, text), power), words[1:]
-    unit, rest = product(words[1:], text)
+        return PURE.times(symbol_unit(symbol, text), power), factors[1:]
+    unit, rest = product(factors[1:], text)
     if not rest:
         raise UnknownUnit(text)
     return unit, rest[1:]

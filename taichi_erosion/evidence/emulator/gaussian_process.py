@@ -12,8 +12,8 @@ itself, and s the scatter of one run. All are Gaussian processes:
 
 with k squared-exponential kernels. Each h_k vanishes at strength 0, so the bare model is one surface whatever
 effects there are; a number of effect k itself is among the x of h_k and i alone. B, H_k, I and s are the
-likeliest ones under broad priors. All runs enter every prediction: its mean is far surer than that of the few
-runs at any one setting.
+most probable ones under broad priors. All runs enter every prediction: its mean is far more certain than that
+of the few runs at any one setting.
 
 Reference: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, ch. 2, 5.4.2 (leave-one-out);
 Sacks, Welch, Mitchell & Wynn (1989), Stat. Sci. 4, 409 (surfaces in place of simulations).
@@ -30,8 +30,8 @@ TREND = 2.0  # T, sd of the plane's slopes over that of the values [1]
 LENGTH = 2.5  # L, in prior sd: priors are mostly left linear, their ends may bend
 LENGTH_CONDITION = 2.0  # L_c, in sd of a condition
 LENGTH_STRENGTH = 2.0  # L_psi, in expected strengths: effects saturate over a few
-LENGTH_MISSED = 0.75  # L_m, in expected strengths: runs as strong as asked tell what is missed there
-RUNS_MISSED = 8.0  # nu_0, runs without excess that are taken for granted: few errors are large by chance
+LENGTH_MISFIT = 0.75  # L_m, in expected strengths: lack of fit is local in strength
+RUNS_WITHOUT_MISFIT = 8.0  # nu_0, prior runs without excess: a few errors are large by chance
 PRIOR_LOG = {
     "bend": (-1.2, 1.0),
     "effect": (-1.0, 1.5),
@@ -92,7 +92,7 @@ class GaussianProcess:
         )
 
     def lack_of_fit(self, at: Points) -> Floats:
-        """Lack of fit at the strengths asked, as a standard deviation.
+        """Lack of fit at the strengths of the inputs, as a standard deviation.
 
             l^2 = max(0, sum_i w_i (e_i^2 - v_i) / (nu_0 + sum_i w_i)),    w_i = k(psi, psi_i; L_m)
 
@@ -101,8 +101,8 @@ class GaussianProcess:
         """
         precision = np.diag(linalg.cho_solve((self.factor, True), np.eye(self.weights.size)))
         excess = self.width**2 * ((self.weights / precision) ** 2 - 1.0 / precision)
-        weight = rbf_kernel(at.psi, self.training.psi, LENGTH_MISSED)
-        return np.sqrt(np.maximum(weight @ excess / (RUNS_MISSED + weight.sum(axis=1)), 0.0))
+        weight = rbf_kernel(at.psi, self.training.psi, LENGTH_MISFIT)
+        return np.sqrt(np.maximum(weight @ excess / (RUNS_WITHOUT_MISFIT + weight.sum(axis=1)), 0.0))
 
     @property
     def scatter(self) -> float:

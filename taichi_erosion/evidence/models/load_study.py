@@ -1,10 +1,11 @@
 """Loading of a study: from a study file and all that it names to a problem for the statistics."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from taichi_erosion.campaign.request import Report
 from taichi_erosion.campaign.study_file import (
     ALL,
     AdoptedEntry,
@@ -29,8 +30,6 @@ from taichi_erosion.evidence.data.problem import (
 )
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
-
-Report = Callable[[float, str], None]  # (share done [1], words)
 
 LONGEST_CHAIN = 20  # studies that follow one another
 
@@ -79,7 +78,7 @@ def load_study(
         found = function_model(path, file, store)
     else:
         found = scene_model(path, file, results, measurements, report)
-    # a model function may call an observable otherwise; a scene is asked for the observable itself
+    # a model function may have another name for an observable; a simulator maps its measures itself
     named = {n: (entry.measure or n) if found.plugin else n for n, entry in file.observables.items()}
     model, uncertainty = NameMapping(found.model, dict(file.conditions), named), None
     if found.plugin is not None and found.plugin.covariance is not None:

@@ -26,7 +26,7 @@ from taichi_erosion.evidence.data.problem import (
 )
 from taichi_erosion.evidence.data.transforms import slope
 
-COVARIANCE = "_covariance"  # after a function's name: the function that says how far off it may be
+COVARIANCE = "_covariance"  # after a function's name: the function that gives the covariance of its errors
 READ = "READS"  # of a module: the files beside it that it reads
 
 Covariance = Callable[[str, Conditions, Numbers, Numbers], Floats]
@@ -146,7 +146,7 @@ def importable(folder: Path) -> Iterator[None]:
 
 
 def source_digest(module: ModuleType, where: str) -> str:
-    """Digest of all Python files in the folder of a module, and of the files that it says it reads."""
+    """Digest of all Python files in the folder of a module, and of the files in its list READS."""
     file = getattr(module, "__file__", None)
     if not file:
         return sha256().hexdigest()[:16]

@@ -5,7 +5,7 @@ A slope or signature changes smoothly with the conditions; replicate noise does 
     d = c + K a (K a + s^2)^-1 (d_raw - c)
 
 with K a squared-exponential kernel over the conditions, s^2 the measured variance of the mean difference, c
-the mean and the amplitude a the likeliest one. Two calibrated numbers that move a heap alike stay
+the mean and the amplitude a the most likely one. Two calibrated numbers that move a heap alike stay
 indistinguishable then; raw noise would separate them. A model without noise is left as it is.
 """
 

@@ -6,8 +6,8 @@
 
 times the shifts of fourteen effects. Every effect takes its strength psi (0: absent, 1: textbook) and the
 conditions and gives a `Shift`. The forms keep the scaling of their sources; where a source gives none, the
-size is a plausible one and says so. The model teaches what an evidence study is, and tests the statistics;
-use it as `model = "taichi_erosion.evidence.models.reduced:predict"`.
+size is marked as plausible. The model is the example of an evidence study and the test of the statistics; use
+it as `model = "taichi_erosion.evidence.models.reduced:predict"`.
 
 Observables: threshold_u_star, flux, repose_angle. Parameters: threshold_coefficient A, flux_coefficient C,
 friction_sliding mu_s, friction_rolling mu_r. Conditions: the keys of DEFAULTS, which also say what is assumed

@@ -6,7 +6,7 @@ are paired. A condition that nothing in a run reads does not enter it: the bare 
 moistures, and where an effect cannot act the run is that of the bare model.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
 from math import isfinite
@@ -16,7 +16,7 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import Ledger, open_ledger
-from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import Report, RunRequest, RunResult, request_of
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
@@ -41,8 +41,6 @@ CONDITIONS = "conditions."  # prefix of the dotted path of a condition
 # read by effects alone: without such an effect the run does not depend on them
 FOR_EFFECTS = ("moisture", "angularity", "clay_fraction", "organic_fraction", "salinity", "rest_duration")
 MOST_SCENES = 20_000  # validated scenes that are kept
-
-Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -103,8 +101,8 @@ class Simulator:
             for path, value in {**kept, **parameters}.items()
             if path in measure.accepted_paths and parameter_matters(path, present)
         }
-        words = numbers | {f"effects.{name}.strength": psi for name, psi in acting.items()}
-        return tuple(f"{path}={float(value)!r}" for path, value in words.items())
+        entries = numbers | {f"effects.{name}.strength": psi for name, psi in acting.items()}
+        return tuple(f"{path}={float(value)!r}" for path, value in entries.items())
 
     def can_act(self, effect: str, scene: Path, at: Mapping[str, float]) -> bool:
         """Whether an effect can act under some conditions; the scene may state what they leave out."""
@@ -206,8 +204,8 @@ def study_simulator(path: Path, file: StudyFile, table: Measurements, folder: Pa
         scene = (path.parent / entry.scene).resolve()
         measure, there = entry.measure or name, cached_scene(scene, ()).measure
         if measure not in there:
-            told = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
-            raise BadInput(f"{path}: observables.{name}: {told}")
+            found = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
+            raise BadInput(f"{path}: observables.{name}: {found}")
         refusals |= {(scene, number): refusal(scene, number, value) for number, value in numbers.items()}
         accepted_paths = frozenset(number for number in numbers if refusals[scene, number] is None)
         measures[name] = SceneMeasure(scene, measure, units[name], accepted_paths)
@@ -245,7 +243,7 @@ def scene_identity(simulator: Simulator) -> str:
 
 
 def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list[Candidate]:
-    """Effects of the library that a study tries, with what the library and the study say about them."""
+    """Effects of the library that a study tries, with the priors of the library and of the study."""
     wanted, library = file.candidates, simulator.library
     names = list(library) if wanted.effects == (ALL,) else list(wanted.effects or wanted.tables)
     for effect in (*names, *wanted.tables, *file.adopted):
