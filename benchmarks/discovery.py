@@ -2,7 +2,7 @@
 
 python -m benchmarks.discovery
 
-A laboratory of our own makes the table: heaps of a hundred grains whose rolling resistance grows with
+The model itself makes the table: heaps of a hundred grains whose rolling resistance grows with
 angularity. What is timed is `discover --budget quick`, which simulates every run of the model.
 """
 
@@ -52,7 +52,7 @@ effects = [
 
 
 def measured() -> str:
-    """The laboratory's table."""
+    """Table of measurements, as CSV."""
     rows = [(*at, k) for at in CONDITIONS for k in range(REPEATS)]
     parts = []
     for number, (w, a, d, _) in enumerate(rows):
@@ -62,13 +62,13 @@ def measured() -> str:
         parts.append(ReplicaRequest(scene, 2**30 + number))
     lines: list[str] = []
 
-    def tell(place: int, record: dict) -> None:
-        w, a, d, _ = rows[place]
+    def append_rows(index: int, record: dict) -> None:
+        w, a, d, _ = rows[index]
         for name in OBSERVABLES:
             value = record["measures"][name]["value"]
             lines.append(f"{name},{value:.6g},1,m,w{w:g} a{a:g} d{d:g},{w:g},{a:g},{d:g},made")
 
-    run_replicas(parts, Numerics("cpu", 1, "f32"), tell)
+    run_replicas(parts, Numerics("cpu", 1, "f32"), append_rows)
     return "\n".join([HEAD, *lines]) + "\n"
 
 
@@ -84,9 +84,9 @@ def main() -> None:
         (folder / "heaps.toml").write_text(STUDY.format(observables=entries), encoding="utf-8")
         program = [sys.executable, "-m", "taichi_erosion", "discover", str(folder / "heaps.toml")]
         before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        told = subprocess.run([*program, "--budget", "quick", "--json"], capture_output=True, check=True)
+        done = subprocess.run([*program, "--budget", "quick", "--json"], capture_output=True, check=True)
         wall, after = time.perf_counter() - started, resource.getrusage(resource.RUSAGE_CHILDREN)
-    found = json.loads(told.stdout)
+    found = json.loads(done.stdout)
     core = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     cores = len(os.sched_getaffinity(0))
     sys.stdout.write(

@@ -1,6 +1,6 @@
 """The tables of `docs/speed.md` that need no other code: `python -m benchmarks.page`.
 
-On a machine that does nothing else; a quarter of an hour. What other codes take is asked by
+On a machine that does nothing else; a quarter of an hour. Other codes are timed by
 `benchmarks.peers`, a quick discovery is timed by `benchmarks.discovery`; `benchmarks.threshold` adds a row to
 the table of thresholds.
 """
@@ -15,14 +15,14 @@ from taichi_erosion.benchmark import run_benchmarks
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-def tell(_: float, name: str) -> None:
-    """Say what is timed now."""
+def announce(_: float, name: str) -> None:
+    """Name of the case that is timed now, on stderr."""
     sys.stderr.write(f"{name}\n")
 
 
 def main() -> int:
     """Time all cases and fill the tables."""
-    publish(run_benchmarks(tell), DOCS)
+    publish(run_benchmarks(announce), DOCS)
     start.main([])
     return 0
 

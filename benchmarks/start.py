@@ -25,7 +25,7 @@ RUN = ("run", str(SCENE), "--no-record", "--threads", "1", "--replicas", "1")
 
 
 def stop_after_first_step() -> None:
-    """Run the program as a user would; tell the processor time once its first step is done, and end."""
+    """Run the program as a user would; print the processor time after its first step, and end."""
     from taichi_erosion.cli.main import main as program
     from taichi_erosion.core.device import stop_device
     from taichi_erosion.run import ensemble_loop
@@ -48,10 +48,10 @@ def started(cache: str) -> dict[str, float]:
     """Wall and processor time [s] of one start with a given cache."""
     begin = time.time()
     command = [sys.executable, "-m", "benchmarks.start", FIRST]
-    surroundings = os.environ | {"XDG_CACHE_HOME": cache}
-    done = subprocess.run(command, env=surroundings, cwd=ROOT, capture_output=True, text=True, check=True)
-    told = json.loads(done.stdout.strip().splitlines()[-1])
-    return {"wall": told["wall"] - begin, "cpu": told["cpu"]}
+    environment = os.environ | {"XDG_CACHE_HOME": cache}
+    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
+    printed = json.loads(done.stdout.strip().splitlines()[-1])
+    return {"wall": printed["wall"] - begin, "cpu": printed["cpu"]}
 
 
 def starts(rounds: int) -> dict[str, dict[str, float]]:

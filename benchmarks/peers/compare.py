@@ -161,7 +161,7 @@ def present_codes() -> list[Code]:
 def measured(
     workloads: Sequence[Workload], core_counts: Sequence[int], rounds: int, codes: Sequence[Code]
 ) -> list[Sample]:
-    """Samples of all codes in turn, each told on stderr as it comes."""
+    """Samples of all codes in turn, each printed on stderr as it comes."""
     allowed = sorted(sched_getaffinity(0))
     samples: list[Sample] = []
     for workload, count, turn, code in product(workloads, core_counts, range(rounds), codes):
