@@ -18,8 +18,8 @@ from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.coupling.deposit import deposit_partition
 from taichi_erosion.coupling.exchange import reduce_residual, set_air_load
 from taichi_erosion.coupling.gather import gather_partition
+from taichi_erosion.grains import World
 from taichi_erosion.grains.sleep import update_sleep
-from taichi_erosion.grains.world import World
 
 AIR = int(Status.AIR)
 

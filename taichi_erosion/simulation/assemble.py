@@ -12,6 +12,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import read
 from taichi_erosion.coupling.coupling_state import CouplingState, allocate_coupling
+from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import PERIOD_CELLS_LEAST, allocate_cells
 from taichi_erosion.grains.clumps import allocate_clumps
 from taichi_erosion.grains.contact import ContactLaws, compile_contact_laws
@@ -24,7 +25,6 @@ from taichi_erosion.grains.sleep import allocate_sleep
 from taichi_erosion.grains.state import allocate_grains, allocate_replicas, allocate_source
 from taichi_erosion.grains.wall_contacts import allocate_wall_list
 from taichi_erosion.grains.walls import allocate_walls
-from taichi_erosion.grains.world import World
 from taichi_erosion.simulation.capacities import (
     Capacities,
     initial_capacities,

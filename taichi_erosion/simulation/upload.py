@@ -7,10 +7,10 @@ import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import upload
+from taichi_erosion.grains import World
 from taichi_erosion.grains.materials import upload_materials
 from taichi_erosion.grains.state import Replicas
 from taichi_erosion.grains.walls import Walls
-from taichi_erosion.grains.world import World
 from taichi_erosion.simulation.capacities import cell_grid, verlet_skin
 
 NOWHERE = np.inf  # m, position of the padding primitives of a replica with fewer walls than another
