@@ -135,7 +135,7 @@ class AirBox(Section):
     length_share: float = number(
         ClosureConstants.length_share,
         "1",
-        "largest mixing length over the thickness of the layer; 0: no limit",
+        "largest mixing length over the layer thickness; 0: no limit",
         0.0,
         0.5,
     )

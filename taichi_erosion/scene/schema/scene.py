@@ -160,11 +160,7 @@ class Stage(Section):
     tilt_rate: float = number(0.0, "deg s-1", "rate at which gravity turns about tilt_axis", -1e4, 1e4)
     tilt_axis: Direction = direction((0.0, 1.0, 0.0), "axis about which the apparatus is tilted")
     friction_velocity: float | None = number(
-        None,
-        "m s-1",
-        "u* from the beginning of the stage on, its profile at once steady",
-        0.0,
-        FASTEST_FRICTION,
+        None, "m s-1", "u* from now on, its profile at once steady", 0.0, FASTEST_FRICTION
     )
     through_flow: float | None = number(
         None, "m s-1", "superficial velocity of air rising through the bed from now on", -100.0, 100.0
@@ -216,7 +212,7 @@ class Scene(SceneFile):
     geometry: dict[Name, Wall] = Field({})
     fill: Fill
     wind: Wind | None = Field(None, description="air over a periodic patch; left out: no air")
-    threshold: Threshold = Field(Threshold(), description="how thresholds of motion are looked for")
+    threshold: Threshold = Field(Threshold(), description="search for thresholds of motion")
     stages: tuple[Stage, ...] = Field(min_length=1, max_length=1000)
     measure: dict[Name, Measure] = Field({})
     measured: dict[Name, Measured] = Field({})

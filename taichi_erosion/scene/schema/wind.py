@@ -42,11 +42,7 @@ class Wind(Section):
     )
     stir: float = number(1.0, "1", "deviation of the first velocities of a grid, over u*", 0.0, 10.0)
     turnovers: float = number(
-        10.0,
-        "1",
-        "time for eddies to grow when wind sets in, times u* over the height above the bed",
-        0.0,
-        1e3,
+        10.0, "1", "growth time of eddies when wind sets in, times u* over the height above the bed", 0.0, 1e3
     )
     surface: float | None = number(
         None, "m", "height of the bed; left out: what the grains fill at a solid share of 0.6", 0.0, 1e4
@@ -57,11 +53,7 @@ class Wind(Section):
         Coupling.look_steps, "1", "time steps of the grains between two exchanges with the air", 1, 10_000
     )
     sleep_after: float | None = number(
-        None,
-        "s",
-        "time at rest after which deep grains sleep until disturbed; left out: none does",
-        1e-6,
-        1e3,
+        None, "s", "time at rest after which deep grains sleep; left out: none does", 1e-6, 1e3
     )
     sleep_share: float = number(
         Coupling.sleep_share, "1", "share of its weight that disturbs a grain that sleeps", 1e-4, 1.0
@@ -113,11 +105,7 @@ class Threshold(Section):
         1.2, "1", "u* of the transport that is slowed down, over the fluid threshold", 1.0, 10.0
     )
     transport: float | None = number(
-        None,
-        "m s-1",
-        "u* of that transport; given: nothing is looked for but where it ceases",
-        1e-3,
-        FASTEST_FRICTION,
+        None, "m s-1", "u* of that transport; given: only its end is searched for", 1e-3, FASTEST_FRICTION
     )
     spin_up: float = number(0.3, "s", "time in which that transport develops", 1e-6, LONGEST_HOLD)
     fall: float = number(0.07, "1", "share by which u* falls from step to step", 1e-3, 0.5)
