@@ -74,7 +74,7 @@ def effects(
         raise BadInput("effects --with-memory: needs new NAME; --from-discovery excludes it")
     match words or []:
         case ["new", name]:
-            typer.echo(str(begin_file(name, discovery, with_memory)))
+            typer.echo(str(write_effect_file(name, discovery, with_memory)))
         case []:
             show_library(list(load_library(effect or ()).values()), as_json)
         case [name]:
@@ -235,7 +235,7 @@ def shift_text(row: Row) -> str:
     return f"{row['observable']} {shift:+.2g} \N{PLUS-MINUS SIGN} {error:.1g}{unit}"
 
 
-def begin_file(name: str, discovery: Path | None = None, memory: bool = False) -> Path:
+def write_effect_file(name: str, discovery: Path | None = None, memory: bool = False) -> Path:
     """Write a new effect file that fulfils the contract of effects; returns its path."""
     from taichi_erosion.effects import load_library
 

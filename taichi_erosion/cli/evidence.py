@@ -79,17 +79,17 @@ def report(source: ReportSource, to: PageFile = None, as_json: AsJson = False) -
 
 
 def answer(
-    title: str, ask: Callable[[Progress], dict[str, Any]], show: Callable[[Record], None], as_json: bool
+    title: str,
+    compute: Callable[[Progress], dict[str, Any]],
+    print_text: Callable[[Record], None],
+    as_json: bool,
 ) -> None:
     """Run a command with progress on stderr and print its result; finished runs survive Ctrl-C."""
     from taichi_erosion.evidence.answers.documents import without_rows
 
     with interruptible(title, KEPT) as progress:
-        document = ask(lambda text, share: progress(share, text))
-    if as_json:
-        output.print_json(without_rows(document))
-    else:
-        show(document)
+        document = compute(lambda text, share: progress(share, text))
+    output.print_result(without_rows(document) if as_json else document, as_json, print_text)
 
 
 def print_comparison(document: Record) -> None:
