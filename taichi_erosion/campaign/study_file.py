@@ -119,12 +119,10 @@ class Candidates(Section):
     tables: dict[Name, CandidateEntry] = Field(default={}, description="priors of single effects")
 
 
-class AdoptedEntry(Section):
+class AdoptedEntry(CandidateEntry):
     """An effect that is in the model already; its strength is calibrated with the parameters."""
 
     strength: float = number(1.0, "1", "strength found when it was adopted", 0.0, 1e6)
-    prior_scale: float | None = number(None, "1", "half-normal scale of its strength", 1e-6, 1e6)
-    max: float | None = number(None, "1", "largest strength that is physical", 1e-6, 1e6)
 
 
 class VaultEntry(Section):

@@ -106,12 +106,8 @@ def merged_rows(
     shapes = scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    merge_key = np.array([f"{c}|{g}|{b}" for c, g, b in zip(cell, table.group, table.censored, strict=True)])
-    _, first, inverse = np.unique(merge_key, return_index=True, return_inverse=True)
-    total = np.bincount(inverse, weight, minlength=first.size)
-    order = np.argsort(first)
-    first, total = first[order], total[order]
-    mean = (np.bincount(inverse, weight * z)[order] / total) if z.size else z
+    keys = np.array([f"{c}|{g}|{b}" for c, g, b in zip(cell, table.group, table.censored, strict=True)])
+    first, mean, total = weighted_means(z, weight, keys)
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
@@ -136,6 +132,15 @@ def merged_rows(
         warnings=tuple(notes),
     )
     return rows, scatter
+
+
+def weighted_means(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[Integers, Floats, Floats]:
+    """First row, mean and total weight of the rows of each key, in the order of the first rows."""
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    total = np.bincount(inverse, weight, minlength=first.size)
+    order = np.argsort(first)
+    mean = np.bincount(inverse, weight * z)[order] / total[order] if z.size else z
+    return first[order], mean, total[order]
 
 
 def scatter_shapes(observable: Observable, value: Floats, steepness: Floats) -> Floats:
