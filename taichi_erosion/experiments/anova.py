@@ -206,7 +206,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class EffectLimits:
-    """Sizes of an effect beyond which it is believed, in the response's unit; NaN where none can be given."""
+    """Sizes beyond which an effect is significant, in the response's unit; NaN where none can be given."""
 
     single: float  # t limit
     bonferroni: float

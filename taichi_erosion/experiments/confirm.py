@@ -1,4 +1,4 @@
-"""Do confirmation runs agree with a measurement, and would we have noticed if they did not?
+"""Test of confirmation runs against a measurement, and the power of that test.
 
     t = (mean - wanted) / se
     se^2 = s_1^2 / n_1 + s_2^2 / n_2          Welch, with
@@ -6,7 +6,7 @@
     power(D) = P(|t'| > t(0.975, df)),        t' non-central with D / se
 
 s_2 and n_2 belong to the measurement; where it is a bare number they count as exact. A test that does not
-reject says little if its power is small: `detectable` is the difference found four times in five.
+reject is weak evidence if its power is small: `detectable` is the difference found four times in five.
 
 References: Welch (1947), Biometrika 34, 28; Cohen (1988), Statistical Power Analysis, ch. 2.
 """

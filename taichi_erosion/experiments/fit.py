@@ -132,7 +132,7 @@ class Fit:
 
 
 def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> Fit:
-    """Fit a model to one response; raises BadInput where the runs cannot carry it."""
+    """Fit a model to one response; raises BadInput where the runs do not determine it."""
     if response not in design.responses:
         known = ", ".join(design.responses) or "none"
         raise BadInput(f"{design.name}: no response '{response}'; there are: {known}")
@@ -152,7 +152,7 @@ def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> F
 
 
 def refuse_unfittable(fit: Fit, design: Design) -> None:
-    """Raise BadInput where coefficients cannot be told apart."""
+    """Raise BadInput where coefficients are confounded."""
     matrix = np.column_stack([model_matrix(fit.coded, fit.terms), block_columns(fit.blocks)])
     rank = np.linalg.matrix_rank(matrix) if len(matrix) else 0
     if rank < matrix.shape[1]:

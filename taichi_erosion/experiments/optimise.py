@@ -71,7 +71,7 @@ def completed(goal: Goal, smallest: float, largest: float) -> Goal:
 
 
 def single_share(goal: Goal, value: Floats, softness: float = 0.0) -> Floats:
-    """Share d before its power is taken: 1 where the wish is met, 0 at the limit, negative beyond it [1].
+    """Share d before its power is taken: 1 where the goal is met, 0 at the limit, negative beyond it [1].
 
     `softness` rounds off the tip at a target, |s| -> sqrt(s^2 + softness^2), so that a search by gradients
     finds it.

@@ -82,7 +82,7 @@ def same_letters(term: Term, text: str, names: Sequence[str]) -> bool:
 
 
 def parents(term: Term) -> set[Term]:
-    """Terms that hierarchy wants in a model with this one: each exponent lowered, down to single factors."""
+    """Terms that hierarchy requires beside this one: each exponent lowered, down to single factors."""
     found: set[Term] = set()
     for k, power in enumerate(term):
         if power:

@@ -52,6 +52,6 @@ def holds(claim: str, truth: bool, precision: Precision) -> Outcome:
 
 
 def as_claim(ident: str, outcome: Outcome, wall_s: float) -> Claim:
-    """The outcome judged; got = NaN fails."""
+    """The outcome with its verdict; got = NaN fails."""
     passed = bool(abs(outcome.got - outcome.want) <= outcome.tolerance)
     return Claim(ident, **asdict(outcome), passed=passed, wall_s=wall_s)

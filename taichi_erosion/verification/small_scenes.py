@@ -92,7 +92,7 @@ def spheres(
 
 
 def primitive_table(kind: PrimitiveKind, shapes: ArrayLike, surface: ArrayLike = 0) -> PrimitiveTable:
-    """Primitives of one kind, their numbers as PrimitiveKind says, without padding."""
+    """Primitives of one kind, their numbers in the order of PrimitiveKind, without padding."""
     numbers = np.atleast_2d(np.asarray(shapes, dtype=float))
     padded = np.zeros((len(numbers), SHAPE_NUMBERS))
     if numbers.size:

@@ -99,7 +99,7 @@ def read_lines(
 def recognise(
     columns: Mapping[str, Sequence[str]], lines: Mapping[int, str], rows: Mapping[str, Row], path: Path
 ) -> tuple[dict[str, str], list[Finding]]:
-    """Quantity of every column: what its heading says, or what its numbers say if they say it clearly."""
+    """Quantity of every column: that of its heading, or that which nearly all its numbers agree with."""
     found, findings = {}, []
     for heading in list(columns)[1:]:
         plain = heading.strip().lower().removeprefix("column_headed_").replace("_", " ")
@@ -179,7 +179,7 @@ def number_findings(comparisons: Sequence[Comparison]) -> Iterator[Finding]:
 
 
 def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Finding]:
-    """What the fit says about itself: lack of fit, and curvature that passes for noise."""
+    """Lack of fit, and curvature that is counted as noise."""
     lack = next((row for row in anova(fit) if row.source == "Lack of fit" and row.df), None)
     if lack is not None and lack.p < 0.05:
         sentence = f"the model misses the means of its points: lack of fit F = {lack.f:.3g}, p = {lack.p:.2g}"
@@ -257,9 +257,9 @@ def nearest(best: Optimisation, fit: Fit) -> float:
 
 
 def reversed_coding(coding: Coding, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit) -> Coding:
-    """The coding, with the factors for which the published optimum speaks for the opposite one.
+    """The coding, with the factors whose published optimum fits the opposite coding.
 
-    Only a single best point can tell: where the target is met along a line, nothing is decided.
+    Only a single best point decides: where the target is met along a line, nothing is decided.
     """
     if best.met:
         return coding
@@ -339,7 +339,7 @@ def same_point_findings(path: Path, coding: Coding, fit: Fit) -> Iterator[Findin
 
 
 def contradiction(fit: Fit, point: Floats, value: float) -> tuple[Kind, str, float] | None:
-    """What this table says at the point of another's run, and the p value, if both can hardly be right."""
+    """Value of this table at the point of another's run, and the p value, where the two contradict."""
     same = np.all(np.abs(fit.coded - point) < SAME_PLACE, axis=1)
     pure = replicate_error(fit)
     if same.any():

@@ -65,7 +65,7 @@ def audit(path: Path, response: str | None = None, claims_file: Path | None = No
 
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, coded: Floats) -> Fit:
-    """The model that the study fits, or the largest that its levels suggest and its runs carry."""
+    """The model that the study fits, or the largest that its levels suggest and its runs determine."""
     guesses: tuple[Order, ...] = ("linear",) if structure.two_level else ("quadratic", "linear")
     orders: tuple[Order, ...] = guesses if claims.model is None else (claims.model,)
     design = table.design(coded)

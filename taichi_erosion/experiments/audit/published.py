@@ -4,7 +4,7 @@ model = "quadratic"            # linear | interactions | quadratic; guessed from
 anova = "table_9.csv"          # printed analysis of variance
 levels = "table_7.csv"         # printed coding: column `level`, then one for every factor
 others = ["table_6.csv"]       # other tables of the same response, in natural units
-target = 33.52                 # wished for
+target = 33.52                 # target of the study
 [equation]                     # printed coefficients in coded units, by term; "1" is the constant
 [quality]                      # printed r2, r2_adjusted, r2_predicted, cv, adequate_precision
 [optimum]                      # printed best setting in natural units, by factor
@@ -41,7 +41,7 @@ from taichi_erosion.experiments.terms import Order
 
 Kind = Literal[
     "unbalanced",  # a factor is not as often high as low
-    "not orthogonal",  # factors cannot be told apart
+    "not orthogonal",  # factors are confounded
     "cell",  # one cell whose change restores the design
     "level",  # a level that stands alone
     "lack of fit",  # the model misses the means of its points
@@ -51,7 +51,7 @@ Kind = Literal[
     "heading",  # a column that holds something else
     "sign",  # a coefficient of the opposite sign
     "coding",  # levels whose order is reversed
-    "target",  # wished for, but not reached by the fitted surface
+    "target",  # not reached by the fitted surface
     "optimum",  # the published optimum against the recomputed one
     "same point",  # one point, two results
     "prediction",  # a run that the fitted surface contradicts

@@ -1,25 +1,21 @@
-"""Spheres that slide and roll on a plane: closed forms of rigid-body mechanics, moment of inertia (2/5) m
-R^2.
+"""Motion of spheres: sliding and rolling in closed form; bouncing and a stacked pair integrated by SciPy.
 
-Reference: LAMMPS `unittest/granular` analytic models; MFiX-DEM verification manual, case DEM04; Zhou et al.
-(2002), Powder Technology 125, 45 (constant rolling torque).
-
-Grains that move on one vertical line, integrated by SciPy: a bouncing grain and two stacked grains
-between walls.
-
-MFiX-DEM's cases DEM02 and DEM03 use a linear spring; here the same scenes carry the Hertz spring with the
-damping of this program (restitution independent of speed),
+Sliding and rolling on a plane follow rigid-body mechanics, moment of inertia (2/5) m R^2. MFiX-DEM's cases
+DEM02 (a bouncing grain) and DEM03 (two stacked grains between walls) use a linear spring; here the same
+scenes have the Hertz spring with the damping of this program (restitution independent of speed),
 
     F = (4/3) E* sqrt(R*) d^1.5 + 2 sqrt(5/6) beta sqrt(2 E* a m*) dd/dt,    d > 0, a = sqrt(R* d),
 
 so DEM02's heights h_k = (h_0 - r) e^(2k) + r stay exact for an infinitely stiff grain, and DEM03's pair of
 linear equations becomes a pair of nonlinear ones without a closed form.
 
-Reference: MFiX-DEM verification manual, cases DEM02 and DEM03; Garg et al. (2012), Powder Technology 220,
-122.
+Reference: LAMMPS `unittest/granular` analytic models; MFiX-DEM verification manual, cases DEM02, DEM03 and
+DEM04; Garg et al. (2012), Powder Technology 220, 122; Zhou et al. (2002), Powder Technology 125, 45 (constant
+rolling torque).
 """
 
 from dataclasses import dataclass
+from functools import partial
 from math import cos, sin, tan
 
 import numpy as np
@@ -62,12 +58,11 @@ def sliding_spin_up(slope: float, friction: float, radius: float) -> float:
 
 
 def spin_decay(friction_rolling: float, radius: float) -> float:
-    """Rate at which the torque mu_r R N stops a sphere that spins in place on a smooth plane [rad s-2], 5
-    mu_r g / (2 R).
-    """
+    """Spin decay in place on a smooth plane by the torque mu_r R N [rad s-2], 5 mu_r g / (2 R)."""
     return 2.5 * friction_rolling * GRAVITY / radius
 
 
+integrate = partial(solve_ivp, method="DOP853")
 DAMPING_FACTOR = 2.0 * np.sqrt(5.0 / 6.0)  # makes e independent of speed for Hertz stiffness [1]
 
 
@@ -85,11 +80,8 @@ class Spring:
         if overlap <= 0.0:
             return 0.0
         contact_radius = np.sqrt(self.radius * overlap)
-        damping = (
-            DAMPING_FACTOR
-            * damping_ratio(self.restitution)
-            * np.sqrt(2.0 * self.young * contact_radius * self.mass)
-        )
+        dashpot = np.sqrt(2.0 * self.young * contact_radius * self.mass)
+        damping = DAMPING_FACTOR * damping_ratio(self.restitution) * dashpot
         return 4.0 / 3.0 * self.young * contact_radius * overlap + damping * rate
 
 
@@ -124,12 +116,11 @@ def stacked_motion(stack: Stack, start: tuple[float, float], times: Floats) -> F
         return [low_speed, high_speed, lower, upper]
 
     # contacts open and close: a short longest step keeps the step control from stepping over them
-    solution = solve_ivp(
+    solution = integrate(
         rates,
         (0.0, times[-1]),
         [*start, 0.0, 0.0],
         t_eval=times,
-        method="DOP853",
         rtol=1e-9,
         atol=1e-13,
         max_step=times[-1] / 2000.0,
@@ -145,12 +136,11 @@ def rebound_speed(spring: Spring, speed: float, gravity: float) -> float:
 
     # the elastic contact lasts 2.87 of this unit, the damped one (e >= 0.5) less than twice as long
     unit = (spring.mass**2 / (spring.radius * spring.young**2 * speed)) ** 0.2
-    solution = solve_ivp(
+    solution = integrate(
         rates,
         (0.0, 8.0 * unit),
         [0.0, speed],
         events=lambda _, state: state[0],
-        method="DOP853",
         rtol=1e-9,
         atol=1e-14,
         max_step=unit / 50.0,
@@ -161,11 +151,10 @@ def rebound_speed(spring: Spring, speed: float, gravity: float) -> float:
 
 def hertz_motion(stiffness: float, mass: float, speed: float, duration: float) -> float:
     """Overlap [m] that an undamped Hertz contact has reached `duration` after touching at `speed`."""
-    solution = solve_ivp(
+    solution = integrate(
         lambda _, state: [state[1], -stiffness / mass * max(state[0], 0.0) ** 1.5],
         (0.0, duration),
         [0.0, speed],
-        method="DOP853",
         rtol=1e-13,
         atol=1e-18,
         max_step=duration / 500.0,

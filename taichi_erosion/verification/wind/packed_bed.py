@@ -1,4 +1,4 @@
-"""V31: air that rises through a bed loses the pressure that Ergun's equation says, until it carries the bed.
+"""V31: air that rises through a bed loses pressure as in Ergun's equation, until it fluidises the bed.
 
 The fixed bed is a lattice with the published void fraction, looked at before its grains have moved: what is
 tested is the chain from superficial velocity through drag on single grains to pressure. The bed that is
@@ -87,7 +87,7 @@ def pressure_drop(sim: Simulation, replica: int = 0) -> float:
 
 
 def fixed_bed() -> Iterator[Outcome]:
-    """Pressure of the regular bed, and the force that its grains feel."""
+    """Pressure of the regular bed, and the force on its grains."""
     sim = simulation_of([lattice_setup(velocity) for velocity in PUBLISHED], "f64", LAWS)
     advance(sim, [2.0 * INSTANT] * len(PUBLISHED))
     before = snapshot(sim, LAST)
