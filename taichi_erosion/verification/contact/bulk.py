@@ -6,8 +6,9 @@ depend on stiffness.
 
 V34. Angles of repose rise with friction, rolling friction and adhesion; the angle of a plate heap is that
 of Zhou's formula. Heaps of a lifted tube, an ensemble of settings and seeds in one launch; the angle is
-measured on side silhouettes. They are small (a few hundred grains), so the angles are those of this apparatus, good
-for trends. The plate heap is the discharge apparatus of Zhou et al. (2002) in the limit of a thick container.
+measured on side silhouettes. They are small (a few hundred grains), so the angles are those of this
+apparatus, good for trends. The plate heap is the discharge apparatus of Zhou et al. (2002) in the limit of a
+thick container.
 
 V33. Grains flow out of flat-bottomed silos as (D - k d)^(5/2) through round holes, with 3/2 through slots.
 
