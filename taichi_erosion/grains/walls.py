@@ -77,9 +77,9 @@ def revolved_offset(walls: ti.template(), w, position):
     height = relative.dot(axis)
     radial = relative - height * axis
     radius = radial.norm()
-    low, high = ti.Vector([profile[0], profile[1]]), ti.Vector([profile[2], profile[3]])
-    along = high - low
-    to_point = ti.Vector([radius, height]) - low
+    low_radius, low_height, high_radius, high_height = profile[0], profile[1], profile[2], profile[3]
+    along = ti.Vector([high_radius - low_radius, high_height - low_height])
+    to_point = ti.Vector([radius - low_radius, height - low_height])
     share = ti.math.clamp(to_point.dot(along) / along.norm_sqr(), 0.0, 1.0)
     away = to_point - share * along
     return away[0] * radial / ti.max(radius, LENGTH_LEAST) + away[1] * axis
