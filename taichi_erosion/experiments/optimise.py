@@ -265,11 +265,13 @@ def explain(
     targets = [goal for goal in goals if goal.aim == "target"]
     said = [sentence for goal in targets if (sentence := out_of_reach(goal, reach[goal.response]))]
     if targets and not said and not met:
-        said.append("every target is reached by its own model, but not all of them at one point")
+        said.append("each target can be reached alone, but no point reaches all of them together")
     if targets and met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
-        said.append("the wish is met along a line or face of the design, not in one point: pick by certainty")
+        said.append(
+            "many settings reach the target (a line or face of the design); the first is the most certain"
+        )
     if optima[0].desirability <= 0.0:
-        said.append("no point lies inside all limits: the points listed come nearest to them")
+        said.append("no point is inside all limits: the listed points are the nearest ones")
     return said
 
 
@@ -280,6 +282,6 @@ def out_of_reach(goal: Goal, reach: Reach) -> str:
     nearest, where = (reach.high, reach.at_high) if goal.target > reach.high else (reach.low, reach.at_low)
     place = ", ".join(f"{path} = {value:.4g}" for path, value in where.items())
     return (
-        f"{goal.response}: the target {goal.target:g} lies outside what this model reaches inside the design "
-        f"({reach.low:.4g} to {reach.high:.4g}); the nearest is {nearest:.4g} at {place}"
+        f"{goal.response}: the target {goal.target:g} is outside the range of this model in the design "
+        f"({reach.low:.4g} to {reach.high:.4g}); the nearest value is {nearest:.4g} at {place}"
     )

@@ -67,8 +67,8 @@ def test_a_target_above_the_surface_is_said_to_be_out_of_reach_with_the_nearest_
     found = optimise([surface("y", hill)], [Goal("y", "target", 12.0)])
     assert not found.met
     (sentence,) = found.sentences
-    assert "the target 12 lies outside what this model reaches" in sentence
-    assert "the nearest is 10 at a = 1.5, b = 17.5" in sentence
+    assert "the target 12 is outside the range of this model" in sentence
+    assert "the nearest value is 10 at a = 1.5, b = 17.5" in sentence
     assert found.optima[0].predictions["y"].value == pytest.approx(10.0, abs=1e-4)
 
 
@@ -86,7 +86,7 @@ def test_two_wishes_that_exclude_each_other_are_called_so():
     fits = [surface("y", lambda a, b: a), surface("z", lambda a, b: -a)]
     found = optimise(fits, [Goal("y", "target", 0.5), Goal("z", "target", 0.5)])
     assert not found.met
-    assert "not all of them at one point" in found.sentences[0]
+    assert "no point reaches all of them" in found.sentences[0]
     assert found.optima[0].coded[0] == pytest.approx(0.0, abs=1e-3)
 
 
