@@ -6,7 +6,7 @@ cell, column or line and stands once. `step` launches them in two styles: `paral
 cells of all replicas, and `serial_*` loops of one thread over the grid of one replica.
 
 `column` is the grid with one column of cells: it shares conductances, sources, wall law, mixing length
-over the floor and elimination. It keeps one solve for both velocities, where the grid needs one for each,
-and the strain du/dz alone, where the grid takes all components: a column of the grid would cost twice as
-much and needs ghost cells beside it.
+over the floor and elimination. It keeps one solve for both velocities, where the grid would solve twice
+with the same coefficients, and the strain du/dz alone, where the grid takes all components and needs ghost
+cells beside it; merged, the strain of every column would move by rounding.
 """
