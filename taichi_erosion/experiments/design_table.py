@@ -204,7 +204,8 @@ def read_columns(path: Path) -> dict[str, list[str]]:
         raise BadInput(f"{path}: is empty; the first row names the columns")
     headings = [cell.strip() for cell in lines[0]]
     if len(set(headings)) != len(headings):
-        raise BadInput(f"{path}: a heading stands twice in {', '.join(headings)}")
+        shown = ", ".join(" ".join(heading.split()) for heading in headings)
+        raise BadInput(f"{path}: a heading stands twice in {shown}")
     for number, line in enumerate(lines[1:], start=1):
         if len(line) != len(headings):
             raise BadInput(f"{path}: row {number} has {len(line)} cells, the heading {len(headings)}")
