@@ -65,11 +65,6 @@ def stack(residual: Floats, x: Floats, shared: int) -> Floats:
     return np.vstack([residual, below])
 
 
-def stack_signature(signature: Floats, calibrated: int, shared: int) -> Floats:
-    """[g; 0; 0] for columns of signatures."""
-    return np.vstack([signature, np.zeros((calibrated + shared, signature.shape[1]))])
-
-
 @dataclass(frozen=True)
 class Working:
     """Censored rows as ordinary ones: same deviance, slope and curvature at this point."""

@@ -77,10 +77,6 @@ class GaussianProcess:
         """Posterior mean."""
         return self.centre + self.width * (self.covariance(at, self.training) @ self.weights)
 
-    def variance(self, at: Points) -> Floats:
-        """Variance of the process itself, without the scatter of a run."""
-        return np.maximum(np.diag(self.uncertainty(at)), 0.0)
-
     def uncertainty(self, at: Points) -> Floats:
         """Covariance of the errors: posterior covariance plus lack of fit."""
         cross = linalg.solve_triangular(self.factor, self.covariance(self.training, at), lower=True)
@@ -103,11 +99,6 @@ class GaussianProcess:
         excess = self.width**2 * ((self.weights / precision) ** 2 - 1.0 / precision)
         weight = rbf_kernel(at.psi, self.training.psi, LENGTH_MISFIT)
         return np.sqrt(np.maximum(weight @ excess / (RUNS_WITHOUT_MISFIT + weight.sum(axis=1)), 0.0))
-
-    @property
-    def scatter(self) -> float:
-        """Standard deviation of one run."""
-        return self.width * float(self.amplitude[-1])
 
     def leave_one_out(self) -> Floats:
         """Every known value minus its prediction from all others, in standard deviations of that."""

@@ -51,7 +51,7 @@ def surface() -> GaussianProcess:
 def test_a_surface_is_far_surer_than_a_run_and_says_how_sure(surface, effect):
     asked = drawn(np.random.default_rng(4), 200, effect)
     off = surface.mean(asked) - law(asked)
-    sd = np.sqrt(surface.variance(asked))
+    sd = np.sqrt(np.diag(surface.uncertainty(asked)))
     assert np.sqrt(np.mean(off**2)) < 0.8 * SCATTER
     # 200 errors that hang together through one surface: their mean square is 1 within a factor of three
     assert 0.3 < np.sqrt(np.mean((off / sd) ** 2)) < 1.7
@@ -59,7 +59,7 @@ def test_a_surface_is_far_surer_than_a_run_and_says_how_sure(surface, effect):
 
 def test_the_scatter_of_runs_is_found(surface):
     # 100 runs less some twenty numbers that they determine: 1 / sqrt(2 * 80) = 8 %; three times that
-    assert surface.scatter == pytest.approx(SCATTER, rel=0.25)
+    assert surface.width * surface.amplitude[-1] == pytest.approx(SCATTER, rel=0.25)
 
 
 def test_left_out_runs_lie_where_the_others_say(surface):
@@ -137,7 +137,9 @@ def test_a_curved_law_lies_within_the_stated_sd_as_often_as_it_should():
         both = drawn(generator, 40, 0)
         both.psi[:, 1] = generator.uniform(0.3, 2.5, 40)  # far from any run: two effects were never tried
         for name, points in {**asked, "two": both}.items():
-            off = np.abs(surface.mean(points) - curved(points)) / np.sqrt(surface.variance(points))
+            off = np.abs(surface.mean(points) - curved(points)) / np.sqrt(
+                np.diag(surface.uncertainty(points))
+            )
             inside[name].append(off < 1.645)
     # 90 % are wanted of 12 surfaces, whose own 40 errors hang together: about 60 independent ones, sd 4 %
     shares = {name: float(np.mean(found)) for name, found in inside.items()}
