@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taichi_erosion.evidence.inference.familywise_test import familywise_test, power, step_down
+from taichi_erosion.evidence.inference.familywise_test import decoy_rank, familywise_test, power, step_down
 from taichi_erosion.evidence.inference.levels import FAMILYWISE_LEVEL
 from tests.evidence.linear_study import linear_problem, screened
 
@@ -61,3 +61,14 @@ def test_a_decoy_ranks_first_where_no_candidate_describes_the_misfit():
         for seed in range(8)
     ]
     assert min(ranks) == 1
+
+
+def test_the_rank_of_a_decoy_counts_the_candidates_before_it():
+    prepared, found = screened(linear_problem(SHAPES, {}))
+    silent = replace(found, left=replace(found.left, stacked=np.zeros_like(found.left.stacked)))
+    # without a residual every effect loses evidence: a decoy of typical norm falls below 0, and above -10
+    ranks = [
+        decoy_rank(prepared, silent, np.array(observed), np.random.default_rng(3))
+        for observed in ([0.0, 0.0, -10.0], [0.0, -10.0, -10.0], [-10.0, -10.0, -10.0])
+    ]
+    assert ranks == [3, 2, 1]
