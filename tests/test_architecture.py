@@ -9,29 +9,29 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from device_code import (
+    WRITING_METHODS,
+    decorators,
+    device_functions,
+    flat,
+    functions,
+    is_device_function,
+    is_kernel,
+    static_content,
+    written_sentences,
+)
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "taichi_erosion"
 LONGEST_FUNCTION = 40  # lines, docstring excluded
 LONGEST_FILE = 500  # lines
-DEVICE_DECORATORS = {"ti.kernel", "ti.func", "ti.pyfunc", "ti.real_func"}
-WRITING_METHODS = {"append", "deactivate", "fill"}  # of Taichi fields
+MOST_ARGUMENTS, MOST_DEVICE_ARGUMENTS = 7, 14
+TYPED = PACKAGE / "cli" / "commands.py"  # a command has one argument for every word that can be typed
+MOST_MODULES = 15  # of a folder; one effect is one file, so effects/ may hold more
 
 SOURCES = [*sorted(PACKAGE.rglob("*.py")), ROOT / "erosion"]
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
 each_file = pytest.mark.parametrize("path", SOURCES, ids=[str(path.relative_to(ROOT)) for path in SOURCES])
-
-
-def functions(tree: ast.AST) -> list[ast.FunctionDef]:
-    return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-
-
-def decorators(node: ast.FunctionDef | ast.ClassDef) -> set[str]:
-    return {ast.unparse(decorator).partition("(")[0] for decorator in node.decorator_list}
-
-
-def is_device_function(function: ast.FunctionDef) -> bool:
-    return bool(decorators(function) & DEVICE_DECORATORS)
 
 
 def body_lines(function: ast.FunctionDef) -> int:
@@ -50,15 +50,6 @@ def imported_modules(tree: ast.AST) -> Iterator[str]:
             yield node.module
 
 
-def flat(target: ast.expr) -> Iterator[ast.expr]:
-    """The parts of `a, (b, c) = ...` one by one."""
-    if isinstance(target, ast.Tuple | ast.List):
-        for part in target.elts:
-            yield from flat(part)
-    else:
-        yield target.value if isinstance(target, ast.Starred) else target
-
-
 def targets(function: ast.FunctionDef) -> Iterator[ast.expr]:
     """Everything that the function assigns to, loop variables included."""
     for node in ast.walk(function):
@@ -74,16 +65,6 @@ def root_name(expression: ast.expr) -> str | None:
     while isinstance(expression, ast.Attribute | ast.Subscript):
         expression = expression.value
     return expression.id if isinstance(expression, ast.Name) else None
-
-
-def static_content(value: ast.expr) -> ast.expr | None:
-    """What `ti.static(content)` or `ti.static(content)[k]` stands for: another name of it, not a copy."""
-    if isinstance(value, ast.Call) and ast.unparse(value.func) == "ti.static":
-        return value.args[0]
-    if isinstance(value, ast.Subscript) and isinstance(value.slice, ast.Constant):
-        content = static_content(value.value)
-        return content.elts[value.slice.value] if isinstance(content, ast.Tuple) else content
-    return None
 
 
 def aliases(function: ast.FunctionDef) -> dict[str, str]:
@@ -169,6 +150,20 @@ def test_files_and_functions_stay_short(path):
 
 
 @each_file
+def test_signatures_stay_short(path):
+    for function in functions(TREES[path]):
+        count = len([*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs])
+        most = MOST_DEVICE_ARGUMENTS if is_device_function(function) else MOST_ARGUMENTS
+        assert count <= most or path == TYPED, function.name
+
+
+def test_folders_stay_small():
+    folders = {path.parent for path in PACKAGE.rglob("*.py")} - {PACKAGE / "effects"}
+    crowded = {folder: len(list(folder.glob("[!_]*.py"))) for folder in folders}
+    assert {folder.name: count for folder, count in crowded.items() if count > MOST_MODULES} == {}
+
+
+@each_file
 def test_kernels_are_free_functions(path):
     for node in ast.walk(TREES[path]):
         if isinstance(node, ast.ClassDef):
@@ -189,6 +184,17 @@ def test_device_functions_say_what_they_write(path):
     for function in filter(is_device_function, functions(TREES[path])):
         silent = silent_writes(function, SIGNATURES)
         assert not silent, f"{function.name} writes {sorted(silent)} without the _out suffix"
+
+
+KERNELS = [place for place, function in device_functions().items() if is_kernel(function)]
+
+
+@pytest.mark.parametrize("place", KERNELS, ids=".".join)
+def test_the_docstring_of_a_kernel_lists_the_members_it_writes(place):
+    text = " ".join((ast.get_docstring(device_functions()[place]) or "").split())
+    sentences = written_sentences(place)
+    assert text.endswith(" ".join(sentences))
+    assert text.count("Writes `") == len(sentences)
 
 
 @each_file

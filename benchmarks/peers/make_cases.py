@@ -50,12 +50,7 @@ def write_include(path: Path, numbers: Mapping[str, object]) -> None:
 
 
 def write_grains(
-    path: Path,
-    position: Floats,
-    low: Floats,
-    high: Floats,
-    velocity: Floats | None = None,
-    soil: Soil = SOIL,
+    path: Path, position: Floats, low: Floats, high: Floats, velocity: Floats | None = None, soil: Soil = SOIL
 ) -> None:
     """Grains as a data file that LAMMPS (sphere) and LIGGGHTS (granular) read alike; type 2 is for walls."""
     sides = "".join(f"{a:.9g} {b:.9g} {c}lo {c}hi\n" for a, b, c in zip(low, high, "xyz", strict=True))

@@ -44,11 +44,7 @@ def bed_scene(effect: str) -> Scene:
         "scene": {"kind": "saltation", "title": "a bed at rest"},
         "conditions": {"moisture": 0.004},
         "run": {"overlap_limit": 0.9},
-        "grains": {
-            "count": COUNT,
-            "material": "sand",
-            "size": {"law": "monodisperse", "diameter": DIAMETER},
-        },
+        "grains": {"count": COUNT, "material": "sand", "size": {"law": "monodisperse", "diameter": DIAMETER}},
         "materials": {"sand": {"density": 2650.0, "young_modulus": 2e5, "poisson_ratio": 0.25}},
         "contact": {"sand-sand": {"restitution": 0.5, "friction_sliding": 0.5}},
         "geometry": {"ground": {"shape": "plane", "material": "sand"}},

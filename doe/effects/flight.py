@@ -62,11 +62,7 @@ def one_grain(position: Sequence[float], velocity: Sequence[float], **sections: 
     grain = {"position": tuple(position), "velocity": tuple(velocity), "spin": (0.0, SPIN, 0.0)}
     table: dict[str, Any] = {
         "scene": {"kind": "saltation", "title": "one grain"},
-        "grains": {
-            "count": 1,
-            "material": "sand",
-            "size": {"law": "monodisperse", "diameter": DIAMETER},
-        },
+        "grains": {"count": 1, "material": "sand", "size": {"law": "monodisperse", "diameter": DIAMETER}},
         "materials": {"sand": {"density": DENSITY, "young_modulus": YOUNG, "poisson_ratio": 0.25}},
         "contact": {"sand-sand": {"restitution": 1.0, "friction_sliding": 0.0}},
         "geometry": {"floor": {"shape": "plane", "material": "sand"}},

@@ -101,7 +101,10 @@ def fill_velocity_ghosts(
     # out
     air_out: ti.template(),
 ):
-    """Velocities in all ghosts; x first, since y and z read the corners."""
+    """Velocities in all ghosts; x first, since y and z read the corners.
+
+    Writes `air_out`: velocities, velocity_z.
+    """
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     for r, j, k in ti.ndrange(air_out.count, ny, nz):
         fill_velocity_ghosts_across(air_out, 0, r, j, k)
@@ -219,7 +222,10 @@ def fill_wall_viscosity(
     # out
     air_out: ti.template(),
 ):
-    """Eddy viscosity in ghosts of walls along x and y; after `fill_cell_ghosts`."""
+    """Eddy viscosity in ghosts of walls along x and y; after `fill_cell_ghosts`.
+
+    Writes `air_out`: eddy_cell.
+    """
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     for r, j, k in ti.ndrange(air_out.count, ny, nz):
         for upper in ti.static(range(2)):

@@ -328,7 +328,10 @@ def parallel_columns(
     # out
     air_out: ti.template(),
 ):
-    """One device function applied to every column of cells of all replicas, in parallel."""
+    """One device function applied to every column of cells of all replicas, in parallel.
+
+    Writes `air_out`: what `task` writes.
+    """
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
         task(air_out, r, i, j)
 
@@ -341,6 +344,9 @@ def parallel_stage_columns(
     # out
     air_out: ti.template(),
 ):
-    """Likewise for a stage that takes so large a share of the step."""
+    """Likewise for a stage that takes so large a share of the step.
+
+    Writes `air_out`: what `task` writes.
+    """
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
         task(air_out, r, i, j, share)

@@ -90,6 +90,9 @@ def predict(
     # out
     air_out: ti.template(),
 ):
-    """Predicted velocities along an axis of all replicas."""
+    """Predicted velocities along an axis of all replicas.
+
+    Writes `air_out`: elimination, velocities.
+    """
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
         predict_column(air_out, r, i, j, axis, share, now, before)

@@ -85,7 +85,10 @@ def update_inlet_fluctuation(
     # out
     air_out: ti.template(),
 ):
-    """Fluctuation at every cell of the inlet at the end of the coming step."""
+    """Fluctuation at every cell of the inlet at the end of the coming step.
+
+    Writes `air_out`: inlet_fluctuation.
+    """
     (waves,) = ti.static((air_out.waves,))
     for r, j, k in ti.ndrange(air_out.count, air_out.cells[1], air_out.cells[2]):
         y = (j + 0.5) * air_out.numbers.width[r][1]

@@ -84,7 +84,10 @@ def extrapolate_outlets(
     # out
     air_out: ti.template(),
 ):
-    """Velocity on an outlet from the last face inside, until the pressure corrects it."""
+    """Velocity on an outlet from the last face inside, until the pressure corrects it.
+
+    Writes `air_out`: velocity_x, velocity_z.
+    """
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     if ti.static(air_out.kinds["x_high"] == "outlet"):
         for r, j, k in ti.ndrange(air_out.count, ny, nz):
@@ -218,7 +221,10 @@ def parallel_active(
     # out
     air_out: ti.template(),
 ):
-    """One task of a stage applied to every active replica, each on one thread."""
+    """One task of a stage applied to every active replica, each on one thread.
+
+    Writes `air_out`: what `task` writes.
+    """
     for lane in range(count * chunk):
         if lane % chunk == 0 and air_out.active[lane // chunk] == 1:
             task(air_out, lane // chunk, stage)

@@ -61,10 +61,7 @@ EffectFiles = Annotated[
 RecordingOrStudy = Annotated[
     Path,
     typer.Argument(
-        metavar="FILE|STUDY",
-        help="Recording (.rrd), or study with results.",
-        exists=True,
-        dir_okay=False,
+        metavar="FILE|STUDY", help="Recording (.rrd), or study with results.", exists=True, dir_okay=False
     ),
 ]
 CheckOnly = Annotated[bool, typer.Option("--check", help="Validate the scene; simulate nothing.")]
@@ -91,8 +88,7 @@ def program(
     log: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="Append command, progress, warnings and exit code to a log; before COMMAND.",
+            metavar="FILE", help="Append command, progress, warnings and exit code to a log; before COMMAND."
         ),
     ] = None,
 ) -> None:

@@ -52,8 +52,7 @@ Discovery = Annotated[
     ),
 ]
 WithMemory = Annotated[
-    bool,
-    typer.Option("--with-memory", help="Start the new file from an effect with state per grain."),
+    bool, typer.Option("--with-memory", help="Start the new file from an effect with state per grain.")
 ]
 
 

@@ -152,6 +152,7 @@ def advance_state(
     # out
     effects_out: ti.template(),
 ):
+    """Writes `effects_out`: states."""
     for i in grains:
         grain = grains[i]
         update_states(effects_out, 0, grain, PLACE_I)

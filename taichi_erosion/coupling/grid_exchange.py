@@ -110,7 +110,11 @@ def each_selected_replica(
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
-    """Run one task for every selected replica."""
+    """Run one task for every selected replica.
+
+    Writes `coupling_out`: what `task` writes.
+    Writes `world_out`: what `task` writes.
+    """
     for lane in range(count * chunk):
         if lane % chunk == 0 and coupling_out.air.active[lane // chunk] == 1:
             task(world_out, coupling_out, lane // chunk)

@@ -31,6 +31,10 @@ def spin_up_column(
 
     The residual momentum is brought up to date first and kept: it belongs to the time before. Where that time
     does not count, because grains have been put back (`anew`), it is cleared.
+
+    Writes `coupling_out`: air, exchange, sums.
+    Writes `world_out`: frozen_drag.air_velocity, frozen_drag.drag_kick, frozen_drag.drag_rate,
+    frozen_drag.steady_acceleration, frozen_drag.steady_spin_rate, grain_effects.states, pair_effects.states.
     """
     ti.loop_config(serialize=True)
     for cycle in range(ROUNDS + 1):

@@ -15,17 +15,9 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import regular_file
+from taichi_erosion.measures import silhouette
 from taichi_erosion.measures.result import Measurement, as_record
-from taichi_erosion.measures.silhouette import (
-    EIGHT_NEIGHBOURS,
-    Flank,
-    extract_outline,
-    fit_flanks,
-    is_bent,
-    is_flat_topped,
-    largest_body,
-    meeting_height,
-)
+from taichi_erosion.measures.silhouette import Flank
 
 Grey = NDArray[np.float64]  # [rows, columns], 0 black to 1 white
 Background = Literal["auto", "dark", "light"]
@@ -70,8 +62,8 @@ def measure_photograph(
     grey = read_grey(Path(path))
     left, top, right, bottom = box = checked_crop(Path(path), grey, crop)
     heap = find_heap(Path(path), grey[top:bottom, left:right], background)
-    outline = extract_outline(heap.body, 1.0)
-    flanks = fit_flanks(outline, grain, max(SHORTEST_FLANK, 3.0 * grain))
+    outline = silhouette.extract_outline(heap.body, 1.0)
+    flanks = silhouette.fit_flanks(outline, grain, max(SHORTEST_FLANK, 3.0 * grain))
     if not any(flanks):
         raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
     flags = raise_flags(heap, flanks, float(outline.height.max()), grain)
@@ -131,13 +123,15 @@ def find_heap(path: Path, grey: Grey, background: Background) -> Heap:
         raise BadInput(f"{path}: no heap: nothing stands out from the background")
     side = border_side(calm, threshold) if background == "auto" else background
     foreground = calm > threshold if side == "dark" else calm <= threshold
-    scene = largest_body(
-        np.asarray(scipy.ndimage.binary_opening(foreground, structure=EIGHT_NEIGHBOURS), dtype=bool)
+    scene = silhouette.largest_body(
+        np.asarray(
+            scipy.ndimage.binary_opening(foreground, structure=silhouette.EIGHT_NEIGHBOURS), dtype=bool
+        )
     )
     base = plate_row(scene)
     if base < LOWEST_HEAP:
         raise BadInput(f"{path}: no heap: the foreground is as wide at its top as at its foot")
-    body = largest_body(scene[:base])
+    body = silhouette.largest_body(scene[:base])
     height = base - int(np.argmax(body.any(axis=1)))
     if not body.any() or height < LOWEST_HEAP:
         raise BadInput(f"{path}: no heap: nothing rises {LOWEST_HEAP} pixels above the base at row {base}")
@@ -194,14 +188,14 @@ def raise_flags(
     """Flags of the angle; the keys of SENTENCES."""
     left, right = flanks
     raised = {
-        "curved_left": left is not None and is_bent(left.bend, left.bend_error),
-        "curved_right": right is not None and is_bent(right.bend, right.bend_error),
+        "curved_left": left is not None and silhouette.is_bent(left.bend, left.bend_error),
+        "curved_right": right is not None and silhouette.is_bent(right.bend, right.bend_error),
         "no_left_flank": left is None,
         "no_right_flank": right is None,
         "flat_top": left is not None
         and right is not None
         and min(left.angle, right.angle) > 0.0
-        and is_flat_topped(height, meeting_height(left, right), grain),
+        and silhouette.is_flat_topped(height, silhouette.meeting_height(left, right), grain),
         "cut_by_frame": bool(heap.body[0].any() or heap.body[:, 0].any() or heap.body[:, -1].any()),
     }
     return [flag for flag, is_raised in raised.items() if is_raised]

@@ -11,20 +11,10 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures import silhouette
 from taichi_erosion.measures.heap import defect, grain_diameter, pile_height, ring_heights, ring_sectors
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.measures.silhouette import (
-    Flank,
-    draw_silhouette,
-    extract_outline,
-    fit_flanks,
-    fit_polynomial,
-    fit_window,
-    is_bent,
-    is_flat_topped,
-    largest_body,
-    meeting_height,
-)
+from taichi_erosion.measures.silhouette import Flank
 
 SHORTEST_FLANK = 3.0  # diameters of outline that carry a line [1]; lab_C asks for three bins of one diameter
 FEW_FLANKS_SHARE = 0.25  # of the flanks too short: the value rests on a selection [1]
@@ -95,10 +85,10 @@ def repose_angle(
 
 def view_heap(position: Floats, radius: Floats, azimuth: float, base_height: float, grain: float) -> View:
     """Draw the heap from one azimuth [deg] and fit its flanks."""
-    picture = draw_silhouette(position, radius, float(np.radians(azimuth)), base_height, grain)
-    outline = extract_outline(largest_body(picture.image), picture.pixel)
+    picture = silhouette.draw_silhouette(position, radius, float(np.radians(azimuth)), base_height, grain)
+    outline = silhouette.extract_outline(silhouette.largest_body(picture.image), picture.pixel)
     axis = picture.left + 0.5 * picture.pixel - float(outline.position[0])
-    flanks = fit_flanks(outline, grain, SHORTEST_FLANK * grain)
+    flanks = silhouette.fit_flanks(outline, grain, SHORTEST_FLANK * grain)
     return View(float(azimuth), float(outline.height.max()), axis, flanks)
 
 
@@ -124,7 +114,7 @@ def describe(views: list[View], angles: list[float], grain: float) -> dict[str, 
     """Figures of all views together, as plain numbers and lists."""
     flanks = [flank for view in views for flank in view.found]
     bends = [float(np.mean([flank.bend for flank in view.found])) for view in views if view.found]
-    meetings = [meeting_height(*view.found) for view in views if falls_both_ways(view)]
+    meetings = [silhouette.meeting_height(*view.found) for view in views if falls_both_ways(view)]
     return {
         "azimuth_angles": [[view.azimuth, *(f.angle if f else None for f in view.flanks)] for view in views],
         "azimuth_sd": float(np.std(angles, ddof=1)) if len(angles) > 1 else nan,
@@ -133,7 +123,7 @@ def describe(views: list[View], angles: list[float], grain: float) -> dict[str, 
         "bend": float(np.mean(bends)),
         "bend_error": spread(bends),
         "height": float(np.median([view.height for view in views])),
-        "meeting_height": float(np.median(meetings)) if meetings else nan,
+        "silhouette.meeting_height": float(np.median(meetings)) if meetings else nan,
         "short_flanks": 2 * len(views) - len(flanks),
         "flanks_seen": 2 * len(views),
         "lines": [line for view in views for line in drawn_lines(view)],
@@ -167,8 +157,8 @@ def raise_flags(details: dict[str, Any], grain: float, plate_radius: float | Non
     lined = details["rim_grains"] * grain / (2.0 * pi * plate_radius) if plate_radius else 0.0
     raised = {
         "few_points": details["short_flanks"] > FEW_FLANKS_SHARE * details["flanks_seen"],
-        "curved": is_bent(details["bend"], details["bend_error"]),
-        "flat_top": is_flat_topped(details["height"], details["meeting_height"], grain),
+        "curved": silhouette.is_bent(details["bend"], details["bend_error"]),
+        "flat_top": silhouette.is_flat_topped(details["height"], details["silhouette.meeting_height"], grain),
         "truncated_by_plate": lined > RIM_SHARE,
     }
     return [flag for flag, is_raised in raised.items() if is_raised]
@@ -188,13 +178,15 @@ def cone_angle(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
         return no_measurement(name, "deg", reason)
     grain = grain_diameter(snapshot)
     height = np.append(ring_heights(snapshot, base_height), 0.0)
-    low, high = fit_window(pile_height(snapshot, base_height).value, grain)
+    low, high = silhouette.fit_window(pile_height(snapshot, base_height).value, grain)
     flank = height[: int(np.argmax(height < low))]
     ring = np.flatnonzero(flank <= high)
     if ring.size < SHORTEST_FLANK:
         return no_measurement(name, "deg", "no flank of three rings")
     radius = (ring.astype(float) + 0.5) * grain
-    fit = fit_polynomial(radius, flank[ring], 1, weight=ring_sectors(flank.size)[ring].astype(float))
+    fit = silhouette.fit_polynomial(
+        radius, flank[ring], 1, weight=ring_sectors(flank.size)[ring].astype(float)
+    )
     slope = float(fit.coefficients[1])
     error = degrees(float(fit.errors[1]) / (1.0 + slope**2))
     details = {"apex": float(fit.coefficients[0]), "residual": fit.residual / grain, "rings": int(ring.size)}

@@ -9,19 +9,10 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirSnapshot
-from taichi_erosion.recording import pictures
+from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.blueprint import image_view, with_time_panel
 from taichi_erosion.recording.pictures import Image
-from taichi_erosion.recording.stream import (
-    Recording,
-    flush,
-    log_image,
-    log_legend,
-    log_scene,
-    log_values,
-    open_stream,
-    set_time,
-)
+from taichi_erosion.recording.stream import Recording
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -48,11 +39,11 @@ class WindHeader:
 
 def open_wind_recording(path: Path, header: WindHeader) -> Recording:
     """Begin PATH.part with its blueprint and the scene. Raises BadInput where it cannot be written."""
-    recording = open_stream(path, header.name, wind_blueprint(header.curves), header.recording_id)
-    log_scene(recording, header.name, header.scene_text)
+    recording = stream.open_stream(path, header.name, wind_blueprint(header.curves), header.recording_id)
+    stream.log_scene(recording, header.name, header.scene_text)
     for curve, legend in header.curves.items():
-        log_legend(recording, f"air/{curve}", legend, pictures.SAND)
-    flush(recording)
+        stream.log_legend(recording, f"air/{curve}", legend, pictures.SAND)
+    stream.flush(recording)
     return recording
 
 
@@ -74,10 +65,10 @@ def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
 
 def log_wind(recording: Recording, state: AirSnapshot, step: int, curves: Mapping[str, float]) -> None:
     """Write slice, profile and curves of one state."""
-    set_time(recording, state.time, step)
-    log_image(recording, "slice", speed_slice(state))
+    stream.set_time(recording, state.time, step)
+    stream.log_image(recording, "slice", speed_slice(state))
     log_profile(recording, state.velocity[..., 0].mean(axis=(0, 1)), state.faces_z)
-    log_values(recording, "air", curves)
+    stream.log_values(recording, "air", curves)
 
 
 def speed_slice(state: AirSnapshot) -> Image:

@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_erosion.recording import pictures
-from taichi_erosion.recording.blueprint import (
-    MAGNIFICATION,
-    TIMELINE,
-    Focus,
-    grain_view,
-    heap_focus,
-    with_time_panel,
-)
+from taichi_erosion.recording import blueprint, pictures
+from taichi_erosion.recording.blueprint import Focus
 from taichi_erosion.recording.readback import GrainFrame, read_grains
 from taichi_erosion.recording.stream import close, open_stream, set_properties
 
@@ -60,8 +53,8 @@ def record_study(path: Path, page: StudyPage) -> Path:
     recording = open_stream(path, page.title, study_blueprint(page, films), path.stem, APPLICATION)
     stream = recording.stream
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    stream.log("runs", rr.Transform3D(scale=MAGNIFICATION), static=True)
-    stream.set_time(TIMELINE, duration=0.0)
+    stream.log("runs", rr.Transform3D(scale=blueprint.MAGNIFICATION), static=True)
+    stream.set_time(blueprint.TIMELINE, duration=0.0)
     for entity, text in (("summary", page.summary), ("table", page.table)):
         stream.log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
     for name, content in page.figures.items():
@@ -70,7 +63,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
     for run in page.runs:
         set_properties(recording, run.name, run.properties)
         for frame in films[run.name]:
-            stream.set_time(TIMELINE, duration=frame.time)
+            stream.set_time(blueprint.TIMELINE, duration=frame.time)
             colours = pictures.resting_colours(frame.ident)
             stream.log(f"runs/{run.name}", rr.Points3D(frame.position, radii=frame.radius, colors=colours))
     return close(recording)
@@ -93,17 +86,17 @@ def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
     figures = [rrb.Spatial2DView(name=name, origin=f"/{figure_entity(name)}") for name in page.figures]
     if not films:
         grid = rrb.Grid(*figures, grid_columns=FIGURE_COLUMNS)
-        return with_time_panel(rrb.Horizontal(grid, texts, column_shares=[2, 1]))
+        return blueprint.with_time_panel(rrb.Horizontal(grid, texts, column_shares=[2, 1]))
     focus = common_focus(films)
-    views = [grain_view(focus, run.caption, f"/runs/{run.name}") for run in page.runs]
+    views = [blueprint.grain_view(focus, run.caption, f"/runs/{run.name}") for run in page.runs]
     grid = rrb.Grid(*views, grid_columns=ceil(sqrt(len(views))))
     below = rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[1, 1])
-    return with_time_panel(rrb.Vertical(grid, below, row_shares=[3, 2]))
+    return blueprint.with_time_panel(rrb.Vertical(grid, below, row_shares=[3, 2]))
 
 
 def common_focus(films: Films) -> Focus:
     """One camera for all runs, so that heaps can be compared by eye: the largest heap fits."""
-    heaps = [heap_focus(frames[-1].radius.astype(np.float64)) for frames in films.values()]
+    heaps = [blueprint.heap_focus(frames[-1].radius.astype(np.float64)) for frames in films.values()]
     return max(heaps, key=lambda focus: focus.radius)
 
 

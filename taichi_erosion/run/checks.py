@@ -97,9 +97,4 @@ def air_layer_key(scene: Scene) -> Any:
         return None
     rising = any(stage.through_flow is not None for stage in scene.stages)
     names = {"closure", "columns", "drive", "surface", "length", "width", "height", "cell", "growth"}
-    return [
-        scene.wind.model_dump(include=names),
-        rising,
-        scene.grains.count,
-        scene.grains.size.model_dump(),
-    ]
+    return [scene.wind.model_dump(include=names), rising, scene.grains.count, scene.grains.size.model_dump()]

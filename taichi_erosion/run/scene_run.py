@@ -204,11 +204,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
         recording=None,
-        numerics={
-            "arch": numerics.arch,
-            "threads": ensemble.sim.workers,
-            "precision": numerics.precision,
-        },
+        numerics={"arch": numerics.arch, "threads": ensemble.sim.workers, "precision": numerics.precision},
         limits=explain(scene),
         restitution={i.pair: {"stated": i.stated, "found": i.found} for i in impacts},
         convention=SURFACE_ENERGY_CONVENTION,

@@ -11,6 +11,7 @@ import scipy
 
 from taichi_erosion.core.air_setup import ClosureConstants
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.build import limits
 from taichi_erosion.scene.build.air import (
     GRAIN_ROUGHNESS,
     air_time_step,
@@ -21,14 +22,6 @@ from taichi_erosion.scene.build.air import (
 from taichi_erosion.scene.build.clump import body_of, reach_over_diameter
 from taichi_erosion.scene.build.contacts import young_effective
 from taichi_erosion.scene.build.fill import lattice_points, places_per_layer
-from taichi_erosion.scene.build.limits import (
-    expected_speed,
-    impact_overlap,
-    refuse_unsafe_step,
-    smallest_mass,
-    smallest_radius,
-    time_step,
-)
 from taichi_erosion.scene.build.sizes import nominal_diameter, size_range
 from taichi_erosion.scene.build.walls import mesh_triangles, outward
 from taichi_erosion.scene.schema.air import AirBox, AirScene, box_problems
@@ -109,7 +102,7 @@ def exchange_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     density = scene.materials[scene.grains.material].density
     smallest = size_range(scene.grains.size)[0]
     response = density * smallest**2 / (18.0 * wind.viscosity * wind.density)
-    interval = wind.look_steps * time_step(scene)
+    interval = wind.look_steps * limits.time_step(scene)
     if interval > EXCHANGE_SHARE * response:
         yield (
             f"wind.look_steps = {wind.look_steps}: {interval:.2g} s pass between two exchanges with the air, "
@@ -138,7 +131,7 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     above = wind.height - surface_height(scene, wind)
     roughness = GRAIN_ROUGHNESS * nominal_diameter(scene.grains.size)
     fastest = friction * (log(1.0 + max(above, 0.0) / roughness) / ClosureConstants.karman + GUST)
-    flown = fastest * wind.look_steps * time_step(scene)
+    flown = fastest * wind.look_steps * limits.time_step(scene)
     most = COURANT_MOST * wind.length / wind.columns[0]
     if flown > most:
         yield (
@@ -228,13 +221,13 @@ def check_meshes(scene: Scene) -> Iterator[str]:
 
 def check_numbers(scene: Scene) -> Iterator[str]:
     """Time step and stiffness are sane."""
-    refuse_unsafe_step(scene)
-    steps = sum(stage.duration_max for stage in scene.stages) / time_step(scene)
+    limits.refuse_unsafe_step(scene)
+    steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
     if steps > MOST_STEPS:
-        yield f"stages: {steps:.2g} steps of {time_step(scene):.2g} s; soften grains or shorten stages"
-    material, radius = scene.materials[scene.grains.material], smallest_radius(scene)
-    young, speed = young_effective(material, material), expected_speed(scene)
-    overlap = impact_overlap(0.5 * smallest_mass(scene), 0.5 * radius, young, speed) / radius
+        yield f"stages: {steps:.2g} steps of {limits.time_step(scene):.2g} s; soften grains or shorten stages"
+    material, radius = scene.materials[scene.grains.material], limits.smallest_radius(scene)
+    young, speed = young_effective(material, material), limits.expected_speed(scene)
+    overlap = limits.impact_overlap(0.5 * limits.smallest_mass(scene), 0.5 * radius, young, speed) / radius
     if overlap > scene.run.overlap_limit:
         yield (
             f"materials.{scene.grains.material}: too soft: an impact at {speed:.3g} m s-1 would overlap by "

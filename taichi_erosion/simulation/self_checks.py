@@ -51,7 +51,12 @@ def sum_pair_forces(
     world_out: ti.template(),
     sums_out: ti.types.ndarray(dtype=ti.f64, ndim=1),
 ):
-    """Sum of the forces between grains (3) and of their magnitudes [N]; contacts are left as they were."""
+    """Sum of the forces between grains (3) and of their magnitudes [N]; contacts are left as they were.
+
+    Writes `world_out`: grains.force, grains.torque, pairs.label, pairs.rolling_displacement,
+    pairs.tangential_displacement, replicas.fault_grain, replicas.fault_partner, replicas.fault_value,
+    sleep.state.
+    """
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     ti.loop_config(serialize=True)
     for _ in range(1):

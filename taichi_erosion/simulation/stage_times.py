@@ -55,6 +55,9 @@ def repeat(
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
+    """Writes `coupling_out`: what `stage` writes.
+    Writes `world_out`: what `stage` writes.
+    """
     ti.loop_config(serialize=True)
     for _ in range(repeats):
         stage(world_out, coupling_out)

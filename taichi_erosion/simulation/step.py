@@ -196,7 +196,12 @@ def release_first(
     # out
     world_out: ti.template(),
 ):
-    """Release the grains that are there from the start, so that a state can be read before the first step."""
+    """Release the grains that are there from the start, so that a state can be read before the first step.
+
+    Writes `world_out`: grain_effects.states, grains.ident, grains.mass_inverse, grains.material,
+    grains.origin, grains.radius, grains.shift, grains.spin, grains.velocity, pair_effects.states,
+    replicas.bounds, replicas.released.
+    """
     for r in range(world_out.replicas.count):
         release_grains(world_out, r)
 
@@ -212,7 +217,12 @@ def run_replicas(
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
-    """Each worker advances whole replicas by itself, in the order of the schedule."""
+    """Each worker advances whole replicas by itself, in the order of the schedule.
+
+    Writes `coupling_out`: air, exchange, sums.
+    Writes `world_out`: cells, clumps, frozen_drag, grain_effects, grains, pair_effects, pairs, replicas,
+    sleep, wall_pairs, walls.
+    """
     for lane in range(workers * chunk):
         if lane % chunk == 0:
             run_assigned(world_out, coupling_out, schedule, lane // chunk)
@@ -228,7 +238,12 @@ def run_teams(
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
-    """Teams of `size` workers divide the partitions of one replica each."""
+    """Teams of `size` workers divide the partitions of one replica each.
+
+    Writes `coupling_out`: air, exchange, sums.
+    Writes `world_out`: cells, clumps, frozen_drag, grain_effects, grains, pair_effects, pairs, replicas,
+    sleep, wall_pairs, walls.
+    """
     for lane in range(teams * size * chunk):
         if lane % chunk == 0:
             worker = lane // chunk

@@ -22,14 +22,7 @@ from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.core.snapshot import Failure, Snapshot, Status
 from taichi_erosion.simulation import export_state, failure, import_state, snapshot
 from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, holds
-from taichi_erosion.verification.contact.bulk import (
-    BASE,
-    DIAMETER,
-    SOFT_GLASS,
-    column_scene,
-    heap_angles,
-    soft_touch,
-)
+from taichi_erosion.verification.contact import bulk
 from taichi_erosion.verification.contact.normal_impact import hertz_cases
 from taichi_erosion.verification.contact.oblique_impact import OXIDE, impact_at, scenes
 from taichi_erosion.verification.small_scenes import advance_all, final_states, simulation_of
@@ -42,8 +35,8 @@ HEAP_SEEDS = (11, 12, 13, 14)
 
 def tumbling(seed: int, count: int = 40, surface_energy: float = 0.01) -> Setup:
     """Grains poured into a narrow tube."""
-    touch = soft_touch(friction=0.5, friction_rolling=0.2, surface_energy=surface_energy)
-    return column_scene(touch, count, 3.0 * DIAMETER, seed)
+    touch = bulk.soft_touch(friction=0.5, friction_rolling=0.2, surface_energy=surface_energy)
+    return bulk.column_scene(touch, count, 3.0 * bulk.DIAMETER, seed)
 
 
 def state_bytes(state: Snapshot) -> bytes:
@@ -103,7 +96,7 @@ def single_and_double() -> Iterator[Outcome]:
         double, single = (final_states(setups, ends, p) for p in PRECISIONS)
         errors = [rebound_error(*pair) for pair in zip(double, single, setups, strict=True)]
         yield below(f"{name} impacts: rebound f32 - f64, over the speed", errors, 1e-5, "f32")
-    angles = {p: heap_angles([(BASE, seed) for seed in HEAP_SEEDS], p) for p in PRECISIONS}
+    angles = {p: bulk.heap_angles([(bulk.BASE, seed) for seed in HEAP_SEEDS], p) for p in PRECISIONS}
     mean = {name: float(np.mean(found)) for name, found in angles.items()}
     scatter = float(np.std(np.concatenate(list(angles.values())), ddof=1))
     name = f"heap angle [deg], f32 against f64, mean of {len(HEAP_SEEDS)} seeds within their sd"
@@ -125,15 +118,15 @@ def healthy() -> Setup:
 
 def rayleigh_time() -> float:
     """Pi R sqrt(rho/G)/(0.1631 nu + 0.8766) [s]."""
-    slowness = sqrt(SOFT_GLASS.density / SOFT_GLASS.shear)
-    return pi * DIAMETER / 2.0 * slowness / (0.1631 * SOFT_GLASS.poisson + 0.8766)
+    slowness = sqrt(bulk.SOFT_GLASS.density / bulk.SOFT_GLASS.shear)
+    return pi * bulk.DIAMETER / 2.0 * slowness / (0.1631 * bulk.SOFT_GLASS.poisson + 0.8766)
 
 
 def overlapping() -> Setup:
     """Two grains start almost inside each other."""
     setup = healthy()
     position = setup.grains.position.copy()
-    position[1] = position[0] + [0.1 * DIAMETER, 0.0, 0.0]
+    position[1] = position[0] + [0.1 * bulk.DIAMETER, 0.0, 0.0]
     return replace(setup, grains=replace(setup.grains, position=position))
 
 

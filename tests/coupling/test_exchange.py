@@ -18,13 +18,7 @@ STEPS = 70  # 23 exchanges and one step
 
 def streaming(viscosity: float, density: float = DENSITY):
     """Grains at rest in air that moves as a block between a floor and a lid without stress."""
-    over = air(
-        FACES,
-        "symmetry",
-        density=density,
-        viscosity=viscosity,
-        start=np.full(len(FACES) - 1, 1.0),
-    )
+    over = air(FACES, "symmetry", density=density, viscosity=viscosity, start=np.full(len(FACES) - 1, 1.0))
     return weightless(PLACES, 0.0, over, look_steps=INTERVAL)
 
 

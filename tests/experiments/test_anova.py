@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
-from textbook import (
-    central_composite,
-    chemical_yield,
-    full_factorial,
-    smell,
-    tool_life,
-    unit_factors,
-)
+from textbook import central_composite, chemical_yield, full_factorial, smell, tool_life, unit_factors
 
 from taichi_erosion.experiments import design
 from taichi_erosion.experiments.anova import (
@@ -24,10 +17,7 @@ from taichi_erosion.experiments.anova import (
     replicate_error,
 )
 from taichi_erosion.experiments.design_table import arranged
-from taichi_erosion.experiments.fit import (
-    Fit,
-    fit_model,
-)
+from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.terms import model_terms, parents
 
 FULL = (*model_terms(3, "interactions"), (1, 1, 1))

@@ -8,9 +8,7 @@ from textbook import unit_factors
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
 from taichi_erosion.experiments.design import CYCLES, TOGETHER, plackett_burman_points, sobol_points
-from taichi_erosion.experiments.design_table import (
-    Factor,
-)
+from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.experiments.terms import alias_matrix, interaction_terms, linear_terms
 
 # Plackett & Burman (1946) as printed, for example, in Plasun (1999), table 3.6

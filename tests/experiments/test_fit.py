@@ -10,21 +10,11 @@ from hypothesis import strategies as st
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 from statsmodels.stats.outliers_influence import OLSInfluence, variance_inflation_factor
-from textbook import (
-    central_composite,
-    chemical_yield,
-    evaluate,
-    smell,
-    tool_life,
-    unit_factors,
-)
+from textbook import central_composite, chemical_yield, evaluate, smell, tool_life, unit_factors
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.anova import (
-    Row,
-    anova,
-)
+from taichi_erosion.experiments.anova import Row, anova
 from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.experiments.fit import (
     Fit,

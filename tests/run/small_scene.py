@@ -13,11 +13,7 @@ PATIENCE = 600.0  # s; the cores may be busy
 SCENE: dict[str, Any] = {
     "scene": {"kind": "repose", "title": "few grains"},
     "run": {"replicas": 2, "seed": 3},
-    "grains": {
-        "count": 30,
-        "material": "soil",
-        "size": {"law": "monodisperse", "diameter": 2e-3},
-    },
+    "grains": {"count": 30, "material": "soil", "size": {"law": "monodisperse", "diameter": 2e-3}},
     "materials": {
         "soil": {"density": 2130.0, "shear_modulus": 1e6, "poisson_ratio": 0.29},
         "steel": {"density": 7850.0, "young_modulus": 2e9, "poisson_ratio": 0.3},

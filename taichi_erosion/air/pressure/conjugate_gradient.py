@@ -126,7 +126,10 @@ def parallel_replicas(
     # out
     air_out: ti.template(),
 ):
-    """One device function applied to every replica, in parallel."""
+    """One device function applied to every replica, in parallel.
+
+    Writes `air_out`: what `task` writes.
+    """
     for r in range(air_out.count):
         task(air_out, r)
 

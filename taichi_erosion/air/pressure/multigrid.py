@@ -350,7 +350,10 @@ def parallel_lines(
     # out
     levels_out: ti.template(),
 ):
-    """One device function applied to every line of one level of all replicas, in parallel."""
+    """One device function applied to every line of one level of all replicas, in parallel.
+
+    Writes `levels_out`: what `task` writes.
+    """
     nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
     for r, i, j in ti.ndrange(levels_out.right_side.shape[0], nx, ny):
         task(levels_out, level, r, i, j)
@@ -364,7 +367,10 @@ def parallel_relax(
     # out
     levels_out: ti.template(),
 ):
-    """Relaxation of one level of all replicas in parallel, colour `first` (0 or 1) before the other."""
+    """Relaxation of one level of all replicas in parallel, colour `first` (0 or 1) before the other.
+
+    Writes `levels_out`: solution.
+    """
     replicas, nx, ny = levels_out.right_side.shape[0], levels_out.shape[level, 1], levels_out.shape[level, 2]
     for r, i, j in ti.ndrange(replicas, nx, ny):
         relax_colour(levels_out, level, first, r, i, j)
@@ -380,7 +386,10 @@ def sweep_coarsest(
     # out
     levels_out: ti.template(),
 ):
-    """Symmetric Gauss-Seidel on the coarsest level, one thread a replica."""
+    """Symmetric Gauss-Seidel on the coarsest level, one thread a replica.
+
+    Writes `levels_out`: solution.
+    """
     for r in range(levels_out.right_side.shape[0]):
         sweep_symmetrically(levels_out, level, sweeps, r)
 

@@ -26,13 +26,8 @@ from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discover
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
+from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import RefinementPoint
-from taichi_erosion.evidence.emulator.training_runs import (
-    emulated_study,
-    initial_training_runs,
-    refined_training_runs,
-    within_budget,
-)
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.scene.load import file_text
 
@@ -178,18 +173,18 @@ def answered(
     Scenes are simulated about the plausible and the required points of each answer, and then the question is
     answered again.
     """
-    runs = initial_training_runs(study, question.effects, budget, question.ahead)
+    runs = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
     if runs is None:
         return question.answer(study), study
     past, key = read_rounds(study), f"{question.name} {budget}"
     own = past.pop(key, [])
     for name, rounds in [*past.items(), (key, own)]:
         for number, points in enumerate(rounds):
-            runs = refined_training_runs(runs, points, f"{name}|{number}")
+            runs = training_runs.refined_training_runs(runs, points, f"{name}|{number}")
     alike = [rounds for name, rounds in past.items() if name.endswith(budget)]
     earlier = {acting(point) for rounds in alike for points in rounds for point in points}
     while True:
-        ready = emulated_study(runs, progress)
+        ready = training_runs.emulated_study(runs, progress)
         found = question.answer(ready)
         if len(own) < runs.plan_size.rounds:
             points = [point for point in question.points(found) if acting(point) not in earlier]
@@ -197,9 +192,9 @@ def answered(
             known = earlier | {acting(point) for points in own for point in points}
             points = [point for point in question.required(found) if acting(point) not in known]
             done = len(own) >= runs.plan_size.rounds + MOST_REQUIRED
-            if done or not points or not within_budget(runs, points):
+            if done or not points or not training_runs.within_budget(runs, points):
                 return found, ready
-        runs = refined_training_runs(runs, points, f"{key}|{len(own)}")
+        runs = training_runs.refined_training_runs(runs, points, f"{key}|{len(own)}")
         own.append(points)
         write_rounds(study, {**past, key: own})
 

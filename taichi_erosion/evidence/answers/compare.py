@@ -10,22 +10,9 @@ from taichi_erosion.evidence.data.findings import Comparison
 from taichi_erosion.evidence.data.measurement_noise import unchecked_noise_sentence
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Progress
 from taichi_erosion.evidence.data.transforms import slope, to_scale
-from taichi_erosion.evidence.inference.goodness_of_fit import (
-    chi_square,
-    freedom,
-    misfit_p,
-    misfit_places,
-    noise_table,
-    observable_misfits,
-    rows_table,
-)
+from taichi_erosion.evidence.inference import goodness_of_fit, marginal_likelihood
 from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import (
-    ScoredHypothesis,
-    expand,
-    projected_residual,
-    score,
-)
+from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis
 from taichi_erosion.evidence.inference.posterior import parameter_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
@@ -41,17 +28,17 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
     """Misfit per observable and along every condition; with unknown noise only its shape, not its size."""
     start = perf_counter()
     prepared, base, known = calibrated_base(problem, seed, progress)
-    table = rows_table(prepared, base.expansion)
-    misfits = observable_misfits(prepared, base.expansion, table)
+    table = goodness_of_fit.rows_table(prepared, base.expansion)
+    misfits = goodness_of_fit.observable_misfits(prepared, base.expansion, table)
     if not known:
         misfits = {name: replace(misfit, chi2=nan, p=nan) for name, misfit in misfits.items()}
     return Comparison(
         observables=misfits,
-        where=misfit_places(prepared, base.expansion),
-        chi2=chi_square(prepared, base.expansion) if known else nan,
-        dof=freedom(projected_residual(prepared, base.expansion)),
-        p=misfit_p(prepared, base.expansion) if known else nan,
-        noise=noise_table(prepared, known=known),
+        where=goodness_of_fit.misfit_places(prepared, base.expansion),
+        chi2=goodness_of_fit.chi_square(prepared, base.expansion) if known else nan,
+        dof=goodness_of_fit.freedom(marginal_likelihood.projected_residual(prepared, base.expansion)),
+        p=goodness_of_fit.misfit_p(prepared, base.expansion) if known else nan,
+        noise=goodness_of_fit.noise_table(prepared, known=known),
         parameters=parameter_estimates(prepared, base),
         rows=table,
         failures=prepared.predictor.cost.failures,
@@ -83,7 +70,7 @@ def calibrated(prepared: PreparedProblem) -> tuple[PreparedProblem, ScoredHypoth
     """Bare model at its best; notes on the calibration are among the warnings."""
     prepared, best, notes = fit_base(prepared)
     prepared = replace(prepared, warnings=(*prepared.warnings, *notes))
-    return prepared, score(prepared, expand(prepared, best))
+    return prepared, marginal_likelihood.score(prepared, marginal_likelihood.expand(prepared, best))
 
 
 def calibrated_with_scatter(

@@ -25,19 +25,10 @@ from taichi_erosion.evidence.data.findings import (
 )
 from taichi_erosion.evidence.data.problem import Budget, Problem, Progress, expected_strength
 from taichi_erosion.evidence.data.transforms import split_setting
-from taichi_erosion.evidence.inference import levels
+from taichi_erosion.evidence.inference import goodness_of_fit, levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
 from taichi_erosion.evidence.inference.familywise_test import power
-from taichi_erosion.evidence.inference.goodness_of_fit import (
-    chi_square,
-    explained_share,
-    freedom,
-    misfit_p,
-    misfit_places,
-    noise_table,
-    rows_table,
-)
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
 from taichi_erosion.evidence.inference.posterior import (
@@ -88,7 +79,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         decoy_rank=found.test.decoy_rank,
         stability=found.stability,
         warnings=(*prepared.warnings, *found.warnings, *bound_warnings(found)),
-        noise=noise_table(prepared, screened.seed_correlation),
+        noise=goodness_of_fit.noise_table(prepared, screened.seed_correlation),
         ambiguity=confounded_effects(prepared, screened, expected),
         absorbed_by=absorbed_by(prepared, screened),
         survivors=plausible_hypotheses(found),
@@ -107,10 +98,10 @@ def nameless_discovery(problem: Problem, seed: int, progress: Progress) -> Disco
         verdict="not_testable",
         probabilities=dict.fromkeys((NONE, OUTSIDE, *names), 1.0 / (len(names) + 2)),
         effects={name: EffectFinding(sentence=f"{name}: not testable") for name in names},
-        where=misfit_places(prepared, base.expansion),
+        where=goodness_of_fit.misfit_places(prepared, base.expansion),
         decoy_rank=len(names) + 1,
         warnings=prepared.warnings,
-        noise=noise_table(prepared, known=known),
+        noise=goodness_of_fit.noise_table(prepared, known=known),
     )
     if not known:
         record = replace(record, chi2_before=nan, chi2_after=nan)
@@ -125,12 +116,12 @@ def shared_fields(
         "parameters": parameter_estimates(prepared, final),
         "calibrated": len(prepared.axes),
         "calibrated_with": final.expansion.fit.names,
-        "chi2_before": chi_square(prepared, base.expansion),
-        "chi2_after": chi_square(prepared, final.expansion),
+        "chi2_before": goodness_of_fit.chi_square(prepared, base.expansion),
+        "chi2_after": goodness_of_fit.chi_square(prepared, final.expansion),
         "n": prepared.rows.size,
         "vault": VaultErrors(prepared.problem.vault.opened, nan, nan, nan),
-        "rows_before": rows_table(prepared, base.expansion),
-        "rows_after": rows_table(prepared, final.expansion),
+        "rows_before": goodness_of_fit.rows_table(prepared, base.expansion),
+        "rows_after": goodness_of_fit.rows_table(prepared, final.expansion),
         "failures": prepared.predictor.cost.failures,
         "runs": prepared.predictor.cost.runs,
         "seed": seed,
@@ -154,7 +145,7 @@ def unexplained(found: Analysis, signature: Signature) -> Unexplained:
     """
     prepared = found.fitted.prepared
     left = projected_residual(prepared, found.final.expansion)
-    excess = max(1.0, float(left.free @ left.free) / max(freedom(left), 1.0))
+    excess = max(1.0, float(left.free @ left.free) / max(goodness_of_fit.freedom(left), 1.0))
     free = left.project_signature(signature.raw)
     at = signature.at(expected_strength(prepared.candidate(signature.name)))
     kept = max(1.0 - signature.noise, 0.0) ** 0.5
@@ -262,13 +253,17 @@ def closest_hypotheses(found: Analysis) -> tuple[PlausibleHypothesis, ...]:
 
 
 def nearest_hypothesis(found: Analysis) -> NearestHypothesis | None:
-    """The refit that takes away most of the misfit, where it takes away levels.TOLD_CLOSEST of it."""
+    """The refit that takes away most of the misfit, where it takes away `levels.REPORTED_CLOSEST` of it."""
     prepared, base = found.fitted.prepared, found.fitted.base.expansion
-    tried = [(explained_share(prepared, base, i.expansion), i) for i in found.fitted.refits if i.usable]
+    tried = [
+        (goodness_of_fit.explained_share(prepared, base, i.expansion), i)
+        for i in found.fitted.refits
+        if i.usable
+    ]
     share, item = max(tried, key=lambda pair: pair[0], default=(0.0, found.fitted.base))
     if share < levels.REPORTED_CLOSEST:
         return None
-    return NearestHypothesis(item.names, share, misfit_p(prepared, item.expansion))
+    return NearestHypothesis(item.names, share, goodness_of_fit.misfit_p(prepared, item.expansion))
 
 
 def bound_warnings(found: Analysis) -> list[str]:

@@ -18,21 +18,8 @@ import numpy as np
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.evidence.data.findings import (
-    NONE,
-    OUTSIDE,
-    Adoption,
-    Discovery,
-    VaultErrors,
-)
-from taichi_erosion.evidence.inference.levels import (
-    HELD_OUT_MISFIT,
-    HELD_OUT_SHARE,
-    REPORTED_RIVAL,
-    fails,
-    p_text,
-    too_few_rows,
-)
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Adoption, Discovery, VaultErrors
+from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.measures.result import without_nan
 
@@ -53,19 +40,19 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
     if not found.noise.known:
         return found.noise.sentences
     sentences = [verdict_sentence(found)]
-    if found.calibrated_with and fails(found.p_misfit_after):
-        names, chance = " and ".join(found.calibrated_with), p_text(found.p_misfit_after)
+    if found.calibrated_with and levels.fails(found.p_misfit_after):
+        names, chance = " and ".join(found.calibrated_with), levels.p_text(found.p_misfit_after)
         sentences.append(
             f"Even with {names} the model fails ({chance}): its law may be another than ours, or something "
             "else acts too that these candidates do not describe."
         )
     if found.nearest is not None:
-        names, chance = " and ".join(found.nearest.names), p_text(found.nearest.p)
+        names, chance = " and ".join(found.nearest.names), levels.p_text(found.nearest.p)
         sentences.append(
             f"Of the list, {names} comes closest: it takes away {found.nearest.explained:.0%} of the misfit "
             f"beyond chance ({chance} of what it leaves)."
         )
-    sentences += [place.sentence for place in found.where if fails(place.p)]
+    sentences += [place.sentence for place in found.where if levels.fails(place.p)]
     sentences += [trend.sentence for trend in found.clues]
     sentences += found.noise.sentences
     if found.decoy_rank == 1 and found.named:
@@ -75,7 +62,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
 
 def verdict_sentence(found: Discovery) -> str:
     """One sentence for the verdict."""
-    if too_few_rows(found.n, found.calibrated):
+    if levels.too_few_rows(found.n, found.calibrated):
         return (
             f"{found.n} rows of known scatter cannot decide where {found.calibrated} numbers are calibrated; "
             f"nothing is named. Could be hiding: {', '.join(found.effects)}."
@@ -84,7 +71,7 @@ def verdict_sentence(found: Discovery) -> str:
         return silence_sentence(found)
     if found.verdict == "outside_library":
         sure = f"probability {found.probabilities[OUTSIDE]:.2g}"
-        chance = f"{p_text(found.p_misfit)} of the misfit, {found.p:.2g} of the best candidate"
+        chance = f"{levels.p_text(found.p_misfit)} of the misfit, {found.p:.2g} of the best candidate"
         return f"Something is missing and it is not in the list ({sure}; {chance})."
     if found.verdict == "unstable":
         return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
@@ -117,7 +104,7 @@ def rival_sentence(found: Discovery) -> str:
     accepted |= {OUTSIDE} if found.verdict == "outside_library" else set()
     others = {key: p for key, p in found.probabilities.items() if not accepted & set(key.split("+"))}
     rival = max(others, key=lambda key: others[key], default=NONE)
-    if others.get(rival, 0.0) < REPORTED_RIVAL:
+    if others.get(rival, 0.0) < levels.REPORTED_RIVAL:
         return "No other explanation is left with a probability worth naming."
     called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}.get(rival, rival)
     weak = sum(effect.status == "not_testable" for effect in found.effects.values())
@@ -144,7 +131,10 @@ def adoption_sentence(found: Adoption) -> str:
         f"{fit.vault_chi2:.3g} with {what} ({fit.effects[0]})" for fit, what in controls if fit is not None
     ]
     words += f"; for comparison {', '.join(told)}." if told else "."
-    if base.vault_chi2 > HELD_OUT_MISFIT and added.vault_chi2 > HELD_OUT_SHARE * base.vault_chi2:
+    if (
+        base.vault_chi2 > levels.HELD_OUT_MISFIT
+        and added.vault_chi2 > levels.HELD_OUT_SHARE * base.vault_chi2
+    ):
         words += f" What was held out does not bear {effect} out."
     return words + missing_sentence(found)
 

@@ -22,13 +22,7 @@ from scipy.stats import qmc
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.findings import Discovery, Experiment, PlausibleHypothesis
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
-from taichi_erosion.evidence.data.problem import (
-    Conditions,
-    Floats,
-    Laboratory,
-    Problem,
-    expected_strength,
-)
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Laboratory, Problem, expected_strength
 from taichi_erosion.evidence.data.transforms import from_scale, position_of, slope
 from taichi_erosion.evidence.inference.levels import DECIDED
 from taichi_erosion.evidence.inference.map_fit import Objective

@@ -137,7 +137,7 @@ def merged_rows(
 def weighted_means(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[Integers, Floats, Floats]:
     """First row, mean and total weight of the rows of each key, in the order of the first rows."""
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    total = np.bincount(inverse, weight, minlength=first.size)
+    total: Floats = np.bincount(inverse, weight, minlength=first.size).astype(float)
     order = np.argsort(first)
     mean = np.bincount(inverse, weight * z)[order] / total[order] if z.size else z
     return first[order], mean, total[order]

@@ -30,17 +30,7 @@ from taichi_erosion.evidence.emulator.gaussian_process import (
     Points,
     fit_gaussian_process,
 )
-from taichi_erosion.evidence.models.simulator import (
-    acting_effects,
-    condition_matters,
-    dotted_paths,
-    known_conditions,
-    parameter_matters,
-    row_count,
-    stated_conditions,
-    stated_numbers,
-    value_in_unit,
-)
+from taichi_erosion.evidence.models import simulator
 
 LEAST_RUNS = 4  # with a value; fewer make no emulator
 LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
@@ -88,25 +78,25 @@ class EmulatorInputs:
         if not strengths.any():
             return np.zeros(strengths.size)
         effect, scene = self.scene.simulator.library[candidate.name], self.scene.measure.scene
-        known = known_conditions(at, stated_conditions(scene))
+        known = simulator.known_conditions(at, simulator.stated_conditions(scene))
         prefix = f"{EFFECTS}{effect.name}."
         own = {path.removeprefix(prefix): v for path, v in parameters.items() if path.startswith(prefix)}
-        numbers = {**stated_numbers(scene, effect.name), **own}
+        numbers = {**simulator.stated_numbers(scene, effect.name), **own}
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
         dose = np.where(effect.can_act(known), effect.dose(params, known), 0.0)
         return strengths / expected_strength(candidate) * dose
 
     def active(self) -> ActiveInputs:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
-        library, present = self.scene.simulator.library, acting_effects(self.scene.measure.scene)
+        library, present = self.scene.simulator.library, simulator.acting_effects(self.scene.measure.scene)
         names = [candidate.name for candidate in self.candidates]
 
         def conditions(*effects: str) -> list[bool]:
             read = {name for effect in {*present, *effects} for name in library[effect].reads}
-            return [condition_matters(path, read) for path in self.scales]
+            return [simulator.condition_matters(path, read) for path in self.scales]
 
         def numbers(*effects: str) -> list[bool]:
-            return [parameter_matters(axis.name, {*present, *effects}) for axis in self.axes]
+            return [simulator.parameter_matters(axis.name, {*present, *effects}) for axis in self.axes]
 
         return ActiveInputs(
             bare=np.array(conditions(), bool),
@@ -158,8 +148,8 @@ def request_points(
     inputs: EmulatorInputs, conditions: Conditions, parameters: Numbers, effects: Numbers
 ) -> Points:
     """Inputs of a request, in which numbers and strengths are the same for all rows."""
-    rows = row_count(conditions)
-    at = {path: column for name, column in conditions.items() for path in dotted_paths(name)}
+    rows = simulator.row_count(conditions)
+    at = {path: column for name, column in conditions.items() for path in simulator.dotted_paths(name)}
     numbers = {axis.name: np.full(rows, parameters[axis.name]) for axis in inputs.axes}
     strengths = {name: np.full(rows, value) for name, value in effects.items() if value != 0.0}
     return inputs.points(at or {"": np.full(rows, np.nan)}, numbers, strengths)
@@ -181,7 +171,7 @@ def fit_emulators(
     found = {}
     for name in inputs.scene.observables:
         measure = inputs.scene.simulator.measures[name]
-        values = np.array([value_in_unit(result, measure) for result in results])
+        values = np.array([simulator.value_in_unit(result, measure) for result in results])
         scale = emulator_scale(observables[name], values)
         z = to_scale(scale, values)
         good = np.isfinite(z)

@@ -188,9 +188,6 @@ def negative_log_evidence(
     value = 0.5 * standard @ weights + np.sum(np.log(np.diag(factor))) + 0.5 * off @ off
     pull = inverse - np.outer(weights, weights)
     slopes = np.array(
-        [
-            *np.einsum("ij,kij->k", pull, parts[1:]) * amplitude[:-1] ** 2,
-            np.trace(pull) * amplitude[-1] ** 2,
-        ]
+        [*np.einsum("ij,kij->k", pull, parts[1:]) * amplitude[:-1] ** 2, np.trace(pull) * amplitude[-1] ** 2]
     )
     return float(value), slopes + off / spread

@@ -29,18 +29,8 @@ from taichi_erosion.evidence.data.problem import (
     expected_strength,
 )
 from taichi_erosion.evidence.data.transforms import parameter_axis
-from taichi_erosion.evidence.emulator.design import (
-    PLAN_SIZES,
-    PlanSize,
-    RefinementPoint,
-    Row,
-    StudyScene,
-    TrainingRun,
-    base_runs,
-    distinct_conditions,
-    effect_runs,
-    refinement_runs,
-)
+from taichi_erosion.evidence.emulator import design
+from taichi_erosion.evidence.emulator.design import PlanSize, RefinementPoint, Row, StudyScene, TrainingRun
 from taichi_erosion.evidence.emulator.emulator import (
     Emulator,
     EmulatorInputs,
@@ -84,7 +74,7 @@ def initial_training_runs(
     scenes = study_scenes(study, simulator)
     if proposed:
         scenes = tuple(replace(scene, proposed=proposed_rows(study, scene)) for scene in scenes)
-    start = TrainingRuns(study, simulator, scenes, PLAN_SIZES[budget])
+    start = TrainingRuns(study, simulator, scenes, design.PLAN_SIZES[budget])
     whole, most = len(first_runs(start, list(known_effects(study.problem)))), run_budget(start)
     if whole > most:  # every question of a study has the same bare runs, whatever effects it asks for
         start = replace(start, plan_size=scaled_down(start.plan_size, (1.0 - RESERVED) * most / whole))
@@ -159,16 +149,16 @@ def first_runs(training: TrainingRuns, effects: Sequence[str]) -> list[TrainingR
     for scene in training.scenes:
         wider = [(replace(scene, rows=scene.proposed, proposed=()), "ahead")] if scene.proposed else []
         for there, tag in [(scene, ""), *wider]:
-            runs += base_runs(there, size, tag)
+            runs += design.base_runs(there, size, tag)
             for name in names:
                 if inactive_reason(there, known[name]) is None:
-                    runs += effect_runs(there, known[name], size, tag)
+                    runs += design.effect_runs(there, known[name], size, tag)
     return runs
 
 
 def inactive_reason(scene: StudyScene, candidate: Candidate) -> str | None:
     """Why an effect changes nothing that a scene measures, None where it may."""
-    rows = distinct_conditions(scene, (candidate.name,))
+    rows = design.distinct_conditions(scene, (candidate.name,))
     if not rows:
         return "none of the conditions lets it act"
     try:
@@ -201,7 +191,7 @@ def refined_training_runs(training: TrainingRuns, about: Sequence[RefinementPoin
     more: list[TrainingRun] = []
     for scene in training.scenes:
         for number, point in enumerate(about):
-            more += refinement_runs(scene, known, point, count, f"{key}|{number}")
+            more += design.refinement_runs(scene, known, point, count, f"{key}|{number}")
     return replace(training, runs=(*training.runs, *more))
 
 

@@ -207,10 +207,7 @@ def refined(
 
 
 def fit(
-    prepared: PreparedProblem,
-    names: tuple[str, ...],
-    starts: list[Floats],
-    steps: int | None = None,
+    prepared: PreparedProblem, names: tuple[str, ...], starts: list[Floats], steps: int | None = None
 ) -> Fit:
     """Best of several starts of one hypothesis; by default as many steps as the budget allows."""
     steps = (STEPS_QUICK if prepared.quick else STEPS) if steps is None else steps

@@ -6,6 +6,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.findings import NONE, MisfitPlace
 from taichi_erosion.evidence.data.problem import Floats, Progress
+from taichi_erosion.evidence.inference import refit
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain, log_score_gain
 from taichi_erosion.evidence.inference.familywise_test import DRAWS, FamilywiseTest, familywise_test, power
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places
@@ -15,14 +16,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import expand
 from taichi_erosion.evidence.inference.model_discrepancy import kernels
 from taichi_erosion.evidence.inference.posterior import Posterior, posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.refit import (
-    FittedHypothesis,
-    fit_pairs,
-    fit_singles,
-    hypotheses,
-    scored_expansion,
-    shortlist,
-)
+from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.verdict import Decision, adequate_decision, best_hypothesis, decide
 from taichi_erosion.evidence.models.predictor import seed_mean
@@ -43,7 +37,7 @@ class FittedHypotheses:
 
     def posterior(self) -> Posterior:
         """Probabilities of all explanations."""
-        listed = hypotheses(self.prepared, self.base, self.screened, self.ranking, self.refits)
+        listed = refit.hypotheses(self.prepared, self.base, self.screened, self.ranking, self.refits)
         return posterior_of(self.prepared, listed)
 
     def rescored(self, seeds: np.ndarray) -> "FittedHypotheses":
@@ -56,7 +50,7 @@ class FittedHypotheses:
 
         def again(item: FittedHypothesis) -> FittedHypothesis:
             expansion = replace(item.expansion, mean=mean_over_seeds(prepared, item.fit))
-            return scored_expansion(prepared, expansion, self.family)
+            return refit.scored_expansion(prepared, expansion, self.family)
 
         refits = [again(item) for item in self.refits]
         return replace(self, prepared=prepared, base=again(self.base), refits=refits)
@@ -84,13 +78,15 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
     progress("calibrating the bare model", 0.05)
     prepared, best, warnings = fit_base(prepared)
     expansion, family = expand(prepared, best), kernels(prepared)
-    base = scored_expansion(prepared, expansion, family)
+    base = refit.scored_expansion(prepared, expansion, family)
     progress("making signatures", 0.15)
     screened = screen(prepared, expansion)
     p_misfit, places = misfit_p(prepared, expansion), misfit_places(prepared, expansion)
     ranking = familywise_test(prepared, screened, np.ones(RANKING_DRAWS), seed)
-    refits = fit_singles(prepared, screened, shortlist(prepared, screened, ranking), family, progress)
-    refits += fit_pairs(prepared, screened, refits, family, progress)
+    refits = refit.fit_singles(
+        prepared, screened, refit.shortlist(prepared, screened, ranking), family, progress
+    )
+    refits += refit.fit_pairs(prepared, screened, refits, family, progress)
     progress("weighing the evidence", 0.9)
     fitted = FittedHypotheses(prepared, base, screened, ranking, refits, family)
     posterior = fitted.posterior()

@@ -238,11 +238,7 @@ def mean_misfit_p(prepared: PreparedProblem, item: FittedHypothesis) -> float:
 
 
 def screened_evidence(
-    base: FittedHypothesis,
-    test: FamilywiseTest,
-    refits: list[FittedHypothesis],
-    screened: Screen,
-    index: int,
+    base: FittedHypothesis, test: FamilywiseTest, refits: list[FittedHypothesis], screened: Screen, index: int
 ) -> Floats:
     """Evidence of a candidate that the screen dismissed: as far behind the best refitted one as it was there.
 

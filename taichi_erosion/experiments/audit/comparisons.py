@@ -16,13 +16,7 @@ from scipy import stats
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.anova import Row, anova, curvature, replicate_error
-from taichi_erosion.experiments.audit.published import (
-    Claims,
-    Finding,
-    Kind,
-    Printed,
-    parse_printed,
-)
+from taichi_erosion.experiments.audit.published import Claims, Finding, Kind, Printed, parse_printed
 from taichi_erosion.experiments.confirm import Sample, confirm
 from taichi_erosion.experiments.design_table import Floats, column_numbers, read_columns
 from taichi_erosion.experiments.fit import Fit, Quality, coded_polynomial, quality

@@ -27,16 +27,8 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
-from taichi_erosion.experiments.design_table import (
-    Design,
-    Factor,
-    Floats,
-    arranged,
-    as_number,
-    column_numbers,
-    read_columns,
-    to_coded,
-)
+from taichi_erosion.experiments import design_table
+from taichi_erosion.experiments.design_table import Design, Factor, Floats
 from taichi_erosion.experiments.terms import Order
 
 Kind = Literal[
@@ -226,18 +218,18 @@ class PublishedTable:
     def design(self, coded: Floats | None = None) -> Design:
         """The table as a design, its levels as printed or as given."""
         points = self.coded if coded is None else coded
-        plain = arranged(self.name, self.factors, [("factorial", points)])
+        plain = design_table.arranged(self.name, self.factors, [("factorial", points)])
         return plain.with_responses(**{self.response: self.values})
 
 
 def read_published(path: Path, response: str | None = None) -> PublishedTable:
     """A table of runs; the response is the last column where it is not named."""
-    columns = read_columns(path)
+    columns = design_table.read_columns(path)
     names = list(columns)
     wanted = response or names[-1]
     if wanted not in columns:
         raise BadInput(f"{path}: no column '{wanted}'; there are: {', '.join(names)}")
-    values = column_numbers(columns, wanted, str(path))
+    values = design_table.column_numbers(columns, wanted, str(path))
     if len(values) < FEWEST_RUNS:
         raise BadInput(f"{path}: {len(values)} run(s); needs at least {FEWEST_RUNS}")
     chosen, aside = factor_columns(columns, wanted, str(path))
@@ -245,7 +237,7 @@ def read_published(path: Path, response: str | None = None) -> PublishedTable:
         raise BadInput(f"{path}: no column of factor levels beside the response '{wanted}'")
     levels = np.column_stack(list(chosen.values()))
     factors = tuple(factor_of(name, column) for name, column in chosen.items())
-    coded = np.round(to_coded(factors, levels), 9) + 0.0
+    coded = np.round(design_table.to_coded(factors, levels), 9) + 0.0
     return PublishedTable(str(path), factors, levels, coded, wanted, values, tuple(aside))
 
 
@@ -256,7 +248,11 @@ def factor_columns(
     names = list(columns)
     place = names.index(response)
     for side in (names[:place], names[place + 1 :]):  # a table may begin with its response
-        found = {name: column_numbers(columns, name, file) for name in side if not is_text(columns[name])}
+        found = {
+            name: design_table.column_numbers(columns, name, file)
+            for name in side
+            if not is_text(columns[name])
+        }
         levels = {
             name: column
             for name, column in found.items()
@@ -270,7 +266,7 @@ def factor_columns(
 
 def is_text(cells: Sequence[str]) -> bool:
     """Whether a column holds words only."""
-    return all(as_number(text) != as_number(text) for text in cells)
+    return all(design_table.as_number(text) != design_table.as_number(text) for text in cells)
 
 
 def without_responses(levels: Mapping[str, Floats]) -> dict[str, Floats]:

@@ -13,14 +13,8 @@ from itertools import combinations
 
 import numpy as np
 
+from taichi_erosion.experiments import design
 from taichi_erosion.experiments.audit.published import Finding, PublishedTable
-from taichi_erosion.experiments.design import (
-    CYCLES,
-    TOGETHER,
-    box_behnken_points,
-    grid_points,
-    plackett_burman_points,
-)
 from taichi_erosion.experiments.design_table import Floats
 from taichi_erosion.experiments.terms import columns, interaction_terms, linear_terms
 
@@ -141,12 +135,12 @@ def textbook(coded: Floats) -> tuple[str, tuple[Cell, ...]]:
 
 def named_designs(count: int) -> Iterator[tuple[str, Floats]]:
     """Designs in standard order."""
-    if 2 < count < max(CYCLES):
-        yield "Plackett-Burman", plackett_burman_points(count)
-    if count in TOGETHER:
-        yield "Box-Behnken", box_behnken_points(count)
+    if 2 < count < max(design.CYCLES):
+        yield "Plackett-Burman", design.plackett_burman_points(count)
+    if count in design.TOGETHER:
+        yield "Box-Behnken", design.box_behnken_points(count)
     if count <= MOST_FACTORS:
-        yield "two-level factorial", grid_points(count, 2)
+        yield "two-level factorial", design.grid_points(count, 2)
 
 
 def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[Finding]:

@@ -5,21 +5,14 @@ from math import ceil, pi
 
 import numpy as np
 
+from taichi_erosion.core import air_setup
 from taichi_erosion.core.air_setup import (
-    SIDES,
     AirModel,
     AirSetup,
     AirSide,
     ClosureConstants,
     InitialTurbulence,
     InletTurbulence,
-    bed_faces,
-    bed_gradient,
-    both_faces,
-    even_faces,
-    initial_wind,
-    log_profile,
-    stretched_faces,
 )
 from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Triple
 from taichi_erosion.scene.build.limits import time_step
@@ -62,14 +55,14 @@ def patch_air(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup
     """Air over a periodic patch of grains: one column of cells, or a grid."""
     diameter = nominal_diameter(scene.grains.size)
     fine_until = min(surface_height(scene, wind) + ABOVE_BED * diameter, 0.5 * wind.height)
-    faces = bed_faces(0.0, fine_until, wind.height, wind.cell or CELL_SHARE * diameter, wind.growth)
+    faces = air_setup.bed_faces(0.0, fine_until, wind.height, wind.cell or CELL_SHARE * diameter, wind.growth)
     ends = {"z_low": AirSide("wall"), "z_high": AirSide("stress" if wind.drive == "lid" else "symmetry")}
     made = AirSetup(
         cells=(*wind.columns, len(faces) - 1),
         low=(0.0, 0.0, 0.0),
         high=(wind.length, wind.width, wind.height),
         faces_z=faces,
-        sides={name: ends.get(name, AirSide("periodic")) for name in SIDES},
+        sides={name: ends.get(name, AirSide("periodic")) for name in air_setup.SIDES},
         density=wind.density,
         viscosity=wind.viscosity,
         time_step=time_step * wind.look_steps,
@@ -87,13 +80,13 @@ def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetu
         column,
         model=AirModel(closure=wind.closure, exchange=True),
         implicitness=CENTRED if eddies else column.implicitness,
-        driving_gradient=(bed_gradient(column, column.friction_velocity), 0.0, 0.0),
+        driving_gradient=(air_setup.bed_gradient(column, column.friction_velocity), 0.0, 0.0),
         initial_turbulence=InitialTurbulence(
             wind.stir if eddies else 0.0, wind.turnovers, GRAIN_ROUGHNESS * diameter, seed
         ),
     )
     blows = grid.friction_velocity > 0.0
-    return replace(grid, start=initial_wind(grid, grid.friction_velocity)) if blows else grid
+    return replace(grid, start=air_setup.initial_wind(grid, grid.friction_velocity)) if blows else grid
 
 
 def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
@@ -128,8 +121,10 @@ def box_faces(air: AirBox) -> Floats:
     """Faces of the cells of a box along z [m]."""
     high, count = air.extents[2], air.cells[2]
     if air.lowest is None:
-        return even_faces(0.0, high, count)
-    return (both_faces if air.both_ends else stretched_faces)(0.0, high, count, air.lowest)
+        return air_setup.even_faces(0.0, high, count)
+    return (air_setup.both_faces if air.both_ends else air_setup.stretched_faces)(
+        0.0, high, count, air.lowest
+    )
 
 
 def inlet_speed(profile: Profile, height: Floats, karman: float) -> Floats:
@@ -137,7 +132,7 @@ def inlet_speed(profile: Profile, height: Floats, karman: float) -> Floats:
     if isinstance(profile, UniformProfile):
         return np.full(len(height), profile.speed)
     if isinstance(profile, LogProfile):
-        return log_profile(height, profile.friction_velocity, profile.roughness_length, karman)
+        return air_setup.log_profile(height, profile.friction_velocity, profile.roughness_length, karman)
     if isinstance(profile, PowerProfile):
         return profile.speed * np.minimum(height / profile.thickness, 1.0) ** profile.exponent
     return np.interp(height, profile.heights, profile.speeds)
@@ -197,7 +192,7 @@ def build_air(scene: AirScene, seed: int) -> AirSetup:
         low=(0.0, 0.0, 0.0),
         high=air.extents,
         faces_z=box_faces(air),
-        sides={name: air_side(air, name) for name in SIDES},
+        sides={name: air_side(air, name) for name in air_setup.SIDES},
         density=air.density,
         viscosity=air.viscosity,
         time_step=air_time_step(scene),
@@ -237,7 +232,7 @@ def first_guess(air: AirBox) -> Floats | None:
     height = box_faces(air)
     smooth = 0.11 * air.viscosity / max(friction, 1e-12)  # roughness length of a smooth wall
     roughness = max(air.sides["z_low"].roughness_length, smooth)
-    return log_profile(0.5 * (height[1:] + height[:-1]), friction, roughness, air.karman)
+    return air_setup.log_profile(0.5 * (height[1:] + height[:-1]), friction, roughness, air.karman)
 
 
 def inlet_turbulence(air: AirBox, seed: int) -> InletTurbulence | None:

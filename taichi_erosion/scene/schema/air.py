@@ -16,16 +16,8 @@ from taichi_erosion.core.air_setup import (
     InletTurbulence,
     SideKind,
 )
-from taichi_erosion.scene.schema.fields import (
-    FASTEST,
-    Name,
-    SceneFile,
-    Section,
-    Vector,
-    contradiction,
-    extent,
-    number,
-)
+from taichi_erosion.scene.schema import fields
+from taichi_erosion.scene.schema.fields import Name, SceneFile, Section, Vector
 from taichi_erosion.scene.schema.scene import Conditions, Measured
 
 MOST_CELLS = 20_000_000  # about 8 GB of state
@@ -45,61 +37,69 @@ class AirHead(Section):
 class AirRun(Section):
     """How long and how finely the air is followed."""
 
-    seed: int = number(1, "1", "seed of the turbulence at the inlet", 0, 2**62)
-    duration: float = number(..., "s", "simulated time", 1e-9, LONGEST)
-    averaging: float = number(0.2, "1", "last share of the run over which measures take means", 0.0, 1.0)
-    courant: float = number(
+    seed: int = fields.number(1, "1", "seed of the turbulence at the inlet", 0, 2**62)
+    duration: float = fields.number(..., "s", "simulated time", 1e-9, LONGEST)
+    averaging: float = fields.number(
+        0.2, "1", "last share of the run over which measures take means", 0.0, 1.0
+    )
+    courant: float = fields.number(
         1.0, "1", "fastest wind times time step over length of a cell", 1e-3, COURANT_MOST
     )
-    time_step: float | None = number(None, "s", "time step; left out: courant", 1e-12, LONGEST)
-    frames: int = number(40, "1", "frames of the recording", 1, 10_000)
+    time_step: float | None = fields.number(None, "s", "time step; left out: courant", 1e-12, LONGEST)
+    frames: int = fields.number(40, "1", "frames of the recording", 1, 10_000)
 
 
 class Side(Section):
     """One side of the box."""
 
     kind: SideKind = Field(description="what the side does to the air")
-    velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity of a wall", -FASTEST, FASTEST)
-    roughness_length: float = extent(0.0, "roughness length z0 of a rough wall; 0: smooth", 0.0)
+    velocity: Vector = fields.number(
+        (0.0, 0.0, 0.0), "m s-1", "velocity of a wall", -fields.FASTEST, fields.FASTEST
+    )
+    roughness_length: float = fields.extent(0.0, "roughness length z0 of a rough wall; 0: smooth", 0.0)
 
 
 class UniformProfile(Section):
     """The same speed at every height."""
 
     law: Literal["uniform"]
-    speed: float = number(..., "m s-1", "wind speed", 0.0, FASTEST)
+    speed: float = fields.number(..., "m s-1", "wind speed", 0.0, fields.FASTEST)
 
 
 class LogProfile(Section):
     """Speed that grows with the logarithm of height."""
 
     law: Literal["log"]
-    friction_velocity: float = number(..., "m s-1", "friction velocity u*", 0.0, 10.0)
-    roughness_length: float = extent(..., "roughness length z0", 1e-9)
+    friction_velocity: float = fields.number(..., "m s-1", "friction velocity u*", 0.0, 10.0)
+    roughness_length: float = fields.extent(..., "roughness length z0", 1e-9)
 
 
 class PowerProfile(Section):
     """Speed that grows with a power of height up to the edge of a layer."""
 
     law: Literal["power"]
-    speed: float = number(..., "m s-1", "wind speed at the edge of the layer and above", 0.0, FASTEST)
-    thickness: float = extent(..., "thickness of the layer")
-    exponent: float = number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
+    speed: float = fields.number(
+        ..., "m s-1", "wind speed at the edge of the layer and above", 0.0, fields.FASTEST
+    )
+    thickness: float = fields.extent(..., "thickness of the layer")
+    exponent: float = fields.number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
 
 
 class TableProfile(Section):
     """Measured speeds, joined by straight lines."""
 
     law: Literal["table"]
-    heights: tuple[float, ...] = number(..., "m", "heights, rising", 0.0, 1e4)
-    speeds: tuple[float, ...] = number(..., "m s-1", "wind speeds at these heights", 0.0, FASTEST)
+    heights: tuple[float, ...] = fields.number(..., "m", "heights, rising", 0.0, 1e4)
+    speeds: tuple[float, ...] = fields.number(
+        ..., "m s-1", "wind speeds at these heights", 0.0, fields.FASTEST
+    )
 
     @model_validator(mode="after")
     def _pairs_rise(self) -> "TableProfile":
         if len(self.heights) != len(self.speeds) or len(self.heights) < 2:
-            raise contradiction("heights and speeds must be lists of the same length, at least 2")
+            raise fields.contradiction("heights and speeds must be lists of the same length, at least 2")
         if any(b <= a for a, b in zip(self.heights, self.heights[1:], strict=False)):
-            raise contradiction("heights must rise")
+            raise fields.contradiction("heights must rise")
         return self
 
 
@@ -109,38 +109,40 @@ Profile = Annotated[UniformProfile | LogProfile | PowerProfile | TableProfile, F
 class Turbulence(Section):
     """Fluctuations at the inlet."""
 
-    deviation: Vector = number(..., "m s-1", "standard deviations of u, v and w", 0.0, FASTEST)
-    integral_length: float = extent(..., "integral length scale")
-    waves: int = number(InletTurbulence.waves, "1", "random waves that are summed", 8, 10_000)
+    deviation: Vector = fields.number(..., "m s-1", "standard deviations of u, v and w", 0.0, fields.FASTEST)
+    integral_length: float = fields.extent(..., "integral length scale")
+    waves: int = fields.number(InletTurbulence.waves, "1", "random waves that are summed", 8, 10_000)
 
 
 class AirBox(Section):
     """The box, the fluid, the closure."""
 
-    extents: Vector = number(..., "m", "extents along x, y and z", 1e-7, 1e4)
-    cells: Counts = number(..., "1", "cells along x, y and z", 1, 100_000)
-    lowest: float | None = number(None, "m", "thickness of the lowest cells; left out: equal", 1e-7, 1e4)
+    extents: Vector = fields.number(..., "m", "extents along x, y and z", 1e-7, 1e4)
+    cells: Counts = fields.number(..., "1", "cells along x, y and z", 1, 100_000)
+    lowest: float | None = fields.number(
+        None, "m", "thickness of the lowest cells; left out: equal", 1e-7, 1e4
+    )
     both_ends: bool = Field(default=False, description="whether cells are fine at the lid too")
-    density: float = number(1.2, "kg m-3", "density of the air", 1e-3, 1e3)
-    viscosity: float = number(1.5e-5, "m2 s-1", "kinematic viscosity", 1e-9, 10.0)
+    density: float = fields.number(1.2, "kg m-3", "density of the air", 1e-3, 1e3)
+    viscosity: float = fields.number(1.5e-5, "m2 s-1", "kinematic viscosity", 1e-9, 10.0)
     closure: Closure = Field(default=AirModel.closure, description="turbulence closure")
     advection: Advection = Field(
         default=AirModel.advection, description="central: keeps energy; limited: makes no new extremes"
     )
-    implicitness: float = number(
+    implicitness: float = fields.number(
         AirSetup.implicitness, "1", "of diffusion along z: 0.5 second order in time, 1 robust", 0.5, 1.0
     )
-    karman: float = number(ClosureConstants.karman, "1", "von Karman's constant", 0.3, 0.5)
-    smagorinsky: float = number(ClosureConstants.smagorinsky, "1", "Smagorinsky's constant", 0.0, 0.5)
-    length_share: float = number(
+    karman: float = fields.number(ClosureConstants.karman, "1", "von Karman's constant", 0.3, 0.5)
+    smagorinsky: float = fields.number(ClosureConstants.smagorinsky, "1", "Smagorinsky's constant", 0.0, 0.5)
+    length_share: float = fields.number(
         ClosureConstants.length_share,
         "1",
         "largest mixing length over the layer thickness; 0: no limit",
         0.0,
         0.5,
     )
-    friction_velocity: float = number(0.0, "m s-1", "u* of a side under stress", 0.0, 10.0)
-    driving_gradient: Vector = number(
+    friction_velocity: float = fields.number(0.0, "m s-1", "u* of a side under stress", 0.0, 10.0)
+    driving_gradient: Vector = fields.number(
         (0.0, 0.0, 0.0), "Pa m-1", "mean pressure gradient; negative drives forwards", -1e6, 1e6
     )
     sides: dict[Name, Side] = Field(description="x_low, x_high, y_low, y_high, z_low, z_high")
@@ -151,7 +153,7 @@ class AirBox(Section):
 class AirMeasure(Section):
     """Where one observable of the air is read."""
 
-    place: float | None = extent(None, "position along x; left out: the mean along x", 0.0)
+    place: float | None = fields.extent(None, "position along x; left out: the mean along x", 0.0)
 
 
 class AirScene(SceneFile):

@@ -5,17 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.scene.schema.fields import (
-    Direction,
-    Name,
-    Section,
-    Vector,
-    contradiction,
-    direction,
-    extent,
-    number,
-    position,
-)
+from taichi_erosion.scene.schema import fields
+from taichi_erosion.scene.schema.fields import Direction, Name, Section, Vector
 
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 UPWARDS: Vector = (0.0, 0.0, 1.0)
@@ -28,8 +19,8 @@ class Plane(Section):
 
     shape: Literal["plane"]
     material: Name
-    point: Vector = position(ORIGIN, "a point of the plane")
-    normal: Direction = direction(UPWARDS, "normal into the free side")
+    point: Vector = fields.position(ORIGIN, "a point of the plane")
+    normal: Direction = fields.direction(UPWARDS, "normal into the free side")
 
 
 class Disc(Section):
@@ -37,9 +28,9 @@ class Disc(Section):
 
     shape: Literal["disc"]
     material: Name
-    centre: Vector = position(ORIGIN, "centre")
-    axis: Direction = direction(UPWARDS, "normal of the disc")
-    radius: float = extent(..., "radius")
+    centre: Vector = fields.position(ORIGIN, "centre")
+    axis: Direction = fields.direction(UPWARDS, "normal of the disc")
+    radius: float = fields.extent(..., "radius")
 
 
 class Cylinder(Section):
@@ -47,10 +38,10 @@ class Cylinder(Section):
 
     shape: Literal["cylinder"]
     material: Name
-    centre: Vector = position(ORIGIN, "middle of the end where the axis starts")
-    axis: Direction = direction(UPWARDS, "direction of the axis")
-    radius: float = extent(..., "inner radius")
-    length: float = extent(..., "length along the axis")
+    centre: Vector = fields.position(ORIGIN, "middle of the end where the axis starts")
+    axis: Direction = fields.direction(UPWARDS, "direction of the axis")
+    radius: float = fields.extent(..., "inner radius")
+    length: float = fields.extent(..., "length along the axis")
 
 
 class Cone(Section):
@@ -58,16 +49,16 @@ class Cone(Section):
 
     shape: Literal["cone"]
     material: Name
-    centre: Vector = position(ORIGIN, "middle of the end where the axis starts")
-    axis: Direction = direction(UPWARDS, "direction of the axis")
-    radius_low: float = extent(..., "radius where the axis starts", low=0.0)
-    radius_high: float = extent(..., "radius at the other end", low=0.0)
-    length: float = extent(..., "length along the axis")
+    centre: Vector = fields.position(ORIGIN, "middle of the end where the axis starts")
+    axis: Direction = fields.direction(UPWARDS, "direction of the axis")
+    radius_low: float = fields.extent(..., "radius where the axis starts", low=0.0)
+    radius_high: float = fields.extent(..., "radius at the other end", low=0.0)
+    length: float = fields.extent(..., "length along the axis")
 
     @model_validator(mode="after")
     def _has_width(self) -> "Cone":
         if self.radius_low + self.radius_high == 0.0:
-            raise contradiction("radius_low and radius_high are both 0")
+            raise fields.contradiction("radius_low and radius_high are both 0")
         return self
 
 
@@ -76,16 +67,16 @@ class Funnel(Section):
 
     shape: Literal["funnel"]
     material: Name
-    outlet: Vector = position(ORIGIN, "middle of the lower opening")
-    outlet_radius: float = extent(..., "inner radius of the opening and of the stem")
-    stem_length: float = extent(0.0, "length of the stem; 0: none", low=0.0)
-    rim_radius: float = extent(..., "inner radius of the upper rim")
-    cone_height: float = extent(..., "height of the cone")
+    outlet: Vector = fields.position(ORIGIN, "middle of the lower opening")
+    outlet_radius: float = fields.extent(..., "inner radius of the opening and of the stem")
+    stem_length: float = fields.extent(0.0, "length of the stem; 0: none", low=0.0)
+    rim_radius: float = fields.extent(..., "inner radius of the upper rim")
+    cone_height: float = fields.extent(..., "height of the cone")
 
     @model_validator(mode="after")
     def _opens_upwards(self) -> "Funnel":
         if self.rim_radius < self.outlet_radius:
-            raise contradiction("rim_radius is smaller than outlet_radius")
+            raise fields.contradiction("rim_radius is smaller than outlet_radius")
         return self
 
 
@@ -94,16 +85,16 @@ class Box(Section):
 
     shape: Literal["box"]
     material: Name
-    low: Vector = position(..., "corner of the smallest coordinates")
-    high: Vector = position(..., "corner of the largest coordinates")
+    low: Vector = fields.position(..., "corner of the smallest coordinates")
+    high: Vector = fields.position(..., "corner of the largest coordinates")
     faces: tuple[Face, ...] = Field(OPEN_BOX, min_length=1, max_length=6, description="faces that exist")
 
     @model_validator(mode="after")
     def _has_volume(self) -> "Box":
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
-            raise contradiction("low must be smaller than high in every coordinate")
+            raise fields.contradiction("low must be smaller than high in every coordinate")
         if len(set(self.faces)) < len(self.faces):
-            raise contradiction("faces names a face twice")
+            raise fields.contradiction("faces names a face twice")
         return self
 
 
@@ -113,14 +104,14 @@ class Mesh(Section):
     shape: Literal["mesh"]
     material: Name
     file: str = Field(min_length=1, max_length=200, description="path relative to the scene file")
-    scale: float = number(1.0, "m per file unit", "size of the file's unit of length", 1e-9, 1e6)
-    translate: Vector = position(ORIGIN, "shift after scaling")
+    scale: float = fields.number(1.0, "m per file unit", "size of the file's unit of length", 1e-9, 1e6)
+    translate: Vector = fields.position(ORIGIN, "shift after scaling")
 
     @model_validator(mode="after")
     def _stays_beside_the_scene(self) -> "Mesh":
         path = PurePath(self.file)
         if path.is_absolute() or ".." in path.parts or "\0" in self.file:
-            raise contradiction(f"file = '{self.file}' must lie beside or below the scene file")
+            raise fields.contradiction(f"file = '{self.file}' must lie beside or below the scene file")
         return self
 
 

@@ -12,22 +12,11 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
+from taichi_erosion.verification import small_scenes
 from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, holds, relative
 from taichi_erosion.verification.reference import contact as jkr
 from taichi_erosion.verification.reference.contact import sphere_mass
-from taichi_erosion.verification.small_scenes import (
-    Touch,
-    acceleration,
-    every_step,
-    final_states,
-    on_plane,
-    sample,
-    simulation_of,
-    sphere_setup,
-    spheres,
-    states,
-    wall_impact,
-)
+from taichi_erosion.verification.small_scenes import Touch
 
 RADIUS, DENSITY = 0.5e-3, 2500.0  # m, kg m-3
 MASS = sphere_mass(RADIUS, DENSITY)
@@ -55,22 +44,22 @@ def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> 
     """Two spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
     step = PAIR.depth / speed / steps_per_depth
     half = RADIUS - 0.5 * overlap * PAIR.depth
-    grains = spheres(
+    grains = small_scenes.spheres(
         [[-half, 0, 0], [half, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]], 0.0, RADIUS, MASS
     )
-    return sphere_setup(grains, TOUCH, step)
+    return small_scenes.sphere_setup(grains, TOUCH, step)
 
 
 def bounce() -> Bounce:
     """One bounce until after the tear, sampled at every step near landmarks and sparsely between."""
     speed = SPEED_SHARE * PAIR.speed_sticking
     setup = pair_scene(speed, STEPS_PER_DEPTH)
-    sim = simulation_of([setup], "f64", JKR)
+    sim = small_scenes.simulation_of([setup], "f64", JKR)
     found: list[tuple[int, float]] = []
     step = 1
     while step < LONGEST_BOUNCE * STEPS_PER_DEPTH:
         advance(sim, [step * setup.time_step])
-        state = states(sim)[0]
+        state = small_scenes.states(sim)[0]
         gap = state.position[1, 0] - state.position[0, 0]
         found.append((state.step, gap))
         dense = is_near_landmark((2.0 * RADIUS - gap) / PAIR.depth)
@@ -91,8 +80,7 @@ def bounce_of(found: Floats, time_step: float) -> Bounce:
     middle = np.flatnonzero((np.diff(step)[:-1] == 1) & (np.diff(step)[1:] == 1)) + 1
     pull = (gap[middle + 1] - 2.0 * gap[middle] + gap[middle - 1]) / time_step**2
     return Bounce(
-        overlap=(2.0 * RADIUS - gap[middle]) / PAIR.depth,
-        force=PAIR.mass * pull / PAIR.force_scale,
+        overlap=(2.0 * RADIUS - gap[middle]) / PAIR.depth, force=PAIR.mass * pull / PAIR.force_scale
     )
 
 
@@ -136,7 +124,7 @@ def energy_outcomes(precision: Precision) -> Iterator[Outcome]:
     speeds = shares * PAIR.speed_sticking
     # the force jumps at first touch: the energy is right to the first order of the step only
     setups = [pair_scene(speed, 8000.0) for speed in speeds]
-    ends = final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
+    ends = small_scenes.final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
     out = np.array([end.velocity[1, 0] - end.velocity[0, 0] for end in ends])
     brought = 0.5 * PAIR.mass * speeds**2
     lost = brought - 0.5 * PAIR.mass * out**2
@@ -159,14 +147,16 @@ def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
     speed = SPEED_SHARE * PAIR.speed_sticking
     for laws in (JKR, EDEM):
         setup = pair_scene(speed, STEPS_PER_DEPTH, apart)
-        trace = sample(simulation_of([setup], precision, laws), every_step([setup], 3))
-        force = -MASS * acceleration(trace)[0, 0, 1, 0] / PAIR.force_scale
+        trace = small_scenes.sample(
+            small_scenes.simulation_of([setup], precision, laws), small_scenes.every_step([setup], 3)
+        )
+        force = -MASS * small_scenes.acceleration(trace)[0, 0, 1, 0] / PAIR.force_scale
         at = (2.0 * RADIUS - trace.position[1, 0, 1, 0] + trace.position[1, 0, 0, 0]) / PAIR.depth
         wanted = -jkr.branch_force(at) if laws is EDEM else 0.0
         name = f"JKR branch {laws.adhesion_branch}: pull before touch [pi gamma R*]"
         yield Outcome(name, float(force), float(wanted), 3e-3, precision)
     approaching = pair_scene(speed, 8000.0, 1.01 * TEAR_AT)
-    end = final_states([approaching], 30.0 * PAIR.depth / speed, precision, EDEM)[0]
+    end = small_scenes.final_states([approaching], 30.0 * PAIR.depth / speed, precision, EDEM)[0]
     ratio = (end.velocity[1, 0] - end.velocity[0, 0]) / speed
     yield relative("JKR branch edem: restitution of a bounce", ratio, 1.0, 1e-3, precision)
 
@@ -178,7 +168,7 @@ def sticking_speed() -> Iterator[Outcome]:
     shares = np.linspace(0.95, 1.05, 41)
     setups = [pair_scene(share * wanted, 500.0) for share in shares]
     for precision in PRECISIONS:
-        ends = final_states(setups, 200.0 * PAIR.depth / wanted, precision, JKR)
+        ends = small_scenes.final_states(setups, 200.0 * PAIR.depth / wanted, precision, JKR)
         gaps = np.array([end.position[1, 0] - end.position[0, 0] - 2.0 * RADIUS for end in ends])
         parted = gaps > -2.0 * TEAR_AT * PAIR.depth
         slowest = shares[parted].min() if parted.any() else np.nan
@@ -192,14 +182,14 @@ def vanishing_adhesion() -> Iterator[Outcome]:
     """V19: with gamma -> 0 an oblique, damped impact under the JKR law is the one under Hertz, 1e-6."""
     energies = (0.0, 1e-15, 1e-12)
     bare = replace(TOUCH, restitution=0.7, friction_sliding=0.4, surface_energy=0.0)
-    impact = wall_impact(bare, RADIUS, DENSITY, 1.0)
+    impact = small_scenes.wall_impact(bare, RADIUS, DENSITY, 1.0)
     step = impact.duration / 500.0
-    grain = spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
-    setups = [on_plane(replace(bare, surface_energy=energy), grain, step) for energy in energies]
+    grain = small_scenes.spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
+    setups = [small_scenes.on_plane(replace(bare, surface_energy=energy), grain, step) for energy in energies]
     times = np.linspace(0.0, 2.0 * impact.duration, 101)[1:][:, None] * np.ones(len(setups))
     for precision in PRECISIONS:
-        with_law = sample(simulation_of(setups, precision, JKR), times)
-        hertz = sample(simulation_of(setups[:1], precision), times[:, :1])
+        with_law = small_scenes.sample(small_scenes.simulation_of(setups, precision, JKR), times)
+        hertz = small_scenes.sample(small_scenes.simulation_of(setups[:1], precision), times[:, :1])
         for k, energy in enumerate(energies):
             error = (with_law.velocity[:, k] - hertz.velocity[:, 0]) / impact.speed
             name = f"JKR with gamma = {energy:g} J/m2 against Hertz: velocity along an impact, over its speed"
@@ -214,11 +204,15 @@ def friction_caps() -> Iterator[Outcome]:
     for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
         wanted = friction * factor * stuck.force_scale
         speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
-        step = wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
+        step = small_scenes.wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
         height = RADIUS - BALANCE_AT * stuck.depth
-        setup = on_plane(touch, spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS), step)
+        setup = small_scenes.on_plane(
+            touch, small_scenes.spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS), step
+        )
         for precision in PRECISIONS:
-            trace = sample(simulation_of([setup], precision, laws), np.array([[0.5e-3], [1.5e-3]]))
+            trace = small_scenes.sample(
+                small_scenes.simulation_of([setup], precision, laws), np.array([[0.5e-3], [1.5e-3]])
+            )
             loss = trace.velocity[0, 0, 0, 0] - trace.velocity[1, 0, 0, 0]
             force = MASS * loss / (trace.time[1, 0] - trace.time[0, 0])
             name = f"friction at F = 0, cap {laws.friction_cap}, over mu pi gamma R*"

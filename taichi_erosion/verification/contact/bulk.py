@@ -40,22 +40,11 @@ from taichi_erosion.core.setup import Floats, GrainTable, Laws, Motion, Primitiv
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.simulation import Simulation, advance, move_surface, remove_surface, snapshot
+from taichi_erosion.verification import small_scenes
 from taichi_erosion.verification.claim import Outcome, Precision, holds
 from taichi_erosion.verification.reference import flow as exact
 from taichi_erosion.verification.reference.contact import Solid, sphere_mass
-from taichi_erosion.verification.small_scenes import (
-    FLOOR,
-    Touch,
-    advance_all,
-    joined,
-    planes,
-    primitive_table,
-    simulation_of,
-    sphere_setup,
-    spheres,
-    states,
-    touch_of,
-)
+from taichi_erosion.verification.small_scenes import Touch
 
 DIAMETER = 2e-3  # m
 SOFT_GLASS = Solid(1.25e7, 0.25, 2500.0)
@@ -71,7 +60,7 @@ PLUG = "wall2"  # of a silo's opening
 def soft_touch(friction: float, friction_rolling: float, surface_energy: float = 0.0) -> Touch:
     """Contact of two soft glass grains; walls are given the same."""
     return replace(
-        touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction),
+        small_scenes.touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction),
         friction_rolling=friction_rolling,
         rolling_damping=0.3,
         surface_energy=surface_energy,
@@ -92,19 +81,23 @@ def loose_grains(count: int, half_width: tuple[float, float], round_base: bool, 
     height = spacing * (np.arange(layers) + 0.55)
     place = np.concatenate([np.column_stack([layer, np.full(len(layer), z)]) for z in height])[:count]
     place += rng.uniform(-0.04, 0.04, place.shape) * DIAMETER
-    return spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)
+    return small_scenes.spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)
 
 
 def revolved_segment(first: tuple[float, float], second: tuple[float, float]) -> PrimitiveTable:
     """Segment between two points (radius, height) [m], turned about the z axis."""
-    return primitive_table(PrimitiveKind.REVOLVED, [(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *first, *second)])
+    return small_scenes.primitive_table(
+        PrimitiveKind.REVOLVED, [(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *first, *second)]
+    )
 
 
 def column_scene(touch: Touch, count: int, radius: float, seed: int) -> Setup:
     """Grains in a tube on a floor: surface wall0 is the floor, wall1 the tube."""
     grains = loose_grains(count, (radius, radius), True, seed)
     tube = revolved_segment((radius, 0.0), (radius, 60.0 * DIAMETER))
-    return sphere_setup(grains, touch, TIME_STEP, joined(planes(FLOOR), tube), GRAVITY)
+    return small_scenes.sphere_setup(
+        grains, touch, TIME_STEP, small_scenes.joined(small_scenes.planes(small_scenes.FLOOR), tube), GRAVITY
+    )
 
 
 def silo_scene(touch: Touch, count: int, width: float, hole: float, seed: int) -> Setup:
@@ -114,13 +107,13 @@ def silo_scene(touch: Touch, count: int, width: float, hole: float, seed: int) -
     """
     radius, reach = width / 2.0, hole / 2.0
     grains = loose_grains(count, (radius, radius), True, seed)
-    walls = joined(
+    walls = small_scenes.joined(
         revolved_segment((radius, 0.0), (radius, 80.0 * DIAMETER)),
         revolved_segment((reach, 0.0), (radius, 0.0)),
         revolved_segment((0.0, 0.0), (reach, 0.0)),
-        planes(TRAY),
+        small_scenes.planes(TRAY),
     )
-    return sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY)
+    return small_scenes.sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY)
 
 
 def slot_scene(touch: Touch, count: int, width: float, slot: float, seed: int) -> Setup:
@@ -129,14 +122,14 @@ def slot_scene(touch: Touch, count: int, width: float, slot: float, seed: int) -
     wall0 and wall1 sides, wall2 plug, wall3 bottom, wall4 tray below.
     """
     half, reach = width / 2.0, slot / 2.0
-    walls = joined(
-        planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
-        primitive_table(PrimitiveKind.TRIANGLE, strip(-reach, reach)),
-        primitive_table(PrimitiveKind.TRIANGLE, strip(-half, -reach) + strip(reach, half)),
-        planes(TRAY),
+    walls = small_scenes.joined(
+        small_scenes.planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
+        small_scenes.primitive_table(PrimitiveKind.TRIANGLE, strip(-reach, reach)),
+        small_scenes.primitive_table(PrimitiveKind.TRIANGLE, strip(-half, -reach) + strip(reach, half)),
+        small_scenes.planes(TRAY),
     )
     grains = loose_grains(count, (half, SLOT_LENGTH / 2.0), False, seed)
-    return periodic(sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY), SLOT_LENGTH)
+    return periodic(small_scenes.sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY), SLOT_LENGTH)
 
 
 def strip(left: float, right: float) -> list[list[float]]:
@@ -162,9 +155,11 @@ def plate_scene(touch: Touch, count: int, half_length: float, seed: int) -> Setu
     width, x = 5.0 * DIAMETER, half_length
     dams = (-x, 0.0, 0.0, 1.0, 0.0, 0.0), (x, 0.0, 0.0, -1.0, 0.0, 0.0)
     floor = (0.0, 0.0, -12.0 * DIAMETER, 0.0, 0.0, 1.0)
-    walls = joined(primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x)), planes(*dams, floor))
+    walls = small_scenes.joined(
+        small_scenes.primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x)), small_scenes.planes(*dams, floor)
+    )
     grains = loose_grains(count, (x, width / 2.0), False, seed)
-    return periodic(sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY), width)
+    return periodic(small_scenes.sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY), width)
 
 
 ADHESIVE, ROLLING = Laws(normal="jkr", rolling="elastic_plastic"), Laws(rolling="elastic_plastic")
@@ -201,15 +196,17 @@ def heap_scene(setting: Setting, seed: int) -> Setup:
 
 def heap_angles(runs: Sequence[tuple[Setting, int]], precision: Precision) -> Floats:
     """Angle of repose of each (setting, seed) [deg]."""
-    sim = simulation_of([heap_scene(setting, seed) for setting, seed in runs], precision, ADHESIVE)
-    advance_all(sim, HEAP_SETTLE)
+    sim = small_scenes.simulation_of(
+        [heap_scene(setting, seed) for setting, seed in runs], precision, ADHESIVE
+    )
+    small_scenes.advance_all(sim, HEAP_SETTLE)
     for replica in range(len(runs)):
         move_surface(sim, replica, "wall1", Motion(velocity=(0.0, 0.0, LIFT_SPEED)))
-    advance_all(sim, HEAP_SETTLE + LIFTED)
+    small_scenes.advance_all(sim, HEAP_SETTLE + LIFTED)
     for replica in range(len(runs)):
         remove_surface(sim, replica, "wall1")
-    advance_all(sim, HEAP_SETTLE + LIFTED + REST)
-    return np.array([repose_angle(state).value for state in states(sim)])
+    small_scenes.advance_all(sim, HEAP_SETTLE + LIFTED + REST)
+    return np.array([repose_angle(state).value for state in small_scenes.states(sim)])
 
 
 def repose_trends() -> Iterator[Outcome]:
@@ -231,13 +228,13 @@ def plate_outcomes() -> Iterator[Outcome]:
     """Plate heap of 2 mm glass against Zhou's formula, 3 deg."""
     touch = soft_touch(PLATE_FRICTION, PLATE_ROLLING)
     setups = [plate_scene(touch, PLATE_COUNT, PLATE_HALF, seed) for seed in SEEDS]
-    sim = simulation_of(setups, "f32", ROLLING)
-    advance_all(sim, HEAP_SETTLE)
+    sim = small_scenes.simulation_of(setups, "f32", ROLLING)
+    small_scenes.advance_all(sim, HEAP_SETTLE)
     for replica in range(len(setups)):
         remove_surface(sim, replica, "wall1")
         remove_surface(sim, replica, "wall2")
-    advance_all(sim, HEAP_SETTLE + 0.9)
-    angles = np.array([plate_angle(state) for state in states(sim)])
+    small_scenes.advance_all(sim, HEAP_SETTLE + 0.9)
+    angles = np.array([plate_angle(state) for state in small_scenes.states(sim)])
     # the torque mu_r R* F is a length times F: R* is a quarter of the diameter between grains, half of it
     # at the plate
     lengths = PLATE_ROLLING * DIAMETER / 4.0, PLATE_ROLLING * DIAMETER / 2.0
@@ -334,8 +331,8 @@ def settled(silos: Silos) -> Simulation:
     touch = soft_touch(FRICTION, FRICTION_ROLLING)
     rows = zip(silos.stock, silos.widths * DIAMETER, silos.openings * DIAMETER, strict=True)
     setups = [silos.scene(touch, int(n), width, opening, k) for k, (n, width, opening) in enumerate(rows)]
-    sim = simulation_of(setups, "f32", ROLLING)
-    advance_all(sim, SILO_SETTLE)
+    sim = small_scenes.simulation_of(setups, "f32", ROLLING)
+    small_scenes.advance_all(sim, SILO_SETTLE)
     return sim
 
 
@@ -362,7 +359,7 @@ def bulk_density(sim: Simulation, silos: Silos) -> Floats:
     """Density of every settled filling between two and twelve diameters above the bottom [kg m-3]."""
     low, high = 2.0, 12.0
     masses = []
-    for state in states(sim):
+    for state in small_scenes.states(sim):
         height = state.position[:, 2] / DIAMETER
         masses.append(MASS * np.count_nonzero((height > low) & (height < high)))
     return np.array(masses) / (silos.sections * (high - low) * DIAMETER**3)
@@ -384,7 +381,7 @@ def discharge_rates(sim: Simulation, silos: Silos) -> Floats:
             break
         ends = ends + SAMPLE * flowing
         advance(sim, [float(end) for end in ends])
-    states(sim)
+    small_scenes.states(sim)
     series = zip(np.array(times).T, np.array(passed).T, silos.before, silos.until, strict=True)
     return np.array([steady_slope(*silo) for silo in series])
 

@@ -23,20 +23,11 @@ from scipy.spatial.transform import Rotation
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.simulation import Simulation, ledger
+from taichi_erosion.verification import small_scenes
 from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, relative
 from taichi_erosion.verification.contact.oblique_impact import SOLIDS, impact_at, simulated
 from taichi_erosion.verification.reference.contact import Impact, Rebound, rebound
-from taichi_erosion.verification.small_scenes import (
-    FLOOR,
-    Touch,
-    advance_all,
-    final_states,
-    pair_impact,
-    planes,
-    simulation_of,
-    sphere_setup,
-    spheres,
-)
+from taichi_erosion.verification.small_scenes import Touch
 
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 1.0  # m, kg m-3, m s-1
 TOUCH = Touch(1e8, 2.5e7, 0.6, 0.4, friction_rolling=0.1, rolling_damping=0.3)
@@ -68,9 +59,15 @@ def cluster(wall: bool) -> Setup:
     position = centre + 2.4 * RADIUS * directions + rng.uniform(-0.1, 0.1, (7, 3)) * RADIUS
     velocity = -0.5 * SPEED * directions + rng.normal(0.0, 0.1, (7, 3)) - np.array([0.0, 0.0, 0.6])
     spin = rng.normal(0.0, 0.2 * SPEED / RADIUS, (7, 3))
-    impact = pair_impact(TOUCH, (RADIUS, RADIUS), DENSITY, SPEED)
-    grains = spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
-    return sphere_setup(grains, TOUCH, impact.duration / 100.0, planes(FLOOR) if wall else None, GRAVITY)
+    impact = small_scenes.pair_impact(TOUCH, (RADIUS, RADIUS), DENSITY, SPEED)
+    grains = small_scenes.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
+    return small_scenes.sphere_setup(
+        grains,
+        TOUCH,
+        impact.duration / 100.0,
+        small_scenes.planes(small_scenes.FLOOR) if wall else None,
+        GRAVITY,
+    )
 
 
 def seen(setup: Setup, view: View) -> Setup:
@@ -118,7 +115,7 @@ def invariance() -> Iterator[Outcome]:
     ]
     setups = [cluster(wall=True), cluster(wall=False), *(seen(setup, view) for setup, view in views)]
     for precision, limit in LIMIT.items():
-        with_wall, without, *others = final_states(setups, DURATION, precision, LAWS)
+        with_wall, without, *others = small_scenes.final_states(setups, DURATION, precision, LAWS)
         for (setup, view), state in zip(views, others, strict=True):
             wanted = brought_back(with_wall if setup.surfaces else without, plain)
             error = brought_back(state, view) - wanted
@@ -141,20 +138,20 @@ def gas(touch: Touch, steps_per_contact: float, seed: int) -> Setup:
     position += rng.uniform(-0.3, 0.3, position.shape) * RADIUS
     velocity = rng.normal(0.0, SPEED / 4.0, position.shape)
     spin = rng.normal(0.0, SPEED / 4.0 / RADIUS, position.shape)
-    impact = pair_impact(touch, (RADIUS, RADIUS), DENSITY, SPEED)
+    impact = small_scenes.pair_impact(touch, (RADIUS, RADIUS), DENSITY, SPEED)
     edge = spacing * SIDE
     box = [(0.0,) * 3 + normal for normal in ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0))]
     box += [(edge,) * 3 + normal for normal in ((-1.0, 0, 0), (0, -1.0, 0), (0, 0, -1.0))]
-    grains = spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
+    grains = small_scenes.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
     step = impact.duration / steps_per_contact
-    return sphere_setup(grains, touch, step, planes(*box), GRAVITY)
+    return small_scenes.sphere_setup(grains, touch, step, small_scenes.planes(*box), GRAVITY)
 
 
 def histories(sim: Simulation, times: Floats) -> Floats:
     """Mechanical energy [J] of all replicas at `times` [s], [samples, replicas]."""
     found = []
     for time in times:
-        advance_all(sim, time)
+        small_scenes.advance_all(sim, time)
         parts = [ledger(sim, replica) for replica in range(len(sim.setups))]
         found.append([p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts])
     return np.array(found)
@@ -165,7 +162,7 @@ def energy_balance() -> Iterator[Outcome]:
     setups = [gas(STIFF, 50.0, seed=1), gas(ROUGH, 50.0, seed=2)]
     times = np.linspace(0.0, 0.05, 201)[1:]
     for precision in PRECISIONS:
-        conserved, lost = histories(simulation_of(setups, precision, LAWS), times).T
+        conserved, lost = histories(small_scenes.simulation_of(setups, precision, LAWS), times).T
         error = conserved / conserved[0] - 1.0
         yield below("conservative gas: change of energy, relative", error, 1e-4, precision)
         rise = np.maximum(np.diff(lost), 0.0) / lost[0]

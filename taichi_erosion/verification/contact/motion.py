@@ -31,24 +31,12 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
+from taichi_erosion.verification import small_scenes
 from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, holds, relative
 from taichi_erosion.verification.reference import motion as exact
 from taichi_erosion.verification.reference.contact import HeadOn, series, sphere_mass
 from taichi_erosion.verification.reference.motion import GRAVITY
-from taichi_erosion.verification.small_scenes import (
-    FLOOR,
-    Touch,
-    Trace,
-    crossing,
-    on_plane,
-    planes,
-    sample,
-    simulation_of,
-    sphere_setup,
-    spheres,
-    states,
-    wall_impact,
-)
+from taichi_erosion.verification.small_scenes import Touch, Trace
 
 OBLIQUE_GRAVITY = (0.3, -0.4, -9.81)  # m s-2
 FALL_START = np.array([0.01, -0.02, 1.0])  # m
@@ -59,14 +47,14 @@ LIMIT: dict[Precision, float] = {"f64": 1e-12, "f32": 1e-4}
 
 def free_fall() -> Iterator[Outcome]:
     """V01."""
-    grain = spheres(FALL_START, VELOCITY, 0.0, 1e-3, 1e-5)
-    setup = sphere_setup(grain, Touch(1e9, 1e9), STEP, gravity=OBLIQUE_GRAVITY)
+    grain = small_scenes.spheres(FALL_START, VELOCITY, 0.0, 1e-3, 1e-5)
+    setup = small_scenes.sphere_setup(grain, Touch(1e9, 1e9), STEP, gravity=OBLIQUE_GRAVITY)
     for precision, limit in LIMIT.items():
-        sim = simulation_of([setup], precision)
-        before = states(sim)[0]
+        sim = small_scenes.simulation_of([setup], precision)
+        before = small_scenes.states(sim)[0]
         yield holds("a grain released at t = 0 is seen at t = 0", len(before.radius) == 1, precision)
         advance(sim, [STEP * STEPS])
-        state = states(sim)[0]
+        state = small_scenes.states(sim)[0]
         fallen = np.array(OBLIQUE_GRAVITY) * state.time
         path = FALL_START + (VELOCITY + 0.5 * fallen) * state.time
         error = (state.position - path) / np.linalg.norm(path - FALL_START)
@@ -85,9 +73,9 @@ BOUNCES = 3
 def bouncing_grain(young: float, restitution: float) -> Setup:
     """DEM02: a grain dropped on a floor."""
     touch = Touch(young, young / 4.0, restitution)
-    impact = wall_impact(touch, RADIUS, DENSITY, float(np.sqrt(2.0 * GRAVITY * DROP)))
-    grain = spheres([[0.0, 0.0, START]], 0.0, 0.0, RADIUS, impact.mass)
-    return on_plane(touch, grain, impact.duration / 500.0, gravity=(0.0, 0.0, -GRAVITY))
+    impact = small_scenes.wall_impact(touch, RADIUS, DENSITY, float(np.sqrt(2.0 * GRAVITY * DROP)))
+    grain = small_scenes.spheres([[0.0, 0.0, START]], 0.0, 0.0, RADIUS, impact.mass)
+    return small_scenes.on_plane(touch, grain, impact.duration / 500.0, gravity=(0.0, 0.0, -GRAVITY))
 
 
 def flight_middles(restitution: float) -> Floats:
@@ -116,7 +104,7 @@ def bounce_heights() -> Iterator[Outcome]:
     wanted = np.array([exact_heights(*choice) for choice in choices]).T
     limit = np.array([exact.bounce_heights(DROP, e, BOUNCES) for _, e in choices]).T
     for precision in PRECISIONS:
-        trace = sample(simulation_of(setups, precision), times)
+        trace = small_scenes.sample(small_scenes.simulation_of(setups, precision), times)
         height = trace.position[:, :, 0, 2] + trace.velocity[:, :, 0, 2] ** 2 / (2.0 * GRAVITY) - RADIUS
         for young, error in zip(YOUNGS, np.hsplit(height / wanted - 1.0, len(YOUNGS)), strict=True):
             name = f"DEM02 E* = {young:.0e} Pa, e = 0.5 to 1, three bounces: heights off the ODE, relative"
@@ -140,9 +128,9 @@ STACK_RESTITUTIONS = (0.5, 0.9, 1.0)
 def stacked_scene(restitution: float) -> Setup:
     """DEM03: two grains squeezed between a floor and a lid."""
     touch = Touch(STACK_YOUNG, STACK_YOUNG / 4.0, restitution)
-    grains = spheres([[0.0, 0.0, z] for z in STACK_START], 0.0, 0.0, STACK_RADIUS, STACK_MASSES)
-    walls = planes(FLOOR, (0.0, 0.0, STACK_HEIGHT, 0.0, 0.0, -1.0))
-    return sphere_setup(grains, touch, 1e-7, walls, gravity=(0.0, 0.0, -GRAVITY))
+    grains = small_scenes.spheres([[0.0, 0.0, z] for z in STACK_START], 0.0, 0.0, STACK_RADIUS, STACK_MASSES)
+    walls = small_scenes.planes(small_scenes.FLOOR, (0.0, 0.0, STACK_HEIGHT, 0.0, 0.0, -1.0))
+    return small_scenes.sphere_setup(grains, touch, 1e-7, walls, gravity=(0.0, 0.0, -GRAVITY))
 
 
 def stacked_reference(restitution: float) -> exact.Stack:
@@ -159,7 +147,7 @@ def stacked_pair() -> Iterator[Outcome]:
     setups = [stacked_scene(e) for e in STACK_RESTITUTIONS]
     wanted = [exact.stacked_motion(stacked_reference(e), STACK_START, times) for e in STACK_RESTITUTIONS]
     for precision in PRECISIONS:
-        trace = sample(simulation_of(setups, precision), times[1:])
+        trace = small_scenes.sample(small_scenes.simulation_of(setups, precision), times[1:])
         for k, e in enumerate(STACK_RESTITUTIONS):
             error = (trace.position[:, k, :, 2] - wanted[k][1:]) / STACK_RADIUS
             yield below(f"DEM03 e = {e}: heights off the ODE, over the radius", error, 1e-3, precision)
@@ -180,8 +168,8 @@ def resting(touch: Touch, slope: float, speed: float = 0.0, spin: float = 0.0) -
     # an impact as slow as the dip is deep: the stiffest motion this contact can make
     step = HeadOn(touch.young_effective, ROLLING_RADIUS, MASS, 0.05).duration / 40.0
     start = [[0.0, 0.0, ROLLING_RADIUS - overlap]]
-    grain = spheres(start, [[speed, 0.0, 0.0]], [[0.0, spin, 0.0]], ROLLING_RADIUS, MASS)
-    return on_plane(touch, grain, step, gravity=gravity)
+    grain = small_scenes.spheres(start, [[speed, 0.0, 0.0]], [[0.0, spin, 0.0]], ROLLING_RADIUS, MASS)
+    return small_scenes.on_plane(touch, grain, step, gravity=gravity)
 
 
 def sliding(restitution: float, friction: float) -> Touch:
@@ -196,12 +184,12 @@ def slide_to_roll() -> Iterator[Outcome]:
     ends = np.array([exact.slide_time(START_SPEED, friction) for friction in frictions])
     shares = np.concatenate([[0.5], np.linspace(0.95, 1.05, 41), [1.5]])
     for precision in PRECISIONS:
-        trace = sample(simulation_of(setups, precision), shares[:, None] * ends)
+        trace = small_scenes.sample(small_scenes.simulation_of(setups, precision), shares[:, None] * ends)
         slip = trace.velocity[:, :, 0, 0] - ROLLING_RADIUS * trace.spin[:, :, 0, 1]
         for k, friction in enumerate(frictions):
             # slip falls along a straight line; it is taken as over at 1e-4 of the start, above the ringing
             # of the spring
-            over = crossing(trace.time[:, k], slip[:, k], 1e-4 * START_SPEED)
+            over = small_scenes.crossing(trace.time[:, k], slip[:, k], 1e-4 * START_SPEED)
             yield relative(f"slide to roll, mu = {friction}: time [s]", over, ends[k], 5e-3, precision)
             speed, wanted = trace.velocity[-1, k, 0, 0], exact.rolling_speed(START_SPEED)
             yield relative(f"slide to roll, mu = {friction}: speed [m/s]", speed, wanted, 5e-3, precision)
@@ -212,7 +200,7 @@ def incline() -> Iterator[Outcome]:
     ratios = np.array([0.3, 0.6, 0.9, 0.98, 1.02, 1.5, 3.0])
     setups = [resting(sliding(0.3, exact.friction_for_rolling(SLOPE) * ratio), SLOPE) for ratio in ratios]
     for precision in PRECISIONS:
-        trace = sample(simulation_of(setups, precision), np.array([0.02, 0.06]))
+        trace = small_scenes.sample(small_scenes.simulation_of(setups, precision), np.array([0.02, 0.06]))
         span = np.diff(trace.time, axis=0)[0]
         gain = np.diff(trace.velocity[:, :, 0, 0], axis=0)[0] / span
         spin_up = np.diff(trace.spin[:, :, 0, 1], axis=0)[0] / span
@@ -258,7 +246,7 @@ def rolling_resistance() -> Iterator[Outcome]:
     setups = [resting(SMOOTH, 0.0, spin=START_SPIN), resting(ROUGH, STEEP), resting(ROUGH, GENTLE)]
     for precision in PRECISIONS:
         for kind, laws in TYPES.items():
-            trace = sample(simulation_of(setups, precision, laws), TIMES)
+            trace = small_scenes.sample(small_scenes.simulation_of(setups, precision, laws), TIMES)
             yield from motion_outcomes(kind, trace, precision)
             if kind == "C":
                 # six time constants of the rolling spring have passed by the third sample

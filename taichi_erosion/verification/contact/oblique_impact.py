@@ -21,27 +21,11 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats, GrainTable, Setup
 from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.verification import small_scenes
 from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, relative
-from taichi_erosion.verification.reference import published
-from taichi_erosion.verification.reference.contact import (
-    FrictionCap,
-    HeadOn,
-    Impact,
-    Rebound,
-    Solid,
-    rebound,
-    series,
-    sphere_mass,
-)
-from taichi_erosion.verification.small_scenes import (
-    Touch,
-    final_states,
-    on_plane,
-    pair_impact,
-    sphere_setup,
-    spheres,
-    touch_of,
-)
+from taichi_erosion.verification.reference import contact, published
+from taichi_erosion.verification.reference.contact import FrictionCap, HeadOn, Impact, Rebound, Solid
+from taichi_erosion.verification.small_scenes import Touch
 
 OXIDE = Solid(3.8e11, 0.23, 4000.0)
 ALLOY = Solid(7.0e10, 0.33, 2700.0)
@@ -57,14 +41,14 @@ FINE = 20_000  # the same where damping is strong: its half-step lag is of first
 
 def impact_at(solid: Solid, angle: Floats, friction_cap: FrictionCap = "elastic") -> Impact:
     """Test 4 at angles of incidence [deg]."""
-    touch = touch_of(solid, None, RESTITUTION, FRICTION)
+    touch = small_scenes.touch_of(solid, None, RESTITUTION, FRICTION)
     return Impact(
         young=touch.young_effective,
         shear=touch.shear_effective,
         restitution=RESTITUTION,
         friction=FRICTION,
         radius=RADIUS,
-        mass=sphere_mass(RADIUS, solid.density),
+        mass=contact.sphere_mass(RADIUS, solid.density),
         normal=SPEED * np.cos(np.radians(angle)),
         tangential=SPEED * np.sin(np.radians(angle)),
         spin=np.zeros_like(angle),
@@ -79,8 +63,10 @@ def scenes(impact: Impact, per_contact: int = PER_CONTACT) -> list[Setup]:
     for normal, tangential, spin in zip(impact.normal, impact.tangential, impact.spin, strict=True):
         step = HeadOn(impact.young, impact.radius, impact.mass, normal).duration / per_contact
         start = [[0.0, 0.0, impact.radius + 3.5 * normal * step]]
-        grain = spheres(start, [[tangential, 0.0, -normal]], [[0.0, -spin, 0.0]], impact.radius, impact.mass)
-        setups.append(on_plane(touch, grain, step))
+        grain = small_scenes.spheres(
+            start, [[tangential, 0.0, -normal]], [[0.0, -spin, 0.0]], impact.radius, impact.mass
+        )
+        setups.append(small_scenes.on_plane(touch, grain, step))
     return setups
 
 
@@ -88,7 +74,9 @@ def simulated(impacts: list[Impact], precision: Precision, per_contact: int = PE
     """The impacts simulated in one ensemble."""
     setups = [setup for impact in impacts for setup in scenes(impact, per_contact)]
     # with e = 0.5 the damped contact outlasts the elastic one by less than half of it
-    ends = final_states(setups, [1.8 * per_contact * setup.time_step for setup in setups], precision)
+    ends = small_scenes.final_states(
+        setups, [1.8 * per_contact * setup.time_step for setup in setups], precision
+    )
     velocity = np.array([end.velocity[0] for end in ends])
     spin = np.array([-end.spin[0, 1] for end in ends])
     cuts = np.cumsum([len(impact.normal) for impact in impacts])[:-1]
@@ -105,7 +93,7 @@ def oblique_impacts() -> Iterator[Outcome]:
     """V05."""
     angles = np.concatenate([published.OBLIQUE_ANGLE, ONSET_ANGLES])
     impacts = [impact_at(solid, angles) for solid in SOLIDS.values()]
-    references = [rebound(impact) for impact in impacts]
+    references = [contact.rebound(impact) for impact in impacts]
     yield from reference_outcomes()
     for precision in PRECISIONS:
         found = simulated(impacts, precision)
@@ -118,7 +106,7 @@ def oblique_impacts() -> Iterator[Outcome]:
 def reference_outcomes() -> Iterator[Outcome]:
     """Check of the reference: with the table's way of sliding, the fine-step integrator gives the table."""
     impact = impact_at(OXIDE, published.OBLIQUE_ANGLE, "whole")
-    after = rebound(impact)
+    after = contact.rebound(impact)
     ratio = after.tangential / impact.tangential
     name = "T4 reference integrator against the printed table, aluminium oxide"
     error = ratio / published.OBLIQUE_OXIDE_RESTITUTION - 1.0
@@ -184,7 +172,7 @@ SPHERE_RESTITUTION, SPHERE_FRICTION = 0.5, 0.4
 
 def spinning_impact(solid: Solid, ratios: Floats) -> Impact:
     """Test 6: a spinning sphere meets the plane; `ratios` are values of X."""
-    touch = touch_of(solid, None, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    touch = small_scenes.touch_of(solid, None, SPHERE_RESTITUTION, SPHERE_FRICTION)
     normal = np.full(len(ratios), APPROACH)
     slip = 3.5 * SPHERE_FRICTION * 1.5 * normal / ratios
     return Impact(
@@ -193,7 +181,7 @@ def spinning_impact(solid: Solid, ratios: Floats) -> Impact:
         restitution=SPHERE_RESTITUTION,
         friction=SPHERE_FRICTION,
         radius=SPHERE_RADIUS,
-        mass=sphere_mass(SPHERE_RADIUS, solid.density),
+        mass=contact.sphere_mass(SPHERE_RADIUS, solid.density),
         normal=normal,
         tangential=np.zeros(len(ratios)),
         spin=slip / SPHERE_RADIUS,
@@ -234,13 +222,15 @@ def across(direction: Floats) -> Floats:
 
 def equal_pair(solid: Solid, direction: Floats, spin: float) -> Setup:
     """Test 7: equal spheres, equal and opposite spins about a line at right angles to their centres."""
-    touch = touch_of(solid, solid, SPHERE_RESTITUTION, SPHERE_FRICTION)
-    impact = pair_impact(touch, (SPHERE_RADIUS, SPHERE_RADIUS), solid.density, 2.0 * APPROACH)
+    touch = small_scenes.touch_of(solid, solid, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    impact = small_scenes.pair_impact(touch, (SPHERE_RADIUS, SPHERE_RADIUS), solid.density, 2.0 * APPROACH)
     step = impact.duration / 200.0
     half = (SPHERE_RADIUS + 3.5 * APPROACH * step) * direction
     ahead, turn = APPROACH * direction, spin * across(direction)
-    grains = spheres([-half, half], [ahead, -ahead], [turn, -turn], SPHERE_RADIUS, 2.0 * impact.mass)
-    return sphere_setup(grains, touch, step)
+    grains = small_scenes.spheres(
+        [-half, half], [ahead, -ahead], [turn, -turn], SPHERE_RADIUS, 2.0 * impact.mass
+    )
+    return small_scenes.sphere_setup(grains, touch, step)
 
 
 def equal_spins() -> Iterator[Outcome]:
@@ -248,7 +238,7 @@ def equal_spins() -> Iterator[Outcome]:
     choices = [(s, d, w) for s in (ALLOY, COPPER) for d in DIRECTIONS for w in SPINS]
     setups = [equal_pair(*choice) for choice in choices]
     for precision, limit in LIMIT_SPIN.items():
-        ends = final_states(setups, [400.0 * setup.time_step for setup in setups], precision)
+        ends = small_scenes.final_states(setups, [400.0 * setup.time_step for setup in setups], precision)
         spin = [end.spin - setup.grains.spin for setup, end in zip(setups, ends, strict=True)]
         yield below("T7: change of spin [rad/s]", np.ravel(spin), limit, precision)
         drift = [
@@ -260,19 +250,22 @@ def equal_spins() -> Iterator[Outcome]:
 
 def unequal_pair(solid: Solid, partner: Solid, direction: Floats, slip: float) -> Setup:
     """Test 8: a small sphere whose surface turns with `slip` [m s-1] meets a large one at rest."""
-    touch = touch_of(solid, partner, SPHERE_RESTITUTION, SPHERE_FRICTION)
-    masses = [sphere_mass(SPHERE_RADIUS, solid.density), sphere_mass(PARTNER_RADIUS, partner.density)]
-    radius, mass = series(SPHERE_RADIUS, PARTNER_RADIUS), series(masses[0], masses[1])
+    touch = small_scenes.touch_of(solid, partner, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    masses = [
+        contact.sphere_mass(SPHERE_RADIUS, solid.density),
+        contact.sphere_mass(PARTNER_RADIUS, partner.density),
+    ]
+    radius, mass = contact.series(SPHERE_RADIUS, PARTNER_RADIUS), contact.series(masses[0], masses[1])
     step = HeadOn(touch.young_effective, radius, mass, APPROACH).duration / 4000.0
     apart = SPHERE_RADIUS + PARTNER_RADIUS + 3.5 * APPROACH * step
-    grains = spheres(
+    grains = small_scenes.spheres(
         [-apart * direction, 0.0 * direction],
         [APPROACH * direction, 0.0 * direction],
         [slip / SPHERE_RADIUS * across(direction), 0.0 * direction],
         [SPHERE_RADIUS, PARTNER_RADIUS],
         masses,
     )
-    return sphere_setup(grains, touch, step)
+    return small_scenes.sphere_setup(grains, touch, step)
 
 
 def linear(grains: GrainTable | Snapshot) -> Floats:
@@ -294,7 +287,7 @@ def momentum() -> Iterator[Outcome]:
     partners = ((ALLOY, NYLON), (NYLON, ALLOY), (ALLOY, ALLOY))
     setups = [unequal_pair(a, b, d, slip) for a, b in partners for d in DIRECTIONS for slip in slips]
     for precision in PRECISIONS:
-        ends = final_states(setups, [8000.0 * setup.time_step for setup in setups], precision)
+        ends = small_scenes.final_states(setups, [8000.0 * setup.time_step for setup in setups], precision)
         pairs = [(setup.grains, end) for setup, end in zip(setups, ends, strict=True)]
         for kind, sums, limits in (("linear", linear, LIMIT_LINEAR), ("angular", angular, LIMIT_SPIN)):
             lost = [np.linalg.norm(sums(b) - sums(a)) / np.linalg.norm(sums(a)) for a, b in pairs]

@@ -13,18 +13,9 @@ from math import cos, pi, sin
 import numpy as np
 
 from taichi_erosion.core.setup import Floats, Laws, PrimitiveKind, PrimitiveTable, Setup
+from taichi_erosion.verification import small_scenes
 from taichi_erosion.verification.claim import Outcome, Precision, below
-from taichi_erosion.verification.small_scenes import (
-    FLOOR,
-    Touch,
-    planes,
-    primitive_table,
-    sample,
-    simulation_of,
-    sphere_setup,
-    spheres,
-    wall_impact,
-)
+from taichi_erosion.verification.small_scenes import Touch
 
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 0.5  # m, kg m-3, m s-1
 TOUCH = Touch(1e8, 2.5e7, 0.7, 0.4, friction_rolling=0.1, rolling_damping=0.3)
@@ -66,15 +57,17 @@ def tiled_floor() -> PrimitiveTable:
             a, b = [x, y, 0.0], [x + CELL, y, 0.0]
             c, d = [x + CELL, y + CELL, 0.0], [x, y + CELL, 0.0]
             triangles += [a + b + c, a + c + d]
-    return primitive_table(PrimitiveKind.TRIANGLE, triangles)
+    return small_scenes.primitive_table(PrimitiveKind.TRIANGLE, triangles)
 
 
 def thrown(walls: PrimitiveTable, place: tuple[float, float], sideways: float) -> Setup:
     """A grain that comes down at `place`, moving sideways, and bounces, slides and rolls on."""
-    impact = wall_impact(TOUCH, RADIUS, DENSITY, SPEED)
+    impact = small_scenes.wall_impact(TOUCH, RADIUS, DENSITY, SPEED)
     velocity = [[sideways, 0.37 * sideways, -SPEED]]
-    grain = spheres([[*place, RADIUS + 1e-6]], velocity, [[0.0, 0.0, 100.0]], RADIUS, impact.mass)
-    return sphere_setup(grain, TOUCH, impact.duration / 100.0, walls, GRAVITY)
+    grain = small_scenes.spheres(
+        [[*place, RADIUS + 1e-6]], velocity, [[0.0, 0.0, 100.0]], RADIUS, impact.mass
+    )
+    return small_scenes.sphere_setup(grain, TOUCH, impact.duration / 100.0, walls, GRAVITY)
 
 
 def mesh_and_plane() -> Iterator[Outcome]:
@@ -83,7 +76,7 @@ def mesh_and_plane() -> Iterator[Outcome]:
     names = [f"{fall} the {landing}" for fall in falls for landing in LANDINGS]
     places = [(place, sideways) for sideways in falls.values() for place in LANDINGS.values()]
     meshes = [thrown(tiled_floor(), *place) for place in places]
-    flat = [thrown(planes(FLOOR), *place) for place in places]
+    flat = [thrown(small_scenes.planes(small_scenes.FLOOR), *place) for place in places]
     inside = [
         rolling_inside(frustum, wall)
         for frustum in FRUSTUMS
@@ -91,8 +84,8 @@ def mesh_and_plane() -> Iterator[Outcome]:
     ]
     times = np.linspace(0.001, 0.03, 30)
     for precision, limit in LIMIT.items():
-        sim = simulation_of(meshes + flat + inside, precision, LAWS)
-        path = sample(sim, times).position[:, :, 0, :]
+        sim = small_scenes.simulation_of(meshes + flat + inside, precision, LAWS)
+        path = small_scenes.sample(sim, times).position[:, :, 0, :]
         on_mesh, on_plane, within = np.split(path, [len(places), 2 * len(places)], axis=1)
         error = np.abs(on_mesh - on_plane).max(axis=(0, 2)) / RADIUS
         for name, largest in zip(names, error, strict=True):
@@ -108,27 +101,27 @@ def faceted(frustum: Frustum, facets: int) -> PrimitiveTable:
     low, high = frustum.radius_low * circle, frustum.radius_high * circle + [0.0, 0.0, frustum.height]
     first = np.concatenate([low[:-1], low[1:], high[1:]], axis=1)
     second = np.concatenate([low[:-1], high[1:], high[:-1]], axis=1)
-    return primitive_table(PrimitiveKind.TRIANGLE, np.concatenate([first, second]))
+    return small_scenes.primitive_table(PrimitiveKind.TRIANGLE, np.concatenate([first, second]))
 
 
 def revolved(frustum: Frustum) -> PrimitiveTable:
     """The frustum itself."""
     ends = (frustum.radius_low, 0.0, frustum.radius_high, frustum.height)
-    return primitive_table(PrimitiveKind.REVOLVED, [(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *ends)])
+    return small_scenes.primitive_table(PrimitiveKind.REVOLVED, [(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *ends)])
 
 
 def rolling_inside(frustum: Frustum, walls: PrimitiveTable) -> Setup:
     """A grain let go against the wall, which rolls down it; a cylinder lies on its side."""
-    impact = wall_impact(TOUCH, RADIUS, DENSITY, 0.1)
+    impact = small_scenes.wall_impact(TOUCH, RADIUS, DENSITY, 0.1)
     slope = (frustum.radius_high - frustum.radius_low) / frustum.height
     lean = np.array([-1.0, slope]) / np.hypot(1.0, slope)  # inward normal in (radial, axial)
     level = 0.8 * frustum.height
     radial, axial = np.array([frustum.radius_low + slope * level, level]) + RADIUS * lean
     start = [[radial * cos(TURN), radial * sin(TURN), axial]]
     aside = 0.05 * np.array([[-sin(TURN), cos(TURN), 0.0]])  # m s-1, around the axis
-    grain = spheres(start, aside, 0.0, RADIUS, impact.mass)
+    grain = small_scenes.spheres(start, aside, 0.0, RADIUS, impact.mass)
     gravity = GRAVITY if slope > 0.0 else (9.81, 0.0, 0.0)
-    return sphere_setup(grain, TOUCH, impact.duration / 50.0, walls, gravity)
+    return small_scenes.sphere_setup(grain, TOUCH, impact.duration / 50.0, walls, gravity)
 
 
 def revolved_outcomes(frustum: Frustum, path: Floats, precision: Precision) -> Iterator[Outcome]:

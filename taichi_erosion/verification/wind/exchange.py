@@ -34,20 +34,10 @@ from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InitialTu
 from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Laws, Setup
 from taichi_erosion.core.transfer import read
 from taichi_erosion.simulation import Simulation, advance, air_profile, spin_up_wind
+from taichi_erosion.verification import small_scenes
 from taichi_erosion.verification.claim import Outcome, Precision, below, relative
 from taichi_erosion.verification.reference.flow import Stream, terminal_velocity
-from taichi_erosion.verification.small_scenes import (
-    Touch,
-    centres,
-    final_states,
-    in_air,
-    lattice_edge,
-    regular_bed,
-    simulation_of,
-    sphere_setup,
-    spheres,
-    still_air,
-)
+from taichi_erosion.verification.small_scenes import Touch
 
 DENSITY, VISCOSITY = 1.225, 1.789e-5  # kg m-3, Pa s
 QUARTZ = 2650.0  # kg m-3
@@ -62,17 +52,19 @@ START = 115.0  # m
 
 def falling(diameter: float) -> Setup:
     """One grain high above the floor."""
-    grain = spheres((0.5, 0.5, START), 0.0, 0.0, diameter / 2.0, QUARTZ * np.pi / 6.0 * diameter**3)
-    setup = sphere_setup(grain, Touch(1e7, 1e7), FALL_STEP, gravity=(0.0, 0.0, -9.81))
+    grain = small_scenes.spheres(
+        (0.5, 0.5, START), 0.0, 0.0, diameter / 2.0, QUARTZ * np.pi / 6.0 * diameter**3
+    )
+    setup = small_scenes.sphere_setup(grain, Touch(1e7, 1e7), FALL_STEP, gravity=(0.0, 0.0, -9.81))
     faces = np.linspace(0.0, FALL_HEIGHT, FALL_LAYERS + 1)
-    air = still_air(faces, (FALL_SIDE, FALL_SIDE), DENSITY, VISCOSITY)
-    return in_air(setup, air, Coupling(look_steps=5), 1.0)
+    air = small_scenes.still_air(faces, (FALL_SIDE, FALL_SIDE), DENSITY, VISCOSITY)
+    return small_scenes.in_air(setup, air, Coupling(look_steps=5), 1.0)
 
 
 def terminal_velocities() -> Iterator[Outcome]:
     """V30."""
     setups = [falling(1e-6 * microns) for microns in TERMINAL]
-    speeds = [-state.velocity[0, 2] for state in final_states(setups, FALL, "f64")]
+    speeds = [-state.velocity[0, 2] for state in small_scenes.final_states(setups, FALL, "f64")]
     for (microns, wanted), speed in zip(TERMINAL.items(), speeds, strict=True):
         yield relative(f"terminal velocity of {microns} um quartz [m/s]", speed, wanted, 0.005, "f64")
     air = Stream(0.0, 1.0, DENSITY, VISCOSITY)
@@ -121,12 +113,12 @@ def crossing_grains() -> Setup:
     place = np.concatenate([np.column_stack([SIDE * x, SIDE * y, np.full(36, z)]) for z in levels])
     radius = np.where(np.arange(len(place)) % 72 < 36, 1.5e-4, 2.2e-4)
     velocity = np.repeat(np.column_stack([rng.normal(0.0, 1.0, (6, 2)), np.zeros(6)]), 36, axis=0)
-    grains = spheres(place, velocity, 0.0, radius, QUARTZ * 4.0 / 3.0 * np.pi * radius**3)
+    grains = small_scenes.spheres(place, velocity, 0.0, radius, QUARTZ * 4.0 / 3.0 * np.pi * radius**3)
     faces = np.linspace(0.0, HEIGHT, LAYERS + 1)
-    air = still_air(faces, (SIDE, SIDE), DENSITY, VISCOSITY)
-    sheared = replace(air, start=3.0 * centres(faces) / HEIGHT)
-    setup = sphere_setup(grains, Touch(1e7, 1e7, restitution=0.7), STEP)
-    return in_air(setup, sheared, Coupling(look_steps=INTERVAL), HEIGHT)
+    air = small_scenes.still_air(faces, (SIDE, SIDE), DENSITY, VISCOSITY)
+    sheared = replace(air, start=3.0 * small_scenes.centres(faces) / HEIGHT)
+    setup = small_scenes.sphere_setup(grains, Touch(1e7, 1e7, restitution=0.7), STEP)
+    return small_scenes.in_air(setup, sheared, Coupling(look_steps=INTERVAL), HEIGHT)
 
 
 def horizontal_momenta(sim: Simulation) -> tuple[Floats, Floats]:
@@ -142,7 +134,7 @@ def column_momentum() -> Iterator[Outcome]:
     setup = crossing_grains()
     solid = float((4.0 / 3.0 * np.pi * setup.grains.radius**3).sum())
     for precision, limit in LIMIT.items():
-        sim = simulation_of([setup], precision, LAWS)
+        sim = small_scenes.simulation_of([setup], precision, LAWS)
         # the first exchange counts the grains; air that they displace before it has no momentum
         advance(sim, [STEP])
         grains, before = horizontal_momenta(sim)
@@ -183,18 +175,18 @@ def stirred_setup() -> Setup:
     rng = np.random.default_rng(5)
     place = rng.uniform(0.0, 1.0, (GRAINS, 3)) * [PATCH_SIDE, PATCH_SIDE, PATCH_HEIGHT]
     mass = QUARTZ * 4.0 / 3.0 * np.pi * RADIUS**3
-    grains = spheres(place, rng.normal(0.0, 1.0, (GRAINS, 3)), 0.0, RADIUS, mass)
-    setup = replace(sphere_setup(grains, SOFT, STEP), overlap_limit=2.0)
+    grains = small_scenes.spheres(place, rng.normal(0.0, 1.0, (GRAINS, 3)), 0.0, RADIUS, mass)
+    setup = replace(small_scenes.sphere_setup(grains, SOFT, STEP), overlap_limit=2.0)
     faces = np.linspace(0.0, PATCH_HEIGHT, CELLS[2] + 1)
     stirred = replace(
-        still_air(faces, (PATCH_SIDE, PATCH_SIDE), DENSITY, VISCOSITY),
+        small_scenes.still_air(faces, (PATCH_SIDE, PATCH_SIDE), DENSITY, VISCOSITY),
         cells=CELLS,
         time_step=STEP * PATCH_INTERVAL,
         model=AirModel(advection="none", exchange=True),
         initial_turbulence=InitialTurbulence(0.0, 0.0, DIAMETER / 30.0, 1),
         start=rng.normal(0.0, 2.0, (3, *CELLS)),
     )
-    return in_air(setup, stirred, Coupling(look_steps=PATCH_INTERVAL), PATCH_HEIGHT)
+    return small_scenes.in_air(setup, stirred, Coupling(look_steps=PATCH_INTERVAL), PATCH_HEIGHT)
 
 
 def patch_momentum(sim: Simulation) -> PatchMomentum:
@@ -219,7 +211,7 @@ def face_void_fractions(sim: Simulation) -> Floats:
 
 def patch_balance(precision: Precision) -> Iterator[Outcome]:
     """Momentum of air and grains, along all axes."""
-    sim = simulation_of([stirred_setup()], precision, LAWS)
+    sim = small_scenes.simulation_of([stirred_setup()], precision, LAWS)
     advance(sim, [STEP])
     first = last = patch_momentum(sim)
     gained, recorded, pressed = np.zeros(2), np.zeros(3), np.zeros(3)
@@ -245,12 +237,12 @@ def patch_balance(precision: Precision) -> Iterator[Outcome]:
 
 def bed_setup(columns: tuple[int, int]) -> Setup:
     """A regular bed of grains that no wind moves, under one column or a grid."""
-    grains: GrainTable = regular_bed(DIAMETER, HEAVY, OPEN, BED_CELLS)
-    edge = lattice_edge(DIAMETER, OPEN)
+    grains: GrainTable = small_scenes.regular_bed(DIAMETER, HEAVY, OPEN, BED_CELLS)
+    edge = small_scenes.lattice_edge(DIAMETER, OPEN)
     surface, patch = BED_CELLS[2] * edge, (BED_CELLS[0] * edge, BED_CELLS[1] * edge)
-    setup = replace(sphere_setup(grains, SOFT, WIND_STEP), overlap_limit=2.0)
+    setup = replace(small_scenes.sphere_setup(grains, SOFT, WIND_STEP), overlap_limit=2.0)
     faces = bed_faces(0.0, surface + DIAMETER, LID, 0.25 * DIAMETER, 1.2)
-    still = still_air(faces, patch, DENSITY, VISCOSITY)
+    still = small_scenes.still_air(faces, patch, DENSITY, VISCOSITY)
     single = replace(
         still,
         model=AirModel("mixing_length", "none", "euler", exchange=True),
@@ -259,7 +251,7 @@ def bed_setup(columns: tuple[int, int]) -> Setup:
         sides=still.sides | {"z_low": AirSide("wall")},
     )
     air = single if columns == (1, 1) else on_columns(single, columns)
-    return in_air(setup, air, Coupling(look_steps=1, surface=surface), LID)
+    return small_scenes.in_air(setup, air, Coupling(look_steps=1, surface=surface), LID)
 
 
 def on_columns(single: AirSetup, columns: tuple[int, int]) -> AirSetup:
@@ -276,7 +268,7 @@ def same_wind() -> Iterator[Outcome]:
     """The wind over a regular bed, on one column and on a grid."""
     winds = []
     for columns in ((1, 1), BED_COLUMNS):
-        sim = simulation_of([bed_setup(columns)], "f64", LAWS)
+        sim = small_scenes.simulation_of([bed_setup(columns)], "f64", LAWS)
         spin_up_wind(sim, 0, FRICTION)
         winds.append(air_profile(sim, 0).velocity[:, 0])
     off = (winds[1] - winds[0]) / winds[0].max()

@@ -15,13 +15,7 @@ from taichi_erosion.verification.contact.oblique_impact import (
     tangential_restitution,
 )
 from taichi_erosion.verification.reference import contact, published
-from taichi_erosion.verification.reference.contact import (
-    HeadOn,
-    Solid,
-    rebound,
-    sphere_mass,
-    young_effective,
-)
+from taichi_erosion.verification.reference.contact import HeadOn, Solid, rebound, sphere_mass, young_effective
 
 HERTZ = [
     # solid, radius, two spheres, relative speed; E*, overlap, force, time of the verification notes 1.1

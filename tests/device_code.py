@@ -1,0 +1,176 @@
+"""What device code writes, read from the syntax tree: the members of structs that a kernel changes."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "taichi_erosion"
+DEVICE_DECORATORS = {"ti.kernel", "ti.func", "ti.pyfunc", "ti.real_func"}
+WRITING_METHODS = {"append", "deactivate", "fill"}  # of Taichi fields
+
+MOST_MEMBERS = 12  # of a struct that are listed one by one
+
+Place = tuple[str, str]  # module and name of a device function
+Paths = frozenset[tuple[str, ...]]  # argument, member, member of the member ...
+
+
+def functions(tree: ast.AST) -> list[ast.FunctionDef]:
+    return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+
+
+def decorators(node: ast.FunctionDef | ast.ClassDef) -> set[str]:
+    return {ast.unparse(decorator).partition("(")[0] for decorator in node.decorator_list}
+
+
+def is_device_function(function: ast.FunctionDef) -> bool:
+    return bool(decorators(function) & DEVICE_DECORATORS)
+
+
+def is_kernel(function: ast.FunctionDef) -> bool:
+    return "ti.kernel" in decorators(function)
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Syntax trees of the package by module name."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts)] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
+@cache
+def device_functions() -> dict[Place, ast.FunctionDef]:
+    return {
+        (module, function.name): function
+        for module, tree in trees().items()
+        for function in functions(tree)
+        if is_device_function(function)
+    }
+
+
+@cache
+def names_in(module: str) -> dict[str, Place]:
+    """Device functions by the name under which a module knows them."""
+    known = {name: (place, name) for place, name in device_functions() if place == module}
+    for node in ast.walk(trees()[module]):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for name in node.names:
+                if (node.module, name.name) in device_functions():
+                    known[name.asname or name.name] = (node.module, name.name)
+    return known
+
+
+def path_of(expression: ast.expr, aliases: dict[str, tuple[str, ...]]) -> tuple[str, ...] | None:
+    """Argument and members that an expression reaches, up to the first index: `a.b.c[i].x` is (a, b, c)."""
+    members: list[str] = []
+    while isinstance(expression, ast.Attribute | ast.Subscript):
+        if isinstance(expression, ast.Subscript):
+            members.clear()
+        else:
+            members.append(expression.attr)
+        expression = expression.value
+    if not isinstance(expression, ast.Name):
+        return None
+    return (*aliases.get(expression.id, (expression.id,)), *reversed(members))
+
+
+def flat(target: ast.expr) -> list[ast.expr]:
+    """The parts of `a, (b, c) = ...` one by one."""
+    if isinstance(target, ast.Tuple | ast.List):
+        return [part for element in target.elts for part in flat(element)]
+    return [target.value if isinstance(target, ast.Starred) else target]
+
+
+def static_content(value: ast.expr) -> ast.expr | None:
+    """What `ti.static(content)` or `ti.static(content)[k]` stands for: another name of it, not a copy."""
+    if isinstance(value, ast.Call) and ast.unparse(value.func) == "ti.static":
+        return value.args[0]
+    if isinstance(value, ast.Subscript) and isinstance(value.slice, ast.Constant):
+        content = static_content(value.value)
+        return content.elts[value.slice.value] if isinstance(content, ast.Tuple) else content
+    return None
+
+
+def aliases_of(function: ast.FunctionDef) -> dict[str, tuple[str, ...]]:
+    """Names that `ti.static` makes for something reached from another name."""
+    found: dict[str, tuple[str, ...]] = {}
+    for node in ast.walk(function):
+        if not isinstance(node, ast.Assign) or (content := static_content(node.value)) is None:
+            continue
+        contents = content.elts if isinstance(content, ast.Tuple) else [content]
+        for target, origin in zip(flat(node.targets[0]), contents, strict=False):
+            if isinstance(target, ast.Name) and (path := path_of(origin, found)):
+                found[target.id] = path
+    return found
+
+
+def written_places(function: ast.FunctionDef) -> list[ast.expr]:
+    """Every indexed expression that the function changes itself."""
+    found: list[ast.expr] = []
+    for node in ast.walk(function):
+        if isinstance(node, ast.Assign):
+            found += [part for target in node.targets for part in flat(target)]
+        elif isinstance(node, ast.AugAssign | ast.AnnAssign):
+            found.append(node.target)
+        elif isinstance(node, ast.Call):
+            if ast.unparse(node.func).startswith("ti.atomic_"):
+                found.append(node.args[0])
+            elif isinstance(node.func, ast.Attribute) and node.func.attr in WRITING_METHODS:
+                found.append(node.func.value)
+    return [place for place in found if not isinstance(place, ast.Name)]
+
+
+@cache
+def written_members(place: Place) -> Paths:
+    """Argument and members of everything that a device function changes, itself or through what it calls."""
+    module, _ = place
+    function = device_functions()[place]
+    aliases = aliases_of(function)
+    arguments = {argument.arg for argument in function.args.args}
+    found = {path for expression in written_places(function) if (path := path_of(expression, aliases))}
+    for call in ast.walk(function):
+        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
+            continue
+        called = names_in(module).get(call.func.id)
+        if called is None or called == place:
+            continue
+        names = [argument.arg for argument in device_functions()[called].args.args]
+        given = dict(zip(names, call.args, strict=False))
+        given |= {keyword.arg: keyword.value for keyword in call.keywords if keyword.arg}
+        for name, *members in written_members(called):
+            if name in given and (path := path_of(given[name], aliases)):
+                found.add((*path, *members))
+    return frozenset(path for path in found if path[0] in arguments)
+
+
+def called_arguments(place: Place) -> dict[str, str]:
+    """Struct by the argument that is called with it: `task(air_out, r)` gives air_out: task."""
+    function = device_functions()[place]
+    arguments = {argument.arg for argument in function.args.args}
+    return {
+        given.id: call.func.id
+        for call in ast.walk(function)
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id in arguments
+        for given in call.args
+        if isinstance(given, ast.Name) and given.id.endswith("_out")
+    }
+
+
+def written_sentences(place: Place) -> list[str]:
+    """What a kernel's docstring ends with: the members that it writes of every struct.
+
+    Past `MOST_MEMBERS` the inner structs stand for their members.
+    """
+    structs: dict[str, set[str]] = {}
+    for argument, *members in written_members(place):
+        if members:
+            structs.setdefault(argument, set()).add(".".join(members))
+    found = {}
+    for name, members in structs.items():
+        shown = members if len(members) <= MOST_MEMBERS else {member.partition(".")[0] for member in members}
+        found[name] = ", ".join(sorted(shown))
+    found |= {name: f"what `{task}` writes" for name, task in called_arguments(place).items()}
+    return [f"Writes `{name}`: {members}." for name, members in sorted(found.items())]
