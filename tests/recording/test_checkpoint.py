@@ -135,7 +135,7 @@ def test_a_checkpoint_of_another_version_names_both(saved: Path, monkeypatch: py
 
 def test_a_checkpoint_of_another_layout_is_refused(saved: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(checkpoint, "SCHEMA", "taichi_erosion checkpoint 99")
-    with pytest.raises(BadInput, match=r"layout 'taichi_erosion checkpoint 3' cannot be read"):
+    with pytest.raises(BadInput, match=r"layout 'taichi_erosion checkpoint 4' cannot be read"):
         load_checkpoint(saved)
 
 

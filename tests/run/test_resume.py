@@ -3,20 +3,33 @@
 import json
 import signal
 import time
+import tomllib
+from dataclasses import asdict, fields
 from hashlib import sha256
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+import tomli_w
 from small_scene import PATIENCE, start, write_scene
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording.checkpoint import load_checkpoint
+from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
+from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.threshold import Bracket
+from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.run import RunOptions, run_scene
 from taichi_erosion.run import scene_run as scene_run_module
+from taichi_erosion.run.checkpointer import Checkpointer
 from taichi_erosion.run.ensemble_loop import EnsembleRun
+from taichi_erosion.run.resume import restore_run, run_state
+from taichi_erosion.run.stages import ReplicaState
+from taichi_erosion.run.threshold_search import ThresholdSearch, Trial
+from taichi_erosion.scene import load_scene, scene_hash
 
 OF_THIS_CALL = ("scene", "wall_s", "recording", "film", "silhouettes", "numerics")  # not of the physics
 
@@ -128,3 +141,93 @@ def test_a_checkpoint_of_other_seeds_is_refused(resumed, folder):
     kept = folder / "cut.checkpoint.npz"
     with pytest.raises(BadInput, match=r"cut\.checkpoint\.npz"):
         run_scene(write_scene(folder), RunOptions(threads=1, seed=8, no_record=True, resume=kept))
+
+
+WINDY = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
+CUTS = {"ramp": 0.055, "hold": 0.1, "fall": 0.17}  # s, by the phase in which the first bed is then
+
+
+@pytest.fixture(scope="module")
+def windy(folder) -> Path:
+    """Two beds of a hundred grains: a search in coarse steps and short trials, means over its whole stage."""
+    table = tomllib.loads(WINDY.read_text(encoding="utf-8"))
+    del table["measured"]
+    table["run"]["replicas"] = 2
+    table["grains"] |= {"count": 100, "size": {"law": "monodisperse", "diameter": 0.25e-3}}
+    table["wind"]["height"] = 0.01
+    table["threshold"] = {"first": 0.6, "rise": 0.4, "rise_hold": 0.01, "hold": 0.02, "levels": 0}
+    table["threshold"] |= {"share": 0.02, "distance": 0.3, "excess": 1.0, "spin_up": 0.02}
+    table["threshold"] |= {"fall": 0.5, "fall_hold": 0.02, "ceased": 0.5}
+    table["stages"][0]["duration_max"], table["stages"][1]["duration_max"] = 0.05, 0.5
+    thresholds = ("rolling_onset", "threshold_u_star", "impact_threshold")
+    means = {name: {"every": 0.01} for name in ("flux", "bed_stress", "grain_stress")}
+    table["measure"] = {name: {} for name in thresholds} | means
+    path = folder / "windy.toml"
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def searched(windy, folder) -> dict[str, Any]:
+    """The document of an uninterrupted search, which leaves a checkpoint in each of three phases."""
+    run_ensemble = scene_run_module.run_ensemble
+    meta = {"scene_hash": scene_hash(load_scene(windy))}
+
+    def with_checkpoints(ensemble: EnsembleRun, callbacks: list[Any]) -> None:
+        def save(now: EnsembleRun) -> None:
+            for phase, cut in CUTS.items():
+                if now.time == pytest.approx(cut):
+                    Checkpointer(folder / f"{phase}.npz", 1.0, meta).save(now)
+
+        run_ensemble(ensemble, [*callbacks, save])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene_run_module, "run_ensemble", with_checkpoints)
+        document = run_scene(windy, RunOptions(threads=1, no_record=True))
+    stop_device()
+    return document
+
+
+@pytest.mark.parametrize("phase", CUTS)
+def test_a_search_for_thresholds_goes_on_within_a_trial(phase, searched, windy, folder):
+    kept = folder / f"{phase}.npz"
+    resumed = run_scene(windy, RunOptions(threads=1, no_record=True, resume=kept))
+    stop_device()
+    assert all(np.isfinite(measure["value"]) for measure in searched["measures"].values())
+    assert fingerprint(resumed) == fingerprint(searched)
+    assert load_checkpoint(kept)[1]["replicas"][0]["search"]["phase"] == phase
+
+
+def in_mid_search(windy: Path) -> ReplicaState:
+    """A state in which no field, of its search and the trial neither, is empty or zero."""
+    numbers = np.random.default_rng(5)
+    trial = Trial(0.25, 0.4, *numbers.random((2, 3, 3)), *np.eye(2, 3, dtype=bool), 1e-7, [0.1])
+    search = ThresholdSearch(load_scene(windy), {"origin": numbers.random((3, 3))}, trial, "fall", 0.2, 0.3)
+    search.flux_at_start, search.found = 0.5, {"fluid_threshold": Bracket(0.2, 0.3)}
+    search.trials = [{"phase": "hold", "moved": np.bool_(True)}]
+    frames = [frame_of(count, numbers) for count in (2, 3)]
+    airs = [AirProfile(*numbers.random((6, 4))) for _ in frames]
+    measured = {"flux": Measurement("flux", 1.0, 0.1, "kg m-1 s-1", 2, ("a note",), {"blocks": [1.0, 2.0]})}
+    failure = Failure(Status.OVERLAP, 0.3, 1, -1, 0.5)
+    places = (7, 1, 0.4, True, failure, 1e-3, 3)
+    return ReplicaState(*places, frames, [0.1, 0.2], measured, ["a warning"], airs, search)
+
+
+def frame_of(count: int, numbers: np.random.Generator) -> Snapshot:
+    vectors, scalars = numbers.random((3, count, 3)), numbers.random((2, count))
+    ranks = np.arange(count, dtype=np.int32)
+    return Snapshot(0.1, 5, *vectors, *scalars, ranks, ranks, 1, {"ageing.age": numbers.random(count)})
+
+
+def test_every_field_of_a_replica_is_in_the_checkpoint(windy, tmp_path):
+    before, after = in_mid_search(windy), ReplicaState(0)
+    for record in (before, before.search, before.search.trial, before.frames[0]):
+        for field in fields(record):
+            assert np.any(getattr(record, field.name)), f"{field.name} is not tested"
+    scenes = [before.search.scene]
+    saved = run_state(SimpleNamespace(states=[before], checks=80, grain_steps=1e3))  # type: ignore[arg-type]
+    save_checkpoint(tmp_path / "state.npz", *saved)
+    resumed = SimpleNamespace(states=[after], scenes=scenes)
+    restore_run(resumed, *load_checkpoint(tmp_path / "state.npz"))  # type: ignore[arg-type]
+    assert (resumed.checks, resumed.grain_steps) == (80, 1e3)
+    np.testing.assert_equal(asdict(after), asdict(before))
