@@ -2,7 +2,8 @@
 
     screen     Plackett-Burman in all parameters; the largest effects go on, the others stay at their centre
     climb      along the steepest path of those, towards the first target
-    surface    Box-Behnken around the best point of the path, a quadratic in each response
+    surface    Box-Behnken, central composite or Latin hypercube around the best point of the path, a
+               quadratic in each response
     optimise   the settings at which the surface meets all targets, or the nearest it comes
     confirm    fresh seeds there, tested against the measurement
 
@@ -37,7 +38,13 @@ from taichi_erosion.experiments.anova import (
     reduced,
 )
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
-from taichi_erosion.experiments.design import box_behnken, plackett_burman, steepest_path
+from taichi_erosion.experiments.design import (
+    box_behnken,
+    central_composite,
+    latin_hypercube,
+    plackett_burman,
+    steepest_path,
+)
 from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, Floats, arranged
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.optimise import Goal, Optimisation, Optimum, optimise
@@ -177,11 +184,38 @@ def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> 
     return found
 
 
+def surface_design(file: CalibrationStudy, factors: list[Factor]) -> Design:
+    """The study's choice of a design over these ranges, in random order.
+
+    Raises BadInput for a star point beyond the limits of its parameter.
+    """
+    sizes, seed = file.study.design, file.study.study.seed
+    if sizes.surface == "latin_hypercube":
+        return latin_hypercube(factors, sizes.hypercube_runs, seed, sizes.surface_centre)
+    if sizes.surface == "central_composite":
+        design = central_composite(factors, sizes.surface_centre, sizes.surface_axial, seed)
+        refuse_star_outside_limits(file, design)
+        return design
+    return box_behnken(factors, centre_points=sizes.surface_centre, seed=seed)
+
+
+def refuse_star_outside_limits(file: CalibrationStudy, design: Design) -> None:
+    """Raise BadInput for a point beyond a parameter's limits, rounding apart."""
+    for factor, levels in zip(design.factors, design.natural.T, strict=True):
+        low, high = file.study.parameters[factor.path].limits
+        slack = SAME_POINT * factor.half
+        for level, side, bound in ((levels.min(), "below", low), (levels.max(), "above", high)):
+            if not low - slack <= level <= high + slack:
+                raise BadInput(
+                    f"{file.path}: central composite: star point {factor.path} = {level:.4g} lies {side} "
+                    f'the limit {bound:g}; set surface_axial = "faced" in [design]'
+                )
+
+
 def fit_response_surface(runner: DesignRunner, factors: list[Factor]) -> ResponseSurface:
-    """Run the Box-Behnken design and fit its quadratics."""
+    """Run the design of the surface and fit its quadratics."""
     study = runner.file.study
-    design = box_behnken(factors, centre_points=study.design.surface_centre, seed=study.study.seed)
-    design = run_design(runner, "surface", design)
+    design = run_design(runner, "surface", surface_design(runner.file, factors))
     full = {name: fit_model(design, name, "quadratic") for name in study.targets}
     smaller = {name: reduced(fit).fit for name, fit in full.items()}
     return ResponseSurface(

@@ -8,7 +8,7 @@ alone.
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isnan, nan
+from math import comb, isnan, nan
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +22,8 @@ from taichi_erosion.scene.validation_messages import problem_lines
 LARGEST = 1e30  # numbers beyond it are taken for a slip
 ALL = "all"  # every effect of the library
 SURFACE_FACTORS = 3  # fewest factors of a Box-Behnken design
+HYPERCUBE_RUNS = 10  # of a Latin hypercube by factor; Loeppky, Sacks & Welch (2009), Technometrics 51, 366
+HYPERCUBE_MOST = 900  # with at most 100 centre points they use the 1000 seeds of a stage
 SCREENED_MOST = 35  # parameters of the largest Plackett-Burman design that is run
 CALIBRATED_MOST = 20  # parameters of an evidence study
 
@@ -166,6 +168,15 @@ class DesignSizes(Section):
     screen_centre: int = number(4, "1", "centre points of the screening", 0, 100)
     climb_steps: int = number(5, "1", "runs along the steepest path beyond its start", 1, 100)
     climb_step: float = number(0.4, "1", "coded step of the steepest factor", 1e-3, 10.0)
+    surface: Literal["box_behnken", "central_composite", "latin_hypercube"] = Field(
+        default="box_behnken", description="design of the surface"
+    )
+    surface_axial: Literal["rotatable", "spherical", "faced"] = Field(
+        default="rotatable", description="distance of the star points of a central composite design"
+    )
+    surface_runs: int | None = number(
+        None, "1", "runs of a Latin hypercube beside the centre; left out: ten by factor", 10, HYPERCUBE_MOST
+    )
     surface_factors: int = number(3, "1", "factors that go on, largest effects first", SURFACE_FACTORS, 7)
     surface_half: float = number(0.5, "1", "half range of the surface, in that of the screening", 1e-3, 10.0)
     surface_centre: int = number(5, "1", "centre points of the surface", 1, 100)
@@ -173,6 +184,24 @@ class DesignSizes(Section):
     record: Literal["none", "confirm", "all"] = Field(
         default="none", description="runs whose recordings are kept"
     )
+
+    @model_validator(mode="after")
+    def _surface_entries_belong_to_its_design(self) -> "DesignSizes":
+        for key, design in (("surface_axial", "central_composite"), ("surface_runs", "latin_hypercube")):
+            if key in self.model_fields_set and self.surface != design:
+                raise contradiction(f"{key} needs surface = '{design}'; it is '{self.surface}'")
+        fewest = comb(self.surface_factors + 2, 2)  # coefficients of a full quadratic
+        if self.hypercube_runs < fewest:
+            raise contradiction(
+                f"surface_runs = {self.surface_runs}; a quadratic in {self.surface_factors} factors "
+                f"needs at least {fewest}"
+            )
+        return self
+
+    @property
+    def hypercube_runs(self) -> int:
+        """Runs of the Latin hypercube beside its centre points."""
+        return self.surface_runs or HYPERCUBE_RUNS * self.surface_factors
 
 
 class WorkersEntry(Section):

@@ -4,12 +4,13 @@ Rows stand in the order of the textbooks, which is also that of Design-Expert: t
 fastest. With a seed the runs are carried out in random order; without one, in standard order.
 
 References: Plackett & Burman (1946), Biometrika 33, 305; Box & Behnken (1960), Technometrics 2, 455, table 3;
-Box & Wilson (1951), J. R. Stat. Soc. B 13, 1.
+Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; McKay, Beckman & Conover (1979), Technometrics 21, 239.
 """
 
 from collections.abc import Mapping, Sequence
 from itertools import product
 from math import isfinite
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,6 +72,19 @@ def box_behnken_points(count: int) -> Floats:
     return np.concatenate(blocks)
 
 
+def axial_points(count: int, distance: float) -> Floats:
+    """Low and high star point of every factor, at a coded distance from the centre."""
+    from pyDOE3.doe_star import star
+
+    return distance * np.asarray(star(count)[0], dtype=float)
+
+
+def latin_hypercube_points(count: int, runs: int, seed: int) -> Floats:
+    """Latin hypercube of low centred discrepancy: every factor has one run in each of `runs` equal slices."""
+    sampler = qmc.LatinHypercube(d=count, optimization="random-cd", rng=np.random.default_rng(seed))
+    return 2.0 * sampler.random(runs) - 1.0
+
+
 def sobol_points(count: int, runs: int, seed: int) -> Floats:
     """Scrambled Sobol sequence; only a power of two keeps its balance."""
     power = runs.bit_length() - 1
@@ -87,6 +101,7 @@ def grid_points(count: int, levels: int = 3) -> Floats:
 
 
 Part = tuple[PointKind, Floats]
+Axial = Literal["rotatable", "spherical", "faced"]
 
 
 def plackett_burman(factors: Sequence[Factor], centre_points: int = 1, seed: int | None = None) -> Design:
@@ -107,6 +122,42 @@ def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | N
     refuse_bad_factors(factors, 3, "Box-Behnken")
     edges: Part = ("edge", box_behnken_points(len(factors)))
     return arranged("Box-Behnken", factors, [edges, *centres(len(factors), centre_points)], seed)
+
+
+def central_composite(
+    factors: Sequence[Factor], centre_points: int = 5, axial: Axial = "rotatable", seed: int | None = None
+) -> Design:
+    """Quadratic response surface on a two-level factorial, star points and centre.
+
+        alpha = F^(1/4) rotatable,   sqrt(k) spherical,   1 on the faces
+
+    with alpha the coded distance of the star points [1], k the number of factors and F = 2^k of factorial
+    runs. A factor's low and high are those of the factorial; the star lies outside them where alpha > 1.
+
+    Reference: Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; Box & Hunter (1957), Ann. Math. Stat. 28, 195.
+    """
+    from pyDOE3 import fullfact
+
+    refuse_bad_factors(factors, 2, "central composite")
+    count = len(factors)
+    corners: Floats = 2.0 * fullfact([2] * count) - 1.0
+    alpha = {"rotatable": len(corners) ** 0.25, "spherical": count**0.5, "faced": 1.0}[axial]
+    parts: list[Part] = [("factorial", corners), ("axial", axial_points(count, alpha))]
+    return arranged("central composite", factors, [*parts, *centres(count, centre_points)], seed)
+
+
+def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_points: int = 0) -> Design:
+    """Space-filling runs, one in each slice of every factor, and repeats of the centre.
+
+    The seed draws the points and the order of the runs.
+
+    Reference: McKay, Beckman & Conover (1979), Technometrics 21, 239.
+    """
+    refuse_bad_factors(factors, 1, "Latin hypercube")
+    if runs < 1:
+        raise BadInput(f"Latin hypercube: {runs} runs; needs at least 1")
+    points: Part = ("space", latin_hypercube_points(len(factors), runs, seed))
+    return arranged("Latin hypercube", factors, [points, *centres(len(factors), centre_points)], seed)
 
 
 def steepest_path(

@@ -1,19 +1,22 @@
 """A calibration on a model whose answer is known finds what matters and hits the target."""
 
 import re
+import shutil
 from pathlib import Path
 
 import closed_form
+import numpy as np
 import pytest
 import tomli_w
 from run.small_scene import SCENE
 
 from taichi_erosion.campaign import execute
 from taichi_erosion.campaign.calibration import calibrate
+from taichi_erosion.campaign.calibration_steps import surface_design
 from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.design_table import read_design
+from taichi_erosion.experiments.design_table import Factor, read_design
 from taichi_erosion.report import write_report
 from taichi_erosion.report.calibration_page import publish
 
@@ -31,6 +34,9 @@ STUDY = {
     },
     "design": {"climb_steps": 4, "confirm": 8},
 }
+WIDE = STUDY["parameters"] | {
+    "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6, "least": 0.05, "most": 0.95}
+}
 MATTER = {
     "contact.soil-soil.restitution",
     "contact.soil-soil.friction_rolling",
@@ -43,6 +49,15 @@ def write_study(folder: Path, **sections) -> Path:
     path = folder / "study.toml"
     path.write_text(tomli_w.dumps(STUDY | sections), encoding="utf-8")
     return path
+
+
+def true_angle(settings: dict[str, float]) -> float:
+    """Answer without noise [deg]."""
+    contact = {"soil-soil": {}, "soil-steel": {}}
+    for path in MATTER:
+        _, pair, name = path.split(".")
+        contact[pair][name] = settings[path]
+    return closed_form.angle(contact)
 
 
 @pytest.fixture(scope="module")
@@ -67,19 +82,81 @@ def test_the_climb_ends_nearer_to_the_target_than_it_begins(found):
 
 
 def test_the_optimum_meets_the_target_in_truth_and_not_only_on_the_fitted_surface(found):
-    settings = found.confirmed.optimum.settings
-    contact = {"soil-soil": {}, "soil-steel": {}}
-    for path in MATTER:
-        _, pair, name = path.split(".")
-        contact[pair][name] = settings[path]
     # the surface rests on 17 runs: its prediction is good to about 2 sd / sqrt(17 / 10) of the noise
-    assert closed_form.angle(contact) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
+    settings = found.confirmed.optimum.settings
+    assert true_angle(settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
 
 
 def test_fresh_seeds_confirm_the_optimum(found):
     test = found.confirmed.tests["repose_angle"]
     assert test.runs.n == STUDY["design"]["confirm"]
     assert abs(test.difference) < 3.0 * closed_form.NOISE
+
+
+@pytest.fixture(scope="module")
+def found_by(found, folder, tmp_path_factory):
+    """The calibration by another design, on the screening and the climb that are in the ledger."""
+
+    def again(**entries):
+        copied = shutil.copytree(folder, tmp_path_factory.mktemp("surface"), dirs_exist_ok=True)
+        study = write_study(copied, design=STUDY["design"] | entries, parameters=WIDE)
+        return calibrate(study, workers=1, function=closed_form.FUNCTION)
+
+    return again
+
+
+@pytest.mark.parametrize(
+    ("entries", "runs", "furthest"),
+    [
+        ({"surface": "central_composite"}, 8 + 6 + 5, 8**0.25),
+        ({"surface": "central_composite", "surface_axial": "spherical"}, 8 + 6 + 5, 3**0.5),
+        ({"surface": "central_composite", "surface_axial": "faced"}, 8 + 6 + 5, 1.0),
+        ({"surface": "latin_hypercube", "surface_runs": 24}, 24 + 5, pytest.approx(1.0, abs=2.0 / 24)),
+    ],
+)
+def test_every_design_of_the_surface_finds_the_same_optimum(found, found_by, entries, runs, furthest):
+    other = found_by(**entries)
+    assert len(other.surface.design) == runs
+    assert np.abs(other.surface.design.coded).max() == furthest
+    assert other.surface.design.factors == found.surface.design.factors
+    # settings that meet the target form a face: what agrees is the value, here and at the other's optimum
+    settings = other.confirmed.optimum.settings
+    assert true_angle(settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
+    there = found.confirmed.optimum.coded[None, :]
+    (low, high), (other_low, other_high) = (
+        calibration.surface.fits["repose_angle"].interval(there)[0] for calibration in (found, other)
+    )
+    assert max(low, other_low) < min(high, other_high)
+
+
+def test_a_hypercube_without_a_number_has_ten_runs_by_factor(tmp_path):
+    study = read_calibration_study(write_study(tmp_path, design={"surface": "latin_hypercube"}))
+    factors = [Factor(path, entry.low, entry.high) for path, entry in study.study.parameters.items()][:3]
+    assert len(surface_design(study, factors)) == 30 + 5
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ((0.05, 0.25), "star point friction = -0.01818 lies below the limit 0"),
+        ((0.6, 0.9), "star point friction = 1.002 lies above the limit 1"),
+    ],
+)
+def test_a_star_point_beyond_a_limit_is_refused_with_the_remedy(tmp_path, place, said):
+    parameters = {
+        "friction": {"low": 0.1, "high": 0.9, "least": 0.0, "most": 1.0},
+        "b": {"low": 0.0, "high": 1.0},
+        "c": {"low": 0.0, "high": 1.0},
+    }
+    ranges = [Factor("friction", *place), Factor("b", 0.4, 0.6), Factor("c", 0.4, 0.6)]
+    design = {"surface": "central_composite"}
+    with pytest.raises(BadInput) as refusal:
+        surface_design(
+            read_calibration_study(write_study(tmp_path, design=design, parameters=parameters)), ranges
+        )
+    assert str(refusal.value).endswith(f'{said}; set surface_axial = "faced" in [design]')
+    faced = write_study(tmp_path, design=design | {"surface_axial": "faced"}, parameters=parameters)
+    assert len(surface_design(read_calibration_study(faced), ranges)) == 19
 
 
 def test_no_two_runs_share_their_noise(found, folder):
@@ -125,6 +202,17 @@ def test_the_design_alone_runs_nothing(tmp_path, capsys):
     [
         ({"targets": {"pile_height": {"value": 1.0, "sd": 0.1, "n": 3}}}, "targets.pile_height"),
         ({"design": {"climb_stepz": 4}}, "design.climb_stepz is unknown"),
+        ({"design": {"surface_axis": "faced"}}, "surface_axis is unknown; did you mean 'surface_axial'"),
+        (
+            {"design": {"surface": "box_benken"}},
+            "surface = 'box_benken' is not one of 'box_behnken', 'central_composite'",
+        ),
+        ({"design": {"surface_axial": "faced"}}, "surface_axial needs surface = 'central_composite'"),
+        ({"design": {"surface_runs": 20}}, "surface_runs needs surface = 'latin_hypercube'"),
+        (
+            {"design": {"surface": "latin_hypercube", "surface_factors": 4, "surface_runs": 14}},
+            "surface_runs = 14; a quadratic in 4 factors needs at least 15",
+        ),
         ({"parameters": {"a": {"low": 2.0, "high": 1.0}}}, "is not below high"),
         ({"targets": {"repose_angle": {"value": "steep", "sd": 0.1, "n": 3}}}, "must be a number"),
     ],

@@ -3,13 +3,20 @@
 import numpy as np
 import pyDOE3
 import pytest
+import textbook
 from textbook import unit_factors
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
 from taichi_erosion.experiments.design import CYCLES, TOGETHER, plackett_burman_points, sobol_points
 from taichi_erosion.experiments.design_table import Factor
-from taichi_erosion.experiments.terms import alias_matrix, interaction_terms, linear_terms
+from taichi_erosion.experiments.terms import (
+    alias_matrix,
+    interaction_terms,
+    linear_terms,
+    model_matrix,
+    model_terms,
+)
 
 # Plackett & Burman (1946) as printed, for example, in Plasun (1999), table 3.6
 TWELVE = """
@@ -79,6 +86,47 @@ def test_larger_box_behnken_designs_are_the_blocks_of_the_1960_paper(count):
     assert meetings == ({1} if count == 7 else {1, 2})
 
 
+@pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize(
+    ("axial", "distance"),
+    [
+        ("rotatable", {2: 2**0.5, 3: 8**0.25, 4: 2.0}),  # F^(1/4), F = 2^k
+        ("spherical", {2: 2**0.5, 3: 3**0.5, 4: 2.0}),  # sqrt(k)
+        ("faced", {2: 1.0, 3: 1.0, 4: 1.0}),
+    ],
+)
+def test_central_composite_points_are_those_of_the_textbook(count, axial, distance):
+    made = design.central_composite(factors(count), axial=axial)
+    wanted = textbook.central_composite(factors(count), distance[count])
+    assert np.allclose(made.coded, wanted.coded, rtol=0.0, atol=1e-12)
+    assert made.kinds == wanted.kinds
+
+
+def test_a_rotatable_design_predicts_equally_well_in_every_direction():
+    terms = model_terms(3, "quadratic")
+    matrix = model_matrix(design.central_composite(factors(3)).coded, terms)
+    directions = np.random.default_rng(1).normal(size=(20, 3))
+    there = model_matrix(directions / np.linalg.norm(directions, axis=1)[:, None], terms)
+    variance = np.einsum("ij,jk,ik->i", there, np.linalg.inv(matrix.T @ matrix), there)
+    # the same to rounding: a condition number of 30 leaves 14 digits
+    assert np.ptp(variance) < 1e-12
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_latin_hypercube_has_one_run_in_every_slice_of_every_factor(seed):
+    made = design.latin_hypercube(factors(3), 10, seed, centre_points=2)
+    slices = np.floor((made.coded[:10] + 1.0) * 5.0).astype(int)
+    assert all(sorted(column) == list(range(10)) for column in slices.T)
+    assert made.kinds == ("space",) * 10 + ("centre",) * 2
+    assert not made.coded[10:].any()
+
+
+def test_a_latin_hypercube_repeats_with_its_seed():
+    points, same, other = (design.latin_hypercube(factors(3), 10, seed).coded for seed in (4, 4, 5))
+    assert np.array_equal(points, same)
+    assert not np.array_equal(points, other)
+
+
 def test_main_effects_of_twelve_runs_share_a_third_with_every_foreign_interaction():
     # Montgomery (2017), 8.6.3
     points = plackett_burman_points(11)
@@ -119,6 +167,8 @@ def test_a_flat_plane_has_no_steepest_path():
     [
         (lambda: Factor("a", 1.0, 1.0), "low < high"),
         (lambda: design.box_behnken(factors(2)), "at least 3"),
+        (lambda: design.central_composite(factors(1)), "at least 2"),
+        (lambda: design.latin_hypercube(factors(3), 0, 1), "0 runs"),
         (lambda: design.plackett_burman([*factors(3), *factors(1)]), "named twice"),
         (lambda: design.plackett_burman([Factor(f"f{k}", 0.0, 1.0) for k in range(36)]), "at most 35"),
     ],
