@@ -10,6 +10,9 @@ far above a bed, it is that of the scene.
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.state import arrays, side_block
 
@@ -180,3 +183,46 @@ def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.te
 def cell_start(cells: ti.template(), r, c):
     """Rank of the first grain in cell c; after the sort the bounds lie one place on."""
     return cells.first[row_of_cells(cells, r) + c + 1]
+
+
+@dataclass(frozen=True)
+class CellGrid:
+    """Cells of one replica."""
+
+    most: int  # cells
+    width_least: float  # m
+    low: Floats  # [3] m
+    inverse_width: Floats  # [3] m-1
+    number: tuple[int, int, int]
+
+
+def cell_grid(setup: Setup, least: float, most: int) -> CellGrid:
+    """Cells around everything the scene names, not narrower than `least`, the longest list distance [m].
+
+    Where that makes more than `most`, they are widened; grains outside the box belong to its border cells.
+    """
+    low, high = scene_box(setup)
+    span = np.maximum(high - low, least)
+    width = least
+    while np.prod(np.maximum(np.floor(span / width), 1.0)) > most:
+        width *= WIDER
+    number = np.maximum(np.floor(span / width), 1.0)
+    return CellGrid(most, least, low, number / span, (int(number[0]), int(number[1]), int(number[2])))
+
+
+def scene_box(setup: Setup) -> tuple[Floats, Floats]:
+    """Box around grains and finite walls [m]; along a period, the period itself."""
+    points = [setup.grains.position]
+    shape = setup.primitives.shape
+    for kind, row in zip(setup.primitives.kind, shape, strict=True):
+        if kind == PrimitiveKind.TRIANGLE:
+            points.append(row[:9].reshape(3, 3))
+        elif kind == PrimitiveKind.REVOLVED:
+            ends = row[:3] + np.outer(row[[7, 9]], row[3:6])
+            largest = max(row[6], row[8])
+            points.extend([ends - largest, ends + largest])
+    stacked = np.concatenate(points)
+    low, high = np.nanmin(stacked, axis=0), np.nanmax(stacked, axis=0)
+    period = np.asarray(setup.period)
+    start = np.asarray(setup.domain[0])
+    return np.where(period > 0, start, low), np.where(period > 0, start + period, high)

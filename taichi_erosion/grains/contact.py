@@ -1,16 +1,10 @@
-"""Contact force: normal law, tangential spring with friction limit, and rolling resistance.
+"""Contact force: normal law, tangential law and rolling resistance, put together.
 
     F_n = F_el(d) - c_n v_n,              c_n = 2 sqrt(5/6) beta sqrt(2 E* a m*)
-    F_t = -8 G* a xi - c_t v_t            while 8 G* a |xi| <= mu F_cap,      c_t = c_n sqrt(4 G*/E*)
-    F_t = -mu F_cap xi/|xi|               beyond, xi shortened to that limit
 
-xi is the tangential displacement since engagement [m] (Mindlin, no slip). A sliding contact has no dashpot:
-it would load the spring backwards at first touch, where the cap is still zero. The cap uses the elastic
-force, without damping, so that a sliding impact exchanges exactly mu (1 + e) m v_n. The normal force is not
-clipped at zero: clipping would change the restitution.
+The normal force is not clipped at zero: clipping would change the restitution.
 
-Reference: Mindlin & Deresiewicz (1953), J. Appl. Mech. 20, 327; Tsuji et al. (1992), Powder Technology 71,
-239.
+Reference: Tsuji et al. (1992), Powder Technology 71, 239.
 """
 
 from dataclasses import dataclass
@@ -26,9 +20,9 @@ from taichi_erosion.grains.laws import (
     rolling_elastic_plastic,
     rolling_none,
 )
+from taichi_erosion.grains.laws.mindlin import tangential_force
 
 ROLLING_INERTIA = 1.4  # (I + m R^2) / (m R^2) of a sphere [1]
-STIFFNESS_LEAST = 1e-30  # keeps the spring of a contact of no depth finite [N m-1]
 
 ROLLING: dict[str, ModuleType] = {
     "none": rolling_none,
@@ -87,25 +81,6 @@ def compile_contact_laws(laws: Laws) -> ContactLaws:
 
 
 @ti.func
-def friction_force(materials: ti.template(), row, contact: ti.template(), displacement, dt):
-    """Tangential force on grain i [N] and the tangential displacement after the step [m]."""
-    stiffness = 8.0 * materials.shear[row] * contact.contact_radius
-    tangential = contact.velocity - contact.velocity.dot(contact.normal) * contact.normal
-    stretched = displacement + tangential * dt
-    stretched -= stretched.dot(contact.normal) * contact.normal
-    force = -stiffness * stretched
-    limit = materials.friction_sliding[row] * contact.cap_force
-    damping = materials.shear_damping[row] * contact.damping * contact.root_contact_radius
-    size_squared = force.norm_sqr()
-    if size_squared > limit * limit:
-        force *= limit / ti.sqrt(size_squared)
-        stretched = force * (-1.0 / ti.max(stiffness, STIFFNESS_LEAST))
-    else:
-        force -= damping * tangential
-    return force, stretched
-
-
-@ti.func
 def contact_force(
     laws: ti.template(), materials: ti.template(), row, contact: ti.template(), tangential, rolling, dt
 ):
@@ -113,7 +88,7 @@ def contact_force(
 
     `tangential` and `rolling` are the displacements before it [m], [rad].
     """
-    friction, tangential_after = friction_force(materials, row, contact, tangential, dt)
+    friction, tangential_after = tangential_force(materials, row, contact, tangential, dt)
     turned = rolling + contact.rolling_velocity * dt
     turned -= turned.dot(contact.normal) * contact.normal
     torque, rolling_after = laws.rolling_torque(materials, row, contact, turned)

@@ -9,8 +9,7 @@ from math import prod
 
 import numpy as np
 
-from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
-from taichi_erosion.grains.cells import WIDER
+from taichi_erosion.core.setup import Setup
 
 PARTITION_GRAINS = 4000  # grains per partition above which a barrier costs little
 PAIR_GRAINS = 1000  # the same for two workers
@@ -55,6 +54,11 @@ def partition_count(setup: Setup) -> int:
     return min(wanted, PARTITIONS_MOST)
 
 
+def cell_count(grains: int) -> int:
+    """Cells of a replica of so many grains."""
+    return max(round_up(grains * CELLS_PER_GRAIN), CELLS_LEAST)
+
+
 def round_up(number: int) -> int:
     """Next of 2^k and 1.5 * 2^k: few different sizes, so that compiled kernels are found in the cache."""
     power = 1 << max(number - 1, 1).bit_length()
@@ -77,7 +81,7 @@ def initial_capacities(setups: list[Setup]) -> Capacities:
         grains=grains,
         pairs=max(grains * ENTRIES_PER_GRAIN, ENTRIES_LEAST),
         wall_pairs=max(grains * WALL_ENTRIES_PER_GRAIN, ENTRIES_LEAST),
-        cells=max(round_up(grains * CELLS_PER_GRAIN), CELLS_LEAST),
+        cells=cell_count(grains),
         primitives=primitives,
         surfaces=surfaces,
         materials=max(len(s.materials) for s in setups),
@@ -122,48 +126,3 @@ def verlet_skin(setup: Setup) -> VerletSkin:
     large = float(radius[-1 - min(LARGE_MOST, len(radius) - 1)])
     most = SKIN_FLIGHT * float(np.median(radius))
     return VerletSkin(setup.skin, most, FLIGHT_STEPS * setup.time_step, (1.0 + SKIN_IN_CELLS) * large)
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Cells of one replica."""
-
-    most: int  # cells
-    width_least: float  # m
-    low: Floats  # [3] m
-    inverse_width: Floats  # [3] m-1
-    number: tuple[int, int, int]
-
-
-def cell_grid(setup: Setup, reach: float, cells: int) -> Grid:
-    """Cells around everything the scene names, not narrower than the longest list distance.
-
-    Where that makes more than `cells`, they are widened; grains outside the box belong to its border cells.
-    """
-    low, high = occupied_box(setup)
-    least = 2.0 * verlet_skin(setup).cell_reach + reach
-    span = np.maximum(high - low, least)
-    most = min(cells, max(CELLS_LEAST, round_up(len(setup.grains.radius) * CELLS_PER_GRAIN)))
-    width = least
-    while np.prod(np.maximum(np.floor(span / width), 1.0)) > most:
-        width *= WIDER
-    number = np.maximum(np.floor(span / width), 1.0)
-    return Grid(most, least, low, number / span, (int(number[0]), int(number[1]), int(number[2])))
-
-
-def occupied_box(setup: Setup) -> tuple[Floats, Floats]:
-    """Box around grains and finite walls [m]; along a period, the period itself."""
-    points = [setup.grains.position]
-    shape = setup.primitives.shape
-    for kind, row in zip(setup.primitives.kind, shape, strict=True):
-        if kind == PrimitiveKind.TRIANGLE:
-            points.append(row[:9].reshape(3, 3))
-        elif kind == PrimitiveKind.REVOLVED:
-            ends = row[:3] + np.outer(row[[7, 9]], row[3:6])
-            largest = max(row[6], row[8])
-            points.extend([ends - largest, ends + largest])
-    stacked = np.concatenate(points)
-    low, high = np.nanmin(stacked, axis=0), np.nanmax(stacked, axis=0)
-    period = np.asarray(setup.period)
-    start = np.asarray(setup.domain[0])
-    return np.where(period > 0, start, low), np.where(period > 0, start + period, high)

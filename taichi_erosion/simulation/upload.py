@@ -8,10 +8,11 @@ import scipy
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import upload
 from taichi_erosion.grains import World
+from taichi_erosion.grains.cells import cell_grid
 from taichi_erosion.grains.materials import upload_materials
 from taichi_erosion.grains.state import Replicas
 from taichi_erosion.grains.walls import Walls
-from taichi_erosion.simulation.capacities import cell_grid, verlet_skin
+from taichi_erosion.simulation.capacities import cell_count, verlet_skin
 
 NOWHERE = np.inf  # m, position of the padding primitives of a replica with fewer walls than another
 
@@ -88,7 +89,9 @@ def upload_replicas(
 
 def upload_cells(world: World, setups: list[Setup], reaches: list[float]) -> None:
     """Cell grids."""
-    grids = [cell_grid(s, reach, world.cells.capacity) for s, reach in zip(setups, reaches, strict=True)]
+    least = [2.0 * verlet_skin(s).cell_reach + reach for s, reach in zip(setups, reaches, strict=True)]
+    most = [min(world.cells.capacity, cell_count(len(s.grains.radius))) for s in setups]
+    grids = [cell_grid(*one) for one in zip(setups, least, most, strict=True)]
     names = ("most", "width_least", "low", "inverse_width", "number")
     upload([(getattr(world.cells, name), [getattr(grid, name) for grid in grids]) for name in names])
 
