@@ -123,7 +123,7 @@ def describe(views: list[View], angles: list[float], grain: float) -> dict[str, 
         "bend": float(np.mean(bends)),
         "bend_error": spread(bends),
         "height": float(np.median([view.height for view in views])),
-        "silhouette.meeting_height": float(np.median(meetings)) if meetings else nan,
+        "meeting_height": float(np.median(meetings)) if meetings else nan,
         "short_flanks": 2 * len(views) - len(flanks),
         "flanks_seen": 2 * len(views),
         "lines": [line for view in views for line in drawn_lines(view)],
@@ -158,7 +158,7 @@ def raise_flags(details: dict[str, Any], grain: float, plate_radius: float | Non
     raised = {
         "few_points": details["short_flanks"] > FEW_FLANKS_SHARE * details["flanks_seen"],
         "curved": silhouette.is_bent(details["bend"], details["bend_error"]),
-        "flat_top": silhouette.is_flat_topped(details["height"], details["silhouette.meeting_height"], grain),
+        "flat_top": silhouette.is_flat_topped(details["height"], details["meeting_height"], grain),
         "truncated_by_plate": lined > RIM_SHARE,
     }
     return [flag for flag, is_raised in raised.items() if is_raised]
