@@ -1,0 +1,140 @@
+"""Processor that Taichi's compiler generates code for, and a remedy where it does not know the processor.
+
+Taichi 1.7.4 compiles with LLVM 15, which looks its processor up by name in a table of features and tuning. A
+processor newer than the table is `generic` there (AMD Zen 5, Hygon, Zhaoxin): loops are laid out for SSE2, and
+the contact law is compiled without packed arithmetic. Neither `ti.init` nor the environment changes it.
+
+The table `llvm::X86SubTypeKV` is data, rows of 80 bytes {address of the name, 32 bytes of features, 32 of tuning,
+address of the instruction schedule}. Before the first `ti.init` the row `generic` receives features, tuning and
+schedule of a row that the processor satisfies. No formula changes and fast-math stays off: results keep their bits.
+
+All of it is checked first: Linux on x86-64, this version of Taichi, the size of the table, the name that LLVM
+itself gives to the processor, and the processor's features. Where a check fails, nothing is changed. The
+environment variable TAICHI_EROSION_KEEP_TARGET switches the remedy off.
+"""
+
+import ctypes
+import mmap
+import os
+import platform
+import re
+import struct
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from taichi_erosion.core.ti import ti
+
+KEEP = "TAICHI_EROSION_KEEP_TARGET"
+TAICHI = (1, 7, 4)
+UNKNOWN = "generic"  # name that LLVM gives to a processor that it does not know
+NAME_FUNCTION = b"_ZN4llvm3sys14getHostCPUNameEv"
+TABLE = b"_ZN4llvm12X86SubTypeKVE"
+ROW, KEY = 80, 8  # bytes of a row, and of the address of its name
+TABLE_BYTES = 86 * ROW  # LLVM 15.0.4
+SYMBOL = np.dtype([("name", "<u4"), ("kind", "<u4"), ("value", "<u8"), ("size", "<u8")])
+WIDE = "znver3"  # row whose features and tuning suit 256 bits
+WIDE_FLAGS = {"avx2", "fma", "bmi1", "bmi2", "f16c", "abm", "movbe", "adx"}  # as /proc/cpuinfo names them
+PACKED_ROOTS = {  # machine code of a packed square root by bits of its vectors
+    512: rb"\x62[\x00-\xff][\x7c\xfd]\x48\x51",
+    256: rb"\xc5[\x7c\x7d\xfc\xfd]\x51",
+    128: rb"\xc5[\x78\xf8]\x51",
+}
+
+
+class StringRef(ctypes.Structure):
+    """LLVM's pair of address and length of a text."""
+
+    _fields_ = (("data", ctypes.c_void_p), ("length", ctypes.c_size_t))
+
+
+def loaded_library() -> tuple[int, Path]:
+    """Address and file of the library in which Taichi brings LLVM; ValueError where it is not loaded."""
+    for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
+        words = line.split()
+        if len(words) == 6 and "/taichi_python." in words[5] and int(words[2], 16) == 0:
+            return int(words[0].partition("-")[0], 16), Path(words[5])
+    raise ValueError("Taichi's library is not loaded")
+
+
+def sections(image: mmap.mmap) -> dict[str, tuple[int, int]]:
+    """Place and bytes of every section of an ELF file by name."""
+    (start,) = struct.unpack_from("<Q", image, 0x28)
+    size, count, names = struct.unpack_from("<HHH", image, 0x3A)
+    heads = [struct.unpack_from("<IIQQQQ", image, start + k * size) for k in range(count)]
+    text = heads[names][4]
+    return {image[text + h[0] : image.find(b"\0", text + h[0])].decode(): (h[4], h[5]) for h in heads}
+
+
+def symbol(image: mmap.mmap, name: bytes) -> tuple[int, int]:
+    """Address within the library and bytes of a symbol; ValueError where there is not exactly one."""
+    parts = sections(image)
+    texts, length = parts[".strtab"]
+    place = image.find(b"\0" + name + b"\0", texts, texts + length) + 1 - texts
+    start, length = parts[".symtab"]
+    found = np.frombuffer(image, SYMBOL, length // SYMBOL.itemsize, start)
+    found = found[found["name"] == place]
+    if place <= 0 or len(found) != 1:
+        raise ValueError(f"no single symbol {name.decode()}")
+    return int(found["value"][0]), int(found["size"][0])
+
+
+def compiler_rows() -> tuple[str, dict[str, int]]:
+    """What LLVM calls this processor, and the addresses of the rows of its table by name."""
+    base, file = loaded_library()
+    with file.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as image:
+        function, _ = symbol(image, NAME_FUNCTION)
+        table, size = symbol(image, TABLE)
+    if size != TABLE_BYTES:
+        raise ValueError("another table of processors")
+    named = ctypes.CFUNCTYPE(StringRef)(base + function)()
+    first = base + table
+    texts = [ctypes.c_uint64.from_address(first + k * ROW).value for k in range(size // ROW)]
+    rows = {ctypes.string_at(text).decode(): first + k * ROW for k, text in enumerate(texts)}
+    return ctypes.string_at(named.data, named.length).decode(), rows
+
+
+def copy_row(source: int, target: int) -> None:
+    """Copy what stands behind the name of a row; the page of the target is writable meanwhile."""
+    library = ctypes.CDLL(None, use_errno=True)
+    first = (target + KEY) & ~(mmap.PAGESIZE - 1)
+    length = target + ROW - first
+    for access in (mmap.PROT_READ | mmap.PROT_WRITE, mmap.PROT_READ):
+        if library.mprotect(ctypes.c_void_p(first), ctypes.c_size_t(length), access) != 0:
+            raise OSError(ctypes.get_errno(), "mprotect")
+        if access & mmap.PROT_WRITE:
+            ctypes.memmove(target + KEY, source + KEY, ROW - KEY)
+
+
+def processor_flags() -> set[str]:
+    """Features of this processor as Linux names them."""
+    found = re.search(r"^flags\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+    return set(found[1].split()) if found else set()
+
+
+@cache
+def compiler_target() -> str:
+    """Name of the processor that kernels are compiled for, once it is the widest that can be had."""
+    if sys.platform != "linux" or platform.machine() != "x86_64" or ti.__version__ != TAICHI:
+        return platform.machine()
+    try:
+        name, rows = compiler_rows()
+        if name == UNKNOWN and KEEP not in os.environ and processor_flags() >= WIDE_FLAGS:
+            copy_row(rows[WIDE], rows[UNKNOWN])
+            name = f"{UNKNOWN}-as-{WIDE}"
+    except (OSError, ValueError, KeyError, AttributeError, struct.error):
+        return platform.machine()
+    return name
+
+
+def packed_width() -> int:
+    """Bits of the widest packed square root in the machine code that was compiled so far; 0 without one."""
+    code = b""
+    for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
+        words = line.split()
+        if "x" in words[1] and len(words) == 5:
+            first, last = (int(bound, 16) for bound in words[0].split("-"))
+            code += ctypes.string_at(first, last - first)
+    return max((bits for bits, pattern in PACKED_ROOTS.items() if re.search(pattern, code, re.DOTALL)), default=0)
