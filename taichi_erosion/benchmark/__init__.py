@@ -12,6 +12,7 @@ from typing import Any
 from taichi_erosion import __version__
 from taichi_erosion.benchmark.grain_cases import grain_case, standard_grain_cases, wide_bed_cases
 from taichi_erosion.benchmark.wind_cases import air_case, standard_air_cases, threshold_case
+from taichi_erosion.core.compiler_target import compiler_target
 
 __all__ = ["run_benchmarks"]
 
@@ -32,4 +33,4 @@ def run_benchmarks(progress: Callable[[float, str], None] | None = None) -> dict
         found = run()
         cases.extend(found if isinstance(found, list) else [found])
     versions = {"taichi_erosion": __version__, "taichi": version("taichi")}
-    return {"cases": cases, "versions": versions, "cores": cores}
+    return {"cases": cases, "versions": versions, "cores": cores, "target": compiler_target()}

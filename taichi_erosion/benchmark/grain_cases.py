@@ -14,6 +14,7 @@ import numpy as np
 
 from taichi_erosion.benchmark.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
 from taichi_erosion.benchmark.wind_cases import blowing_patch
+from taichi_erosion.core.compiler_target import packed_width
 from taichi_erosion.core.setup import Floats, Numerics, Setup
 from taichi_erosion.core.transfer import device_fields, inner_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED
@@ -133,6 +134,7 @@ def grain_case(case: GrainCase) -> dict[str, Any]:
         "per core": speed / min(case.threads, sim.workers),
         "contacts per grain": middle["contacts_per_grain"],
         "bytes per grain": device_bytes(sim.world) / grains,
+        "vector bits": packed_width(),
         "stages": stage_shares(sim, middle["rebuilds"] / case.steps),
     }
 

@@ -1,16 +1,18 @@
 """Processor that Taichi's compiler generates code for, and a remedy where it does not know the processor.
 
-Taichi 1.7.4 compiles with LLVM 15, which looks its processor up by name in a table of features and tuning. A
-processor newer than the table is `generic` there (AMD Zen 5, Hygon, Zhaoxin): loops are laid out for SSE2, and
-the contact law is compiled without packed arithmetic. Neither `ti.init` nor the environment changes it.
+Taichi 1.7.4 compiles with LLVM 15, which looks its processor up by name in a table of features and tuning.
+A processor newer than the table is `generic` there (AMD Zen 5, Hygon, Zhaoxin): loops are laid out for
+SSE2, and the contact law is compiled without packed arithmetic. Neither `ti.init` nor the environment
+changes it.
 
-The table `llvm::X86SubTypeKV` is data, rows of 80 bytes {address of the name, 32 bytes of features, 32 of tuning,
-address of the instruction schedule}. Before the first `ti.init` the row `generic` receives features, tuning and
-schedule of a row that the processor satisfies. No formula changes and fast-math stays off: results keep their bits.
+The table `llvm::X86SubTypeKV` is data, rows of 80 bytes {address of the name, 32 bytes of features, 32 of
+tuning, address of the instruction schedule}. Before the first `ti.init` the row `generic` receives
+features, tuning and schedule of a row that the processor satisfies. No formula changes and fast-math stays
+off: results keep their bits.
 
-All of it is checked first: Linux on x86-64, this version of Taichi, the size of the table, the name that LLVM
-itself gives to the processor, and the processor's features. Where a check fails, nothing is changed. The
-environment variable TAICHI_EROSION_KEEP_TARGET switches the remedy off.
+All of it is checked first: Linux on x86-64, this version of Taichi, the size of the table, the name that
+LLVM itself gives to the processor, and the processor's features. Where a check fails, nothing is changed.
+The environment variable TAICHI_EROSION_KEEP_TARGET switches the remedy off.
 """
 
 import ctypes
@@ -130,11 +132,15 @@ def compiler_target() -> str:
 
 
 def packed_width() -> int:
-    """Bits of the widest packed square root in the machine code that was compiled so far; 0 without one."""
+    """Bits of the widest packed square root in the machine code that was compiled so far; 0 where none is seen."""
+    if sys.platform != "linux":
+        return 0
     code = b""
     for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
         words = line.split()
         if "x" in words[1] and len(words) == 5:
             first, last = (int(bound, 16) for bound in words[0].split("-"))
             code += ctypes.string_at(first, last - first)
-    return max((bits for bits, pattern in PACKED_ROOTS.items() if re.search(pattern, code, re.DOTALL)), default=0)
+    return max(
+        (bits for bits, pattern in PACKED_ROOTS.items() if re.search(pattern, code, re.DOTALL)), default=0
+    )

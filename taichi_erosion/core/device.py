@@ -7,6 +7,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from taichi_erosion.core.compiler_target import compiler_target
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import impl, ti
@@ -17,9 +18,12 @@ CACHE_BYTES = 1 << 30  # of compiled kernels, 2 MB a kind of run; beyond it the 
 
 
 def cache_folder() -> Path:
-    """Folder of compiled kernels, shared by all runs of this user."""
+    """Folder of compiled kernels, shared by all runs of this user on processors of one name.
+
+    Taichi's key of a kernel knows no processor, and its loops are laid out for one before it is kept.
+    """
     root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "taichi_erosion" / "kernels"
+    return Path(root) / "taichi_erosion" / "kernels" / compiler_target()
 
 
 def is_writable(folder: Path) -> bool:
