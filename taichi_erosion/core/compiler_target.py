@@ -132,7 +132,7 @@ def compiler_target() -> str:
 
 
 def packed_width() -> int:
-    """Bits of the widest packed square root in the machine code that was compiled so far; 0 where none is seen."""
+    """Bits of the widest packed square root in the machine code compiled so far; 0 where none is seen."""
     if sys.platform != "linux":
         return 0
     code = b""
