@@ -2,10 +2,10 @@
 
 python -m benchmarks.unknown_processor [ROUNDS]
 
-The row of this processor in the compiler's table first receives what the compiler knows of an unknown one, then,
-with the remedy, what it knows of `compiler_target.WIDE`; beside them the row as it is. Every case runs in a
-process of its own with an empty cache, the three in turn. x86-64 Linux only. Fills the table of `docs/speed.md`
-with medians over the rounds, on one thread.
+The row of this processor in the compiler's table first receives what the compiler knows of an unknown one,
+then, with the remedy, what it knows of `compiler_target.WIDE`; beside them the row as it is. Every case
+runs in a process of its own with an empty cache, the three in turn. x86-64 Linux only. Fills the table of
+`docs/speed.md` with medians over the rounds, on one thread.
 """
 
 import json
@@ -28,7 +28,7 @@ ROUNDS = 3
 
 
 def bed(row: str, precision: str) -> None:
-    """Print speed and vector width of the settled bed with a row of the table in place of the processor's own."""
+    """Print speed and vector width of the settled bed, with another row in place of the processor's own."""
     name, rows = target.compiler_rows()
     if ROWS[row] is not None:
         target.copy_row(rows[ROWS[row]], rows[name])
