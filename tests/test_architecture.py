@@ -6,23 +6,23 @@ reached from an argument whose name ends in `_out`; a reader of a signature then
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from device_code import (
+    PACKAGE,
+    ROOT,
     WRITING_METHODS,
+    aliases_of,
     decorators,
     device_functions,
     flat,
     functions,
     is_device_function,
     is_kernel,
-    static_content,
+    path_of,
     written_sentences,
 )
 
-ROOT = Path(__file__).parent.parent
-PACKAGE = ROOT / "taichi_erosion"
 LONGEST_FUNCTION = 40  # lines, docstring excluded
 LONGEST_FILE = 500  # lines
 MOST_ARGUMENTS, MOST_DEVICE_ARGUMENTS = 7, 14
@@ -62,23 +62,13 @@ def targets(function: ast.FunctionDef) -> Iterator[ast.expr]:
 
 def root_name(expression: ast.expr) -> str | None:
     """The name at the beginning of `name.member[index].other`."""
-    while isinstance(expression, ast.Attribute | ast.Subscript):
-        expression = expression.value
-    return expression.id if isinstance(expression, ast.Name) else None
+    path = path_of(expression, {})
+    return path[0] if path else None
 
 
 def aliases(function: ast.FunctionDef) -> dict[str, str]:
-    """Names that `ti.static` makes for something reached from another name."""
-    found: dict[str, str] = {}
-    for node in ast.walk(function):
-        if not isinstance(node, ast.Assign) or (content := static_content(node.value)) is None:
-            continue
-        contents = content.elts if isinstance(content, ast.Tuple) else [content]
-        for target, origin in zip(flat(node.targets[0]), contents, strict=False):
-            root = root_name(origin)
-            if isinstance(target, ast.Name) and root:
-                found[target.id] = root
-    return found
+    """Names that `ti.static` makes for something reached from another name, by that other name."""
+    return {name: path[0] for name, path in aliases_of(function).items()}
 
 
 def template_arguments(function: ast.FunctionDef) -> set[str]:

@@ -307,7 +307,7 @@ def verify(
 
 def print_claim(claim: "Claim") -> None:
     """Print the outcome of one claim on stderr; the whole table takes minutes."""
-    typer.echo(f"{claim.id} {'ok' if claim.passed else 'FAILED'}: {claim.claim}", err=True)
+    typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
 
 
 @app.command(**help_of("bench"))

@@ -98,11 +98,7 @@ def print_claims(document: Record) -> None:
     claims = document["claims"]
     keys = ("id", "claim", "got", "want", "tolerance", "precision")
     rows = (
-        (
-            *(significant(claim[key]) for key in keys),
-            "ok" if claim["passed"] else "FAILED",
-            f"{claim['wall_s']:.1f}",
-        )
+        (*(significant(claim[key]) for key in keys), verdict(claim["passed"]), f"{claim['wall_s']:.1f}")
         for claim in claims
     )
     print_table("verification", (*keys, "", "s"), rows)
@@ -110,8 +106,9 @@ def print_claims(document: Record) -> None:
     typer.echo(f"{len(claims) - failed} of {len(claims)} claims hold")
 
 
-def verdict(claim: Record) -> str:
-    return "ok" if claim["passed"] else "FAILED"
+def verdict(passed: bool) -> str:
+    """Mark of a claim that holds, or of one that does not."""
+    return "ok" if passed else "FAILED"
 
 
 def print_cases(document: Record) -> None:

@@ -128,7 +128,7 @@ def test_nothing_is_changed_where_a_check_fails(fault, monkeypatch):
 
 @linux_x86
 @wide
-def test_an_unknown_processor_is_told_apart_from_the_remedy(monkeypatch):
+def test_the_wide_row_is_copied_over_the_unknown_one(monkeypatch):
     copied = []
     monkeypatch.setattr(target, "copy_row", lambda *rows: copied.append(rows))
     monkeypatch.setattr(
