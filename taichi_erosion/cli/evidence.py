@@ -5,7 +5,7 @@ Each prints its sentences first, then a table, then the limits of the result.
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -13,7 +13,11 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, Record, print_table
 from taichi_erosion.cli.progress import KEPT, interruptible
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.inference.levels import fails
+
+if TYPE_CHECKING:
+    from taichi_erosion.evidence.models.load_study import StudyOptions
 
 Progress = Callable[[str, float], None]  # (text, share done [1])
 
@@ -29,8 +33,17 @@ ReportSource = Annotated[
     Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
 ]
 EffectName = Annotated[str, typer.Argument(metavar="EFFECT", help="Candidate of the study.")]
-BudgetName = Annotated[
-    Literal["quick", "full"] | None, typer.Option(help="quick: screening only; full: also refit and verify.")
+Budget = Annotated[
+    str | None,
+    typer.Option(
+        metavar="quick|full|RUNS",
+        help="quick: fewer runs, fewer refits, wider intervals; full: all of them; a number: at most so many "
+        "runs. One run is one set-up, simulated with one seed.",
+    ),
+]
+Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; default: one a core.")]
+Seed = Annotated[
+    int | None, typer.Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
 ]
 PageFile = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="FILE", help="Page to write (HTML).")
@@ -38,35 +51,66 @@ PageFile = Annotated[
 
 
 @app.command(**help_of("compare"))
-def compare(study: StudyFile, as_json: AsJson = False) -> None:
+def compare(
+    study: StudyFile,
+    budget: Budget = None,
+    workers: Workers = None,
+    seed: Seed = None,
+    as_json: AsJson = False,
+) -> None:
     """Calibrate the model, and show where it still disagrees with the measurements."""
     from taichi_erosion.evidence.answers.commands import compare_study
 
-    answer("comparing", lambda progress: compare_study(study, progress), print_comparison, as_json)
+    options = options_of(budget, workers, seed)
+    answer("comparing", lambda progress: compare_study(study, progress, options), print_comparison, as_json)
 
 
 @app.command(**help_of("discover"))
-def discover(study: StudyFile, budget: BudgetName = None, as_json: AsJson = False) -> None:
+def discover(
+    study: StudyFile,
+    budget: Budget = None,
+    workers: Workers = None,
+    seed: Seed = None,
+    as_json: AsJson = False,
+) -> None:
     """Find the missing effect: present, excluded, not testable, or not in the list."""
     from taichi_erosion.evidence.answers.commands import discover_study
 
-    answer("discovering", lambda progress: discover_study(study, budget, progress), print_discovery, as_json)
+    options = options_of(budget, workers, seed)
+    answer("discovering", lambda progress: discover_study(study, progress, options), print_discovery, as_json)
 
 
 @app.command(**help_of("adopt"))
-def adopt(study: StudyFile, effect: EffectName, as_json: AsJson = False) -> None:
+def adopt(
+    study: StudyFile,
+    effect: EffectName,
+    budget: Budget = None,
+    workers: Workers = None,
+    seed: Seed = None,
+    as_json: AsJson = False,
+) -> None:
     """Add an effect, calibrate again, and show the error on held-out measurements."""
     from taichi_erosion.evidence.answers.commands import adopt_study
 
-    answer("adopting", lambda progress: adopt_study(study, effect, progress), print_adoption, as_json)
+    options = options_of(budget, workers, seed)
+    answer(
+        "adopting", lambda progress: adopt_study(study, effect, progress, options), print_adoption, as_json
+    )
 
 
 @app.command("next", **help_of("next"))
-def next_(study: StudyFile, as_json: AsJson = False) -> None:
+def next_(
+    study: StudyFile,
+    budget: Budget = None,
+    workers: Workers = None,
+    seed: Seed = None,
+    as_json: AsJson = False,
+) -> None:
     """Find the cheapest experiments that separate the remaining effects."""
     from taichi_erosion.evidence.answers.commands import next_study
 
-    answer("planning", lambda progress: next_study(study, progress), print_experiments, as_json)
+    options = options_of(budget, workers, seed)
+    answer("planning", lambda progress: next_study(study, progress, options), print_experiments, as_json)
 
 
 @app.command(**help_of("report"))
@@ -76,6 +120,17 @@ def report(source: ReportSource, to: PageFile = None, as_json: AsJson = False) -
 
     page = str(write_report(source, to))
     output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
+
+
+def options_of(budget: str | None, workers: int | None, seed: int | None) -> "StudyOptions":
+    """What the command line states of a study; raises BadInput for a budget that is none."""
+    from taichi_erosion.evidence.models.load_study import StudyOptions
+
+    if budget is None or budget in ("quick", "full"):
+        return StudyOptions(cast(Any, budget), None, workers, seed)
+    if not (budget.isascii() and budget.isdigit() and int(budget) > 0):
+        raise BadInput(f"--budget {budget}: give quick, full, or the most runs, a whole number above 0")
+    return StudyOptions(None, int(budget), workers, seed)
 
 
 def answer(

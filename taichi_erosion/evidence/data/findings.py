@@ -15,6 +15,19 @@ NONE, OUTSIDE = "none", "outside_library"  # keys of probabilities beside effect
 FIGURES = ("measured", "measured_sd", "predicted", "predicted_sd", "residual")  # columns of `Rows`
 
 
+FaultKind = Literal["too_small", "not_converged", "no_value", "failed_runs", "unit", "offset", "at_bound"]
+
+
+@dataclass(frozen=True)
+class SetUpFault:
+    """Something about the set-up, not about physics, that has to be known before an answer is read."""
+
+    kind: FaultKind
+    place: str  # observable, or path of a calibrated number
+    sentence: str
+    blocks: bool  # the verdict on physics waits until this is settled
+
+
 @dataclass(frozen=True)
 class ObservableMisfit:
     """Agreement of one observable, in its own unit where a unit applies."""
@@ -107,6 +120,7 @@ class Comparison:
     rows: Rows
     failures: int  # model values that could not be computed
     warnings: tuple[str, ...]
+    faults: tuple[SetUpFault, ...] = ()  # told before everything else
     runs: int
     wall_s: float = nan
 
@@ -230,6 +244,7 @@ class Discovery:
     nearest: NearestHypothesis | None = None
     rows_before: Rows
     rows_after: Rows
+    faults: tuple[SetUpFault, ...] = ()  # told before everything else
     failures: int
     runs: int
     wall_s: float = nan

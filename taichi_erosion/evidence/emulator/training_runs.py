@@ -147,8 +147,11 @@ def first_runs(training: TrainingRuns, effects: Sequence[str]) -> list[TrainingR
     names = dict.fromkeys([*effects, *(candidate.name for candidate in problem.adopted)])
     runs: list[TrainingRun] = []
     for scene in training.scenes:
-        wider = [(replace(scene, rows=scene.proposed, proposed=()), "ahead")] if scene.proposed else []
-        for there, tag in [(scene, ""), *wider]:
+        fresh = training.study.fresh
+        wider = (
+            [(replace(scene, rows=scene.proposed, proposed=()), f"{fresh}ahead")] if scene.proposed else []
+        )
+        for there, tag in [(scene, fresh), *wider]:
             runs += design.base_runs(there, size, tag)
             for name in names:
                 if inactive_reason(there, known[name]) is None:
@@ -206,7 +209,11 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     study, simulator = training.study, training.simulator
     runs, requests, refused = requested(training)
     results = execute(
-        requests, simulator.opened(), progress=lambda share, words: progress(f"simulating: {words}", share)
+        requests,
+        simulator.opened(),
+        workers=study.file.campaign.workers,
+        scheduler=study.file.campaign.scheduler,
+        progress=lambda share, words: progress(f"simulating: {words}", share),
     )
     emulators: dict[str, ObservableEmulator] = {}
     for scene in training.scenes:

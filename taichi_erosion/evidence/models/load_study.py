@@ -15,6 +15,7 @@ from taichi_erosion.campaign.study_file import (
     read_evidence_study,
 )
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.data.problem import (
@@ -31,7 +32,22 @@ from taichi_erosion.evidence.data.problem import (
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 
+BudgetName = Literal["quick", "full"]
+
 LONGEST_CHAIN = 20  # studies that follow one another
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """What a command line states; it overrides the study file, and None leaves the file's own."""
+
+    budget: BudgetName | None = None  # size of the plan
+    runs: int | None = None  # cap on the runs
+    workers: int | None = None
+    seed: int | None = None
+
+
+NO_OPTIONS = StudyOptions()
 
 
 @dataclass(frozen=True)
@@ -47,6 +63,9 @@ class Study:
     store: RunStore
     notes: tuple[str, ...]  # sentences of the report about the table and the vault
     simulations: int | None = None  # that trained the emulator; None for a model function
+    options: StudyOptions = NO_OPTIONS
+    fresh: str = ""  # mark of runs with other seeds than those of the file; "" for the file's own
+    faults: tuple[SetUpFault, ...] = ()  # of the runs that trained the emulator
 
 
 @dataclass(frozen=True)
@@ -61,14 +80,13 @@ class StudyModel:
     plugin: Plugin | None = None  # the model function, if it is one
 
 
-def load_study(
-    path: Path, budget: Literal["quick", "full"] | None = None, report: Report | None = None
-) -> Study:
+def load_study(path: Path, options: StudyOptions = NO_OPTIONS, report: Report | None = None) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput.
 
     `report` receives the progress of simulations; a model function has none.
     """
-    file = read_evidence_study(path)
+    stated = read_evidence_study(path)
+    file = with_options(stated, options)
     table = read_table(path.parent / file.study.measurements, file.study.measurements)
     measurements, notes = study_measurements(table, file, str(path))
     hidden, vault_note = split(measurements, file.vault.fraction, file.vault.ranges)
@@ -90,12 +108,30 @@ def load_study(
         parameters=(*own, *found.parameters),
         candidates=tuple(found.candidates),
         model=model,
-        budget=with_stated(Budget(), name=budget, runs=file.budget.runs),
+        budget=with_stated(Budget(), name=options.budget, runs=file.budget.runs),
         vault=Vault(hidden, openings(results, digest)),
         adopted=found.adopted,
         uncertainty=uncertainty,
     )
-    return Study(path, file, problem, results, digest, found.identity, store, (*notes, vault_note))
+    fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
+    notes = (*notes, vault_note)
+    return Study(
+        path, file, problem, results, digest, found.identity, store, notes, options=options, fresh=fresh
+    )
+
+
+def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
+    """The study file with what the command line states in place of its own."""
+    entries = (
+        ("study", "seed", options.seed),
+        ("budget", "runs", options.runs),
+        ("campaign", "workers", options.workers),
+    )
+    for section, key, value in entries:
+        if value is not None:
+            changed = getattr(file, section).model_copy(update={key: value})
+            file = file.model_copy(update={section: changed})
+    return file
 
 
 def function_model(path: Path, file: StudyFile, store: RunStore) -> StudyModel:

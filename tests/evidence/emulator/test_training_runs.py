@@ -69,7 +69,7 @@ def simulated(payload: dict) -> tuple[float, float]:
 def executing(batches: list[list[str]]):
     """A campaign that notes the keys of the runs it is asked for and makes their results up."""
 
-    def execute(wanted, store, progress=None):
+    def execute(wanted, store, **options):
         batches.append([request.key for request in wanted])
         results = []
         for request in wanted:
