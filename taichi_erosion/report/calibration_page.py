@@ -11,13 +11,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
+from taichi_erosion import __version__
 from taichi_erosion.campaign.calibration import Calibration
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
-from taichi_erosion.report.html import address_of, render
+from taichi_erosion.report.html import address_of, made, render
 from taichi_erosion.report.markdown import markdown_table, with_spread
 
 Row = Mapping[str, str]
@@ -168,7 +169,8 @@ def write_report(study: Path, to: Path | None = None) -> Path:
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', html)
     about = f"{study}, calibrated by designed experiments"
-    page = render(TEMPLATE, {"title": title.removeprefix("# "), "about": about, "body": body})
+    when = made({"taichi_erosion": __version__}, f"first seed {file.study.study.seed}")
+    page = render(TEMPLATE, {"title": title.removeprefix("# "), "about": about, "made": when, "body": body})
     return write_atomic(to or file.folder / f"{study.stem}.report.html", page.encode())
 
 

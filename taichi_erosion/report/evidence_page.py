@@ -1,79 +1,71 @@
 """Page of an evidence study: one self-contained HTML file, or a recording, from the stored results.
 
-The page ends with the limits of the conclusion: what could change it.
+The first screen holds what was found, in words and in one figure; the page ends with the limits of the
+conclusion and with what makes it repeatable.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.answers import documents as results
-from taichi_erosion.evidence.inference.levels import ABSORBED, STABLE, fails
+from taichi_erosion.evidence.inference.levels import PLAUSIBLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import StudyPage, record_study
-from taichi_erosion.report import figures
+from taichi_erosion.report import figures, study_figures
+from taichi_erosion.report.conclusion_limits import limits
+from taichi_erosion.report.evidence_results import CONTROLS, Document, Results, layers, stored_results
 from taichi_erosion.report.figures import Picture
-from taichi_erosion.report.html import number, render
+from taichi_erosion.report.html import made, number, render
+from taichi_erosion.report.lead import LEVEL, is_refuted, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
-
-Document = Mapping[str, Any]
+from taichi_erosion.report.plain_words import effect_words, words_of
+from taichi_erosion.report.study_figures import Panel
 
 TEMPLATE = "evidence.html"
 RECORDING = "study.rrd"
-COMMANDS = ("discover", "compare", "adopt", "next")  # the most complete result first
-
-
-CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
 NO_MISFIT = "No significant misfit in any observable or along any condition."
-UNDECLARED_NUMERICS = (
-    "Numerics: the study declares no tolerance for box, time step and grain number. A smooth numerical error "
-    "of the model would look like a missing effect."
-)
+STATUSES = {"present": "present", "excluded": "excluded", "not_testable": "not testable"}
 TIMES = {0: "has not been opened", 1: "was opened once"}
-
-
-@dataclass(frozen=True)
-class Results:
-    """Stored results of a study."""
-
-    by_command: Mapping[str, Document]  # the most complete first
-    adoptions: Sequence[Document] = ()
-
-    @property
-    def first(self) -> Document:
-        """Most complete result."""
-        return next(iter(self.by_command.values()))
 
 
 def write_report(study: Path, to: Path | None = None) -> Path:
     """Write the HTML page of a study. Raises BadInput without a stored result."""
-    folder, page = results_folder(study, read_evidence_study(study)), page_fields(stored_results(study))
-    return write_atomic(to or folder / f"{study.stem}.report.html", render(TEMPLATE, page).encode())
+    found = stored_results(study)
+    folder = results_folder(study, read_evidence_study(study))
+    page = render(TEMPLATE, page_fields(found))
+    return write_atomic(to or folder / f"{study.stem}.report.html", page.encode())
 
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a study. Raises BadInput without a stored result."""
-    found, folder = stored_results(study), results_folder(study, read_evidence_study(study))
-    first = found.first
-    title = first["title"] or Path(first["study"]).stem
+    found = stored_results(study)
+    folder, first = results_folder(study, read_evidence_study(study)), found.first
+    title = title_of(first)
+    drawn = pictures(found)
+    every = {
+        "agreement": first_panels(found)[0]["picture"],
+        **{name: one for name, one in drawn.items() if one},
+    }
     page = StudyPage(
         title=title,
-        summary="\n\n".join([f"# {title}", *summary(found)]),
+        summary="\n\n".join([f"# {title}", *lead(found)]),
         table=row_table(found),
-        figures={name: figures.raster(drawn) for name, drawn in pictures(found).items() if drawn is not None},
+        figures={name: figures.raster(one) for name, one in every.items()},
         properties={"rows": first["rows_visible"], "held_out": first["rows_hidden"], "seed": first["seed"]},
     )
     return record_study(folder / f"{study.stem}.{RECORDING}", page)
 
 
+def title_of(document: Document) -> str:
+    """Title of a study, its file name where it has none."""
+    return document["title"] or Path(document["study"]).stem
+
+
 def row_table(found: Results) -> str:
     """Measured and predicted values of every fitted row."""
-    comparison, discovery, _ = main_results(found)
-    rows = (comparison or {}).get("rows") or (discovery or {})["rows_before"]
+    rows = layers(found)[0].fitted
     axes = list(rows["conditions"])
     columns = [rows["conditions"][axis] for axis in axes]
     columns += [rows[key] for key in ("measured", "predicted", "residual")]
@@ -85,76 +77,102 @@ def row_table(found: Results) -> str:
     return markdown_table(header, cells)
 
 
-def stored_results(study: Path) -> Results:
-    """Stored results of a study. Raises BadInput where there are none."""
-    folder = results_folder(study, read_evidence_study(study))
-    answers = {command: results.read_answer(folder, study.stem, command) for command in COMMANDS}
-    found = {command: document for command, document in answers.items() if document is not None}
-    if not found.keys() & {"compare", "discover"}:
-        raise BadInput(f"{study}: no results yet; run compare or discover on it first")
-    return Results(found, results.ladder(folder))
-
-
-def main_results(found: Results) -> tuple[Document | None, ...]:
-    """Results of compare, discover and adopt; None for a command that has not run."""
-    return tuple(found.by_command.get(command) for command in ("compare", "discover", "adopt"))
-
-
 def page_fields(found: Results) -> dict[str, Any]:
     """Fields of the template."""
-    first, next_ = found.first, found.by_command.get("next")
-    comparison, discovery, adoption = main_results(found)
+    first, shown = found.first, layers(found)
     return {
-        "title": first["title"] or Path(first["study"]).stem,
+        "title": title_of(first),
         "about": f"{first['measurements']}, answered by {first['model']}",
+        "made": made(first["versions"], f"seed {first['seed']}"),
+        "sections": sections(found),
+        "set_up": first.get("set_up", []),
+        "lead": lead(found),
+        "layers": shown,
+        "observables": {name: words_of(name).noun for name in dict.fromkeys(shown[0].fitted["observable"])},
+        "conditions": {
+            panel.condition.name: panel.condition.label for panel in panels(found) if panel.condition
+        },
+        "first_panels": first_panels(found),
         "units": first["units"],
-        "summary": summary(found),
-        "comparison": comparison,
-        "discovery": discovery,
-        "adoption": adoption,
-        "where": failures(comparison) or [NO_MISFIT],
-        "effects": ranked_effects(discovery),
-        "groups": groups(discovery),
-        "clues": [clue["sentence"] for clue in discovery["clues"]] if discovery else [],
-        "vault": vault_sentences(found),
-        "fits_of_adoption": list(fits(adoption)),
-        "adoption_parameters": calibrated(adoption),
+        "comparison": found.comparison,
+        "discovery": found.discovery,
+        "adoption": found.adoption,
+        "where": failures(found.comparison or found.discovery) or [NO_MISFIT],
+        "residuals": study_figures.residual_pictures(panels(found)),
+        "effects": ranked_effects(found.discovery),
+        "statuses": STATUSES,
+        "groups": groups(found.discovery),
+        "clues": [clue["sentence"] for clue in found.discovery["clues"]] if found.discovery else [],
+        "answers": answers(found),
+        "vault": list(vault_sentences(found)),
+        "fits_of_adoption": list(fits(found.adoption)),
+        "adoption_parameters": calibrated(found.adoption),
         "limits": list(limits(found)),
-        "experiments": (next_ or discovery or {"next_experiments": []})["next_experiments"],
+        "experiments": experiments(found),
         "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
         "facts": list(facts(found)),
         "figures": pictures(found),
     }
 
 
+def sections(found: Results) -> list[tuple[str, str]]:
+    """Names and titles of the sections that there are."""
+    there = [("where", "Where the model fails")]
+    there += [("missing", "Which effect is missing")] if found.discovery else []
+    there += [("vault", "Vault")] if found.first["rows_hidden"] or found.adoption else []
+    there += [("ladder", "Error ladder")] if len(found.adoptions) > 1 else []
+    return [*there, ("limits", "What would change the answer"), ("methods", "Methods"), ("terms", "Terms")]
+
+
+def panels(found: Results) -> list[Panel]:
+    """Panels of the first figure: the place of the worst misfit first."""
+    shown = layers(found)
+    names = list(dict.fromkeys(shown[0].fitted["observable"]))
+    every = list(study_figures.panels_of(names, shown, found.table, found.first["units"]))
+    place = worst_place(found)
+    failing = {
+        (one["observable"], one["axis"]): rank for rank, one in enumerate(found.where) if fails(one["p"])
+    }
+
+    def rank(panel: Panel) -> tuple[bool, int]:
+        axis = panel.condition.name if panel.condition else LEVEL
+        worst = place is not None and (panel.observable, axis) == (place["observable"], place["axis"])
+        return not worst, failing.get((panel.observable, axis), len(failing))
+
+    return sorted(every, key=rank)
+
+
+def first_panels(found: Results) -> list[dict[str, Any]]:
+    """Pictures of the first figure with the conditions at which each is shown.
+
+    One condition is shown at a time; an observable that does not vary with it is shown along its first one.
+    """
+    every = panels(found)
+    conditions = list(dict.fromkeys(panel.condition.name for panel in every if panel.condition))
+    shown = []
+    for panel, drawn in study_figures.first_pictures(every):
+        own = {one.condition.name for one in every if one.condition and one.observable == panel.observable}
+        at = [panel.condition.name] if panel.condition else conditions
+        is_first = panel is next(one for one in every if one.observable == panel.observable)
+        at += [name for name in conditions if name not in own] if is_first else []
+        shown.append({"picture": drawn, "observable": panel.observable, "at": "|".join(dict.fromkeys(at))})
+    return shown
+
+
 def pictures(found: Results) -> dict[str, Picture | None]:
-    """Figures by name; None without data."""
-    comparison, discovery, adoption = main_results(found)
-    before = comparison["rows"] if comparison else discovery["rows_before"] if discovery else None
-    after = adoption["added"]["rows"] if adoption else discovery["rows_after"] if discovery else None
+    """Figures of the later sections by name; None without data."""
+    discovery, adoption = found.discovery, found.adoption
     tested = adoption if adoption and adoption["base"]["vault_chi2"] is not None else None
     return {
-        "agreement": figures.draw_agreement(before, found.first["units"]) if before else None,
-        "residuals": figures.draw_residuals(before, after) if before else None,
-        "posterior": figures.draw_posterior(discovery["probabilities"]) if discovery else None,
-        "vault": figures.draw_vault(tested) if tested else None,
-        "adoptions": figures.draw_adoptions(found.adoptions) if len(found.adoptions) > 1 else None,
+        "posterior": study_figures.draw_posterior(discovery["probabilities"]) if discovery else None,
+        "vault": study_figures.draw_vault(tested) if tested else None,
+        "adoptions": study_figures.draw_adoptions(found.adoptions) if len(found.adoptions) > 1 else None,
     }
 
 
-def summary(found: Results) -> list[str]:
-    """Lead sentences of the page."""
-    comparison, discovery, adoption = main_results(found)
-    sentences = failures(comparison)[:2]
-    sentences += discovery["sentences"][:1] if discovery else []
-    sentences += [adoption["sentence"]] if adoption else []
-    return sentences or ["The calibrated model agrees with the measurements of the fit."]
-
-
-def failures(comparison: Document | None) -> list[str]:
-    """Sentences on the places of significant misfit."""
-    places = comparison["where"] if comparison else ()
-    return [place["sentence"] for place in places if fails(place["p"])]
+def failures(document: Document | None) -> list[str]:
+    """Sentences on the places of significant misfit of the bare model."""
+    return [place["sentence"] for place in (document or {"where": ()})["where"] if fails(place["p"])]
 
 
 def ranked_effects(discovery: Document | None) -> list[tuple[str, Document]]:
@@ -164,16 +182,49 @@ def ranked_effects(discovery: Document | None) -> list[tuple[str, Document]]:
 
 
 def groups(discovery: Document | None) -> list[str]:
-    """Groups of effects that the measurements cannot separate."""
-    twins = discovery["ambiguity"] if discovery else {}
-    return sorted({", ".join(sorted((name, *others))) for name, others in twins.items() if others})
+    """Plausible effects that the measurements do not separate; none beside an effect that is named alone."""
+    if discovery is None or discovery["verdict"] == "present":
+        return []
+    effects = discovery["effects"]
+    plausible = {name for name, effect in effects.items() if (effect["probability"] or 0.0) >= PLAUSIBLE}
+    found = set()
+    for name, others in discovery["ambiguity"].items():
+        members = sorted(plausible & {name, *others})
+        if name in plausible and len(members) > 1:
+            found.add(", ".join(effect_words(member) for member in members))
+    return sorted(found)
 
 
-def vault_sentences(found: Results) -> list[str]:
+def answers(found: Results) -> list[str]:
+    """Sentences of discover, after a verdict of the vault that contradicts them."""
+    discovery, adoption = found.discovery, found.adoption
+    if discovery is None:
+        return []
+    sentences = list(discovery["sentences"])
+    if (
+        adoption
+        and adoption["base"]["vault_chi2"] is not None
+        and is_refuted(adoption["base"], adoption["added"])
+    ):
+        names = " and ".join(effect_words(name) for name in adoption["added"]["effects"])
+        verdict = (
+            f"The vault, opened afterwards, does not confirm {names}: read the rest as it was before that."
+        )
+        return [verdict, *sentences]
+    return sentences
+
+
+def vault_sentences(found: Results) -> Iterator[str]:
     """Held-out rows, and how often the vault was opened."""
-    sentences = [note for note in found.first["notes"] if "held out" in note]
-    opened = found.by_command.get("adopt", found.first).get("vault", {}).get("opened", 0)
-    return [*sentences, f"The vault {TIMES.get(opened, f'was opened {opened} times')}."]
+    yield from (note for note in found.first["notes"] if "held out" in note)
+    opened = max(document.get("vault", {}).get("opened", 0) for document in found.by_command.values())
+    yield f"The vault {TIMES.get(opened, f'was opened {opened} times')}."
+
+
+def experiments(found: Results) -> Sequence[Document]:
+    """Proposed measurements; of `next` where it was asked."""
+    source = found.by_command.get("next") or found.discovery
+    return source["next_experiments"] if source else ()
 
 
 def fits(adoption: Document | None) -> Iterator[tuple[str, Document]]:
@@ -181,13 +232,16 @@ def fits(adoption: Document | None) -> Iterator[tuple[str, Document]]:
     if adoption is None:
         return
     yield "before", adoption["base"]
-    yield f"with {adoption['effect']}", adoption["added"]
+    yield (
+        f"with {' and '.join(effect_words(name) for name in adoption['added']['effects'])}",
+        adoption["added"],
+    )
     for key, label in CONTROLS.items():
-        if adoption[key] is not None:
+        if adoption.get(key) is not None:
             yield f"{label} ({', '.join(adoption[key]['effects'])})", adoption[key]
 
 
-def calibrated(adoption: Document | None) -> Document:
+def calibrated(adoption: Document | None) -> Mapping[str, Any]:
     """Strengths and parameters of the model with the adopted effect."""
     return {**adoption["added"]["strengths"], **adoption["added"]["parameters"]} if adoption else {}
 
@@ -205,42 +259,3 @@ def facts(found: Results) -> Iterator[tuple[str, str]]:
         if "runs" in document:
             yield f"cost of {command}", f"{document['runs']} runs, {document['wall_s']:.1f} s"
     yield "versions", ", ".join(f"{name} {number}" for name, number in first["versions"].items())
-
-
-def limits(found: Results) -> Iterator[str]:
-    """Limits of the conclusion, one sentence each: noise, names, runs, vault."""
-    comparison, discovery, adoption = main_results(found)
-    noise = (discovery or comparison or {})["noise"]["observables"]
-    if unrepeated := ", ".join(name for name, budget in noise.items() if budget["repeats"] < 1):
-        yield f"Repeats: the scatter of {unrepeated} is stated, not checked. A larger one lowers misfits."
-    if not any(budget["numerical"] for budget in noise.values()):
-        yield UNDECLARED_NUMERICS
-    if discovery:
-        yield from limits_of_names(discovery)
-        yield from limits_of_runs(discovery)
-    if adoption and adoption["vault"]["opened"] > 1:
-        yield "Vault: it was opened more than once. Its rows are no longer unseen data."
-
-
-def limits_of_names(discovery: Document) -> Iterator[str]:
-    """Limits of the named effects."""
-    effects = discovery["effects"]
-    if hidden := ", ".join(name for name, effect in effects.items() if effect["status"] == "not_testable"):
-        yield f"Not testable: these measurements cannot show {hidden}, even if present."
-    for name in dict.fromkeys((*discovery["named"], *discovery["group"])):
-        if (effects.get(name, {}).get("absorption") or 0.0) > ABSORBED:
-            parameter = discovery["absorbed_by"].get(name, "a calibrated parameter")
-            yield f"Absorption: {parameter} can imitate most of {name}. Measure that parameter separately."
-    if len(discovery["group"]) > 1:
-        yield f"Group: these measurements cannot separate {', '.join(discovery['group'])}."
-
-
-def limits_of_runs(discovery: Document) -> Iterator[str]:
-    """Limits of the runs behind the named effects."""
-    if discovery["decoy_rank"] == 1:
-        yield "Decoy: an artificial effect fits best. The shortlist of effects is not reliable."
-    stability = discovery["stability"]
-    if stability is not None and stability < STABLE:
-        yield f"Seeds: {100.0 * stability:.0f} % of the repeats with other seeds name the same effect first."
-    if discovery["failures"]:
-        yield f"Failures: {discovery['failures']} model values could not be computed and are left out."

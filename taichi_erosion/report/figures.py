@@ -1,11 +1,12 @@
-"""Figures of pages: SVG pictures of an evidence study, and the panels and style of every page's figures."""
+"""Style, panels and pictures of every page's figures."""
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import ceil, isfinite, nan
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import ceil, nan
+from typing import Any, Literal
 
 import matplotlib as mpl
 
@@ -14,43 +15,77 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
+
+from taichi_erosion.report.svg import inline_svg
 
 Record = Mapping[str, Any]
 Floats = NDArray[np.float64]
 
-COLUMNS = 3  # panels side by side
-PANEL = (3.0, 2.7)  # in
 DOTS_PER_INCH = 150
+INK, SOFT, FINE, PAPER = "#1c2227", "#5b6670", "#d9dde1", "#fdfefe"
+BEFORE, AFTER, CONTROL, OTHER = "#b4553d", "#1f4e79", "#8a93a0", "#4c8a6a"
 STYLE: dict[Any, Any] = {
-    "font.size": 8.5,
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "svg.fonttype": "none",
     "svg.hashsalt": "evidence",
+    "text.color": INK,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
 }
-BEFORE, AFTER, CONTROL, FINE = "#b4553d", "#1f4e79", "#9aa3ab", "#d9dde1"
+WIDE, NARROW = 7.4, 3.5  # width of a figure over the whole page, and on a phone [in]
+PANEL = (3.6, 2.9)  # in
 WIDE_RANGE = 20.0  # largest over smallest value from which an axis is logarithmic
-TICKS = 4  # most intervals on the axis of a condition
+TICKS = 5  # most intervals on an axis
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Figure of a page: data address for an `img`, and a description for its caption and `alt` text."""
+    """Figure of a page: an SVG element, or the data address of a picture file, and its description."""
 
-    address: str
     description: str
-    figure: Figure | None = None  # source of `address`; None for a picture file
+    address: str = ""
+    svg: str = ""
+    narrow: str = ""  # the same for a phone, where it is drawn anew
+    figure: Figure | None = field(default=None, compare=False)  # source of `svg`; None for a picture file
 
 
-def picture(figure: Figure, description: str) -> Picture:
-    """Figure as SVG data address; equal figures give equal bytes."""
-    page = io.BytesIO()
-    figure.savefig(page, format="svg", metadata={"Date": None})
+@contextmanager
+def page_style() -> Iterator[None]:
+    """Style of the figures of a page."""
+    with mpl.rc_context(STYLE):
+        yield
+
+
+def picture(
+    figure: Figure, description: str, name: str, texts: Mapping[str, Sequence[str]] | None = None
+) -> Picture:
+    """Figure as SVG element; equal figures give equal texts."""
+    svg = inline_svg(figure, name, texts or {})
     plt.close(figure)
-    address = "data:image/svg+xml;base64," + base64.b64encode(page.getvalue()).decode()
-    return Picture(address, description, figure)
+    return Picture(description, svg=svg, figure=figure)
+
+
+def responsive(
+    draw: Callable[[float], Figure],
+    description: str,
+    name: str,
+    texts: Mapping[str, Sequence[str]] | None = None,
+) -> Picture:
+    """Figure drawn for the whole width of a page and for that of a phone."""
+    with page_style():
+        wide = picture(draw(WIDE), description, name, texts)
+        narrow = picture(draw(NARROW), description, f"{name}-narrow", texts)
+    return Picture(description, svg=wide.svg, narrow=narrow.svg, figure=wide.figure)
 
 
 def raster(drawn: Picture) -> bytes:
@@ -61,8 +96,13 @@ def raster(drawn: Picture) -> bytes:
     return page.getvalue()
 
 
+def data_address(content: bytes, media_type: str) -> str:
+    """Content of a file as data address."""
+    return f"data:{media_type};base64," + base64.b64encode(content).decode()
+
+
 def panels(
-    count: int, columns: int = COLUMNS, size: tuple[float, float] = PANEL, projection: str | None = None
+    count: int, columns: int, size: tuple[float, float] = PANEL, projection: str | None = None
 ) -> tuple[Figure, list[Any]]:
     """Figure of `count` panels of a size [in], `columns` in a row."""
     across, down = min(count, columns), ceil(count / columns)
@@ -79,123 +119,31 @@ def panels(
     return figure, list(frames.flat[:count])
 
 
+def single(width: float, height: float) -> tuple[Figure, Axes]:
+    """Figure of one panel [in]."""
+    return plt.subplots(figsize=(width, height), layout="constrained")
+
+
 def numbers(values: Sequence[float | None]) -> Floats:
     """Array of a document's numbers; NaN for None."""
     return np.array([nan if value is None else value for value in values], dtype=np.float64)
 
 
-def of_observable(rows: Record, name: str, key: str) -> Floats:
-    """Column `key` of one observable."""
-    chosen = [place for place, observable in enumerate(rows["observable"]) if observable == name]
-    return numbers(rows[key])[chosen]
+def is_wide(values: Floats) -> bool:
+    """Whether values span so many factors that their axis is logarithmic."""
+    known = values[np.isfinite(values)]
+    return bool(known.size and known.min() > 0.0 and known.max() > WIDE_RANGE * known.min())
 
 
-def draw_agreement(rows: Record, units: Mapping[str, str]) -> Picture:
-    """Measured against predicted values, both with their standard errors."""
-    names = list(dict.fromkeys(rows["observable"]))
-    with mpl.rc_context(STYLE):
-        figure, frames = panels(len(names))
-        for frame, name in zip(frames, names, strict=True):
-            x, y = of_observable(rows, name, "predicted"), of_observable(rows, name, "measured")
-            errors = of_observable(rows, name, "predicted_sd"), of_observable(rows, name, "measured_sd")
-            dx, dy = (np.nan_to_num(error) for error in errors)
-            frame.errorbar(x, y, dy, dx, fmt="o", ms=3.0, lw=0.8, color=AFTER)
-            limits = [np.nanmin([x, y]), np.nanmax([x, y])]
-            frame.plot(limits, limits, color=CONTROL, lw=0.8, zorder=0)
-            frame.set(title=f"{name} [{units.get(name, '1')}]", xlabel="model", ylabel="measurement")
-        return picture(
-            figure, "Measured against predicted values with standard errors; the line marks agreement."
-        )
-
-
-def draw_residuals(before: Record, after: Record | None) -> Picture:
-    """Residuals in standard deviations against every condition that varies."""
-    axes = [name for name, column in before["conditions"].items() if len(set(column)) > 1]
-    names = list(dict.fromkeys(before["observable"]))
-    pairs = [(name, axis) for name in names for axis in axes if varies(before, name, axis)]
-    with mpl.rc_context(STYLE):
-        figure, frames = panels(max(len(pairs), 1))
-        for frame, (name, axis) in zip(frames, pairs, strict=False):
-            frame.axhspan(-2.0, 2.0, color=FINE, lw=0.0)
-            draw_against(frame, before, name, axis, BEFORE)
-            if after is not None:
-                draw_against(frame, after, name, axis, AFTER)
-            frame.set(title=name, xlabel=axis, ylabel="residual [standard deviations]")
-        drawn = "before (red) and after (blue) the effect" if after is not None else "of the calibrated model"
-        return picture(
-            figure, f"Residuals {drawn} against every condition; the band is two standard deviations."
-        )
-
-
-def varies(rows: Record, name: str, axis: str) -> bool:
-    """Whether a condition varies between the rows of an observable."""
-    values = condition(rows, name, axis)
-    return len({value for value in values if isfinite(value)}) > 1
-
-
-def condition(rows: Record, name: str, axis: str) -> Floats:
-    """One condition of the rows of an observable."""
-    return of_observable({**rows, axis: rows["conditions"][axis]}, name, axis)
-
-
-def draw_against(frame: Axes, rows: Record, name: str, axis: str, colour: str) -> None:
-    """Residuals of one observable along one condition."""
-    x = condition(rows, name, axis)
-    known = x[np.isfinite(x)]
-    if known.size and known.min() > 0.0 and known.max() > WIDE_RANGE * known.min():
-        frame.set_xscale("log")
-    else:
-        frame.xaxis.set_major_locator(MaxNLocator(TICKS))
-    frame.plot(x, of_observable(rows, name, "residual"), "o", ms=3.0, color=colour)
-
-
-def draw_adoptions(adoptions: Sequence[Record]) -> Picture:
-    """Misfit per row of fitted and held-out rows after each adopted effect."""
-    with mpl.rc_context(STYLE):
-        figure, frame = plt.subplots(figsize=(6.2, 2.8), layout="constrained")
-        labels = [" + ".join(step["effects"]) or "without effects" for step in adoptions]
-        for key, colour, label in (
-            ("chi2_fitted", CONTROL, "fitted rows"),
-            ("chi2_held_out", AFTER, "held-out rows"),
-        ):
-            frame.plot(labels, numbers([step[key] for step in adoptions]), "o-", color=colour, label=label)
-        frame.axhline(1.0, color=FINE, lw=1.0, zorder=0)
-        frame.set(ylabel="chi2 per row", yscale="log")
-        frame.legend(frameon=False)
-        return picture(figure, "Misfit per row after each adopted effect; noise alone gives 1.")
-
-
-def draw_posterior(probabilities: Mapping[str, float | None], most: int = 12) -> Picture:
-    """Posterior probabilities of the answers, in order."""
-    ranked = sorted(probabilities.items(), key=lambda item: -(item[1] or 0.0))[:most]
-    with mpl.rc_context(STYLE):
-        figure, frame = plt.subplots(figsize=(6.2, 0.4 + 0.26 * len(ranked)), layout="constrained")
-        colours = [CONTROL if name in ("none", "outside_library") else AFTER for name, _ in ranked]
-        answers = {"none": "no missing effect", "outside_library": "missing effect, not in the list"}
-        labels = [answers.get(name, name) for name, _ in ranked]
-        frame.barh(labels[::-1], numbers([p for _, p in ranked])[::-1], color=colours[::-1])
-        frame.set(xlim=(0.0, 1.0), xlabel="probability")
-        return picture(
-            figure,
-            "Posterior probability of each answer; some are 'no missing effect' and 'not in the list'.",
-        )
-
-
-def draw_vault(adoption: Record) -> Picture:
-    """Misfit of the held-out rows before and after adoption, with two control effects."""
-    labels = {
-        "base": "before",
-        "added": f"with {adoption['effect']}",
-        "best_wrong": "control: best other",
-        "random_wrong": "control: at random",
-    }
-    there = {key: label for key, label in labels.items() if adoption[key] is not None}
-    with mpl.rc_context(STYLE):
-        figure, frame = plt.subplots(figsize=(6.2, 2.6), layout="constrained")
-        values = numbers([adoption[key]["vault_chi2"] for key in there])
-        colours = {"base": BEFORE, "added": AFTER}
-        frame.bar(list(there.values()), values, color=[colours.get(key, CONTROL) for key in there])
-        frame.axhline(1.0, color="black", lw=0.6)
-        wide = np.nanmin(values) > 0.0 and np.nanmax(values) > WIDE_RANGE * np.nanmin(values)
-        frame.set(ylabel="chi2 per held-out row", yscale="log" if wide else "linear")
-        return picture(figure, "Misfit per held-out row before and after adoption, with two control effects.")
+def scale_axis(frame: Axes, which: Literal["x", "y"], values: Floats) -> None:
+    """Logarithmic axis with plain numbers for values of a wide range, else a linear one."""
+    axis = frame.xaxis if which == "x" else frame.yaxis
+    if not is_wide(values):
+        axis.set_major_locator(MaxNLocator(TICKS))
+        return
+    frame.set(**{f"{which}scale": "log"})
+    decades = np.log10(np.nanmax(values) / np.nanmin(values))
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

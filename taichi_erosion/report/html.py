@@ -2,11 +2,14 @@
 
 import base64
 from collections.abc import Mapping
+from datetime import date
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from taichi_erosion.report.plain_words import effect_words
 
 MEDIA_TYPES = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
 
@@ -19,8 +22,13 @@ def render(template: str, fields: Mapping[str, Any]) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    environment.filters |= {"number": number, "percent": percent}
+    environment.filters |= {"number": number, "percent": percent, "words": effect_words}
     return environment.get_template(template).render(**fields)
+
+
+def made(versions: Mapping[str, str], seeds: str) -> str:
+    """When and with what a page was made."""
+    return f"Made on {date.today().isoformat()} with taichi_erosion {versions['taichi_erosion']}, {seeds}."
 
 
 def number(value: float | None) -> str:

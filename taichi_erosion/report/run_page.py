@@ -6,19 +6,21 @@ from math import nan, sqrt
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.report.figures import STYLE, Picture, panels, picture
-from taichi_erosion.report.html import address_of, render
+from taichi_erosion.report.figures import AFTER, BEFORE, WIDE, Picture, panels, responsive
+from taichi_erosion.report.html import address_of, made, render
 from taichi_erosion.report.markdown import with_spread
 
 Document = Mapping[str, Any]
 
 TEMPLATE = "run.html"
 NEEDED = ("scene", "hash", "seed", "replicas", "measures", "measured", "versions")
-OURS, THEIRS = "#1f4e79", "#b4553d"
+OURS, THEIRS = AFTER, BEFORE
+COLUMNS = 3  # panels side by side
 LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
 
 
@@ -50,6 +52,7 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
     return {
         "title": document.get("title") or Path(document["scene"]).stem,
         "about": f"{document['scene']}, {counted(len(document['replicas']), 'repeat')}",
+        "made": made(document["versions"], seeds_of(document)),
         "summary": list(sentences(document)) or ["This scene has no measured value for comparison."],
         "measures": {name: simulated_value(record) for name, record in document["measures"].items()},
         "measured": {name: measured_value(wanted) for name, wanted in document["measured"].items()},
@@ -60,6 +63,12 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
         "facts": list(facts(document)),
         "resolved": json.dumps(document.get("resolved", {}), indent=1),
     }
+
+
+def seeds_of(document: Document) -> str:
+    """`seeds 1, 2, 3`."""
+    seeds = [str(replica["seed"]) for replica in document["replicas"]]
+    return f"seed{'' if len(seeds) == 1 else 's'} {', '.join(seeds)}"
 
 
 def counted(number: int, word: str) -> str:
@@ -111,21 +120,32 @@ def draw_measures(document: Document) -> Picture | None:
     names = [name for name in known if several or name in document["measured"]]
     if not names:
         return None
-    with mpl.rc_context(STYLE):
-        figure, frames = panels(len(names))
-        for frame, name in zip(frames, names, strict=False):
-            pooled, wanted = document["measures"][name], document["measured"].get(name)
-            seeds = [one["measures"].get(name, {}).get("value") for one in document["replicas"]]
-            values = [nan if value is None else value for value in seeds]
-            if wanted:
-                sd = wanted.get("sd") or 0.0
-                frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=THEIRS, alpha=0.2, lw=0.0)
-                frame.axhline(wanted["value"], color=THEIRS, lw=1.0)
-            frame.plot([0.0] * len(values), values, "o", ms=3.5, color=OURS, alpha=0.6)
-            frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=OURS, capsize=3)
-            frame.set(title=f"{name} [{pooled['unit']}]", xlim=(-0.6, 1.6))
-            frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
-        return picture(figure, "Measures by seed, their means with one standard deviation; red: measured.")
+
+    def draw(width: float) -> Figure:
+        columns = min(len(names), COLUMNS) if width == WIDE else 1
+        figure, frames = panels(len(names), columns, (width / columns, 2.6))
+        for frame, name in zip(frames, names, strict=True):
+            draw_measure(frame, document, name)
+        return figure
+
+    return responsive(
+        draw, "Measures by seed, their means with one standard deviation; red: measured.", "measures"
+    )
+
+
+def draw_measure(frame: Axes, document: Document, name: str) -> None:
+    """One measure by seed, its mean, and the measured value."""
+    pooled, wanted = document["measures"][name], document["measured"].get(name)
+    seeds = [one["measures"].get(name, {}).get("value") for one in document["replicas"]]
+    values = [nan if value is None else value for value in seeds]
+    if wanted:
+        sd = wanted.get("sd") or 0.0
+        frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=THEIRS, alpha=0.2, lw=0.0)
+        frame.axhline(wanted["value"], color=THEIRS, lw=1.0)
+    frame.plot([0.0] * len(values), values, "o", ms=3.5, color=OURS, alpha=0.6)
+    frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=OURS, capsize=3)
+    frame.set(title=f"{name} [{pooled['unit']}]", xlim=(-0.6, 1.6))
+    frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
 
 
 def pictures(document: Document, source: Path) -> Iterator[Picture]:
@@ -137,7 +157,7 @@ def pictures(document: Document, source: Path) -> Iterator[Picture]:
         name = document.get(kind)
         file = source.with_name(Path(name).name) if name else None
         if file and file.is_file() and file.stat().st_size < LARGEST_FILM:
-            yield Picture(address_of(file), description)
+            yield Picture(description, address_of(file))
 
 
 def warnings(document: Document) -> Iterator[str]:

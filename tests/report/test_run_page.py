@@ -67,7 +67,8 @@ def test_pictures_of_the_run_are_inside_the_page(tmp_path):
 
 def test_words_of_a_run_cannot_become_part_of_the_page(tmp_path):
     page = page_of(written(tmp_path, title="<script>alert(1)</script>"))
-    assert "<script>" not in page
+    assert "alert(1)</script>" not in page
+    assert "&lt;script&gt;alert(1)" in page
     assert "flank &lt;not&gt; straight" in page
 
 

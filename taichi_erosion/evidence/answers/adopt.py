@@ -22,9 +22,9 @@ from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress, expected_strength
 from taichi_erosion.evidence.inference.familywise_test import familywise_test
-from taichi_erosion.evidence.inference.goodness_of_fit import chi_square, rows_table
+from taichi_erosion.evidence.inference.goodness_of_fit import calibration_covariance, chi_square, rows_table
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
+from taichi_erosion.evidence.inference.marginal_likelihood import expand, score, slopes_of
 from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
@@ -126,8 +126,15 @@ def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None
         mean = held.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)
         mean = mean + shared_shift(prepared, expansion.mean, held.rows)
         good = np.isfinite(mean)
-        part = replace(expansion, mean=np.where(good, mean, held.rows.z), shared=held.rows.shared)
-        hidden = rows_table(held, part)
+        slopes, count = slopes_of(held, best), len(prepared.axes)
+        part = replace(
+            expansion,
+            mean=np.where(good, mean, held.rows.z),
+            shared=held.rows.shared,
+            jacobian=slopes[:, :count],
+            local=slopes[:, count:],
+        )
+        hidden = rows_table(held, part, calibration_covariance(prepared, expansion))
         hidden = replace(hidden, residual=np.where(good, hidden.residual, nan))
     return HypothesisFit(
         effects=best.names,

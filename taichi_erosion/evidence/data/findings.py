@@ -12,7 +12,14 @@ from taichi_erosion.evidence.data.problem import Bools, Floats
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "not_testable"]
 NONE, OUTSIDE = "none", "outside_library"  # keys of probabilities beside effects and pairs "a+b"
-FIGURES = ("measured", "measured_sd", "predicted", "predicted_sd", "residual")  # columns of `Rows`
+FIGURES = (
+    "measured",
+    "measured_sd",
+    "predicted",
+    "predicted_sd",
+    "residual",
+    "model_sd",
+)  # columns of `Rows`
 
 
 FaultKind = Literal["too_small", "not_converged", "no_value", "failed_runs", "unit", "offset", "at_bound"]
@@ -84,6 +91,7 @@ class Rows:
     predicted: Floats
     predicted_sd: Floats  # standard error of the simulated mean
     residual: Floats  # whitened: in standard deviations
+    model_sd: Floats  # standard error of `predicted`: calibrated numbers, strengths, simulated mean
 
     def select(self, chosen: Bools) -> "Rows":
         """Some rows of the table."""

@@ -52,22 +52,24 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Column:
+    """Place, name, unit and conversion to SI of a column."""
+
+    place: int
+    name: str
+    factor: float
+    origin: float  # SI value of its 0
+    unit: str = ""  # as it stands in the heading
+
+
+@dataclass(frozen=True)
 class Table:
     """A measurement file as read: `conditions` names the columns behind every row's conditions."""
 
     file: str
     conditions: tuple[str, ...]
     rows: tuple[Row, ...]
-
-
-@dataclass(frozen=True)
-class Column:
-    """Place, name and conversion to SI of a column."""
-
-    place: int
-    name: str
-    factor: float
-    origin: float  # SI value of its 0
+    columns: tuple[Column, ...] = ()  # of the conditions
 
 
 def read_table(path: Path, file: str = "") -> Table:
@@ -83,7 +85,7 @@ def read_table(path: Path, file: str = "") -> Table:
     if not rows:
         raise BadInput(f"{name}: has a heading but no measurement")
     refuse_copies(lines[1:], columns, name)
-    return Table(name, tuple(column.name for column in conditions), tuple(rows))
+    return Table(name, tuple(column.name for column in conditions), tuple(rows), tuple(conditions))
 
 
 def csv_lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
@@ -122,7 +124,7 @@ def read_heading(cells: Sequence[str], name: str) -> list[Column]:
             raise BadInput(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _")
         if match["name"] in [column.name for column in columns]:
             raise BadInput(f"{name}: column '{match['name']}' stands in the heading twice")
-        columns.append(Column(place, match["name"], *heading_unit(match, name)))
+        columns.append(Column(place, match["name"], *heading_unit(match, name), unit=match["unit"] or ""))
     for wanted in (*REQUIRED, *OPTIONAL):
         refuse_misspelt(wanted, [column.name for column in columns], name)
     return columns

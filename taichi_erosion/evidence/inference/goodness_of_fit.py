@@ -131,9 +131,23 @@ def place_sentence(observable: str, axis: str, words: str, p: float) -> str:
     return f"{observable}: no misfit seen {where} ({p_text(p)})"
 
 
-def rows_table(prepared: PreparedProblem, expansion: Expansion) -> Rows:
-    """Measured beside predicted, in the observables' own units."""
+def calibration_covariance(prepared: PreparedProblem, expansion: Expansion) -> Floats:
+    """Covariance of strengths, then calibrated numbers in prior sd, as the rows leave them uncertain."""
+    scale = (prepared.working(expansion.mean).weight / prepared.sd)[:, np.newaxis]
+    slopes = np.hstack([expansion.local, expansion.jacobian])
+    part = projection(slopes * scale, expansion.shared * scale, expansion.local.shape[1])
+    return part.covariance()[: slopes.shape[1], : slopes.shape[1]]
+
+
+def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floats | None = None) -> Rows:
+    """Measured beside predicted, in the observables' own units.
+
+    `covariance` is that of the calibration; left out: these very rows are what was calibrated to.
+    """
     rows = prepared.rows
+    covariance = calibration_covariance(prepared, expansion) if covariance is None else covariance
+    slopes = np.hstack([expansion.local, expansion.jacobian])
+    calibrated = np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0)
     measured, predicted = np.empty(rows.size), np.empty(rows.size)
     for observable, chosen in prepared.by_observable():
         measured[chosen] = from_scale(observable, rows.z[chosen])
@@ -141,6 +155,7 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion) -> Rows:
     steep = np.where(rows.slope > 0.0, rows.slope, np.nan)
     shared = np.sum(rows.shared**2, axis=1)
     own = np.sum(expansion.shared**2, axis=1) - shared  # of the model itself
+    simulated = np.maximum(prepared.variance - rows.variance + own, 0.0)
     return Rows(
         observable=tuple(rows.observables[i].name for i in rows.which),
         group=rows.group,
@@ -148,8 +163,9 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion) -> Rows:
         measured=measured,
         measured_sd=np.sqrt(rows.variance + shared) / steep,
         predicted=predicted,
-        predicted_sd=np.sqrt(np.maximum(prepared.variance - rows.variance + own, 0.0)) / steep,
+        predicted_sd=np.sqrt(simulated) / steep,
         residual=prepared.working(expansion.mean).residual,
+        model_sd=np.sqrt(calibrated + simulated) / steep,
     )
 
 

@@ -116,9 +116,7 @@ def projected_residual(prepared: PreparedProblem, expansion: Expansion) -> Proje
 def expand(prepared: PreparedProblem, best: Fit) -> Expansion:
     """Slopes and paths of one hypothesis with the signature seeds, its mean with the scoring seeds."""
     prepared = prepared.with_model_errors(best.x, best.acting())
-    objective = Objective(prepared, best.names, prepared.seeds.signature)
-    slopes = objective.jacobian(np.concatenate([best.x, best.psi]), central=not prepared.quick)
-    slopes = slopes * prepared.sd[:, np.newaxis] / objective.scale
+    slopes = slopes_of(prepared, best)
     count = len(prepared.axes)
     mean = prepared.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)
     spread, ridge = strength_sd(prepared, slopes, count)
@@ -127,6 +125,13 @@ def expand(prepared: PreparedProblem, best: Fit) -> Expansion:
         for index in range(len(best.names))
     )
     return Expansion(best, mean, slopes[:, :count], paths, slopes[:, count:], prepared.rows.shared)
+
+
+def slopes_of(prepared: PreparedProblem, best: Fit) -> Floats:
+    """Derivative of the mean along every calibrated number, in prior sd, then every strength (n, p + k)."""
+    objective = Objective(prepared, best.names, prepared.seeds.signature)
+    slopes = objective.jacobian(np.concatenate([best.x, best.psi]), central=not prepared.quick)
+    return slopes * prepared.sd[:, np.newaxis] / objective.scale
 
 
 def strength_sd(prepared: PreparedProblem, slopes: Floats, count: int) -> tuple[Floats, Floats]:

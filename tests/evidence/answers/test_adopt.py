@@ -7,7 +7,7 @@ from taichi_erosion.evidence.answers.adopt import on_common_rows
 from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit, Rows
 
-NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 5)
+NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 6)
 
 
 def fit(chi2: float, *effects: str, rows: Rows | None = None) -> HypothesisFit:
@@ -17,7 +17,15 @@ def fit(chi2: float, *effects: str, rows: Rows | None = None) -> HypothesisFit:
 def table(*residual: float) -> Rows:
     column = np.array(residual)
     return Rows(
-        ("angle",) * 3, ("g",) * 3, {"x": np.arange(3.0)}, column, column, 0.0 * column, column, column
+        ("angle",) * 3,
+        ("g",) * 3,
+        {"x": np.arange(3.0)},
+        column,
+        column,
+        0.0 * column,
+        column,
+        column,
+        column,
     )
 
 

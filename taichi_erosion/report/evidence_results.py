@@ -1,0 +1,120 @@
+"""Stored results of an evidence study, as far as they belong together, and the models that they compare."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.campaign.study_file import read_evidence_study
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers import documents
+from taichi_erosion.evidence.models.load_study import results_folder
+from taichi_erosion.report.measured_table import MeasuredTable, measured_table
+from taichi_erosion.report.plain_words import effect_words, listed
+
+Document = Mapping[str, Any]
+
+COMMANDS: tuple[documents.Command, ...] = ("discover", "compare", "adopt", "next")  # the fullest first
+ANSWERS = {"discover", "compare", "adopt"}
+CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One model in the figures: its values on the fitted rows and, of an open vault, on the held-out ones."""
+
+    key: str
+    label: str
+    fitted: Document
+    held: Document | None = None
+    shown: bool = True
+
+
+@dataclass(frozen=True)
+class Results:
+    """Stored results of a study that rest on the same table."""
+
+    study: Path
+    by_command: Mapping[str, Document]  # the fullest first
+    table: MeasuredTable
+    adoptions: Sequence[Document] = ()
+    outdated: tuple[str, ...] = ()  # commands whose answer rests on another table
+
+    @property
+    def first(self) -> Document:
+        """Fullest result."""
+        return next(iter(self.by_command.values()))
+
+    @property
+    def comparison(self) -> Document | None:
+        """Result of compare."""
+        return self.by_command.get("compare")
+
+    @property
+    def discovery(self) -> Document | None:
+        """Result of discover."""
+        return self.by_command.get("discover")
+
+    @property
+    def adoption(self) -> Document | None:
+        """Result of adopt."""
+        return self.by_command.get("adopt")
+
+    @property
+    def where(self) -> Sequence[Document]:
+        """Places of the misfit of the bare model, worst first."""
+        found = self.comparison or self.discovery
+        return found["where"] if found else ()
+
+
+def stored_results(study: Path) -> Results:
+    """Stored results of a study. Raises BadInput where there are none.
+
+    Answers of several commands belong together where they rest on the same measurements; of others the
+    newest counts.
+    """
+    file = read_evidence_study(study)
+    folder = results_folder(study, file)
+    answers = {command: documents.read_answer(folder, study.stem, command) for command in COMMANDS}
+    found: dict[documents.Command, Document] = {
+        command: document for command, document in answers.items() if document is not None
+    }
+    if not found.keys() & ANSWERS:
+        raise BadInput(f"{study}: no results yet; run compare, discover or adopt on it first")
+    times = {
+        command: documents.document_file(folder, study.stem, command).stat().st_mtime for command in found
+    }
+    newest = max(found, key=lambda command: times[command])
+    digest = found[newest]["digest"]
+    current = {command: document for command, document in found.items() if document["digest"] == digest}
+    outdated = tuple(command for command in found if command not in current)
+    return Results(study, current, measured_table(study, file), documents.ladder(folder), outdated)
+
+
+def layers(found: Results) -> list[Layer]:
+    """Models that the results compare: before, after, and the controls of an adoption."""
+    adoption, discovery, comparison = found.adoption, found.discovery, found.comparison
+    if adoption:
+        return list(layers_of_adoption(adoption))
+    if discovery:
+        before = Layer("before", "model", discovery["rows_before"])
+        with_ = discovery.get("calibrated_with", ())
+        if not with_:
+            return [before]
+        names = listed([effect_words(name) for name in with_])
+        return [before, Layer("after", f"model with {names}", discovery["rows_after"])]
+    assert comparison is not None
+    return [Layer("before", "model", comparison["rows"])]
+
+
+def layers_of_adoption(adoption: Document) -> Iterator[Layer]:
+    """Models before and after an adoption, and its controls."""
+    named = listed([effect_words(name) for name in adoption["added"]["effects"]])
+    labels = {"base": ("before", "model before"), "added": ("after", f"model with {named}")}
+    for key in CONTROLS:
+        if adoption.get(key):
+            wrong = listed([effect_words(name) for name in adoption[key]["effects"]])
+            labels[key] = (key, f"control: {wrong}")
+    for key, (layer, label) in labels.items():
+        fit = adoption[key]
+        yield Layer(layer, label, fit["rows"], fit["vault_rows"], shown=key in ("base", "added"))

@@ -1,0 +1,78 @@
+"""Table of a study as its page shows it: conditions in the units of the table, sources of every row."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, nan
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.campaign.study_file import StudyFile
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.measured import Row, group_of, read_table
+
+Record = Mapping[str, Any]
+Key = tuple[str, str, tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A condition in the unit of the table."""
+
+    name: str
+    path: str = ""  # in the scene, or its name in the model
+    unit: str = ""
+    factor: float = 1.0
+    origin: float = 0.0  # value in the model's unit of the table's 0
+
+    def shown(self, value: float | None) -> float:
+        """Value in the unit of the table; NaN for one that was not written down."""
+        return nan if value is None else (value - self.origin) / self.factor
+
+    @property
+    def label(self) -> str:
+        """`diameter [mm]`."""
+        plain = self.name.replace("_", " ")
+        return f"{plain} [{self.unit}]" if self.unit not in ("", "1") else plain
+
+
+@dataclass(frozen=True)
+class MeasuredTable:
+    """Conditions of a study, and the rows of its table behind every measured value."""
+
+    conditions: Mapping[str, Condition]
+    rows: Mapping[Key, Sequence[Row]] = field(default_factory=dict)
+
+    def condition(self, name: str) -> Condition:
+        """A condition by its column."""
+        return self.conditions.get(name, Condition(name))
+
+    def behind(self, rows: Record, place: int) -> Sequence[Row]:
+        """Rows of the table behind one row of a result; none where the table has changed since."""
+        values = [column[place] for column in rows["conditions"].values()]
+        return self.rows.get(key_of(rows["observable"][place], rows["group"][place], values), ())
+
+
+def key_of(observable: str, group: str, values: Sequence[float | None]) -> Key:
+    """What tells the measured values of a study apart."""
+    known = (value if value is not None and isfinite(value) else None for value in values)
+    return observable, group, tuple("" if value is None else f"{value:.9g}" for value in known)
+
+
+def measured_table(study: Path, file: StudyFile) -> MeasuredTable:
+    """Table of a study; without rows where it cannot be read any more."""
+    try:
+        table = read_table(study.parent / file.study.measurements, file.study.measurements)
+    except (BadInput, OSError):
+        return MeasuredTable({name: Condition(name, path) for name, path in file.conditions.items()})
+    columns = {column.name: column for column in table.columns}
+    conditions = {
+        name: Condition(name, path, columns[name].unit, columns[name].factor, columns[name].origin)
+        for name, path in file.conditions.items()
+        if name in columns
+    }
+    places = [table.conditions.index(name) for name in conditions]
+    rows: dict[Key, list[Row]] = {}
+    for row in table.rows:
+        values = [row.conditions[place] for place in places]
+        rows.setdefault(key_of(row.observable, group_of(row, places), values), []).append(row)
+    return MeasuredTable(conditions, rows)

@@ -1,0 +1,163 @@
+"""Words of a laboratory for observables, conditions, effects and numbers."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import floor, isfinite, log10
+from typing import Any
+
+import numpy as np
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class ObservableWords:
+    """Noun of an observable, and what samples do whose measured value lies above or below the model."""
+
+    noun: str
+    above: str
+    below: str
+
+
+@dataclass(frozen=True)
+class ConditionWords:
+    """Samples at the low end, at the high end and in the middle of a condition."""
+
+    low: str
+    high: str
+    middle: str
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a condition in which measured values lie to one side of the model; an open end is None."""
+
+    sign: int  # +1: measured above the model
+    low: float | None
+    high: float | None
+
+
+WIND = ObservableWords(
+    "threshold friction velocity", "need more wind than the model says", "need less wind than the model says"
+)
+HEAP = ObservableWords(
+    "angle of repose",
+    "lie at a steeper angle than the model says",
+    "lie at a flatter angle than the model says",
+)
+FLUX = ObservableWords(
+    "flux", "move in larger amounts than the model says", "move in smaller amounts than the model says"
+)
+OBSERVABLES = {
+    "threshold_u_star": WIND,
+    "fluid_threshold": WIND,
+    "impact_threshold": WIND,
+    "threshold_wind_speed": ObservableWords("threshold wind speed", WIND.above, WIND.below),
+    "repose_angle": HEAP,
+    "angle_of_repose": HEAP,
+    "flux": FLUX,
+    "saturated_flux": FLUX,
+}
+CONDITIONS = {
+    "diameter": ConditionWords(
+        "Grains finer than {high}", "Grains coarser than {low}", "Grains of {low} to {high}"
+    ),
+    "moisture": ConditionWords(
+        "Soils drier than {high}", "Soils wetter than {low}", "Soils with {low} to {high} of water"
+    ),
+    "slope": ConditionWords(
+        "Beds flatter than {high}", "Beds steeper than {low}", "Beds with a slope of {low} to {high}"
+    ),
+}
+EVERYWHERE = "The samples"
+MOST_LEVELS = 60  # of a condition, up to which a stretch in its middle is looked for
+RESOLVED = 1.0  # sd by which the mean of one level may lie to the other side within a stretch
+
+
+def words_of(observable: str) -> ObservableWords:
+    """Words of an observable; for one without its own, the measured value is called higher or lower."""
+    noun = observable.replace("_", " ")
+    general = (f"have a {side} {noun} than the model says" for side in ("higher", "lower"))
+    return OBSERVABLES.get(observable) or ObservableWords(noun, *general)
+
+
+def condition_words(name: str, path: str) -> ConditionWords:
+    """Words of a condition, by its column or by the last part of the path that it sets."""
+    for key in (name, path.split(",")[0].rpartition(".")[2]):
+        if key in CONDITIONS:
+            return CONDITIONS[key]
+    plain = name.replace("_", " ")
+    return ConditionWords(
+        f"Samples with a {plain} below {{high}}",
+        f"Samples with a {plain} above {{low}}",
+        f"Samples with a {plain} between {{low}} and {{high}}",
+    )
+
+
+def effect_words(name: str) -> str:
+    """Name of an effect as it stands in a sentence."""
+    return name.replace("_", " ")
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def short(value: float, digits: int = 2) -> str:
+    """Number in significant digits, without an exponent where it is readable without."""
+    if value == 0.0 or not isfinite(value):
+        return f"{value:g}"
+    places = digits - 1 - floor(log10(abs(value)))
+    plain = f"{value:.{max(places, 0)}f}" if places > 0 else f"{round(value, places):.0f}"
+    return plain if 1e-4 <= abs(value) < 1e6 else f"{value:.{digits}g}"
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Number and unit; a pure number stands alone."""
+    return text if unit in ("", "1", "-") else f"{text} {unit}"
+
+
+def failing_stretch(levels: Sequence[float], residuals: Sequence[float]) -> Stretch | None:
+    """Stretch of a condition that holds most of the misfit, None where no stretch lies to one side.
+
+    The mean residual of the stretch, in standard errors, is largest; none of its levels lies clearly to the
+    other side.
+    """
+    x, residual = np.asarray(levels, dtype=float), np.asarray(residuals, dtype=float)
+    known = np.isfinite(x) & np.isfinite(residual)
+    order, which = np.unique(x[known], return_inverse=True)
+    total = np.bincount(which, residual[known], minlength=order.size)
+    count = np.bincount(which, minlength=order.size)
+    best, found = 0.0, None
+    for first, last in stretches(order.size):
+        part = slice(first, last + 1)
+        score = float(total[part].sum() / np.sqrt(count[part].sum()))
+        sign = 1 if score > 0.0 else -1
+        if abs(score) > best and np.all(sign * total[part] / np.sqrt(count[part]) > -RESOLVED):
+            best, found = abs(score), (first, last, sign)
+    if found is None:
+        return None
+    first, last, sign = found
+    low = None if first == 0 else between(float(order[first]), float(order[first - 1]))
+    high = None if last == order.size - 1 else between(float(order[last]), float(order[last + 1]))
+    return Stretch(sign, low, high)
+
+
+def stretches(count: int) -> Iterator[tuple[int, int]]:
+    """First and last level of every stretch but the whole; of many levels only those at an end."""
+    for first in range(count):
+        for last in range(first, count):
+            at_end = first == 0 or last == count - 1
+            if (at_end or count <= MOST_LEVELS) and (first, last) != (0, count - 1):
+                yield first, last
+
+
+def between(inside: float, outside: float) -> float:
+    """Boundary between two levels, the shorter the better."""
+    middle = 0.5 * (inside + outside)
+    for digits in (1, 2, 3):
+        rounded = float(f"{middle:.{digits}g}")
+        if min(inside, outside) < rounded < max(inside, outside):
+            return rounded
+    return middle
