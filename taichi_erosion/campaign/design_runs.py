@@ -89,4 +89,4 @@ def design_request(
             "record": file.folder / "recordings" / f"{stage}-{row + 1}-{seed}.rrd",
             "properties": {"doe": {"stage": stage, "row": row + 1} | columns},
         }
-    return scene_request(scene, [*study.study.settings, *overrides], seed, **extra)
+    return scene_request(scene, [*study.study.settings, *overrides], seed, file.effect_files, **extra)

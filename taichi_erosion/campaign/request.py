@@ -13,7 +13,8 @@ from typing import Any
 
 from taichi_erosion import __version__
 from taichi_erosion.campaign.pool import Payloads, RunFunction, SendRecord, SendShare
-from taichi_erosion.run.checks import compatibility_key, read_scene
+from taichi_erosion.core.effect_file import EffectFile
+from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene, with_effects
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.build.limits import time_step
 
@@ -48,13 +49,15 @@ class RunResult:
         return nan if found is None else float(found)
 
 
-def scene_request(path: Path, overrides: Sequence[str], seed: int, **extra: Any) -> RunRequest:
+def scene_request(
+    path: Path, overrides: Sequence[str], seed: int, effect_files: EffectFiles = (), **extra: Any
+) -> RunRequest:
     """Request of one scene file with PATH=VALUE overrides and a seed. Raises BadInput for what cannot run.
 
     `extra` may be `record` (file of a recording) and `properties` (columns of rerun's table of runs, by
     group); neither changes a result, so neither is in the key.
     """
-    return request_of(read_scene(path, tuple(overrides)), seed, **extra)
+    return request_of(read_scene(path, tuple(overrides), effect_files), seed, **extra)
 
 
 def request_of(
@@ -63,10 +66,14 @@ def request_of(
     record: Path | None = None,
     properties: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> RunRequest:
-    """Request of a scene that has been read."""
+    """Request of a scene that has been read.
+
+    It carries the text of effect files: a worker elsewhere need not have them, and executes what was hashed.
+    """
     payload = {
         "scene": resolved(scene),
         "folder": str(scene.folder.resolve()),
+        "effect_files": [[str(file.path), file.text] for file in scene.effect_files],
         "seed": seed,
         "record": None if record is None else str(record.resolve()),
         "properties": {group: dict(columns) for group, columns in (properties or {}).items()},
@@ -93,8 +100,10 @@ def simulating() -> Iterator[RunFunction]:
     previous: Simulation | None = None
 
     def replica(payload: dict[str, Any]) -> ReplicaRequest:
+        scene = parse_scene(payload["scene"], "scene of the campaign", Path(payload["folder"]))
+        files = tuple(EffectFile(Path(path), text) for path, text in payload["effect_files"])
         return ReplicaRequest(
-            scene=parse_scene(payload["scene"], "scene of the campaign", Path(payload["folder"])),
+            scene=with_effects(scene, files) if scene.effects else scene,
             seed=payload["seed"],
             record=Path(payload["record"]) if payload["record"] else None,
             properties=payload["properties"],

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
+from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.load import file_text, first_line, summary, with_tuples
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
@@ -42,6 +43,9 @@ class Head(Section):
     seed: int = number(1, "1", "first seed of the simulations; every run takes the next", 0, 2**31)
     runs: str | None = Field(None, min_length=1, description="folder of runs that several studies share")
     follows: str | None = Field(None, min_length=1, description="study from which `adopt` made this one")
+    effect_files: tuple[str, ...] = Field(
+        (), description="Python files with effects of your own, relative to the study file"
+    )
     settings: tuple[str, ...] = Field((), description="PATH=VALUE changes of the scene for all designed runs")
 
 
@@ -262,6 +266,11 @@ class CalibrationStudy:
         """Folder of tables, ledger and pages: beside the study file, under its name."""
         return self.path.with_suffix("")
 
+    @property
+    def effect_files(self) -> tuple[EffectFile, ...]:
+        """Files of the effects that its scenes may name. Raises BadInput."""
+        return read_effect_files(self.study.study.effect_files, self.path.parent)
+
     def scene(self, observable: str) -> Path:
         """Scene that answers an observable."""
         return self.path.parent / str(self.study.observables[observable].scene)
@@ -341,7 +350,7 @@ def nested_candidates(table: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def with_entry(text: str, path: Sequence[str], value: float | str) -> str:
+def with_entry(text: str, path: Sequence[str], value: float | str | list[str]) -> str:
     """A TOML text with one entry set; comments, order and spelling of all others stay. Raises BadInput."""
     import tomlkit
     from tomlkit.exceptions import TOMLKitError

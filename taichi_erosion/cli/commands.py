@@ -17,7 +17,7 @@ from taichi_erosion import __version__
 from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
-from taichi_erosion.cli.output import AsJson
+from taichi_erosion.cli.output import AsJson, EffectFiles
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.core.errors import BadInput, ExitCode
 
@@ -53,10 +53,6 @@ Every = Annotated[float | None, typer.Option("--every", metavar="T", help="Simul
 ResumeFrom = Annotated[
     Path | None,
     typer.Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
-]
-EffectFiles = Annotated[
-    list[Path] | None,
-    typer.Option("--effect", metavar="FILE", help="Python file with a user-defined effect; may be repeated."),
 ]
 RecordingOrStudy = Annotated[
     Path,
@@ -170,6 +166,7 @@ def live(
         typer.Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy."),
     ] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve a live viewer for a browser.")] = False,
+    effect: EffectFiles = None,
 ) -> None:
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
     from taichi_erosion.cli.live import run_prompt
@@ -178,7 +175,7 @@ def live(
 
     if web and viewer:
         raise BadInput("--web and --viewer exclude each other")
-    session = open_session(scene, tuple(override or ()), seed)
+    session = open_session(scene, tuple(override or ()), seed, effect or ())
     path = record or Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd"
     with web_viewer() if web else nullcontext() as served:
         if served:

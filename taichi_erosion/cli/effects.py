@@ -16,7 +16,7 @@ from jinja2 import Environment
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import AsJson
+from taichi_erosion.cli.output import AsJson, EffectFiles
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
 
@@ -39,10 +39,6 @@ Words = Annotated[
     list[str] | None,
     typer.Argument(metavar="NAME | new NAME", help="Effect to describe, or new file; default: all effects."),
 ]
-EffectFile = Annotated[
-    list[Path] | None,
-    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
-]
 Discovery = Annotated[
     Path | None,
     typer.Option(
@@ -59,7 +55,7 @@ WithMemory = Annotated[
 @app.command(**help_of("effects"))
 def effects(
     words: Words = None,
-    effect: EffectFile = None,
+    effect: EffectFiles = None,
     discovery: Discovery = None,
     with_memory: WithMemory = False,
     as_json: AsJson = False,
@@ -278,7 +274,7 @@ def proposed_law(discovery: Path) -> dict[str, Any]:
 
 def law_fields(law: dict[str, Any]) -> dict[str, Any]:
     """Template fields of a law. Raises BadInput for a condition that is not one of a scene."""
-    from taichi_erosion.scene.schema.scene import Conditions
+    from taichi_erosion.scene.schema.conditions import Conditions
 
     typical = {found["name"]: float(found["typical"]) for found in FACTOR.finditer(law["expression"])}
     for name in typical:

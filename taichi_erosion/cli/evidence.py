@@ -11,7 +11,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import MARK_MISSING, AsJson, Record, print_table
+from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Record, print_table
 from taichi_erosion.cli.progress import KEPT, interruptible
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.inference.levels import fails
@@ -56,12 +56,13 @@ def compare(
     budget: Budget = None,
     workers: Workers = None,
     seed: Seed = None,
+    own: EffectFiles = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate the model, and show where it still disagrees with the measurements."""
     from taichi_erosion.evidence.answers.commands import compare_study
 
-    options = options_of(budget, workers, seed)
+    options = options_of(budget, workers, seed, own)
     answer("comparing", lambda progress: compare_study(study, progress, options), print_comparison, as_json)
 
 
@@ -71,12 +72,13 @@ def discover(
     budget: Budget = None,
     workers: Workers = None,
     seed: Seed = None,
+    own: EffectFiles = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the missing effect: present, excluded, not testable, or not in the list."""
     from taichi_erosion.evidence.answers.commands import discover_study
 
-    options = options_of(budget, workers, seed)
+    options = options_of(budget, workers, seed, own)
     answer("discovering", lambda progress: discover_study(study, progress, options), print_discovery, as_json)
 
 
@@ -87,12 +89,13 @@ def adopt(
     budget: Budget = None,
     workers: Workers = None,
     seed: Seed = None,
+    own: EffectFiles = None,
     as_json: AsJson = False,
 ) -> None:
     """Add an effect, calibrate again, and show the error on held-out measurements."""
     from taichi_erosion.evidence.answers.commands import adopt_study
 
-    options = options_of(budget, workers, seed)
+    options = options_of(budget, workers, seed, own)
     answer(
         "adopting", lambda progress: adopt_study(study, effect, progress, options), print_adoption, as_json
     )
@@ -104,12 +107,13 @@ def next_(
     budget: Budget = None,
     workers: Workers = None,
     seed: Seed = None,
+    own: EffectFiles = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the cheapest experiments that separate the remaining effects."""
     from taichi_erosion.evidence.answers.commands import next_study
 
-    options = options_of(budget, workers, seed)
+    options = options_of(budget, workers, seed, own)
     answer("planning", lambda progress: next_study(study, progress, options), print_experiments, as_json)
 
 
@@ -122,15 +126,17 @@ def report(source: ReportSource, to: PageFile = None, as_json: AsJson = False) -
     output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
 
 
-def options_of(budget: str | None, workers: int | None, seed: int | None) -> "StudyOptions":
+def options_of(
+    budget: str | None, workers: int | None, seed: int | None, own: list[Path] | None
+) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
     if budget is None or budget in ("quick", "full"):
-        return StudyOptions(cast(Any, budget), None, workers, seed)
+        return StudyOptions(cast(Any, budget), None, workers, seed, tuple(own or ()))
     if not (budget.isascii() and budget.isdigit() and int(budget) > 0):
         raise BadInput(f"--budget {budget}: give quick, full, or the most runs, a whole number above 0")
-    return StudyOptions(None, int(budget), workers, seed)
+    return StudyOptions(None, int(budget), workers, seed, tuple(own or ()))
 
 
 def answer(

@@ -15,6 +15,10 @@ from taichi_erosion.cli.progress import LOG
 
 Record = Mapping[str, Any]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+EffectFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
+]
 
 MARK_MISSING = "-"
 WIDEST = 1000  # width of a table in a file or pipe [characters]

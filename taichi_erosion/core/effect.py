@@ -33,6 +33,7 @@ from taichi_erosion.core.ti import ti
 Conditions = Mapping[str, float]  # stated beside a measurement, in SI units
 Constants = dict[str, float]  # numbers that the device reads, by name
 Probe = Callable[..., Any]  # (params, conditions, **members of the place) -> result of the effect there
+Place = Literal["pair", "first_contact", "grain", "scene", "instrument"]
 STATEFUL = ("pair", "grain")  # places of effects that may have a grain state
 STRENGTH = "strength"  # reserved among an effect's entries in a scene
 STRENGTH_MOST = 100.0  # largest strength that a scene may ask for [1]
@@ -106,7 +107,7 @@ class Effect:
     name: str
     title: str  # one line for lists
     doc: str | None  # module docstring: equation, symbols, units, range, reference
-    place: Literal["pair", "first_contact", "grain", "scene", "instrument"]
+    place: Place
     params: type  # frozen dataclass of `quantity` fields
     act: Callable[..., Any]
     checks: Callable[[Probe], Iterator[Check]]

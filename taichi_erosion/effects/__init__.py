@@ -1,56 +1,81 @@
 """The library of optional physics: one file an effect, found by looking into this folder.
 
 Others may add effects from outside: as an installed entry point of the group `taichi_erosion.effects`, or
-as a file named on the command line. A file is executed only when it is named.
+as a file that a scene, a study or the command line names. A file is executed only when it is named.
 """
 
-from collections.abc import Iterable
+import inspect
+import sys
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from hashlib import sha256
 from importlib import import_module
-from importlib.metadata import entry_points
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any
 
 from taichi_erosion.core.effect import Effect
+from taichi_erosion.core.effect_file import DIGITS, EffectFile, read_effect_file
+from taichi_erosion.core.effect_loading import MEMBER, checked_effect, effect_in, reason
 from taichi_erosion.core.errors import BadInput
 
 GROUP = "taichi_erosion.effects"  # of entry points
-MEMBER = "EFFECT"  # name of the record in an effect's file
 
 
-def load_library(files: Iterable[Path] = ()) -> dict[str, Effect]:
+def load_library(files: Iterable[Path | EffectFile] = ()) -> dict[str, Effect]:
     """Effects by name: those of this folder, of installed packages, and of the files named.
 
     Raises BadInput where a file holds no effect or two effects share a name.
     """
-    modules = [(name, import_module(f"{__name__}.{name}")) for name in shipped()]
-    modules += [(point.value, point.load()) for point in entry_points(group=GROUP)]
-    modules += [(str(path), module_of(path)) for path in files]
-    library: dict[str, Effect] = {}
-    for origin, module in modules:
-        effect = module if isinstance(module, Effect) else getattr(module, MEMBER, None)
-        if not isinstance(effect, Effect):
-            raise BadInput(f"{origin}: holds no {MEMBER} = Effect(...)")
-        if effect.name in library:
-            raise BadInput(f"{origin}: effect '{effect.name}' exists already")
-        library[effect.name] = effect
+    library = dict(installed_effects(tuple(sys.path)))
+    for file in dict.fromkeys(files):
+        add(library, effect_in(file if isinstance(file, EffectFile) else read_effect_file(file)), str(file))
     return dict(sorted(library.items()))
+
+
+@lru_cache(maxsize=4)
+def installed_effects(_search_path: tuple[str, ...]) -> Mapping[str, Effect]:
+    """Effects of this folder and of installed packages."""
+    library: dict[str, Effect] = {}
+    for name in shipped():
+        add(library, getattr(import_module(f"{__name__}.{name}"), MEMBER), name)
+    for point in entry_points(group=GROUP):
+        add(library, effect_of_package(point), f"the package's entry point {point.name} = {point.value}")
+    return library
+
+
+def add(library: dict[str, Effect], effect: Effect, origin: str) -> None:
+    """Put an effect into a library. Raises BadInput where its name is taken."""
+    if effect.name in library:
+        kind = "the library" if effect.name in shipped() else "another file or package"
+        told = f"effect '{effect.name}' exists already in {kind}"
+        raise BadInput(f"{origin}: {told}; give it a name of its own in {MEMBER} = Effect(name=...)")
+    library[effect.name] = effect
+
+
+def effect_of_package(point: EntryPoint) -> Effect:
+    """Effect of an entry point, whose value is a module, or the record in it. Raises BadInput."""
+    origin = f"entry point {point.name} = {point.value} of an installed package"
+    try:
+        found = point.load()
+    except Exception as error:
+        raise BadInput(f"{origin}: {' '.join(reason(error).split())}") from None
+    return checked_effect(found if isinstance(found, Effect) else getattr(found, MEMBER, None), origin)
+
+
+def package_digests(names: Iterable[str]) -> dict[str, str]:
+    """Digests of the source of those effects that come from installed packages."""
+    own, library = set(shipped()), installed_effects(tuple(sys.path))
+    foreign = [name for name in names if name in library and name not in own]
+    return {name: source_digest(library[name]) for name in foreign}
+
+
+def source_digest(effect: Effect) -> str:
+    """Digest of the file that defines an effect."""
+    file = Path(inspect.getfile(inspect.unwrap(effect.act)))
+    return sha256(file.read_bytes()).hexdigest()[:DIGITS]
 
 
 def shipped() -> list[str]:
     """Names of the files of this folder."""
     return sorted(module.name for module in iter_modules(__path__))
-
-
-def module_of(path: Path) -> Any:
-    """Module of a Python file that the user named."""
-    spec = spec_from_file_location(f"effect_{path.stem}", path)
-    if not path.is_file() or spec is None or spec.loader is None:
-        raise BadInput(f"{path}: no such Python file")
-    module = module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise BadInput(f"{path}: cannot be loaded: {type(error).__name__}: {error}") from None
-    return module

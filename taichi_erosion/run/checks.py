@@ -1,42 +1,96 @@
 """Checks of a scene that need no device: validation, and compatibility with others in one ensemble."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
 from taichi_erosion.scene.build.air import air_time_step, longest_step
-from taichi_erosion.scene.load import is_air_scene, load_air_scene
+from taichi_erosion.scene.load import is_air_scene, load_air_scene, summary
 from taichi_erosion.scene.schema.air import AirScene
+from taichi_erosion.scene.schema.scene import effect_problems
+
+EffectFiles = tuple[EffectFile, ...]
 
 MIXABLE_PLACES = ("pair", "scene", "instrument")  # effects that replicas of one ensemble need not share
 
 
-def read_scene(path: Path, overrides: tuple[str, ...], effect_files: tuple[Path, ...] = ()) -> Scene:
-    """Load a scene whose measures and effects this program knows. Raises BadInput."""
+def read_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles = ()) -> Scene:
+    """Load a scene whose measures and effects this program knows. Raises BadInput.
+
+    `effect_files` are those beside the ones that the scene names itself.
+    """
     scene = load_scene(path, overrides, observables=tuple(OBSERVABLES))
-    if scene.effects or effect_files:
-        known = effect_parameters(effect_files)
-        scene = load_scene(path, overrides, effects=known, observables=tuple(OBSERVABLES))
+    if not scene.effects:
+        return scene
+    try:
+        return with_effects(scene, (*scene_effect_files(scene), *effect_files))
+    except BadInput as error:
+        raise BadInput(f"{scene.file}: {error}") from None
+
+
+def scene_effect_files(scene: Scene) -> EffectFiles:
+    """Effect files that a scene names, relative to its folder. Raises BadInput."""
+    return read_effect_files(scene.scene.effect_files, scene.folder)
+
+
+def with_effects(scene: Scene, files: EffectFiles) -> Scene:
+    """The scene with the files of its own effects and what its effects are known by. Raises BadInput."""
+    from taichi_erosion.core.effect import parameter_names
+    from taichi_erosion.core.effect_loading import effect_in
+    from taichi_erosion.effects import load_library, package_digests
+
+    library = load_library(files)
+    if lines := list(effect_problems(scene, {n: parameter_names(effect) for n, effect in library.items()})):
+        raise BadInput(summary(lines))
+    own = {effect_in(file).name: file for file in files}
+    used = {name: own[name] for name in sorted(scene.effects) if name in own}
+    scene._effect_files = tuple(used.values())
+    digests = {name: file.digest for name, file in used.items()}
+    scene._effect_digests = digests | package_digests(scene.effects)
     return scene
+
+
+def named_effects(paths: Sequence[Path]) -> EffectFiles:
+    """Effect files named on the command line, each of which holds an effect. Raises BadInput."""
+    files = read_effect_files(paths)
+    if files:
+        from taichi_erosion.effects import load_library
+
+        load_library(files)
+    return files
+
+
+def idle_effects(scene: Scene, files: EffectFiles) -> list[str]:
+    """Sentences on effects of named files that do not act in a scene."""
+    from taichi_erosion.core.effect_loading import effect_in
+
+    names = [effect_in(file).name for file in files]
+    return [
+        f"effect '{name}' does not act: the scene does not name it; --set effects.{name}.strength=1"
+        for name in names
+        if name not in scene.effects
+    ]
+
+
+def library_of(scene: Scene) -> dict[str, Any]:
+    """The effects that a scene can name; empty where it names none: most scenes need no library."""
+    if not scene.effects:
+        return {}
+    from taichi_erosion.effects import load_library
+
+    return load_library(scene.effect_files)
 
 
 def read_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
     """Load an air scene whose measures this program knows. Raises BadInput."""
     return load_air_scene(path, overrides, observables=tuple(AIR_OBSERVABLES))
-
-
-def effect_parameters(files: tuple[Path, ...]) -> dict[str, tuple[str, ...]]:
-    """Entries that a scene may give, by effect; the library is loaded here, since most scenes need none."""
-    from taichi_erosion.core.effect import parameter_names
-    from taichi_erosion.effects import load_library
-
-    return {name: parameter_names(effect) for name, effect in load_library(files).items()}
 
 
 def check_scene(
@@ -47,7 +101,7 @@ def check_scene(
         scene = read_air_scene(path, overrides)
         limits = {"time_step": air_time_step(scene), "time_step_longest": longest_step(scene), "warnings": []}
     else:
-        scene = read_scene(path, overrides, effect_files)
+        scene = read_scene(path, overrides, named_effects(effect_files))
         limits = explain(scene)
     return {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": limits}
 
@@ -75,20 +129,12 @@ def compiled_effects(scene: Scene) -> tuple[Scene, list[tuple[str, bool]]]:
         return scene, named
     from taichi_erosion.simulation.scene_setup import effective_scene
 
-    library = package_effects()
+    library = library_of(scene)
     try:
         compiled = [(name, acts) for name, acts in named if library[name].place not in MIXABLE_PLACES]
         return effective_scene(scene, library), compiled
     except (BadInput, KeyError):
         return scene, named
-
-
-@cache
-def package_effects() -> dict[str, Any]:
-    """The library of the package, loaded only where a scene names effects."""
-    from taichi_erosion.effects import load_library
-
-    return load_library()
 
 
 def air_layer_key(scene: Scene) -> Any:

@@ -16,6 +16,7 @@
     restitution     {pair: {stated, found}}, of the first impacts (grains only)
     convention      of the surface energy (grains only)
     resolved        the scene with all defaults
+    effect_digests  {effect: digest of its file}: effects that are not of this package (grains only)
     versions        of this package, Python and the libraries that a result depends on
 
 Numbers are SI; NaN and infinity become null. Exit codes: `core.errors.ExitCode`.

@@ -15,13 +15,12 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.files import check_writable
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.effects import load_library
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import load_checkpoint
 from taichi_erosion.run import CHECKPOINT_INTERVAL, RunOptions
 from taichi_erosion.run.checkpointer import Checkpointer
-from taichi_erosion.run.checks import read_scene
+from taichi_erosion.run.checks import idle_effects, library_of, named_effects, read_scene
 from taichi_erosion.run.ensemble_loop import Callback, EnsembleRun, ProgressReporter, run_ensemble
 from taichi_erosion.run.recorder import (
     Recorder,
@@ -90,10 +89,11 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     KeyboardInterrupt with the names of the files that were written.
     """
     started = time.perf_counter()
-    scene = read_scene(path, scene_overrides(options), options.effect_files)
+    named = named_effects(options.effect_files)
+    scene = read_scene(path, scene_overrides(options), named)
     hashed = scene_hash(scene)
     record = options.record or RECORDINGS / f"{path.stem}-{hashed}-{scene.run.seed}.rrd"
-    library = load_library(options.effect_files) if scene.effects else {}
+    library = library_of(scene)
     ensemble = assemble_run(path, scene, library, options, record)
     recorder = None
     if not options.no_record:
@@ -105,6 +105,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         for state in ensemble.states:
             state.measurements = apply_instruments(state.measurements, scene, library)
         document = scene_document(path, scene, ensemble, time.perf_counter() - started)
+        document["replicas"][0]["warnings"][:0] = idle_effects(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
             document |= finish_recording_or_warn(recorder, ensemble, first, properties)
@@ -209,6 +210,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         restitution={i.pair: {"stated": i.stated, "found": i.found} for i in impacts},
         convention=SURFACE_ENERGY_CONVENTION,
         resolved=resolved(scene),
+        effect_digests=scene.effect_digests,
     )
 
 

@@ -12,7 +12,7 @@ Contact parameters, gravity, wind and the strength of effects that the session b
 nothing compiled anew; an effect that was not there is compiled in, which takes seconds.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,11 +22,10 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.pictures import SideView, write_png
-from taichi_erosion.run.checks import read_scene
+from taichi_erosion.run.checks import EffectFiles, library_of, named_effects, read_scene
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
     Image,
@@ -68,18 +67,25 @@ class Session:
     history: list[str] = field(default_factory=list)
     saved: dict[str, tuple[dict[str, Any], float, int, tuple[str, ...]]] = field(default_factory=dict)
     callbacks: list[Callable[["Session"], None]] = field(default_factory=list)  # after each check interval
+    effect_files: EffectFiles = ()  # beside those that the scene names
 
     @property
     def time_step(self) -> float:
         return self.sim.setups[0].time_step
 
 
-def open_session(path: str | Path, overrides: tuple[str, ...] = (), seed: int | None = None) -> Session:
+def open_session(
+    path: str | Path,
+    overrides: tuple[str, ...] = (),
+    seed: int | None = None,
+    effect_files: Sequence[Path] = (),
+) -> Session:
     """Load a scene and assemble one replica of it, at the beginning of its first stage. Raises BadInput."""
-    scene = read_scene(Path(path), overrides)
-    library = load_library() if scene.effects else {}
-    chosen = scene.run.seed if seed is None else seed
-    session = Session(Path(path), scene, overrides, chosen, library, build(scene, chosen, library))
+    files = named_effects(effect_files)
+    scene = read_scene(Path(path), overrides, files)
+    library, chosen = library_of(scene), scene.run.seed if seed is None else seed
+    sim = build(scene, chosen, library)
+    session = Session(Path(path), scene, overrides, chosen, library, sim, effect_files=files)
     change_boundaries(session.sim, 0, scene.stages[0])
     return session
 
@@ -136,10 +142,10 @@ def run_until_rest(session: Session) -> bool:
 def set_entry(session: Session, path: str, value: str) -> str:
     """Change one entry of the scene while it runs; returns what was done. Raises BadInput."""
     overrides = (*session.overrides, f"{path}={value}")
-    scene = read_scene(session.path, overrides)
+    scene = read_scene(session.path, overrides, session.effect_files)
     changed = changed_fields(session.scene, scene)
     refuse_fixed(session.scene, scene, changed)
-    library = session.library or (load_library() if scene.effects else {})
+    library = library_of(scene)
     done = apply_change(session, scene, library, set(changed))
     session.scene, session.overrides, session.library = scene, overrides, library
     return done if changed else f"{path} is {value} already"
@@ -205,7 +211,7 @@ def restore(session: Session, name: str) -> None:
     if name not in session.saved:
         raise BadInput(f"nothing is saved as '{name}'; there is {', '.join(session.saved) or 'nothing'}")
     state, session.time, session.stage, session.overrides = session.saved[name]
-    session.scene = read_scene(session.path, session.overrides)
+    session.scene = read_scene(session.path, session.overrides, session.effect_files)
     session.sim = build(session.scene, session.seed, session.library)
     simulation.import_state(session.sim, state)
 

@@ -24,7 +24,7 @@ S = TypeVar("S", Scene, AirScene)
 LARGEST_FILE = 4_000_000  # larger than any scene written by people [bytes]
 HASH_LENGTH = 12  # hexadecimal digits
 NOT_HASHED = {
-    "scene": {"title", "notes"},
+    "scene": {"title", "notes", "effect_files"},
     "run": {"replicas", "seed", "frames"},
     "record": True,
     "measured": True,
@@ -184,6 +184,8 @@ def scene_hash(scene: Scene | AirScene) -> str:
         meshes = {name: wall for name, wall in scene.geometry.items() if isinstance(wall, Mesh)}
         # the content of a mesh file counts, not its name
         table["meshes"] = {name: mesh_digest(scene, wall) for name, wall in meshes.items()}
+        if scene.effect_digests:  # likewise of a file with an effect
+            table["effect_digests"] = scene.effect_digests
     canonical = json.dumps(table, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return sha256(canonical.encode()).hexdigest()[:HASH_LENGTH]
 

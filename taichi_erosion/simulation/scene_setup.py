@@ -16,8 +16,8 @@ Library = Mapping[str, Effect]
 
 
 def conditions_of(scene: Scene) -> dict[str, float]:
-    """What the scene states of its conditions, in SI units."""
-    return {name: float(value) for name, value in scene.conditions.model_dump(exclude_none=True).items()}
+    """What the scene states of its conditions, by name, as effects read it."""
+    return scene.conditions.stated()
 
 
 def circumstances_of(scene: Scene) -> dict[str, float]:

@@ -16,7 +16,7 @@ from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
-from taichi_erosion.scene.schema.scene import Conditions
+from taichi_erosion.scene.schema.conditions import Conditions
 
 LEAST_CHECKS = 3
 WRONG = 1.1  # factor by which a parameter is falsified

@@ -15,7 +15,12 @@ from taichi_erosion.scene.load import parse_air_scene
 
 def test_an_unknown_effect_or_observable_is_told_with_those_that_exist():
     line = complaint(good_table(), effects={"lift": ("strength",), "drag": ()})
-    assert line == "scenes/bad.toml: effects.plain_pull is unknown; known effects: drag, lift"
+    assert line.startswith(
+        "scenes/bad.toml: effects.plain_pull is unknown; known effects: drag, lift; one of"
+    )
+    assert "--effect FILE, or effect_files under [scene] or [study]" in line
+    line = complaint(good_table(), effects={"plain_pul": ("strength",), "drag": ()})
+    assert "effects.plain_pull is unknown; did you mean 'plain_pul'?" in line
     line = complaint(good_table(), effects={"plain_pull": ("force",)})
     assert line == "scenes/bad.toml: effects.plain_pull.strength is unknown; allowed: force"
     line = complaint(good_table(), observables=("pile_height",))

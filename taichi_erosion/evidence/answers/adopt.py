@@ -5,14 +5,18 @@ at random. A falling error on held-out rows is supporting evidence; in one case 
 The new study is a file beside the old one, in which the effect belongs to the model.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
+from os.path import relpath
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from taichi_erosion.campaign.study_file import with_entry
+from taichi_erosion.campaign.study_file import entry, with_entry
+from taichi_erosion.core.effect_file import EffectFile, read_effect_files
+from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.compare import no_progress
@@ -189,6 +193,7 @@ def write_adopted_study(study: Study, found: Adoption) -> Path:
     refuse_foreign(path)
     text = file_text(study.path, str(study.path))
     text = with_entry(text, ("study", "follows"), study.path.name)
+    text = with_effect_files(text, "study", path.parent, study.effect_files)
     text = with_entry(text, ("adopted", effect, "strength"), rounded(found.added.strengths[effect].value))
     candidate = next((c for c in study.problem.candidates if c.name == effect), None)
     if candidate is not None:
@@ -198,16 +203,34 @@ def write_adopted_study(study: Study, found: Adoption) -> Path:
     for name, number in numbers.items():
         head += f"#   {name} = {number.value:.4g} ({number.low:.4g} to {number.high:.4g}, 90 %)\n"
     write_atomic(path, (head + without_mark(text)).encode())
-    for scene in sorted({entry.scene for entry in study.file.observables.values() if entry.scene}):
-        write_scene(study.path.parent / scene, found)
+    names = {each.scene for each in study.file.observables.values() if each.scene}
+    scenes = [study.path.parent / name for name in sorted(names)]
+    named = [file for scene in scenes for file in named_in(file_text(scene, str(scene)), scene.parent)]
+    files = dict.fromkeys((*study.effect_files, *named))
+    own = [file for file in files if effect_in(file).name in found.added.strengths]
+    for scene in scenes:
+        write_scene(scene, found, own)
     return path
 
 
-def write_scene(scene: Path, found: Adoption) -> Path:
-    """Write a scene with the effect and the calibrated numbers, beside the old one."""
+def named_in(scene_text: str, folder: Path) -> Sequence[EffectFile]:
+    """Effect files that a scene names."""
+    return read_effect_files(entry(scene_text, ("scene", "effect_files")) or (), folder)
+
+
+def with_effect_files(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:
+    """A TOML text of a folder that names effect files too, by paths relative to the folder."""
+    stated = list(entry(text, (section, "effect_files")) or ())
+    there = {(folder / name).resolve() for name in stated}
+    missing = [relpath(file.path, folder.resolve()) for file in files if file.path not in there]
+    return with_entry(text, (section, "effect_files"), [*stated, *missing]) if missing else text
+
+
+def write_scene(scene: Path, found: Adoption, own: Sequence[EffectFile]) -> Path:
+    """Write a scene with the effect and the calibrated numbers, beside the old one; it names effect files."""
     path = scene.with_name(f"{scene.stem}_with_{found.effect}.toml")
     refuse_foreign(path)
-    text = file_text(scene, str(scene))
+    text = with_effect_files(file_text(scene, str(scene)), "scene", scene.parent, own)
     for name, strength in found.added.strengths.items():
         text = with_entry(text, ("effects", name, "strength"), rounded(strength.value))
     for name, number in found.added.parameters.items():

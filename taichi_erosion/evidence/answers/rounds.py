@@ -96,8 +96,10 @@ def write_rounds(study: Study, rounds: Rounds) -> None:
 
 
 def state_of(study: Study) -> str:
-    """Digest of a study file and its measurements."""
-    return sha256(f"{study.digest}|{file_text(study.path, str(study.path))}".encode()).hexdigest()[:16]
+    """Digest of a study file, its measurements and its effect files."""
+    known = [study.digest, file_text(study.path, str(study.path))]
+    known += [file.digest for file in study.effect_files]
+    return sha256("|".join(known).encode()).hexdigest()[:16]
 
 
 def last_budget(study: Study) -> BudgetName:

@@ -20,8 +20,8 @@ import numpy as np
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Measurements
-from taichi_erosion.evidence.data.units import EXAMPLES, UnknownUnit, conversion, parse_unit
 from taichi_erosion.scene.load import file_text
+from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, conversion, parse_unit
 
 REQUIRED = ("observable", "value", "unit")
 OPTIONAL = ("sd", "n", "group", "source")

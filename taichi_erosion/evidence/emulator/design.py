@@ -18,7 +18,6 @@ from taichi_erosion.evidence.data.transforms import Axis, axis_value
 from taichi_erosion.evidence.models.simulator import (
     SceneMeasure,
     Simulator,
-    acting_effects,
     condition_matters,
     parameter_matters,
 )
@@ -83,7 +82,9 @@ PLAN_SIZES = {"quick": PlanSize(8, 8, 2, 8, 1), "full": PlanSize(20, 20, 6, 16, 
 def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:
     """Distinct conditions that a run with some effects can depend on, where all of them can act."""
     path, library = scene.measure.scene, scene.simulator.library
-    read = {name for effect in {*effects, *acting_effects(path)} for name in library[effect].reads}
+    read = {
+        name for effect in {*effects, *scene.simulator.acting_effects(path)} for name in library[effect].reads
+    }
     found: dict[tuple[tuple[str, float], ...], Row] = {}
     for row in scene.rows:
         if all(scene.simulator.can_act(effect, path, row) for effect in effects):
@@ -94,7 +95,7 @@ def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:
 
 def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
     """Calibrated numbers on which a run with some effects can depend: an effect's own need that effect."""
-    present = {*effects, *acting_effects(scene.measure.scene)}
+    present = {*effects, *scene.simulator.acting_effects(scene.measure.scene)}
     return [axis for axis in scene.axes if parameter_matters(axis.name, present)]
 
 

@@ -78,17 +78,20 @@ class EmulatorInputs:
         if not strengths.any():
             return np.zeros(strengths.size)
         effect, scene = self.scene.simulator.library[candidate.name], self.scene.measure.scene
-        known = simulator.known_conditions(at, simulator.stated_conditions(scene))
+        known = self.scene.simulator.known_conditions(at, scene)
         prefix = f"{EFFECTS}{effect.name}."
         own = {path.removeprefix(prefix): v for path, v in parameters.items() if path.startswith(prefix)}
-        numbers = {**simulator.stated_numbers(scene, effect.name), **own}
+        numbers = {**self.scene.simulator.stated_numbers(scene, effect.name), **own}
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
         dose = np.where(effect.can_act(known), effect.dose(params, known), 0.0)
         return strengths / expected_strength(candidate) * dose
 
     def active(self) -> ActiveInputs:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
-        library, present = self.scene.simulator.library, simulator.acting_effects(self.scene.measure.scene)
+        library, present = (
+            self.scene.simulator.library,
+            self.scene.simulator.acting_effects(self.scene.measure.scene),
+        )
         names = [candidate.name for candidate in self.candidates]
 
         def conditions(*effects: str) -> list[bool]:

@@ -40,7 +40,7 @@ from taichi_erosion.evidence.emulator.emulator import (
 )
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
-from taichi_erosion.evidence.models.simulator import Simulator, cached_scene, dotted_paths
+from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
 from taichi_erosion.simulation.scene_setup import conditions_of, effective_scene
 
 LEVELS = 3  # of every condition that could be set
@@ -177,7 +177,7 @@ def leaves_readings(scene: StudyScene, candidate: Candidate, row: Row) -> bool:
     effect = simulator.library[candidate.name]
     if effect.place not in ("scene", "instrument"):
         return False
-    changed = cached_scene(
+    changed = simulator.scene(
         scene.measure.scene, simulator.overrides(scene.measure, row, {}, {effect.name: strength})
     )
     if effect.place == "scene":
@@ -237,7 +237,7 @@ def requested(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunReques
     for run in training.runs:
         words = training.simulator.overrides(measures[run.scene], run.at, run.parameters, run.effects)
         try:
-            requests.append(request_of(cached_scene(run.scene, words), run.seed))
+            requests.append(request_of(training.simulator.scene(run.scene, words), run.seed))
         except BadInput as error:
             if not run.effects:
                 raise

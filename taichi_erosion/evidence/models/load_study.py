@@ -1,11 +1,10 @@
 """Loading of a study: from a study file and all that it names to a problem for the statistics."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from taichi_erosion.campaign.request import Report
 from taichi_erosion.campaign.study_file import (
     ALL,
     AdoptedEntry,
@@ -14,6 +13,7 @@ from taichi_erosion.campaign.study_file import (
     StudyFile,
     read_evidence_study,
 )
+from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
@@ -29,10 +29,12 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
     with_stated,
 )
+from taichi_erosion.evidence.models.own_effects import InstrumentedModel, instrument_candidate, instruments
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 
 BudgetName = Literal["quick", "full"]
+EffectFiles = tuple[EffectFile, ...]
 
 LONGEST_CHAIN = 20  # studies that follow one another
 
@@ -45,6 +47,7 @@ class StudyOptions:
     runs: int | None = None  # cap on the runs
     workers: int | None = None
     seed: int | None = None
+    effect_files: tuple[Path, ...] = ()  # beside those that the study names; their effects are candidates
 
 
 NO_OPTIONS = StudyOptions()
@@ -66,6 +69,7 @@ class Study:
     options: StudyOptions = NO_OPTIONS
     fresh: str = ""  # mark of runs with other seeds than those of the file; "" for the file's own
     faults: tuple[SetUpFault, ...] = ()  # of the runs that trained the emulator
+    effect_files: tuple[EffectFile, ...] = ()  # named by the study or the command
 
 
 @dataclass(frozen=True)
@@ -80,22 +84,20 @@ class StudyModel:
     plugin: Plugin | None = None  # the model function, if it is one
 
 
-def load_study(path: Path, options: StudyOptions = NO_OPTIONS, report: Report | None = None) -> Study:
-    """Study of a file; reads everything that it names and simulates nothing. Raises BadInput.
-
-    `report` receives the progress of simulations; a model function has none.
-    """
+def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
+    """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
     stated = read_evidence_study(path)
     file = with_options(stated, options)
+    files = study_effect_files(path, file, options)
     table = read_table(path.parent / file.study.measurements, file.study.measurements)
     measurements, notes = study_measurements(table, file, str(path))
     hidden, vault_note = split(measurements, file.vault.fraction, file.vault.ranges)
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:
-        found = function_model(path, file, store)
+        found = function_model(path, file, store, files)
     else:
-        found = scene_model(path, file, results, measurements, report)
+        found = scene_model(path, file, results, measurements, files)
     # a model function may have another name for an observable; a simulator maps its measures itself
     named = {n: (entry.measure or n) if found.plugin else n for n, entry in file.observables.items()}
     model, uncertainty = NameMapping(found.model, dict(file.conditions), named), None
@@ -115,9 +117,14 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS, report: Report | 
     )
     fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
     notes = (*notes, vault_note)
-    return Study(
-        path, file, problem, results, digest, found.identity, store, notes, options=options, fresh=fresh
-    )
+    found_at = (path, file, problem, results, digest, found.identity, store, notes)
+    return Study(*found_at, options=options, fresh=fresh, effect_files=files)
+
+
+def study_effect_files(path: Path, file: StudyFile, options: StudyOptions) -> EffectFiles:
+    """Effect files that a study or its command names. Raises BadInput."""
+    named = read_effect_files(file.study.effect_files, path.parent)
+    return tuple(dict.fromkeys((*named, *read_effect_files(options.effect_files))))
 
 
 def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
@@ -134,24 +141,28 @@ def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
     return file
 
 
-def function_model(path: Path, file: StudyFile, store: RunStore) -> StudyModel:
-    """Model function with its cache."""
+def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFiles) -> StudyModel:
+    """Model function with its cache, and the instruments through which its values are read."""
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
-    adopted = tuple(candidate_of(name, entry) for name, entry in file.adopted.items())
-    candidates = candidates_of(file, str(path))
-    return StudyModel(CachedModel(plugin, identity, store), identity, candidates, adopted, plugin=plugin)
+    read = instruments(path, files)
+    own = {name: instrument_candidate(effect, file.conditions) for name, effect in read.items()}
+    adopted = tuple(candidate_of(name, entry, own.get(name)) for name, entry in file.adopted.items())
+    candidates = candidates_of(file, str(path), own)
+    cached = CachedModel(plugin, identity, store)
+    model = InstrumentedModel(cached, read) if read else cached
+    named = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
+    return StudyModel(model, named, candidates, adopted, plugin=plugin)
 
 
 def scene_model(
-    path: Path, file: StudyFile, results: Path, measurements: Measurements, report: Report | None
+    path: Path, file: StudyFile, results: Path, measurements: Measurements, files: EffectFiles
 ) -> StudyModel:
     """Simulator of scenes; its runs stand in the ledger of a campaign."""
     from taichi_erosion.evidence.models import simulator as scenes
 
     runs = results if file.study.runs is None else path.parent / file.study.runs
-    simulator = scenes.study_simulator(path, file, measurements, runs)
-    simulator.report = report
+    simulator = scenes.study_simulator(path, file, measurements, runs, files)
     candidates = scenes.library_candidates(file, simulator, str(path))
     adopted = tuple(
         scenes.library_candidate(simulator, name, entry, file.conditions)
@@ -168,23 +179,25 @@ def observable_of(name: str, entry: ObservableEntry) -> Observable:
     return Observable(name, entry.transform, floor, entry.sd_shared, entry.sd_numerical, relative)
 
 
-def candidates_of(file: StudyFile, name: str) -> Sequence[Candidate]:
-    """Effects to try: those of the list, or all that have a table, without the adopted ones."""
+def candidates_of(file: StudyFile, name: str, own: Mapping[str, Candidate]) -> Sequence[Candidate]:
+    """Effects to try, without the adopted ones: those of the list, or all that have a table, and own ones."""
     stated = file.candidates
     listed = () if stated.effects == (ALL,) else stated.effects
     for effect in stated.tables:
-        if listed and effect not in listed:
+        if listed and effect not in (*listed, *own):
             raise BadInput(f"{name}: candidates.{effect} is not in candidates.effects = {list(listed)}")
     return [
-        candidate_of(effect, stated.tables.get(effect, CandidateEntry()))
-        for effect in dict.fromkeys(listed or stated.tables)
+        candidate_of(effect, stated.tables.get(effect, CandidateEntry()), own.get(effect))
+        for effect in dict.fromkeys((*(listed or stated.tables), *own))
         if effect not in file.adopted
     ]
 
 
-def candidate_of(name: str, entry: CandidateEntry | AdoptedEntry) -> Candidate:
-    """An effect with what the study states of it."""
-    return with_stated(Candidate(name), prior_scale=entry.prior_scale, maximum=entry.max)
+def candidate_of(
+    name: str, entry: CandidateEntry | AdoptedEntry, known: Candidate | None = None
+) -> Candidate:
+    """An effect with what the study states of it, and what its file says otherwise."""
+    return with_stated(known or Candidate(name), prior_scale=entry.prior_scale, maximum=entry.max)
 
 
 def results_folder(path: Path, file: StudyFile) -> Path:

@@ -16,7 +16,7 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import Ledger, open_ledger
-from taichi_erosion.campaign.request import Report, RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
@@ -33,11 +33,13 @@ from taichi_erosion.evidence.data.problem import (
     with_stated,
 )
 from taichi_erosion.evidence.data.transforms import effect_of
-from taichi_erosion.evidence.data.units import conversion, parse_unit
-from taichi_erosion.run.checks import read_scene
+from taichi_erosion.run.checks import EffectFiles, read_scene, scene_effect_files
 from taichi_erosion.scene import Scene, scene_hash
+from taichi_erosion.scene.schema.conditions import Conditions as PredefinedConditions
+from taichi_erosion.scene.schema.units import conversion, parse_unit
 
 CONDITIONS = "conditions."  # prefix of the dotted path of a condition
+EXTRA, VALUE = "extra.", ".value"  # of the long path of a condition that a user declares
 # read by effects alone: without such an effect the run does not depend on them
 FOR_EFFECTS = ("moisture", "angularity", "clay_fraction", "organic_fraction", "salinity", "rest_duration")
 MOST_SCENES = 20_000  # validated scenes that are kept
@@ -60,7 +62,8 @@ class Simulator:
     measures: Mapping[str, SceneMeasure]
     library: Mapping[str, Effect]
     folder: Path  # of the ledger
-    report: Report | None = None
+    effect_files: EffectFiles = ()  # of the study and its scenes
+    own: tuple[str, ...] = ()  # effects of the study's files: candidates
     ledger: Ledger | None = field(default=None, repr=False)
 
     def __call__(
@@ -73,9 +76,9 @@ class Simulator:
             at = {
                 path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)
             }
-            scene = cached_scene(measure.scene, self.overrides(measure, at, parameters, effects))
+            scene = self.scene(measure.scene, self.overrides(measure, at, parameters, effects))
             requests += [request_of(scene, int(seed)) for seed in seeds]
-        results = execute(requests, self.opened(), progress=self.report)
+        results = execute(requests, self.opened())
         refuse_if_all_failed(results, observable)
         values = np.array([value_in_unit(result, measure) for result in results])
         return values.reshape(-1, len(seeds)).T
@@ -91,7 +94,7 @@ class Simulator:
         acting = {
             name: psi for name, psi in effects.items() if psi != 0.0 and self.can_act(name, measure.scene, at)
         }
-        present = {*acting, *acting_effects(measure.scene)}
+        present = {*acting, *self.acting_effects(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
         kept = {
             path: value for path, value in at.items() if isfinite(value) and condition_matters(path, read)
@@ -107,7 +110,37 @@ class Simulator:
     def can_act(self, effect: str, scene: Path, at: Mapping[str, float]) -> bool:
         """Whether an effect can act under some conditions; the scene may state what they leave out."""
         columns = {path: np.array([value]) for path, value in at.items()}
-        return bool(effect_mask(self.library[effect], columns, stated_conditions(scene))[0])
+        return bool(self.effect_mask(self.library[effect], columns, scene)[0])
+
+    def scene(self, path: Path, overrides: tuple[str, ...] = ()) -> Scene:
+        """A validated scene, with the effects of the study's files."""
+        return cached_scene(path, overrides, self.effect_files)
+
+    def acting_effects(self, scene: Path) -> set[str]:
+        """Effects that act in a scene as its file stands; one of strength 0 only states its parameters."""
+        entries = self.scene(scene).effects
+        return {name for name, entry in entries.items() if entry.get(STRENGTH, 1.0) > 0.0}
+
+    def stated_numbers(self, scene: Path, effect: str) -> Numbers:
+        """Numbers of an effect, but for its strength, that a scene states itself."""
+        entries = self.scene(scene).effects.get(effect, {})
+        return {name: value for name, value in entries.items() if name != STRENGTH}
+
+    def effect_mask(self, effect: Effect, columns: Conditions, scene: Path) -> Bools:
+        """Rows in which an effect can act; what a row leaves out is as the scene states it."""
+        known = self.known_conditions(columns, scene)
+        return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), row_count(columns))
+
+    def known_conditions(self, columns: Conditions, scene: Path) -> Conditions:
+        """Conditions of rows as effects read them; what a row leaves out is as the scene states it."""
+        stated = self.scene(scene).conditions
+        known = {name: np.full(row_count(columns), value) for name, value in stated.stated().items()}
+        for path, column in columns.items():
+            name = condition_name(path)
+            if name is not None and bool(np.isfinite(column).any()):
+                values = column * (stated.extra[name].factor if name in stated.extra else 1.0)
+                known[name] = np.where(np.isfinite(column), values, known.get(name, np.nan))
+        return known
 
     def opened(self) -> Ledger:
         """The ledger, opened at first need."""
@@ -117,21 +150,23 @@ class Simulator:
 
 
 @lru_cache(maxsize=MOST_SCENES)
-def cached_scene(path: Path, overrides: tuple[str, ...]) -> Scene:
+def cached_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles) -> Scene:
     """A validated scene; the observables of one scene need the same ones."""
-    return read_scene(path, overrides)
+    return read_scene(path, overrides, effect_files)
 
 
-def acting_effects(scene: Path) -> set[str]:
-    """Effects that act in a scene as its file stands; one of strength 0 only states its parameters."""
-    entries = cached_scene(scene, ()).effects
-    return {name for name, entry in entries.items() if entry.get(STRENGTH, 1.0) > 0.0}
+def condition_name(path: str) -> str | None:
+    """Name of the condition that a dotted path sets, None for a path of another section."""
+    if not path.startswith(CONDITIONS):
+        return None
+    return path.removeprefix(CONDITIONS).removeprefix(EXTRA).removesuffix(VALUE)
 
 
 def condition_matters(path: str, read: set[str]) -> bool:
     """Whether a condition can change a run in which the conditions `read` are read by effects."""
-    name = path.removeprefix(CONDITIONS)
-    return not path.startswith(CONDITIONS) or name not in FOR_EFFECTS or name in read
+    name = condition_name(path)
+    for_effects = name in FOR_EFFECTS or name not in PredefinedConditions.model_fields
+    return name is None or not for_effects or name in read
 
 
 def parameter_matters(path: str, present: Collection[str]) -> bool:
@@ -143,33 +178,6 @@ def parameter_matters(path: str, present: Collection[str]) -> bool:
 def dotted_paths(name: str) -> list[str]:
     """Dotted paths that a column sets: one, or several joined by commas."""
     return [path.strip() for path in name.split(",")]
-
-
-def stated_conditions(scene: Path) -> Numbers:
-    """Conditions that a scene states itself."""
-    return cached_scene(scene, ()).conditions.model_dump(exclude_none=True)
-
-
-def stated_numbers(scene: Path, effect: str) -> Numbers:
-    """Numbers of an effect, but for its strength, that a scene states itself."""
-    entries = cached_scene(scene, ()).effects.get(effect, {})
-    return {name: value for name, value in entries.items() if name != STRENGTH}
-
-
-def effect_mask(effect: Effect, columns: Conditions, stated: Mapping[str, float]) -> Bools:
-    """Rows in which an effect can act; what a row leaves out is as the scene states it."""
-    known = known_conditions(columns, stated)
-    return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), row_count(columns))
-
-
-def known_conditions(columns: Conditions, stated: Mapping[str, float]) -> Conditions:
-    """Conditions of rows by name; what a row leaves out is as the scene states it."""
-    known = {name: np.full(row_count(columns), value) for name, value in stated.items()}
-    for path, column in columns.items():
-        name = path.removeprefix(CONDITIONS)
-        if path.startswith(CONDITIONS) and bool(np.isfinite(column).any()):
-            known[name] = np.where(np.isfinite(column), column, known.get(name, np.nan))
-    return known
 
 
 def value_in_unit(result: RunResult, measure: SceneMeasure) -> float:
@@ -192,27 +200,40 @@ def refuse_if_all_failed(results: Sequence[RunResult], observable: str) -> None:
         raise SimulationStopped(f"{observable}: all {len(results)} runs stopped; the first: {failures[0]}")
 
 
-def study_simulator(path: Path, file: StudyFile, table: Measurements, folder: Path) -> Simulator:
+def study_simulator(
+    path: Path, file: StudyFile, table: Measurements, folder: Path, effect_files: EffectFiles = ()
+) -> Simulator:
     """Simulator of the scenes of a study; raises BadInput where a scene cannot answer."""
+    from taichi_erosion.core.effect_loading import effect_in
     from taichi_erosion.effects import load_library
 
+    scenes = {(path.parent / str(entry.scene)).resolve() for entry in file.observables.values()}
+    files = all_effect_files(sorted(scenes), effect_files)
+    own = tuple(effect_in(each).name for each in effect_files)
+    simulator = Simulator({}, load_library(files), folder, files, own)
     numbers = scene_numbers(file, table)
     units = dict(zip(table.observable, table.unit, strict=True))
     measures, refusals = {}, {}
     for name, entry in file.observables.items():
         assert entry.scene is not None
         scene = (path.parent / entry.scene).resolve()
-        measure, there = entry.measure or name, cached_scene(scene, ()).measure
+        measure, there = entry.measure or name, simulator.scene(scene).measure
         if measure not in there:
             found = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
             raise BadInput(f"{path}: observables.{name}: {found}")
-        refusals |= {(scene, number): refusal(scene, number, value) for number, value in numbers.items()}
+        refusals |= {(scene, n): refusal(simulator, scene, n, value) for n, value in numbers.items()}
         accepted_paths = frozenset(number for number in numbers if refusals[scene, number] is None)
         measures[name] = SceneMeasure(scene, measure, units[name], accepted_paths)
     for (_, number), reason in refusals.items():
         if not any(number in measure.accepted_paths for measure in measures.values()):
             raise BadInput(f"{path}: {number} fits no scene of the study: {reason}")
-    return Simulator(measures, load_library(), folder)
+    return replace(simulator, measures=measures)
+
+
+def all_effect_files(scenes: Sequence[Path], effect_files: EffectFiles) -> EffectFiles:
+    """Effect files of a study and those that its scenes name."""
+    named = [each for scene in scenes for each in scene_effect_files(cached_scene(scene, (), effect_files))]
+    return tuple(dict.fromkeys((*effect_files, *named)))
 
 
 def scene_numbers(file: StudyFile, table: Measurements) -> Numbers:
@@ -227,10 +248,10 @@ def scene_numbers(file: StudyFile, table: Measurements) -> Numbers:
     return conditions | {name: entry.start for name, entry in file.parameters.items()}
 
 
-def refusal(scene: Path, number: str, value: float) -> str | None:
+def refusal(simulator: Simulator, scene: Path, number: str, value: float) -> str | None:
     """Why a scene cannot take a number, None where it can."""
     try:
-        cached_scene(scene, (f"{number}={value!r}",))
+        simulator.scene(scene, (f"{number}={value!r}",))
     except BadInput as error:
         return str(error)
     return None
@@ -239,13 +260,15 @@ def refusal(scene: Path, number: str, value: float) -> str | None:
 def scene_identity(simulator: Simulator) -> str:
     """Names and hashes of the scenes that answer."""
     scenes = dict.fromkeys(measure.scene for measure in simulator.measures.values())
-    return ", ".join(f"{scene.name} {scene_hash(cached_scene(scene, ()))}" for scene in scenes)
+    named = [f"{scene.name} {scene_hash(simulator.scene(scene))}" for scene in scenes]
+    return ", ".join([*named, *(f"{file.path.name} {file.digest}" for file in simulator.effect_files)])
 
 
 def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list[Candidate]:
     """Effects of the library that a study tries, with the priors of the library and of the study."""
     wanted, library = file.candidates, simulator.library
     names = list(library) if wanted.effects == (ALL,) else list(wanted.effects or wanted.tables)
+    names += simulator.own  # to name a file is to try its effect
     for effect in (*names, *wanted.tables, *file.adopted):
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
@@ -304,7 +327,7 @@ def level_count(file: StudyFile, table: Measurements, candidate: Candidate, effe
 def stated_value(simulator: Simulator, effect: Effect, name: str) -> float:
     """A number of an effect as the scenes state it, else its usual value."""
     for measure in simulator.measures.values():
-        entry = stated_numbers(measure.scene, effect.name)
+        entry = simulator.stated_numbers(measure.scene, effect.name)
         if name in entry:
             return entry[name]
     return getattr(effect.params(), name)
@@ -326,4 +349,4 @@ def can_act(
     """Rows of a table in which an effect can act in some scene of the study."""
     by_path = {path: column for name, column in conditions.items() for path in dotted_paths(columns[name])}
     scenes = {measure.scene for measure in simulator.measures.values()}
-    return np.any([effect_mask(effect, by_path, stated_conditions(scene)) for scene in scenes], axis=0)
+    return np.any([simulator.effect_mask(effect, by_path, scene) for scene in scenes], axis=0)

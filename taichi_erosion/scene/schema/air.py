@@ -17,8 +17,9 @@ from taichi_erosion.core.air_setup import (
     SideKind,
 )
 from taichi_erosion.scene.schema import fields
+from taichi_erosion.scene.schema.conditions import Conditions
 from taichi_erosion.scene.schema.fields import Name, SceneFile, Section, Vector
-from taichi_erosion.scene.schema.scene import Conditions, Measured
+from taichi_erosion.scene.schema.scene import Measured
 
 MOST_CELLS = 20_000_000  # about 8 GB of state
 LONGEST = 1e5  # longest run [s]

@@ -3,7 +3,7 @@
 Every section of a scene is a `Section`: frozen, strict about types, closed to unknown keys.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
@@ -21,6 +21,8 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import PydanticCustomError
+
+from taichi_erosion.core.effect_file import EffectFile
 
 Vector = tuple[float, float, float]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
@@ -71,6 +73,13 @@ def numbers_in(value: Any) -> Iterator[float]:
         yield value
 
 
+def unknown_key(key: str, known: Iterable[str], also: str = "") -> PydanticCustomError:
+    """Error of a key that a section does not have; `also` is a remedy where no known key is near."""
+    near = get_close_matches(key, known, n=1, cutoff=0.5)
+    hint = f"did you mean '{near[0]}'?" if near else f"allowed: {', '.join(known)}{also}"
+    return PydanticCustomError("unknown", "{hint}", {"hint": hint, "key": key})
+
+
 class Section(BaseModel):
     """One section of a scene file."""
 
@@ -81,10 +90,7 @@ class Section(BaseModel):
     def _refuse_unknown(cls, table: Any) -> Any:
         unknown = [key for key in table if key not in cls.model_fields] if isinstance(table, dict) else []
         if unknown:
-            near = get_close_matches(str(unknown[0]), cls.model_fields, n=1, cutoff=0.5)
-            allowed = ", ".join(cls.model_fields)
-            hint = f"did you mean '{near[0]}'?" if near else f"allowed: {allowed}"
-            raise PydanticCustomError("unknown", "{hint}", {"hint": hint, "key": str(unknown[0])})
+            raise unknown_key(str(unknown[0]), cls.model_fields)
         return table
 
     @field_validator("*")
@@ -125,6 +131,8 @@ class SceneFile(Section):
 
     _folder: Path = PrivateAttr(default=Path())
     _file: str = PrivateAttr(default="scene")
+    _effect_files: tuple[EffectFile, ...] = PrivateAttr(default=())
+    _effect_digests: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @property
     def folder(self) -> Path:
@@ -135,6 +143,16 @@ class SceneFile(Section):
     def file(self) -> str:
         """Name of the scene file as the user wrote it, for messages."""
         return self._file
+
+    @property
+    def effect_files(self) -> tuple[EffectFile, ...]:
+        """Files of the effects that the scene names and that are not in the package."""
+        return self._effect_files
+
+    @property
+    def effect_digests(self) -> dict[str, str]:
+        """Digests of the effects that the scene names and that are not in the package, by name."""
+        return self._effect_digests
 
 
 def resolved(scene: SceneFile) -> dict[str, Any]:

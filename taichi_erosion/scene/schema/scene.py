@@ -1,6 +1,7 @@
 """A scene file as typed, frozen records: the only place where defaults stand."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from difflib import get_close_matches
 from math import isfinite
 from typing import Literal
 
@@ -15,6 +16,7 @@ from taichi_erosion.core.setup import (
     RollingLaw,
     Setup,
 )
+from taichi_erosion.scene.schema.conditions import Conditions
 from taichi_erosion.scene.schema.fields import (
     FASTEST,
     Direction,
@@ -67,29 +69,9 @@ class Head(Section):
     ] = Field(description="kind of apparatus")
     title: str = Field(default="", max_length=200, description="one line for people")
     notes: str = Field(default="", max_length=20_000, description="assumptions and sources")
-
-
-class Conditions(Section):
-    """What a laboratory writes beside a measurement; effects read them."""
-
-    moisture: float | None = number(None, "kg kg-1", "mass of water over mass of solid", 0.0, 1.0)
-    temperature: float | None = number(None, "K", "air temperature", 200.0, 400.0)
-    relative_humidity: float | None = number(None, "1", "relative humidity of the air", 0.0, 1.0)
-    pressure: float | None = number(None, "Pa", "air pressure", 1e2, 2e5)
-    altitude: float | None = number(None, "m", "height above sea level", -500.0, 9000.0)
-    slope: float | None = number(None, "deg", "slope of the bed, uphill positive", -90.0, 90.0)
-    wind_speed: float | None = number(None, "m s-1", "free-stream wind speed", 0.0, 100.0)
-    friction_velocity: float | None = number(None, "m s-1", "friction velocity u*", 0.0, 10.0)
-    diameter: float | None = number(None, "m", "grain diameter as the laboratory states it", 1e-6, 1.0)
-    angularity: float | None = number(None, "1", "shape index: 0 round, 1 most angular", 0.0, 1.0)
-    clay_fraction: float | None = number(None, "kg kg-1", "mass fraction of clay", 0.0, 1.0)
-    organic_fraction: float | None = number(None, "kg kg-1", "mass fraction of organic matter", 0.0, 1.0)
-    salinity: float | None = number(None, "kg kg-1", "mass fraction of salts", 0.0, 1.0)
-    roughness_density: float | None = number(
-        None, "1", "frontal area of stones or plants over ground area", 0.0, 10.0
+    effect_files: tuple[str, ...] = Field(
+        default=(), description="Python files with effects of your own, relative to the scene file"
     )
-    fetch: float | None = number(None, "m", "length of loose bed upwind of the trap", 0.0, 1e6)
-    rest_duration: float | None = number(None, "s", "time at rest before the test", 0.0, 1e9)
 
 
 class Run(Section):
@@ -317,11 +299,19 @@ def effect_problems(scene: Scene, known: Known | None) -> Iterator[str]:
         if known is None:
             continue
         if name not in known:
-            yield f"effects.{name} is unknown; known effects: {', '.join(sorted(known)) or 'none'}"
+            yield f"effects.{name} is unknown; {effect_hint(name, known)}"
             continue
         for key in values:
             if key not in known[name]:
                 yield f"effects.{name}.{key} is unknown; allowed: {', '.join(known[name])}"
+
+
+def effect_hint(name: str, known: Known) -> str:
+    """What to do about an effect that is not there."""
+    near = get_close_matches(name, known, n=1, cutoff=0.75)
+    own = "one of your own: --effect FILE, or effect_files under [scene] or [study]"
+    meant = f"did you mean '{near[0]}'?" if near else f"known effects: {', '.join(sorted(known)) or 'none'}"
+    return f"{meant}; {own}"
 
 
 def observable_problems(measures: Iterable[str], known: Collection[str] | None) -> Iterator[str]:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.evidence.data.units import UnknownUnit, conversion, parse_unit
+from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_unit
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,146 @@
+"""Execution of effect files, and the check that what they define is an effect of this interface.
+
+A file that cannot be used ends in one line: file, line, what is wrong, what to do.
+"""
+
+import inspect
+import linecache
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import MISSING, fields, is_dataclass
+from difflib import get_close_matches
+from functools import lru_cache
+from types import ModuleType
+from typing import Any, get_args
+
+from taichi_erosion.core.effect import Effect, Place
+from taichi_erosion.core.effect_file import EffectFile
+from taichi_erosion.core.errors import BadInput
+
+MEMBER = "EFFECT"  # name of the record in an effect's file
+REMEDY = "`effects new NAME` writes a file of the present interface"
+ON_DEVICE = ("pair", "first_contact", "grain")  # places of effects whose `act` is a ti.func
+MOST_FILES = 64  # executed files that are kept
+UNKNOWN_ENTRY = re.compile(r"unexpected keyword argument '(\w+)'")
+MISSING_ENTRIES = re.compile(r"missing \d+ required \S+ arguments?: (.*)")
+ACT = {
+    "pair": ("constants", "pair"),
+    "first_contact": ("constants", "contact"),
+    "grain": ("constants", "grain"),
+    "scene": ("params", "strength", "conditions", "scene"),
+    "instrument": ("params", "strength", "conditions", "observable", "value"),
+}
+STATES = {"pair": ("state_i", "state_j"), "grain": ("state",)}
+ARGUMENTS = {
+    "constants": ("params", "strength", "conditions"),
+    "initial_state": ("params", "strength", "conditions"),
+    "update_state": ("constants", "grain", "state"),
+    "reach": ("constants", "radius"),
+    "dose": ("params", "conditions"),
+    "can_act": ("conditions",),
+    "checks": ("probe",),
+}
+
+
+@lru_cache(maxsize=MOST_FILES)
+def effect_in(file: EffectFile) -> Effect:
+    """The effect that a file defines; the file is executed once. Raises BadInput."""
+    effect = getattr(executed(file), MEMBER, None)
+    return checked_effect(effect, str(file))
+
+
+def checked_effect(effect: Any, origin: str) -> Effect:
+    """The effect itself. Raises BadInput for anything else, or one of another interface."""
+    if not isinstance(effect, Effect):
+        raise BadInput(f"{origin}: holds no {MEMBER} = Effect(...); {REMEDY}")
+    problem = interface_problem(effect)
+    if problem is not None:
+        raise BadInput(f"{origin}: {problem}; {REMEDY}")
+    return effect
+
+
+def executed(file: EffectFile) -> ModuleType:
+    """Module of the text of a file; the compiler reads that text too, whatever becomes of the file."""
+    name, source = f"effect_{file.path.stem}_{file.digest}", f"{file.path}:{file.digest}"
+    linecache.cache[source] = (len(file.text), None, file.text.splitlines(keepends=True), source)
+    module = sys.modules[name] = ModuleType(name)  # dataclasses look their module up by name
+    module.__file__ = str(file.path)
+    try:
+        exec(compile(file.text, source, "exec"), module.__dict__)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise BadInput(f"{file}: {failure(error, source)}") from None
+    return module
+
+
+def failure(error: BaseException, source: str) -> str:
+    """Line of a file in which an error arose, the error, and what to do."""
+    if isinstance(error, SyntaxError) and error.filename == source:
+        return f"line {error.lineno}: is not Python: {error.msg}"
+    line, trace = 0, error.__traceback__
+    while trace is not None:
+        line = trace.tb_lineno if trace.tb_frame.f_code.co_filename == source else line
+        trace = trace.tb_next
+    return f"line {line}: {' '.join(reason(error).split())}"
+
+
+def reason(error: BaseException) -> str:
+    """What went wrong in the user's words; an interface that has changed is named as such."""
+    text = str(error)
+    if isinstance(error, TypeError) and "Effect." in text:
+        names = [f.name for f in fields(Effect)]
+        if unknown := UNKNOWN_ENTRY.search(text):
+            near = get_close_matches(unknown[1], names, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"it has {', '.join(names)}"
+            return f"Effect has no entry '{unknown[1]}'; {hint}; {REMEDY}"
+        if missing := MISSING_ENTRIES.search(text):
+            return f"Effect lacks {missing[1]}; {REMEDY}"
+    if isinstance(error, ImportError) and "taichi_erosion" in (error.name or ""):
+        return f"{text}; effects import from taichi_erosion.core.effect; {REMEDY}"
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def interface_problem(effect: Effect) -> str | None:
+    """In what an effect differs from the interface, None where it keeps it."""
+    if effect.place not in get_args(Place):
+        return f"place = '{effect.place}' is not one of {', '.join(get_args(Place))}"
+    if not (is_dataclass(effect.params) and isinstance(effect.params, type)):
+        return "params is not a dataclass"
+    if any(f.default is MISSING for f in fields(effect.params)):
+        return "a number of params has no default; declare it by quantity(default, unit, meaning)"
+    if effect.place in ON_DEVICE and effect.constants is None:
+        return f"an effect of place '{effect.place}' needs constants(params, strength, conditions)"
+    if (effect.place in ON_DEVICE) != is_device_function(effect.act):
+        must = "must be" if effect.place in ON_DEVICE else "runs on the host and must not be"
+        return f"act {must} a ti.func for place '{effect.place}'"
+    if isinstance(effect.reads, str) or not all(isinstance(name, str) for name in effect.reads):
+        return "reads must be a tuple of names of conditions, such as ('moisture',)"
+    return next(argument_problems(effect), None)
+
+
+def is_device_function(function: Any) -> bool:
+    """Whether a function was decorated with ti.func."""
+    return bool(getattr(function, "_is_taichi_function", False))
+
+
+def argument_problems(effect: Effect) -> Any:
+    """Functions that do not take the arguments with which they are called."""
+    wanted = {"act": ACT[effect.place], **ARGUMENTS}
+    if effect.grain_state is not None:
+        wanted["act"] += STATES[effect.place]
+    for name, arguments in wanted.items():
+        function = getattr(effect, name)
+        if function is not None and not takes(function, len(arguments)):
+            yield f"{name} must take ({', '.join(arguments)})"
+
+
+def takes(function: Callable[..., Any], count: int) -> bool:
+    """Whether a function can be called with so many arguments."""
+    try:
+        inspect.signature(function).bind(*range(count))
+    except TypeError:
+        return False
+    except ValueError:  # built in, without a signature
+        return callable(function)
+    return True

@@ -1,0 +1,109 @@
+"""Conditions of an experiment: those that every scene may state, and those that a user declares."""
+
+from typing import Any
+
+from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
+
+from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number, unit_of, unknown_key
+from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_unit
+
+LARGEST = 1e30  # values beyond it are taken for a slip
+DECLARE = '; a condition of your own: [conditions.extra] NAME = { unit = "...", value = ... }'
+ON_DEVICE = ("grain_diameter", "bed_height")  # names that effects on the device read beside the conditions
+
+
+class ExtraCondition(Section):
+    """A condition that a user declares; effects read it in SI units."""
+
+    unit: str = Field(max_length=60, description="unit of its value, and of a study's column that sets it")
+    value: float | None = number(
+        None, "unit", "value; left out: not known, or a column sets it", -LARGEST, LARGEST
+    )
+    meaning: str = Field("", max_length=200, description="one line for people")
+
+    @field_validator("unit")
+    @classmethod
+    def _is_a_unit(cls, unit: str) -> str:
+        try:
+            parse_unit(unit)
+        except UnknownUnit:
+            raise contradiction(f"'{unit}' is not a known unit; allowed: {EXAMPLES}") from None
+        return unit
+
+    @property
+    def factor(self) -> float:
+        """Factor from its unit to SI."""
+        return parse_unit(self.unit).factor
+
+
+class Conditions(Section):
+    """What a laboratory writes beside a measurement; effects read them."""
+
+    moisture: float | None = number(None, "kg kg-1", "mass of water over mass of solid", 0.0, 1.0)
+    temperature: float | None = number(None, "K", "air temperature", 200.0, 400.0)
+    relative_humidity: float | None = number(None, "1", "relative humidity of the air", 0.0, 1.0)
+    pressure: float | None = number(None, "Pa", "air pressure", 1e2, 2e5)
+    altitude: float | None = number(None, "m", "height above sea level", -500.0, 9000.0)
+    slope: float | None = number(None, "deg", "slope of the bed, uphill positive", -90.0, 90.0)
+    wind_speed: float | None = number(None, "m s-1", "free-stream wind speed", 0.0, 100.0)
+    friction_velocity: float | None = number(None, "m s-1", "friction velocity u*", 0.0, 10.0)
+    diameter: float | None = number(None, "m", "grain diameter as the laboratory states it", 1e-6, 1.0)
+    angularity: float | None = number(None, "1", "shape index: 0 round, 1 most angular", 0.0, 1.0)
+    clay_fraction: float | None = number(None, "kg kg-1", "mass fraction of clay", 0.0, 1.0)
+    organic_fraction: float | None = number(None, "kg kg-1", "mass fraction of organic matter", 0.0, 1.0)
+    salinity: float | None = number(None, "kg kg-1", "mass fraction of salts", 0.0, 1.0)
+    roughness_density: float | None = number(
+        None, "1", "frontal area of stones or plants over ground area", 0.0, 10.0
+    )
+    fetch: float | None = number(None, "m", "length of loose bed upwind of the trap", 0.0, 1e6)
+    rest_duration: float | None = number(None, "s", "time at rest before the test", 0.0, 1e9)
+    extra: dict[Name, ExtraCondition] = Field(default={}, description="conditions of the user's own, by name")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_values_of_extra(cls, table: Any) -> Any:
+        """The table with `NAME = 3.0` taken for the value of [conditions.extra] NAME."""
+        if not isinstance(table, dict):
+            return table
+        declared = table.get("extra", {})
+        declared = declared if isinstance(declared, dict) else {}
+        for key in table:
+            if key not in cls.model_fields and key not in declared:
+                raise unknown_key(str(key), [*cls.model_fields, *declared], DECLARE)
+        stated = {key: table[key] for key in table if key not in cls.model_fields}
+        extra = {
+            name: {**entry, "value": stated[name]} if name in stated and isinstance(entry, dict) else entry
+            for name, entry in declared.items()
+        }
+        rest = {key: value for key, value in table.items() if key not in stated}
+        return rest | ({"extra": extra} if extra else {})
+
+    @field_validator("extra")
+    @classmethod
+    def _have_names_of_their_own(cls, extra: dict[str, ExtraCondition]) -> dict[str, ExtraCondition]:
+        for name in extra:
+            if name in cls.model_fields:
+                unit = unit_of(cls.model_fields[name])
+                raise contradiction(f"{name} is among [conditions] already, in {unit}; state it there")
+            if name in ON_DEVICE:
+                raise contradiction(f"{name} is a number that effects get from the scene; take another name")
+        return extra
+
+    @model_serializer(mode="wrap")
+    def _leave_out_no_extra(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        table = dump(self)
+        if not self.extra:
+            table.pop("extra", None)
+        return table
+
+    def stated(self) -> dict[str, float]:
+        """Conditions that have a value, by name; those of [conditions.extra] in SI units."""
+        own = {name: e.value * e.factor for name, e in self.extra.items() if e.value is not None}
+        table = {name: getattr(self, name) for name in type(self).model_fields if name != "extra"}
+        return {name: float(value) for name, value in table.items() if value is not None} | own
+
+    def unit_of(self, name: str) -> str | None:
+        """Unit in which a condition is stated; None for one that is not there."""
+        if name in self.extra:
+            return self.extra[name].unit
+        return unit_of(type(self).model_fields[name]) if name in type(self).model_fields else None
