@@ -15,7 +15,6 @@ so that grains of velocity v with drag  beta (u - v)  give  f = beta v.  All are
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import upload, write
+from taichi_erosion.core.transfer import device_record, upload, write
 
 real = ti.f64
 
@@ -40,7 +39,7 @@ FROM_SETUP = ("time_step", "density", "viscosity", "friction_velocity", "implici
 FROM_CONSTANTS = ("karman", "sublayer", "van_driest", "smagorinsky", "length_most", "length_share")
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class KrylovFields:
     """Fields of the conjugate gradients on the finest level, by replica, column and layer."""
 
@@ -54,7 +53,7 @@ class KrylovFields:
     direction_weight: Any  # new residual product over old one, by replica
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class AirNumbers:
     """Clock, box, fluid and closure constants by replica."""
 
@@ -78,7 +77,7 @@ class AirNumbers:
     side_roughness: Any  # z0 [m] by replica and side
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Air:
     """Fields of the air of all replicas, and the choices compiled into its kernels."""
 

@@ -12,7 +12,6 @@ Reference: Kraichnan (1970), Phys. Fluids 13, 22; Pope (2000), Turbulent Flows, 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ import numpy as np
 from taichi_erosion.core.air_setup import AirSetup, InletTurbulence
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import write
+from taichi_erosion.core.transfer import device_record, write
 
 real = ti.f64
 
@@ -29,7 +28,7 @@ TABLE = 4096  # wave numbers tabulated between the longest and the shortest wave
 LONGEST, SHORTEST = 0.05, 50.0  # wave numbers times L_e between which waves are drawn [1]
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class InletWaves:
     """Random waves of all replicas, by replica and wave."""
 

@@ -6,15 +6,15 @@ Without states nothing of this is compiled in.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 from taichi_erosion.core.effect import Constants, Effect, ReplicaEffect
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import read, upload, write
+from taichi_erosion.core.transfer import device_record, read, upload, write
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class DeviceEffects:
     """Device functions of the effects of one place of a run; each reads the constants of its replica."""
 

@@ -10,7 +10,7 @@ interval; `state_before=None` stands for the initial state. The device must have
 that act on it.
 """
 
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, fields, replace
 from math import pi
 from typing import Any
 
@@ -36,7 +36,7 @@ from taichi_erosion.core.effect_device import (
     update_states,
 )
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import download, read, upload
+from taichi_erosion.core.transfer import device_record, download, read, upload
 
 PAIR = {  # two grains of 0.2 mm in contact
     "gap": 0.0,
@@ -76,7 +76,7 @@ PLACE_I, PLACE_J, PLACES = 0, 1, 2  # places of two grains whose state an effect
 TYPICAL = {"pair": PAIR, "first_contact": FIRST_CONTACT, "grain": GRAIN}
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Bench:
     """Fields that all device probes share, so that their kernels are built once."""
 

@@ -11,9 +11,9 @@ through one kernel and one f64 table instead, which holds f32 and i32 values exa
 
 import ctypes
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields
 from math import prod
-from typing import Any
+from typing import Any, TypeVar, dataclass_transform
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,6 +21,9 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.ti import impl, ti
 
+Kind = TypeVar("Kind")
+
+MEMBERS = "device_members"  # attribute of a class of device records: names of the members
 NUMPY_TYPES = {"f32": np.float32, "f64": np.float64, "i32": np.int32}
 
 
@@ -93,11 +96,28 @@ def view_at(field: Any, address: int) -> NDArray[Any]:
     return np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
 
 
+@dataclass_transform(frozen_default=True, eq_default=False)
+def device_record(kind: type[Kind]) -> type[Kind]:
+    """Class of a record that kernels take as one argument; its members are annotated and given once.
+
+    The class is made like a dataclass but is none: quadrants takes the members of a dataclass apart.
+    """
+    made: Any = dataclass(frozen=True, eq=False)(kind)
+    setattr(made, MEMBERS, tuple(entry.name for entry in fields(made)))
+    delattr(made, "__dataclass_fields__")
+    return made
+
+
+def members(record: Any) -> tuple[str, ...]:
+    """Names of the members of a device record or of its class, empty for anything else."""
+    return getattr(record, MEMBERS, ())
+
+
 def device_fields(owner: Any) -> Iterator[Any]:
-    """All fields of a record, those of nested records included."""
-    for entry in fields(owner):
-        value = getattr(owner, entry.name)
-        if is_dataclass(value):
+    """All fields of a device record, those of nested records included."""
+    for name in members(owner):
+        value = getattr(owner, name)
+        if members(value):
             yield from device_fields(value)
         elif hasattr(value, "dtype") and hasattr(value, "shape"):
             yield value

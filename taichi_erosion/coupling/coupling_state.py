@@ -1,7 +1,6 @@
 """State of the coupling on the device: sums of the grains per cell of air, and the exchange of momentum."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import prod
 from typing import Any
 
@@ -9,12 +8,12 @@ from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.effect import compile_grain_type
 from taichi_erosion.core.setup import Laws, Setup
-from taichi_erosion.core.transfer import upload, write
+from taichi_erosion.core.transfer import device_record, upload, write
 from taichi_erosion.coupling.drag import drag_law
 from taichi_erosion.grains.state import arrays, block
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class PartitionSums:
     """Sums over the grains of one partition in one cell of air: place (partition * replicas + r, cell)."""
 
@@ -25,7 +24,7 @@ class PartitionSums:
     volume_flow: Any  # sum of V v_z [m4 s-1]
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Exchange:
     """Interval, parameters and state of the exchange, one row a replica."""
 
@@ -39,7 +38,7 @@ class Exchange:
     pressure_lift: Any  # (replica, layer), pressure gradient that carries grains, upwards [Pa m-1]
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class CouplingState:
     """The air and its exchange with the grains; the three flags are compiled in."""
 

@@ -3,10 +3,10 @@
 `World` holds the fields and device functions of all replicas; kernels take it as one argument.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.effect_device import DeviceEffects
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.cells import Cells
 from taichi_erosion.grains.clumps import Clumps
 from taichi_erosion.grains.contact import ContactLaws
@@ -19,7 +19,7 @@ from taichi_erosion.grains.wall_contacts import WallList
 from taichi_erosion.grains.walls import Walls
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class World:
     """Fields and compiled laws of all replicas."""
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.state import arrays, side_block
 
 SPREAD = 2.0  # half width of the box over the standard deviation of the grains' positions [1]; few lie beyond
@@ -21,7 +22,7 @@ WIDER = 1.1  # factor on the width of cells while they are too many [1]
 PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Cells:
     """Cell grids of all replicas and the order of grains in them."""
 

@@ -11,16 +11,16 @@ positions of the spheres follow from their body in every step, so that a clump n
 Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., section 3.3.2.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.periodic import nearest_image
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.integrate import kick_time
 from taichi_erosion.grains.state import REBUILD, arrays, force_block, side_block
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Clumps:
     """Bodies of all replicas; replica r owns rows r * capacity on. Spheres go by row of the GrainTable."""
 

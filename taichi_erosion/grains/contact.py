@@ -7,12 +7,12 @@ The normal force is not clipped at zero: clipping would change the restitution.
 Reference: Tsuji et al. (1992), Powder Technology 71, 239.
 """
 
-from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 from taichi_erosion.core.setup import Laws
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.laws import (
     hertz,
     jkr,
@@ -31,7 +31,7 @@ ROLLING: dict[str, ModuleType] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class ContactLaws:
     """Device functions of a run, one per slot."""
 

@@ -9,14 +9,14 @@ which is stable however large the rate is. The momentum that drag gives to a gra
 air loses just that.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.state import block
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class FrozenDrag:
     """Frozen terms by grain place, both sides, as in `Grains`."""
 

@@ -1,6 +1,5 @@
 """Contact parameters on the device: one row a replica and pair of materials."""
 
-from dataclasses import dataclass, fields
 from math import pi, sqrt
 from typing import Any
 
@@ -8,13 +7,13 @@ import numpy as np
 
 from taichi_erosion.core.setup import ContactTable, Floats
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import upload
+from taichi_erosion.core.transfer import device_record, members, upload
 
 TSUJI = 2.0 * sqrt(5.0 / 6.0)  # factor of the damping force of a Hertz contact [1], Tsuji et al. (1992)
 RESTITUTION_LEAST = 1e-6  # stands for every smaller restitution [1]; log(0) has no value
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Materials:
     """Contact rows; `rows` of them a replica, those of `core.setup.pair_row` with `count` materials."""
 
@@ -33,7 +32,7 @@ class Materials:
 
 def allocate_materials(replicas: int, materials: int) -> Materials:
     rows = materials * (materials + 1) // 2
-    names = [f.name for f in fields(Materials)][2:]
+    names = members(Materials)[2:]
     return Materials(materials, rows, **{name: ti.field(float, shape=replicas * rows) for name in names})
 
 

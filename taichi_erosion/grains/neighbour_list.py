@@ -15,10 +15,10 @@ wide grain, R + h > L, is searched among all others instead. That costs little w
 crowd of them the skin is limited to h = max(m R, L - R).
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.state import block, side_block
 
 ENGAGED = 1  # bit of a label: the contact acts
@@ -28,7 +28,7 @@ ROW_SHIFT = 2  # of a label: above these bits stands the row of Materials
 WIDE_MOST = 150  # wide grains, beyond which they are a crowd; adjacent cells of a dense bed hold as many
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class NeighbourList:
     """Entries of all replicas, both sides."""
 

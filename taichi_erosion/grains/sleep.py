@@ -18,10 +18,10 @@ on both. The momentum that a sleeping grain receives goes to the ground, as from
 floor; its drag counts like that of any other.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.frozen_drag import apply_drag
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.grains.partition import barrier, owns_partition
@@ -37,7 +37,7 @@ RECORDING = 3  # asleep, and records anew the force of awake grains on it
 ASLEEP = 4
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Sleep:
     """Sleep state by grain place, both sides, as in `Grains`; the last two by replica."""
 

@@ -8,10 +8,10 @@ Positions are split as x = origin + shift: `origin` is exact (f64) and changes a
 the small displacement since then, so that single precision resolves overlaps of a millionth of a radius.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 
 REBUILD = 1  # of Replicas.need: a grain has left its skin
 STOP = 2  # of Replicas.need: two bodies overlap beyond the limit
@@ -20,7 +20,7 @@ CACHE_PADDING = 64  # numbers: four cache lines, so that writing the one in the 
 ARRIVAL_SLOT = CACHE_PADDING // 2  # the one in the middle
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Grains:
     """Sorted grains; two sides of `capacity` places a replica, forces on one side only."""
 
@@ -41,7 +41,7 @@ class Grains:
     spin_rate: Any  # vec3 [rad s-2] at the last step, by rank
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Source:
     """The GrainTable on the device: where each grain starts and at which step it is released."""
 
@@ -55,7 +55,7 @@ class Source:
     body: Any  # i32, clump of the sphere; the sphere's own row where there are no clumps
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Replicas:
     """One row a replica: clock, counters, box and faults."""
 

@@ -6,11 +6,11 @@ counts once, and not at all where the contact lies inside one of them. When a gr
 of a surface to the next, the contact history moves to the next entry.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.effect_device import total_vector_force
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.neighbour_list import (
@@ -44,7 +44,7 @@ from taichi_erosion.grains.walls import (
 SAME_POINT = 1e-6  # of the grain radius: closest points nearer than this are one point [1]
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class WallList:
     """Grains near walls: entries of all replicas, both sides, laid out as in `NeighbourList`."""
 

@@ -7,11 +7,11 @@ A surface of several primitives must act as one: where two primitives share an e
 edge may only be pushed once: `wall_contacts.py`, from the closest points found here.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.state import arrays
 
 PLANE = int(PrimitiveKind.PLANE)
@@ -19,7 +19,7 @@ REVOLVED = int(PrimitiveKind.REVOLVED)
 LENGTH_LEAST = 1e-30  # keeps directions finite for a centre on the wall itself [m]
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Walls:
     """Primitives and surfaces of all replicas; replica r owns rows r * primitives on, and r * surfaces on."""
 

@@ -7,17 +7,16 @@ is the shortest schedule with preemption.
 Reference: McNaughton (1959), Management Science 6, 1.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import upload
+from taichi_erosion.core.transfer import device_record, upload
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class Schedule:
     """Tasks of all workers, worker by worker: fields on the device, or lists on the host."""
 

@@ -1,5 +1,6 @@
 """Numbers that move between fields and NumPy: in place as through a kernel, of any type, shape and offset."""
 
+from dataclasses import FrozenInstanceError, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,27 @@ def some_fields() -> dict[str, Any]:
     turn, table = ti.Matrix.field(3, 3, ti.f32, shape=ROWS), ti.Vector.field(3, ti.f32, shape=(2, 3))
     member = ti.types.struct(first=ti.f32, second=ti.f64).field(shape=ROWS).second
     return shared | {"ghosts": ghosts, "turn": turn, "table": table, "member": member}
+
+
+@transfer.device_record
+class Cloud:
+    """Two fields and a number."""
+
+    count: int
+    position: Any
+    charge: Any
+
+
+def test_a_record_that_kernels_take_is_no_dataclass_and_keeps_its_members():
+    cloud = Cloud(2, charge="q", position="x")
+    assert not is_dataclass(cloud)
+    assert transfer.members(Cloud) == transfer.members(cloud) == ("count", "position", "charge")
+    assert (cloud.count, cloud.position, cloud.charge) == (2, "x", "q")
+    assert cloud != Cloud(2, "x", "q")
+    with pytest.raises(TypeError):
+        Cloud(2, "x")  # pyright: ignore[reportCallIssue]
+    with pytest.raises(FrozenInstanceError):
+        cloud.count = 3  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def numbers_for(field: Any) -> Any:

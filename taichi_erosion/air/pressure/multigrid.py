@@ -14,14 +14,13 @@ restriction is the transpose of that.
 Reference: Trottenberg, Oosterlee & Schueller (2001), Multigrid, sections 2.8, 4.7 and 5.1.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import write
+from taichi_erosion.core.transfer import device_record, write
 
 real = ti.f64
 
@@ -31,7 +30,7 @@ SWEEPS_PER_COLUMN = 2  # symmetric sweeps on the coarsest level, over the longer
 SWEEPS_MOST = 12
 
 
-@dataclass(frozen=True, eq=False)
+@device_record
 class MultigridLevels:
     """Conductances of low faces, right-hand sides and solutions by replica, column and layer."""
 
