@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from taichi_erosion.campaign import calibration_steps as calculate
+from taichi_erosion.campaign.calibrated_scene import write_calibrated_scenes
 from taichi_erosion.campaign.calibration_steps import Climb, Confirmed, ResponseSurface, Screening
 from taichi_erosion.campaign.design_runs import DesignRun, DesignRunner
 from taichi_erosion.campaign.execute import SIMULATE
@@ -104,6 +105,8 @@ def run_last_steps(
             confirmed = found.confirmed = calculate.confirm_optimum(runner, surface, optimum)
             write_design(found, "confirm", confirmed.design)
             found.document["confirm"] = confirmed_document(confirmed)
+            written = write_calibrated_scenes(found.file, confirmed.optimum.settings)
+            found.document["calibrated_scenes"] = [str(path) for path in written]
 
 
 def is_written(table: Path, planned: Design) -> bool:

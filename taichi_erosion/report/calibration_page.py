@@ -19,7 +19,7 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.html import address_of, made, render
-from taichi_erosion.report.markdown import markdown_table, with_spread
+from taichi_erosion.report.markdown import markdown_table, with_scatter_of, with_spread
 
 Row = Mapping[str, str]
 
@@ -30,7 +30,10 @@ RECORDING = "study.rrd"
 OPTIMA = 5  # listed on the page
 VARIANCE = ("sum_of_squares", "df", "mean_square", "f", "p")
 PICTURE = re.compile(r'<img src="([^":]+)"')
+HEADING = re.compile("<h2>(.+?)</h2>")
+VERDICT = re.compile(r"<p><strong>(Yes\.|No\.|Not known\.)</strong>")
 MOST_RUNS = 9  # recorded runs side by side
+SIGNIFICANCE = 0.05  # of the test of the confirmation runs
 STAGES = ("confirm", "surface", "climb", "screen")  # order of the recorded runs
 
 
@@ -44,6 +47,13 @@ def publish(found: Calibration) -> Path:
         study=found.file.study,
         document=document,
         leading=next(iter(targets)),
+        design=surface_design_words(found),
+        verdicts={
+            name: verdict(document["confirm"]["tests"][name], name, targets[name].unit) for name in targets
+        },
+        scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
+        scatter=with_scatter_of,
+        symbols=symbols(found),
         kept=", ".join(labels(found)[path] for path in document["analyse"]["kept"]),
         effects={name: effect_table(found, name) for name in targets},
         climb=climb_table(found),
@@ -91,15 +101,45 @@ def labels(found: Calibration) -> dict[str, str]:
 
 
 def effect_table(found: Calibration, name: str) -> str:
-    """Effects, largest first, with the published values."""
-    rows = []
-    for effect in found.document["analyse"]["responses"][name]["effects"]:
+    """Effects, largest first, with the published values where the study has any."""
+    rows, target = [], found.file.study.targets[name]
+    screened = found.document["analyse"]["responses"][name]
+    published = any(entry.published for entry in found.file.study.parameters.values())
+    for effect in screened["effects"]:
         entry = found.file.study.parameters[effect["name"]]
         label = f"{labels(found)[effect['name']]} {entry.symbol}".strip()
         limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
-        rows.append((label, limits, f"{effect['value']:+.2f}", f"{effect['p']:.2g}", entry.published))
-    unit = found.file.study.targets[name].unit
-    return markdown_table(("parameter", "range", f"effect [{unit}]", "p", "published"), rows)
+        value = with_scatter_of(effect["value"], screened["quality"]["sd"], signed=True)
+        rows.append((label, limits, value, f"{effect['p']:.2g}", *([entry.published] if published else [])))
+    header = ("parameter", "range", f"effect [{target.unit}]", "p", *(["published"] if published else []))
+    return markdown_table(header, rows)
+
+
+def surface_design_words(found: Calibration) -> str:
+    """`Box-Behnken design of 17 runs, 5 of them at the centre`."""
+    assert found.surface is not None
+    design, sizes = found.surface.design, found.file.study.design
+    name = {
+        "box_behnken": "Box-Behnken design",
+        "central_composite": f"Central composite design ({sizes.surface_axial})",
+        "latin_hypercube": "Latin hypercube",
+    }[sizes.surface]
+    return f"{name} of {len(design)} runs, {design.kinds.count('centre')} of them at the centre"
+
+
+def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
+    """Yes or no to the question whether the calibrated scene reproduces the measurement, with the power."""
+    scatter = test["runs"]["sd"]
+    difference, seen = (with_scatter_of(test[key], scatter) for key in ("difference", "detectable"))
+    if test["p"] != test["p"]:
+        return f"**Not known.** The confirmation runs of {name} do not scatter, so no test is possible."
+    power = f"The test sees a difference of {seen} {unit} with a power of 0.8, and one of "
+    power += f"{with_scatter_of(test['resolve'], scatter)} {unit} with a power of {test['power']:.2f}."
+    if test["p"] < SIGNIFICANCE:
+        words = f"{name} differs by {difference} {unit} from the measurement (p = {test['p']:.2g})"
+        return f"**No.** In the calibrated scene {words}. {power}"
+    words = f"{name} agrees with the measurement (difference {difference} {unit}, p = {test['p']:.2g})"
+    return f"**Yes.** In the calibrated scene {words}. {power}"
 
 
 def climb_table(found: Calibration) -> str:
@@ -128,9 +168,17 @@ def variance_table(document: Mapping[str, Any]) -> str:
 def equation(found: Calibration, name: str) -> str:
     """Equation in natural units, with the publication's symbols where the study names them."""
     text = found.document["surface"]["responses"][name]["natural_reduced"]
-    for path, entry in found.file.study.parameters.items():
-        text = text.replace(path, entry.symbol or path)
-    return text
+    for path, symbol in sorted(symbols(found).items(), key=lambda each: -len(each[0])):
+        text = text.replace(path, symbol)
+    return text.replace("*", " \N{MIDDLE DOT} ").replace("^2", "\N{SUPERSCRIPT TWO}")
+
+
+def symbols(found: Calibration) -> dict[str, str]:
+    """Letters of the parameters in the equations; those of a publication, else x1, x2, ..."""
+    assert found.surface is not None
+    paths = [factor.path for factor in found.surface.design.factors]
+    parameters = found.file.study.parameters
+    return {path: parameters[path].symbol or f"x{place}" for place, path in enumerate(paths, 1)}
 
 
 def optimum_table(found: Calibration) -> str:
@@ -140,10 +188,17 @@ def optimum_table(found: Calibration) -> str:
     rows = []
     for one in optima:
         predicted = (one["predicted"][name] for name in targets)
-        intervals = (f"{p['value']:.4g} ({p['low']:.4g} to {p['high']:.4g})" for p in predicted)
+        intervals = (interval_words(each) for each in predicted)
         rows.append((*(number(one["settings"][path]) for path in paths), *intervals))
     header = (*(labels(found)[path] for path in paths), *(f"{name}, predicted" for name in targets))
     return markdown_table(header, rows)
+
+
+def interval_words(predicted: Mapping[str, float]) -> str:
+    """`33.5 (32.4 to 34.7)`, with as many digits as the width of the interval deserves."""
+    half = 0.5 * (predicted["high"] - predicted["low"])
+    value, low, high = (with_scatter_of(predicted[key], half) for key in ("value", "low", "high"))
+    return f"{value} ({low} to {high})"
 
 
 def samples(test: Mapping[str, Any]) -> dict[str, str]:
@@ -168,9 +223,15 @@ def write_report(study: Path, to: Path | None = None) -> Path:
     title, _, text = (file.folder / PAGE).read_text(encoding="utf-8").partition("\n")
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', html)
+    body = body.replace("<table>", '<div class="scroll"><table>').replace("</table>", "</table></div>")
+    body = VERDICT.sub(r'<p class="verdict"><strong>\1</strong>', body)
+    sections = [(f"part{place}", title) for place, title in enumerate(HEADING.findall(body))]
+    for name, heading in sections:
+        body = body.replace(f"<h2>{heading}</h2>", f'<h2 id="{name}">{heading}</h2>', 1)
     about = f"{study}, calibrated by designed experiments"
     when = made({"taichi_erosion": __version__}, f"first seed {file.study.study.seed}")
-    page = render(TEMPLATE, {"title": title.removeprefix("# "), "about": about, "made": when, "body": body})
+    fields = {"title": title.removeprefix("# "), "about": about, "made": when}
+    page = render(TEMPLATE, fields | {"body": body, "sections": sections})
     return write_atomic(to or file.folder / f"{study.stem}.report.html", page.encode())
 
 

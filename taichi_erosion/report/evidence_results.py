@@ -75,9 +75,10 @@ def stored_results(study: Path) -> Results:
     """
     file = read_evidence_study(study)
     folder = results_folder(study, file)
-    answers = {command: documents.read_answer(folder, study.stem, command) for command in COMMANDS}
-    found: dict[documents.Command, Document] = {
-        command: document for command, document in answers.items() if document is not None
+    found: dict[documents.Command, documents.Document] = {
+        command: document
+        for command in COMMANDS
+        if (document := documents.read_answer(folder, study.stem, command)) is not None
     }
     if not found.keys() & ANSWERS:
         raise BadInput(f"{study}: no results yet; run compare, discover or adopt on it first")

@@ -39,6 +39,17 @@ def with_spread(value: float, sd: float, n: int, digits: int = 2) -> str:
     return f"{value:.{places}f} ± {sd:.{places}f} ({n})"
 
 
+def with_scatter_of(value: float, scatter: float, digits: int = 2, signed: bool = False) -> str:
+    """Number rounded to the second digit of its scatter; to four digits where that is not known."""
+    sign = "+" if signed else ""
+    if not isfinite(value):
+        return "none"
+    if not (isfinite(scatter) and scatter > 0.0):
+        return f"{value:{sign}.4g}"
+    places = digits - 1 - magnitude(scatter)
+    return f"{round(value, places) + 0.0:{sign}.{max(places, 0)}f}"
+
+
 def magnitude(number: float) -> int:
     """Decimal exponent."""
     return int(f"{number:e}".partition("e")[2])
