@@ -8,7 +8,15 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.measured import Row, group_of, read_table
+from taichi_erosion.evidence.data.measured import (
+    Row,
+    condition_scales,
+    group_of,
+    read_table,
+    refuse_absent,
+    used_conditions,
+)
+from taichi_erosion.evidence.models.column_units import place_units
 
 Record = Mapping[str, Any]
 Key = tuple[str, str, tuple[str, ...]]
@@ -62,17 +70,16 @@ def measured_table(study: Path, file: StudyFile) -> MeasuredTable:
     """Table of a study; without rows where it cannot be read any more."""
     try:
         table = read_table(study.parent / file.study.measurements, file.study.measurements)
+        refuse_absent(table, file, str(study))
+        scales = condition_scales(table, file, place_units(file, study))
     except (BadInput, OSError):
         return MeasuredTable({name: Condition(name, path) for name, path in file.conditions.items()})
-    columns = {column.name: column for column in table.columns}
     conditions = {
-        name: Condition(name, path, columns[name].unit, columns[name].factor, columns[name].origin)
-        for name, path in file.conditions.items()
-        if name in columns
+        name: Condition(name, file.conditions[name], scale.unit, scale.factor, scale.origin)
+        for name, scale in scales.items()
     }
-    places = [table.conditions.index(name) for name in conditions]
     rows: dict[Key, list[Row]] = {}
     for row in table.rows:
-        values = [row.conditions[place] for place in places]
-        rows.setdefault(key_of(row.observable, group_of(row, places), values), []).append(row)
+        used = used_conditions(row, table, scales)
+        rows.setdefault(key_of(row.observable, group_of(row, used), list(used.values())), []).append(row)
     return MeasuredTable(conditions, rows)

@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from taichi_erosion.scene.schema.scene import Scene
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # parts that define the diameter, or that are those of a laboratory
 IN_METRES_ONLY = {"Monodisperse", "Lognormal", "Sieve", "GrainStart", "Conditions"}
+NOMINAL_DIAMETER = "d"  # unit of the spheres of a clump
 BARE_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -116,6 +118,38 @@ def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, 
     for word in ("anyOf", "oneOf", "allOf"):
         for other in node.get(word, ()):
             yield from options(schema, other)
+
+
+@cache
+def cached_schema() -> dict[str, Any]:
+    """The schema, made once."""
+    return scene_schema()
+
+
+def unit_of_path(path: str) -> str | None:
+    """Unit of the number that a dotted path sets; None where no scene has the path, or it is no number.
+
+    A component has the unit of its vector. What is counted in nominal diameters is a pure number.
+    """
+    schema = cached_schema()
+    nodes, unit = list(options(schema, schema)), None
+    for key in path.split("."):
+        nodes = [below for node in nodes for below in entries_below(schema, node, key)]
+        unit = next((str(node["unit"]) for node in nodes if "unit" in node), unit if nodes else None)
+    return "1" if unit == NOMINAL_DIAMETER else unit
+
+
+def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
+    """Every option of an entry below one option of a section, a table or a list."""
+    found: Any = node.get("properties", {}).get(key)
+    if found is None and not key.isdigit():
+        tables = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
+        found = next((table for table in tables if isinstance(table, dict)), None)
+    if found is None and key.isdigit():
+        components = node.get("prefixItems", ())
+        found = components[int(key)] if int(key) < len(components) else node.get("items")
+    if isinstance(found, dict):
+        yield from options(schema, found)
 
 
 def apply_override(table: dict[str, Any], override: str) -> None:

@@ -6,7 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_unit
+from taichi_erosion.scene.schema.units import (
+    PREFIXED,
+    PREFIXES,
+    USUAL,
+    UnknownUnit,
+    conversion,
+    dictionary_entry,
+    parse_scale,
+    parse_unit,
+    registry,
+    scale_between,
+    usual_unit,
+)
 
 
 @pytest.mark.parametrize(
@@ -24,6 +36,12 @@ from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_uni
         ("hPa", "Pa", 100.0),
         ("mJ/m2", "N/m", 1e-3),
         ("1", "-", 1.0),
+        ("inch", "mm", 25.4),
+        ("mph", "m/s", 0.44704),
+        ("degrees", "rad", pi / 180.0),
+        ("kV/cm", "V m-1", 1e5),
+        ("µC/kg", "C kg-1", 1e-6),
+        ("mbar", "Pa", 100.0),
     ],
 )
 def test_a_unit_is_converted_by_its_factor(source, target, factor):
@@ -39,7 +57,7 @@ def test_quantities_of_different_kind_are_not_converted(source, target):
 
 
 @pytest.mark.parametrize(
-    "text", ["furlong", "kg/m s", "m/", "(m", "m)", "()", "m--2", "m99", "/", "m" * 61, "€"]
+    "text", ["grad", "C", "MM", "wet", "kg/m s", "m/", "(m", "m)", "()", "m--2", "m99", "/", "m" * 61, "€"]
 )
 def test_what_is_no_unit_or_could_mean_two_is_refused(text):
     with pytest.raises(UnknownUnit):
@@ -53,3 +71,53 @@ def test_any_text_is_a_unit_or_refused(text):
     except UnknownUnit:
         return
     assert unit.factor > 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "number", "kelvin"),
+    [
+        ("degC", 20.0, 293.15),
+        ("°C", -5.0, 268.15),
+        ("℃", 0.0, 273.15),
+        ("degF", 50.0, 283.15),
+        ("K", 3.0, 3.0),
+    ],
+)
+def test_a_temperature_is_counted_from_the_zero_of_its_scale(text, number, kelvin):
+    scale = scale_between(text, parse_unit("K"))
+    assert scale is not None
+    assert scale.used(number) == pytest.approx(kelvin, rel=1e-12)
+    assert scale.written(kelvin) == pytest.approx(number, abs=1e-10)
+
+
+def test_a_temperature_with_a_zero_of_its_own_is_no_factor():
+    with pytest.raises(UnknownUnit):
+        parse_unit("degC")
+    assert parse_scale("degC").kind == parse_unit("K").kind
+
+
+@pytest.mark.parametrize(("text", "hint"), [("MM", "'mm'"), ("grad", "deg"), ("F", "degF")])
+def test_a_refusal_says_what_may_have_been_meant(text, hint):
+    with pytest.raises(UnknownUnit) as caught:
+        parse_unit(text)
+    assert hint in caught.value.hint
+
+
+PREFIXED_NAMES = {prefix + name for prefix in PREFIXES for name in PREFIXED} - {"hbar"}  # a constant there
+
+
+@pytest.mark.parametrize("name", [*USUAL, *sorted(PREFIXED_NAMES)])
+def test_a_usual_unit_is_that_of_the_dictionary(name):
+    ours, theirs = usual_unit(name), dictionary_entry(name)
+    assert ours is not None
+    assert theirs is not None
+    assert (ours.kind, ours.factor) == (theirs.kind, pytest.approx(theirs.factor, rel=1e-14))
+
+
+@pytest.mark.parametrize(("name", "text"), [("degC", "°C"), ("degF", "°F")])
+def test_a_scale_of_temperatures_is_that_of_the_dictionary(name, text):
+    scale = scale_between(text, parse_unit("K"))
+    assert scale is not None
+    for number in (-40.0, 0.0, 71.5):
+        kelvin = registry().Quantity(number, name).to("kelvin").magnitude
+        assert scale.used(number) == pytest.approx(kelvin, rel=1e-12)

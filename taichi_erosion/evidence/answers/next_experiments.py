@@ -13,7 +13,8 @@ Reference: Buzzi-Ferraris & Forzatti (1983), Chem. Eng. Sci. 38, 225, after Box 
 9, 57.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -29,6 +30,7 @@ from taichi_erosion.evidence.inference.map_fit import Objective
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.models.predictor import Predictor
+from taichi_erosion.scene.schema.units import Scale
 
 EXPERIMENTS = 6
 POINTS = 32  # settings considered per observable, the corners of the ranges among them
@@ -46,6 +48,7 @@ class DesignPool:
     rows: ComparisonRows  # whose values are meaningless: only observable and conditions count
     variance: Floats  # of the mean of the repeats, on the comparison scale
     cost: Floats
+    scales: Mapping[str, Scale] = field(default_factory=dict)  # of the conditions: from table to use
 
 
 @dataclass(frozen=True)
@@ -118,7 +121,8 @@ def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool
         slope=zero,
     )
     predictor = prepared.predictor.over(prepared.predictor.observables, which, conditions)
-    return DesignPool(predictor, rows, np.repeat(noise, size), np.repeat(cost, size))
+    scales = prepared.problem.measurements.scales
+    return DesignPool(predictor, rows, np.repeat(noise, size), np.repeat(cost, size), scales)
 
 
 def pool_settings(prepared: PreparedProblem, laboratory: Laboratory) -> Conditions:
@@ -216,6 +220,12 @@ def decision_chance(pool: DesignPool, rivals: list[RivalPrediction], chosen: lis
     return won
 
 
+def stated(name: str, value: float, scales: Mapping[str, Scale]) -> str:
+    """A condition in the unit of the laboratory's table."""
+    scale = scales.get(name, Scale())
+    return f"{name} = {scale.written(value):.3g} {scale.unit}".rstrip()
+
+
 def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance: float) -> Experiment:
     """One proposal in the laboratory's words."""
     observable = pool.rows.observables[int(pool.rows.which[at])]
@@ -226,7 +236,7 @@ def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance:
         sd = float(np.sqrt(rival.root[at] @ rival.root[at] + pool.variance[at]))
         predictions[rival.name] = (middle, sd / steep if steep > 0.0 else float("nan"))
     conditions = {name: float(column[at]) for name, column in pool.rows.conditions.items()}
-    setting = ", ".join(f"{name} = {value:.3g}" for name, value in conditions.items())
+    setting = ", ".join(stated(name, value, pool.scales) for name, value in conditions.items())
     told = ", ".join(f"{m:.3g} +- {s:.2g} if {name}" for name, (m, s) in list(predictions.items())[:3])
     words = f"Measure {observable.name} at {setting}: {told}; chance of deciding so far {chance:.0%}."
     return Experiment(observable.name, conditions, predictions, chance, float(pool.cost[at]), words)

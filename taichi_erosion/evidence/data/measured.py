@@ -1,9 +1,11 @@
 """Tables of measurements: a tidy CSV, one row for every mean of repeats, and the rows that a study uses.
 
 Columns: observable, value, sd, n, unit, group, source, and one for every condition. A condition's unit may
-stand in its heading, `moisture [%]`; without one it is SI. `value` is the mean of `n` repeats and `sd` the
-standard deviation of single repeats. An empty value, `no transport` or `<x` is censored: the instrument saw
-nothing, or less than x. Rows that repeat observable, group, source and conditions are repeats of one another.
+stand in its heading, `slope [rad]`: its numbers are converted to the unit of the place that it sets, in a
+scene that of the entry, in a model function SI. Without one they are in that unit already. `value` is the
+mean of `n` repeats and `sd` the standard deviation of single repeats. An empty value, `no transport` or `<x`
+is censored: the instrument saw nothing, or less than x. Rows that repeat observable, group, source and
+conditions are repeats of one another.
 """
 
 import csv
@@ -21,13 +23,22 @@ from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.scene.load import file_text
-from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, conversion, parse_unit
+from taichi_erosion.scene.schema.units import (
+    EXAMPLES,
+    PURE,
+    Scale,
+    Unit,
+    UnknownUnit,
+    conversion,
+    parse_scale,
+    parse_unit,
+    scale_between,
+)
 
 REQUIRED = ("observable", "value", "unit")
 OPTIONAL = ("sd", "n", "group", "source")
 REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
 CENSORED = ("", "no transport")  # values of a censored row
-CELSIUS, ICE_POINT = ("degC", "°C", "℃"), 273.15  # K
 HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
@@ -48,18 +59,7 @@ class Row:
     unit: str
     group: str
     source: str
-    conditions: tuple[float, ...]  # SI, in the order of the table's conditions
-
-
-@dataclass(frozen=True)
-class Column:
-    """Place, name, unit and conversion to SI of a column."""
-
-    place: int
-    name: str
-    factor: float
-    origin: float  # SI value of its 0
-    unit: str = ""  # as it stands in the heading
+    conditions: tuple[float, ...]  # as written, in the order of the table's conditions
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,17 @@ class Table:
 
     file: str
     conditions: tuple[str, ...]
+    units: tuple[str | None, ...]  # of the conditions, as their headings have them; None: none is stated
     rows: tuple[Row, ...]
-    columns: tuple[Column, ...] = ()  # of the conditions
+
+
+@dataclass(frozen=True)
+class Column:
+    """Place, name and unit of a column."""
+
+    place: int
+    name: str
+    unit: str | None = None
 
 
 def read_table(path: Path, file: str = "") -> Table:
@@ -85,7 +94,8 @@ def read_table(path: Path, file: str = "") -> Table:
     if not rows:
         raise BadInput(f"{name}: has a heading but no measurement")
     refuse_copies(lines[1:], columns, name)
-    return Table(name, tuple(column.name for column in conditions), tuple(rows), tuple(conditions))
+    names, units = tuple(c.name for c in conditions), tuple(c.unit for c in conditions)
+    return Table(name, names, units, tuple(rows))
 
 
 def csv_lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
@@ -124,24 +134,24 @@ def read_heading(cells: Sequence[str], name: str) -> list[Column]:
             raise BadInput(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _")
         if match["name"] in [column.name for column in columns]:
             raise BadInput(f"{name}: column '{match['name']}' stands in the heading twice")
-        columns.append(Column(place, match["name"], *heading_unit(match, name), unit=match["unit"] or ""))
+        columns.append(Column(place, match["name"], heading_unit(match, name)))
     for wanted in (*REQUIRED, *OPTIONAL):
         refuse_misspelt(wanted, [column.name for column in columns], name)
     return columns
 
 
-def heading_unit(match: re.Match[str], name: str) -> tuple[float, float]:
-    """Factor to SI of the unit in a heading, and the SI value of its 0."""
+def heading_unit(match: re.Match[str], name: str) -> str | None:
+    """Unit in a heading, once it is known to be one; None where there is none."""
     if match["unit"] is None:
-        return 1.0, 0.0
+        return None
     if match["name"] in REQUIRED + OPTIONAL:
         raise BadInput(f"{name}: heading {quoted(match[0])}: the unit of values stands in column 'unit'")
     try:
-        if match["unit"].strip() in CELSIUS:
-            return 1.0, ICE_POINT
-        return parse_unit(match["unit"]).factor, 0.0
-    except UnknownUnit:
-        raise BadInput(f"{name}: heading {quoted(match[0])}: unknown unit; allowed: {EXAMPLES}") from None
+        parse_scale(match["unit"])
+    except UnknownUnit as error:
+        told = error.hint or f"allowed: {EXAMPLES}"
+        raise BadInput(f"{name}: heading {quoted(match[0])}: unknown unit; {told}") from None
+    return match["unit"].strip()
 
 
 def refuse_misspelt(wanted: str, names: Sequence[str], name: str) -> None:
@@ -191,10 +201,7 @@ def read_row(
         unit=read_unit(cell("unit"), where),
         group=cell("group"),
         source=cell("source"),
-        conditions=tuple(
-            column.origin + column.factor * number(cells[column.place], f"{where}, {column.name}")
-            for column in conditions
-        ),
+        conditions=tuple(number(cells[column.place], f"{where}, {column.name}") for column in conditions),
     )
 
 
@@ -232,8 +239,9 @@ def read_unit(text: str, where: str) -> str:
     """Unit as it stands, once it is known to be one."""
     try:
         parse_unit(text)
-    except UnknownUnit:
-        raise BadInput(f"{where}, unit = {quoted(text)} is not known; allowed: {EXAMPLES}") from None
+    except UnknownUnit as error:
+        told = error.hint or f"allowed: {EXAMPLES}"
+        raise BadInput(f"{where}, unit = {quoted(text)} is not known; {told}") from None
     return text or "1"
 
 
@@ -264,47 +272,89 @@ def refuse_copies(lines: Sequence[tuple[int, Sequence[str]]], columns: Sequence[
             raise BadInput(f"{name}: row {line} repeats row {first} cell by cell; remove one of them")
 
 
-def study_measurements(table: Table, file: StudyFile, name: str) -> tuple[Measurements, list[str]]:
-    """Rows that the study uses, in the model's units, and sentences about the others."""
+def study_measurements(
+    table: Table, file: StudyFile, name: str, places: Mapping[str, str] | None = None
+) -> tuple[Measurements, list[str]]:
+    """Rows that the study uses, in the units of use, and sentences about the others.
+
+    `places` gives the unit of what a condition sets; of the conditions that it leaves out it is SI.
+    """
+    refuse_absent(table, file, name)
+    rows = [row for row in table.rows if row.observable in file.observables]
+    scales = condition_scales(table, file, places or {})
+    units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
+    factors = [unit_factor(row, units[row.observable], table.file) for row in rows]
+    limits = [
+        censoring_limit(row, s, file.observables[row.observable], table.file)
+        for row, s in zip(rows, factors, strict=True)
+    ]
+    used = [used_conditions(row, table, scales) for row in rows]
+    measurements = Measurements(
+        observable=tuple(row.observable for row in rows),
+        value=np.array([nan if r.censored else s * r.value for r, s in zip(rows, factors, strict=True)]),
+        sd=np.array([s * row.sd for row, s in zip(rows, factors, strict=True)]),
+        n=np.array([nan if row.n is None else float(row.n) for row in rows]),
+        group=tuple(group_of(row, at) for row, at in zip(rows, used, strict=True)),
+        unit=tuple(units[row.observable] for row in rows),
+        conditions={column: np.array([at[column] for at in used]) for column in file.conditions},
+        censored=np.array([row.censored for row in rows], dtype=np.bool_),
+        limit=np.array(limits),
+        source=tuple(row.source for row in rows),
+        scales=scales,
+    )
+    return measurements, [*unused_notes(table, file), *ignored_notes(table, file)]
+
+
+def refuse_absent(table: Table, file: StudyFile, name: str) -> None:
+    """Refuse a study that names conditions or observables which the table has not."""
     for column in file.conditions:
         if column not in table.conditions:
             there = ", ".join(table.conditions) or "none"
             raise BadInput(
                 f"{name}: conditions.{column} is no column of {table.file}; conditions there: {there}"
             )
-    rows = [row for row in table.rows if row.observable in file.observables]
+    measured = dict.fromkeys(row.observable for row in table.rows)
     for observable in file.observables:
-        if observable not in {row.observable for row in rows}:
-            there = ", ".join(dict.fromkeys(row.observable for row in table.rows))
+        if observable not in measured:
+            there = ", ".join(measured)
             raise BadInput(f"{name}: observables.{observable} has no row in {table.file}; there: {there}")
-    places = [table.conditions.index(column) for column in file.conditions]
-    units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
-    scales = [unit_factor(row, units[row.observable], table.file) for row in rows]
-    limits = [
-        censoring_limit(row, s, file.observables[row.observable], table.file)
-        for row, s in zip(rows, scales, strict=True)
-    ]
-    measurements = Measurements(
-        observable=tuple(row.observable for row in rows),
-        value=np.array([nan if r.censored else s * r.value for r, s in zip(rows, scales, strict=True)]),
-        sd=np.array([s * row.sd for row, s in zip(rows, scales, strict=True)]),
-        n=np.array([nan if row.n is None else float(row.n) for row in rows]),
-        group=tuple(group_of(row, places) for row in rows),
-        unit=tuple(units[row.observable] for row in rows),
-        conditions={
-            column: np.array([row.conditions[place] for row in rows])
-            for column, place in zip(file.conditions, places, strict=True)
-        },
-        censored=np.array([row.censored for row in rows], dtype=np.bool_),
-        limit=np.array(limits),
-        source=tuple(row.source for row in rows),
-    )
-    return measurements, [*unused_notes(table, file), *ignored_notes(table, file)]
 
 
-def group_of(row: Row, places: Sequence[int]) -> str:
+def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:
+    """Scale of every condition of a study; raises BadInput where a unit does not fit."""
+    return {column: column_scale(table, column, places.get(column)) for column in file.conditions}
+
+
+def column_scale(table: Table, column: str, place: str | None) -> Scale:
+    """Scale of a condition from its unit in the table to that of the place it sets; None: SI."""
+    written = table.units[table.conditions.index(column)]
+    if written is None:
+        return Scale(place or "")
+    target = Unit(1.0, parse_scale(written).kind) if place is None else place_unit(place, column, table.file)
+    scale = scale_between(written, target)
+    if scale is None:
+        told = f"it sets a number in {place}" if place != "1" else "it sets a pure number"
+        raise BadInput(f"{table.file}: heading '{column} [{written}]': {told}; give it in that unit")
+    return scale
+
+
+def place_unit(place: str, column: str, file: str) -> Unit:
+    """Unit of a place; raises BadInput for one that a column of numbers cannot set."""
+    try:
+        return PURE if place == "1" else parse_unit(place)
+    except UnknownUnit:
+        raise BadInput(f"{file}: column '{column}' sets what is counted in {place}, not a number") from None
+
+
+def used_conditions(row: Row, table: Table, scales: Mapping[str, Scale]) -> dict[str, float]:
+    """Conditions of a row by name, in the units of use."""
+    stated = dict(zip(table.conditions, row.conditions, strict=True))
+    return {name: scale.used(stated[name]) for name, scale in scales.items()}
+
+
+def group_of(row: Row, at: Mapping[str, float]) -> str:
     """Physical set-up of a row; its conditions where none is named."""
-    return row.group or ", ".join(f"{row.conditions[place]:g}" for place in places) or "all"
+    return row.group or ", ".join(f"{value:g}" for value in at.values()) or "all"
 
 
 def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str) -> str:

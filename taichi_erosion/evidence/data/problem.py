@@ -10,12 +10,14 @@ from typing import Any, Literal, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.scene.schema.units import Scale
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
 Transform = Literal["identity", "log", "log_floor"]
-Conditions = dict[str, Floats]  # one value per row, in SI units
+Conditions = dict[str, Floats]  # one value per row, in the unit of what it sets; of a model function SI
 Numbers = dict[str, float]  # parameters by path, or strengths by effect
 Mask = Callable[[Conditions], Bools]
 Progress = Callable[[str, float], None]  # (stage, share of the whole that is done [1])
@@ -60,6 +62,7 @@ class Measurements:
     censored: Bools  # the true value lies below `limit` ("no transport")
     limit: Floats  # NaN where not censored
     source: tuple[str, ...]
+    scales: Mapping[str, Scale] = field(default_factory=dict)  # of the conditions: from table to use
 
     @property
     def size(self) -> int:
@@ -79,7 +82,13 @@ class Measurements:
             censored=self.censored[index],
             limit=self.limit[index],
             source=tuple(self.source[i] for i in index),
+            scales=self.scales,
         )
+
+    def written(self, condition: str, used: float) -> tuple[float, str]:
+        """A condition as the table has it: number and unit."""
+        scale = self.scales.get(condition, Scale())
+        return scale.written(used), scale.unit
 
 
 @dataclass(frozen=True)

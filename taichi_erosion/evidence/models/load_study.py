@@ -29,6 +29,7 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
     with_stated,
 )
+from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.own_effects import InstrumentedModel, instrument_candidate, instruments
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
@@ -90,7 +91,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     file = with_options(stated, options)
     files = study_effect_files(path, file, options)
     table = read_table(path.parent / file.study.measurements, file.study.measurements)
-    measurements, notes = study_measurements(table, file, str(path))
+    measurements, notes = study_measurements(table, file, str(path), place_units(file, path, files))
     hidden, vault_note = split(measurements, file.vault.fraction, file.vault.ranges)
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)

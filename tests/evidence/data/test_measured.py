@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.measured import read_table
+from taichi_erosion.evidence.data.measured import column_scale, read_table
 
 ROOT = Path(__file__).parents[3]
 HEAD = "observable,value,sd,n,unit,group,moisture [%],source\n"
@@ -33,7 +33,8 @@ def complaint(tmp_path: Path, text: str | bytes) -> str:
 def test_a_heading_with_a_unit_is_converted_to_si_once(tmp_path):
     found = table(tmp_path, GOOD)
     assert found.conditions == ("moisture",)
-    assert [row.conditions[0] for row in found.rows] == pytest.approx([0.0165, 0.0])
+    scale = column_scale(found, "moisture", None)
+    assert [scale.used(row.conditions[0]) for row in found.rows] == pytest.approx([0.0165, 0.0])
 
 
 def test_a_missing_sd_and_a_missing_count_are_allowed(tmp_path):
@@ -63,8 +64,9 @@ def test_spreadsheet_marks_and_blank_lines_do_no_harm(tmp_path):
 
 @pytest.mark.parametrize("unit", ["degC", "°C"])
 def test_degrees_celsius_in_a_heading_become_kelvin(tmp_path, unit):
-    (row, *_) = table(tmp_path, GOOD.replace("moisture [%]", f"temperature [{unit}]")).rows
-    assert row.conditions == (pytest.approx(1.65 + 273.15),)
+    found = table(tmp_path, GOOD.replace("moisture [%]", f"temperature [{unit}]"))
+    scale = column_scale(found, "temperature", None)
+    assert scale.used(found.rows[0].conditions[0]) == pytest.approx(1.65 + 273.15)
 
 
 @pytest.mark.parametrize(
@@ -77,9 +79,10 @@ def test_degrees_celsius_in_a_heading_become_kelvin(tmp_path, unit):
         (GOOD.replace("33.5", "1e999"), "heap.csv: row 2, value = '1e999' must be a finite number"),
         (GOOD.replace("0.7", "0"), "heap.csv: row 2, sd = '0' must be above 0; leave it empty"),
         (GOOD.replace(",10,", ",2.5,"), "heap.csv: row 2, n = '2.5' must be a whole number from 1"),
-        (GOOD.replace("deg", "degree"), "heap.csv: row 2, unit = 'degree' is not known; allowed: 1, %, deg"),
+        (GOOD.replace("deg", "grad"), "heap.csv: row 2, unit = 'grad' is not known; degrees are written deg"),
+        (GOOD.replace("deg", "angle"), "heap.csv: row 2, unit = 'angle' is not known; allowed: 1, %, deg"),
         (GOOD.replace("1.65", "wet"), "heap.csv: row 2, moisture = 'wet' must be a number: any other column"),
-        (GOOD.replace("[%]", "[furlong]"), "heap.csv: heading 'moisture [furlong]': unknown unit"),
+        (GOOD.replace("[%]", "[wet]"), "heap.csv: heading 'moisture [wet]': unknown unit; allowed: 1"),
         (GOOD.replace("value", "valeu"), "heap.csv: column 'valeu' is unknown; did you mean 'value'?"),
         (GOOD.replace("unit,", "kind,"), "heap.csv: column 'unit' is missing"),
         (GOOD.replace("group", "value"), "heap.csv: column 'value' stands in the heading twice"),
