@@ -14,6 +14,7 @@ from typing import Any
 from taichi_erosion import __version__
 from taichi_erosion.campaign.pool import Payloads, RunFunction, SendRecord, SendShare
 from taichi_erosion.core.effect_file import EffectFile
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene, with_effects
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.build.limits import time_step
@@ -92,6 +93,7 @@ def work_of(scene: Scene) -> float:
 def simulating() -> Iterator[RunFunction]:
     """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
     from taichi_erosion.core.device import stop_device
+    from taichi_erosion.core.effect_loading import compile_failure
     from taichi_erosion.core.setup import Numerics
     from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas_after
     from taichi_erosion.scene.load import parse_scene
@@ -114,7 +116,14 @@ def simulating() -> Iterator[RunFunction]:
         parts = [replica(payload) for payload in payloads]
         numerics = Numerics("cpu", THREADS, parts[0].scene.run.precision)
         reused, previous = previous, None  # fields of an ensemble that breaks off are not used again
-        previous = run_replicas_after(reused, parts, numerics, send_record, lambda done, _: send_share(done))
+        try:
+            previous = run_replicas_after(
+                reused, parts, numerics, send_record, lambda done, _: send_share(done)
+            )
+        except Exception as error:
+            if (reason := compile_failure(error)) is None:
+                raise
+            raise BadInput(reason) from None
 
     yield simulate_batch
     stop_device()

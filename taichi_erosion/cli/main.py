@@ -73,8 +73,12 @@ def print_error(sentence: str, code: ExitCode) -> ExitCode:
 
 def report_unexpected(error: Exception) -> ExitCode:
     """Print an unexpected error in one line, or its traceback where TRACEBACK_SWITCH is set."""
+    from taichi_erosion.core.effect_loading import compile_failure
+
     if os.environ.get(TRACEBACK_SWITCH) == "1":
         typer.echo("".join(traceback.format_exception(error)), err=True)
         return ExitCode.FAILURE
+    if (reason := compile_failure(error)) is not None:  # in the user's own effect
+        return print_error(f"{reason}; `effects NAME --effect FILE` checks an effect", ExitCode.BAD_INPUT)
     sentence = f"unexpected {type(error).__name__}: {error} ({TRACEBACK_SWITCH}=1 shows where)"
     return print_error(sentence, ExitCode.FAILURE)

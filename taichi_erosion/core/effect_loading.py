@@ -7,15 +7,17 @@ import inspect
 import linecache
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from difflib import get_close_matches
 from functools import lru_cache
+from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
 
 from taichi_erosion.core.effect import Effect, Place
-from taichi_erosion.core.effect_file import EffectFile
+from taichi_erosion.core.effect_file import DIGITS, EffectFile
 from taichi_erosion.core.errors import BadInput
 
 MEMBER = "EFFECT"  # name of the record in an effect's file
@@ -31,6 +33,9 @@ ACT = {
     "scene": ("params", "strength", "conditions", "scene"),
     "instrument": ("params", "strength", "conditions", "observable", "value"),
 }
+COMPILED = re.compile(
+    rf'File "([^"]+):[0-9a-f]{{{DIGITS}}}", line (\d+), in (\w+):'
+)  # in a compiler's message
 STATES = {"pair": ("state_i", "state_j"), "grain": ("state",)}
 ARGUMENTS = {
     "constants": ("params", "strength", "conditions"),
@@ -124,7 +129,7 @@ def is_device_function(function: Any) -> bool:
     return bool(getattr(function, "_is_taichi_function", False))
 
 
-def argument_problems(effect: Effect) -> Any:
+def argument_problems(effect: Effect) -> Iterator[str]:
     """Functions that do not take the arguments with which they are called."""
     wanted = {"act": ACT[effect.place], **ARGUMENTS}
     if effect.grain_state is not None:
@@ -133,6 +138,35 @@ def argument_problems(effect: Effect) -> Any:
         function = getattr(effect, name)
         if function is not None and not takes(function, len(arguments)):
             yield f"{name} must take ({', '.join(arguments)})"
+
+
+@contextmanager
+def failures_of(effect: Effect, function: str) -> Iterator[None]:
+    """An error in a function of an effect becomes one line, BadInput."""
+    try:
+        yield
+    except BadInput:
+        raise
+    except KeyError as error:
+        stated = f"[conditions.extra] {error.args[0]!s} = {{ unit = ..., value = ... }}"
+        raise BadInput(
+            f"effects.{effect.name}: its {function} reads {error}, which the scene does not state under "
+            f"[conditions]; one of your own is declared as {stated}"
+        ) from None
+    except Exception as error:
+        told = " ".join(f"{type(error).__name__}: {error}".split())
+        raise BadInput(f"effects.{effect.name}: its {function} failed: {told}") from None
+
+
+def compile_failure(error: Exception) -> str | None:
+    """File, line and reason where the device function of an effect file cannot be compiled; None otherwise."""
+    places = COMPILED.findall(str(error))
+    if not places:
+        return None
+    path, line, function = places[-1]
+    last = [text for text in str(error).splitlines() if text.strip()][-1]
+    hint = "; core/effect.py lists the members of what `act` reads" if "has no attribute" in last else ""
+    return f"{Path(path).name}: line {line}, in {function}: cannot be compiled: {last.strip()}{hint}"
 
 
 def takes(function: Callable[..., Any], count: int) -> bool:

@@ -33,6 +33,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
+from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.result import Measurement, as_record, without_nan
@@ -55,7 +56,8 @@ def apply_instruments(
         if effect.place != "instrument" or strength == 0.0:
             continue
         for name, true in read.items():
-            value = effect.act(params, strength, conditions_of(scene), name, true.value)
+            with failures_of(effect, "act"):
+                value = effect.act(params, strength, conditions_of(scene), name, true.value)
             if isfinite(true.value) and value != true.value:
                 factor = abs(value / true.value) if true.value else 1.0
                 note = f"{true.value:.6g} {true.unit} before {effect.name}"

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_params, replica_effect
+from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
@@ -49,7 +50,8 @@ def changed_by(
 ) -> Scene:
     """The scene after one effect. Raises BadInput where the effect refuses it."""
     try:
-        return effect.act(params, strength, conditions, scene)
+        with failures_of(effect, "act"):
+            return effect.act(params, strength, conditions, scene)
     except BadInput as error:
         raise BadInput(f"{scene.file}: {error}") from None
 
@@ -69,7 +71,8 @@ def device_effects(scene: Scene, library: Library, radius: float) -> list[Replic
         effect = library[name]
         params, strength = checked_params(scene, effect)
         if effect.place in ON_DEVICE and strength > 0.0:
-            found.append(replica_effect(effect, params, strength, circumstances, radius))
+            with failures_of(effect, "constants"):
+                found.append(replica_effect(effect, params, strength, circumstances, radius))
     return found
 
 

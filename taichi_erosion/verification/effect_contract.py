@@ -4,14 +4,17 @@ Each clause gives one sentence for every breach of it, and nothing for an effect
 must have been started.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, fields, is_dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from difflib import get_close_matches
 from math import isclose, isfinite
 from typing import Any
 
 import numpy as np
 
 from taichi_erosion.core.effect import Check, Effect, Probe, check_range, documented
+from taichi_erosion.core.effect_loading import compile_failure
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene, resolved
@@ -19,6 +22,7 @@ from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.conditions import Conditions
 
 LEAST_CHECKS = 3
+LIKE = 0.8  # likeness of names from which one is taken for a misspelling of the other [1]
 WRONG = 1.1  # factor by which a parameter is falsified
 CONDITIONS = {  # a laboratory that states every condition
     "moisture": 0.02,
@@ -31,10 +35,8 @@ CONDITIONS = {  # a laboratory that states every condition
     "angularity": 0.5,
     "friction_velocity": 0.35,
 }
-SCENES: tuple[dict[str, Any], ...] = (  # with and without wind
-    {"conditions": CONDITIONS},
-    {"conditions": CONDITIONS, "wind": {"length": 0.02, "width": 0.01, "height": 0.05}},
-)
+WIND = {"length": 0.02, "width": 0.01, "height": 0.05}
+OF_THE_SCENE = ("grain_diameter", "bed_height")  # that effects on the device read beside the conditions
 ENDS = ("low", "high")  # of the range of a parameter
 RESTING = TYPICAL["grain"] | {"velocity": (0.0, 0.0, 0.0), "spin": (0.0, 0.0, 0.0), "interval": 1.0}
 READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux", "pile_height")
@@ -43,6 +45,43 @@ READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux"
 def holds(check: Check) -> bool:
     """Whether a line of a table is right."""
     return isclose(check.got, check.want, rel_tol=check.rtol, abs_tol=check.atol)
+
+
+@dataclass
+class RecordedConditions(Mapping[str, Any]):
+    """Conditions that keep the names under which they were read."""
+
+    values_by_name: Mapping[str, Any]
+    read: set[str] = field(default_factory=set)
+    walked: bool = False  # all of them were taken at once
+
+    def __getitem__(self, name: str) -> Any:
+        self.read.add(name)
+        return self.values_by_name[name]
+
+    def __iter__(self) -> Iterator[str]:
+        self.walked = True
+        return iter(self.values_by_name)
+
+    def __len__(self) -> int:
+        return len(self.values_by_name)
+
+
+def own_conditions(effect: Effect) -> list[str]:
+    """Conditions that an effect reads and that a scene has to declare."""
+    return [name for name in effect.reads if name not in Conditions.model_fields]
+
+
+def conditions_for(effect: Effect) -> dict[str, float]:
+    """A laboratory that states every condition, those that only this effect reads among them."""
+    return CONDITIONS | dict.fromkeys(own_conditions(effect), 1.0)
+
+
+def scenes_for(effect: Effect) -> list[dict[str, Any]]:
+    """Sections of sample scenes without and with wind."""
+    extra = {name: {"unit": "1", "value": 1.0} for name in own_conditions(effect)}
+    conditions = CONDITIONS | ({"extra": extra} if extra else {})
+    return [{"conditions": conditions}, {"conditions": conditions, "wind": WIND}]
 
 
 def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -106,11 +145,38 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "it has no title"
     if not 0.0 < effect.prior_scale <= effect.most:
         yield f"prior_scale = {effect.prior_scale} must lie in (0, most = {effect.most}]"
-    for name in effect.reads:
-        if name not in Conditions.model_fields:
-            yield f"it reads '{name}', which is not among the conditions of a scene"
-    if not np.all(np.isin(effect.can_act({name: np.array([1.0]) for name in CONDITIONS}), (True, False))):
+    for name in own_conditions(effect):
+        near = get_close_matches(name, Conditions.model_fields, n=1, cutoff=LIKE)
+        if near or not name.isidentifier():
+            meant = f"; did you mean '{near[0]}'?" if near else ""
+            yield f"it reads '{name}', which is not among the conditions of a scene{meant}"
+    if not np.all(np.isin(effect.can_act(columns_for(effect)), (True, False))):
         yield "can_act does not give a mask"
+
+
+def columns_for(effect: Effect) -> dict[str, Any]:
+    """One row of a table that states every condition."""
+    return {name: np.array([1.0]) for name in conditions_for(effect)}
+
+
+def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
+    """Every condition that it reads stands in `reads`: a study sets no other one in its runs."""
+    del probe
+    known, row = RecordedConditions(conditions_for(effect)), RecordedConditions(columns_for(effect))
+    params = effect.params()
+    effect.can_act(row)
+    effect.dose(params, known)
+    if effect.constants is not None:
+        effect.constants(params, 1.0, known)
+    for sections in scenes_for(effect) if effect.place == "scene" else ():
+        with suppress(BadInput):  # the scene is refused
+            effect.act(params, 1.0, known, sample_scene(**sections))
+    for name in READINGS if effect.place == "instrument" else ():
+        effect.act(params, 1.0, known, name, 0.3)
+    if known.walked or row.walked:
+        return
+    for name in sorted((known.read | row.read) - {*effect.reads, *OF_THE_SCENE}):
+        yield f"it reads the condition '{name}', which its entry reads = (...) does not name"
 
 
 def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -131,11 +197,12 @@ def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
     """At strength 0 it does nothing, to the last bit."""
     params = effect.params()
     if effect.place == "scene":
-        for scene in SCENES:
-            if effect.act(params, 0.0, CONDITIONS, sample_scene(**scene)) != sample_scene(**scene):
+        for scene in scenes_for(effect):
+            before = sample_scene(**scene)
+            if effect.act(params, 0.0, conditions_for(effect), before) != before:
                 yield "it changes the scene at strength 0"
     elif effect.place == "instrument":
-        if any(effect.act(params, 0.0, CONDITIONS, name, 0.3) != 0.3 for name in READINGS):
+        if any(effect.act(params, 0.0, conditions_for(effect), name, 0.3) != 0.3 for name in READINGS):
             yield "it changes a reading at strength 0"
     elif np.any(effect_numbers(effect, probe, params, 0.0) != 0.0):
         yield "it acts at strength 0"
@@ -145,13 +212,15 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
     """A pair effect is silent beyond its reach, which is finite and not negative."""
     if effect.place != "pair" or effect.constants is None:
         return
-    reach = effect.reach(effect.constants(effect.params(), 1.0, CONDITIONS), TYPICAL["pair"]["radius_i"])
+    reach = effect.reach(
+        effect.constants(effect.params(), 1.0, conditions_for(effect)), TYPICAL["pair"]["radius_i"]
+    )
     if not 0.0 <= reach < float("inf"):
         yield f"its reach is {reach}"
         return
     beyond = TYPICAL["pair"] | {"gap": 1.001 * reach + 1e-9, "stiffness": 0.0}
     for partner in ({}, {"radius_j": 0.0, "radius_effective": 1e-4, "mass_j": 0.0}):
-        if np.any(probe(effect.params(), CONDITIONS, **(beyond | partner)) != 0.0):
+        if np.any(probe(effect.params(), conditions_for(effect), **(beyond | partner)) != 0.0):
             yield f"it still pulls beyond its reach of {reach:.4g} m"
 
 
@@ -168,15 +237,16 @@ def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:
 def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
     """All numbers that an effect gives in a typical situation."""
     if effect.place == "scene":
-        found = [number for scene in SCENES for number in scene_numbers(probe, params, strength, scene)]
-        return np.array(found)
+        scenes = scenes_for(effect)
+        return np.array([n for scene in scenes for n in scene_numbers(probe, params, strength, scene)])
     if effect.place == "instrument":
-        return np.array([effect.act(params, strength, CONDITIONS, name, 0.3) for name in READINGS])
+        known = conditions_for(effect)
+        return np.array([effect.act(params, strength, known, name, 0.3) for name in READINGS])
     situation = TYPICAL[effect.place]
     if effect.grain_state is None:
-        return np.ravel(probe(params, CONDITIONS, strength=strength, **situation))
+        return np.ravel(probe(params, conditions_for(effect), strength=strength, **situation))
     found = [
-        probe(params, CONDITIONS, strength=strength, state_i=state, **situation)
+        probe(params, conditions_for(effect), strength=strength, state_i=state, **situation)
         for state in reached_states(effect, probe, params, strength)
     ]
     return np.concatenate([np.ravel(one) for one in found])
@@ -184,16 +254,18 @@ def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -
 
 def reached_states(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
     """States of a grain that has entered, after a long rest, and after a flight that follows it."""
-    found = [probe(params, CONDITIONS, strength=strength, state_before=None, **RESTING)]
+    known = conditions_for(effect)
+    found = [probe(params, known, strength=strength, state_before=None, **RESTING)]
     for situation in (RESTING, TYPICAL["grain"]):
-        found.append(probe(params, CONDITIONS, strength=strength, state_before=found[-1], **situation))
+        found.append(probe(params, known, strength=strength, state_before=found[-1], **situation))
     return found
 
 
 def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str, Any]) -> list[float]:
     """All numbers of a changed scene; none where the effect refuses the scene with a clear line."""
     try:
-        scene: Scene = probe(params, CONDITIONS, scene=sample_scene(**sections), strength=strength)
+        before = sample_scene(**sections)
+        scene: Scene = probe(params, before.conditions.stated(), scene=before, strength=strength)
     except BadInput:
         return []
     return list(numbers_in(resolved(scene)))
@@ -210,15 +282,17 @@ def numbers_in(tree: Any) -> Iterator[float]:
         yield float(tree)
 
 
-CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
+Clause = Callable[[Effect, Probe], Iterator[str]]
+CLAUSES: dict[str, Clause] = {
     "its verification table is right": table_is_right,
     "a parameter wrong by 10 % breaks its table": parameters_are_pinned,
     "its parameters carry unit, meaning and range": parameters_are_documented,
     "it is described": is_described,
+    "it names the conditions that it reads": names_what_it_reads,
     "it is finite at the ends of every range": is_finite_everywhere,
     "it does nothing at strength 0": vanishes_at_no_strength,
     "it is silent beyond its reach": has_a_sane_reach,
-    "what it numbers_in to calibration is its own": leaves_open_its_own,
+    "what it leaves to calibration is its own": leaves_open_its_own,
     "its state variables are declared and finite": grain_state_is_sound,
 }
 
@@ -226,4 +300,15 @@ CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
 def breaches(effect: Effect, bench: Bench) -> list[str]:
     """Everything in which an effect breaks the contract."""
     probe = probe_of(effect, bench)
-    return [sentence for clause in CLAUSES.values() for sentence in clause(effect, probe)]
+    sentences = [line for name, clause in CLAUSES.items() for line in told(name, clause, effect, probe)]
+    return list(dict.fromkeys(sentences))
+
+
+def told(name: str, clause: Clause, effect: Effect, probe: Probe) -> list[str]:
+    """Breaches of one clause; an error in the effect is one."""
+    try:
+        return list(clause(effect, probe))
+    except Exception as error:
+        if (reason := compile_failure(error)) is not None:
+            return [reason]
+        return [f"{name}: cannot be told: {' '.join(f'{type(error).__name__}: {error}'.split())}"]

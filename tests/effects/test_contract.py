@@ -57,6 +57,18 @@ def always(params, strength, conditions):
     return {"pull": params.pull_off}
 
 
+def rooted(params, strength, conditions):
+    return {"pull": strength * params.pull_off * conditions.get("root_density", 1.0)}
+
+
+def where_moist(conditions):
+    return conditions["moisture"] > 0.0
+
+
+def broken(probe: Probe) -> Iterator[Check]:
+    yield Check("a slip", 1.0 / 0.0, 1.0)
+
+
 def ranges() -> type:
     from dataclasses import make_dataclass
 
@@ -90,7 +102,14 @@ BAD: dict[str, Effect] = {
     "it acts at strength 0": replace(GOOD, constants=always),
     "pull_off has no range": replace(GOOD, params=ranges()),
     "its docstring lacks 'Reference:'": replace(GOOD, doc="Pulls."),
-    "it reads 'colour'": replace(GOOD, reads=("colour",)),
+    "it reads 'mosture', which is not among the conditions of a scene; did you mean 'moisture'?": replace(
+        GOOD, reads=("mosture",)
+    ),
+    "it reads the condition 'root_density', which its entry reads = (...) does not name": replace(
+        GOOD, constants=rooted
+    ),
+    "it reads the condition 'moisture', which its": replace(GOOD, can_act=where_moist, reads=("slope",)),
+    "cannot be told: ZeroDivisionError": replace(GOOD, checks=broken),
     "its reach is inf": replace(GOOD, reach=lambda constants, radius: float("inf")),
     "uncertain.colour is none of its parameters": replace(GOOD, uncertain={"colour": 0.5}),
     "uncertain.pull_off = 0.0 is no standard": replace(GOOD, uncertain={"pull_off": 0.0}),
@@ -105,6 +124,13 @@ BAD: dict[str, Effect] = {
 @pytest.mark.parametrize("sentence", BAD)
 def test_a_breach_of_the_contract_is_told(sentence, bench):
     assert any(sentence in breach for breach in breaches(BAD[sentence], bench))
+
+
+def test_an_effect_may_read_a_condition_that_no_scene_has_by_itself(bench):
+    def grown(params, strength, conditions):
+        return {"pull": strength * params.pull_off * conditions.get("root_density", 1.0)}
+
+    assert breaches(replace(GOOD, constants=grown, reads=("root_density",)), bench) == []
 
 
 def test_a_memory_that_nothing_keeps_is_refused_at_once():

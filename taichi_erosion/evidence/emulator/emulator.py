@@ -12,6 +12,7 @@ import numpy as np
 
 from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.effect import STRENGTH
+from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.evidence.data.problem import (
     Candidate,
@@ -83,7 +84,8 @@ class EmulatorInputs:
         own = {path.removeprefix(prefix): v for path, v in parameters.items() if path.startswith(prefix)}
         numbers = {**self.scene.simulator.stated_numbers(scene, effect.name), **own}
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
-        dose = np.where(effect.can_act(known), effect.dose(params, known), 0.0)
+        with failures_of(effect, "dose"):
+            dose = np.where(effect.can_act(known), effect.dose(params, known), 0.0)
         return strengths / expected_strength(candidate) * dose
 
     def active(self) -> ActiveInputs:

@@ -13,7 +13,7 @@ import numpy as np
 
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.effect_file import EffectFile
-from taichi_erosion.core.effect_loading import effect_in
+from taichi_erosion.core.effect_loading import effect_in, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -53,8 +53,8 @@ def read_through(
     params, read = effect.params(), values.copy()
     for row in range(row_count(conditions)):
         known = {name: float(column[row]) for name, column in conditions.items() if isfinite(column[row])}
-        shown = [effect.act(params, strength, known, observable, float(value)) for value in values[:, row]]
-        read[:, row] = shown
+        with failures_of(effect, "act"):
+            read[:, row] = [effect.act(params, strength, known, observable, float(v)) for v in values[:, row]]
     return read
 
 

@@ -19,6 +19,7 @@ from taichi_erosion.campaign.ledger import Ledger, open_ledger
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
+from taichi_erosion.core.effect_loading import effect_in, failures_of
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -129,7 +130,8 @@ class Simulator:
     def effect_mask(self, effect: Effect, columns: Conditions, scene: Path) -> Bools:
         """Rows in which an effect can act; what a row leaves out is as the scene states it."""
         known = self.known_conditions(columns, scene)
-        return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), row_count(columns))
+        with failures_of(effect, "can_act"):
+            return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), row_count(columns))
 
     def known_conditions(self, columns: Conditions, scene: Path) -> Conditions:
         """Conditions of rows as effects read them; what a row leaves out is as the scene states it."""
@@ -204,7 +206,6 @@ def study_simulator(
     path: Path, file: StudyFile, table: Measurements, folder: Path, effect_files: EffectFiles = ()
 ) -> Simulator:
     """Simulator of the scenes of a study; raises BadInput where a scene cannot answer."""
-    from taichi_erosion.core.effect_loading import effect_in
     from taichi_erosion.effects import load_library
 
     scenes = {(path.parent / str(entry.scene)).resolve() for entry in file.observables.values()}
