@@ -36,6 +36,7 @@ ACT = {
 COMPILED = re.compile(
     rf'File "([^"]+):[0-9a-f]{{{DIGITS}}}", line (\d+), in (\w+):'
 )  # in a compiler's message
+STRUCT = re.compile(r"'Struct\d+' object")  # name of the compiler for what `act` reads
 STATES = {"pair": ("state_i", "state_j"), "grain": ("state",)}
 ARGUMENTS = {
     "constants": ("params", "strength", "conditions"),
@@ -159,12 +160,13 @@ def failures_of(effect: Effect, function: str) -> Iterator[None]:
 
 
 def compile_failure(error: Exception) -> str | None:
-    """File, line and reason where the device function of an effect file cannot be compiled; None otherwise."""
+    """File, line and reason where a device function of an effect file cannot be compiled, else None."""
     places = COMPILED.findall(str(error))
     if not places:
         return None
     path, line, function = places[-1]
     last = [text for text in str(error).splitlines() if text.strip()][-1]
+    last = STRUCT.sub("its argument", last)
     hint = "; core/effect.py lists the members of what `act` reads" if "has no attribute" in last else ""
     return f"{Path(path).name}: line {line}, in {function}: cannot be compiled: {last.strip()}{hint}"
 
