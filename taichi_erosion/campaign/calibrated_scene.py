@@ -6,38 +6,51 @@ from pathlib import Path
 from taichi_erosion.campaign.design_runs import complete_settings
 from taichi_erosion.campaign.study_file import CalibrationStudy
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.load import file_text, parse_scene
 from taichi_erosion.scene.paths import apply_override
 from taichi_erosion.scene.schema.geometry import Mesh
 
-MARK = "# Written by `doe calibrate`"  # first words of a file that may be written again
+MARK = "# Written by `doe calibrate`"  # first words of the comment that says what the scene is
 SCHEMA_LINE = "#:schema"  # a relative path, which another folder breaks
 DIGITS = 6  # of a calibrated number
 
 
 def write_calibrated_scenes(file: CalibrationStudy, settings: Mapping[str, float]) -> list[Path]:
-    """Write every scene of a calibration with its calibrated numbers; raises BadInput for a foreign file."""
+    """Write every scene of a calibration with its calibrated numbers."""
     values = complete_settings(file, dict(settings))
     linked = {path: value for main, value in values.items() for path in file.study.parameters[main].also}
     numbers = {path: float(f"{value:.{DIGITS}g}") for path, value in (values | linked).items()}
     overrides = [*file.study.study.settings, *(f"{path}={value!r}" for path, value in numbers.items())]
-    scenes = dict.fromkeys(file.scene(name) for name in file.study.targets)
-    return [write_calibrated_scene(file, scene, overrides) for scene in scenes]
+    return [write_calibrated_scene(file, scene, overrides) for scene in scenes_of(file)]
+
+
+def scenes_of(file: CalibrationStudy) -> list[Path]:
+    """Scenes that a calibration changes."""
+    return list(dict.fromkeys(file.scene(name) for name in file.study.targets))
+
+
+def refuse_foreign_scenes(file: CalibrationStudy, force: bool) -> None:
+    """Raise BadInput where a calibrated scene would replace a file of the user, or of another study."""
+    for scene in scenes_of(file):
+        refuse_foreign(calibrated_path(file, scene), file.path, force)
+
+
+def calibrated_path(file: CalibrationStudy, scene: Path) -> Path:
+    """Calibrated scene in the folder of the study; beside the old one where that has mesh files."""
+    if any(isinstance(wall, Mesh) for wall in read_scene(scene, ()).geometry.values()):
+        return scene.with_name(f"{scene.stem}_{file.path.stem}_calibrated.toml")
+    return file.folder / f"{scene.stem}_calibrated.toml"
 
 
 def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Sequence[str]) -> Path:
-    """Write one scene into the folder of the study; beside the old one where that has mesh files."""
-    wanted = read_scene(scene, tuple(overrides))
-    path = file.folder / f"{scene.stem}_calibrated.toml"
-    if any(isinstance(wall, Mesh) for wall in wanted.geometry.values()):
-        path = scene.with_name(f"{scene.stem}_{file.path.stem}_calibrated.toml")
-    if path.exists() and not file_text(path, str(path)).startswith(MARK):
-        raise BadInput(f"{path}: exists and was not written by `doe calibrate`; move it away first")
+    """Write one scene."""
+    wanted, path = read_scene(scene, tuple(overrides)), calibrated_path(file, scene)
     head = f"{MARK} {file.path.name}: {scene.name} with the numbers that its last step confirmed.\n"
-    return write_atomic(path, (head + calibrated_text(scene, overrides, wanted)).encode())
+    text = without_mark(calibrated_text(scene, overrides, wanted))
+    return write_atomic(path, marked_toml(path, file.path, head + text))
 
 
 def calibrated_text(scene: Path, overrides: Sequence[str], wanted: Scene) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from taichi_erosion.campaign import calibration_steps as calculate
-from taichi_erosion.campaign.calibrated_scene import write_calibrated_scenes
+from taichi_erosion.campaign.calibrated_scene import refuse_foreign_scenes, write_calibrated_scenes
 from taichi_erosion.campaign.calibration_steps import Climb, Confirmed, ResponseSurface, Screening
 from taichi_erosion.campaign.design_runs import DesignRun, DesignRunner
 from taichi_erosion.campaign.execute import SIMULATE
@@ -18,7 +18,7 @@ from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import Report
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.files import ListedFolder
 from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.design_table import Design, design_text, read_design
 from taichi_erosion.experiments.fit import Fit, coded_polynomial, equation, natural_polynomial, quality
@@ -27,6 +27,8 @@ from taichi_erosion.experiments.optimise import Optimisation
 Document = dict[str, Any]
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]
 STEPS: tuple[Step, ...] = get_args(Step)
+TABLES = ("screen.csv", "climb.csv", "surface.csv", "confirm.csv", "runs.csv")
+PAGE, PICTURES = "README.md", "pictures"  # page of a calibration, and the folder of its figures
 
 
 @dataclass
@@ -49,10 +51,15 @@ def calibrate(
     scheduler: str | None = None,
     progress: Report | None = None,
     function: str = SIMULATE,
+    force: bool = False,
 ) -> Calibration:
-    """Carry a study out up to a step. Raises BadInput for what cannot be done; what was run is kept."""
+    """Carry a study out up to a step. Raises BadInput for what cannot be done; what was run is kept.
+
+    `force` replaces files in the study's folder that no calibration wrote, or that were changed since.
+    """
     started = time.perf_counter()
     file = read_calibration_study(path)
+    refuse_foreign_files(file, until, force)
     found = Calibration(file)
     planned = calculate.screening_design(file)
     found.document = {"study": str(path), "until": until, "design": path_document(planned)}
@@ -72,6 +79,17 @@ def calibrate(
         found.document["cpu_s"] = sum(run.result.record.get("cpu_s", 0.0) for run in runner.runs)
     found.document["wall_s"] = time.perf_counter() - started
     return found
+
+
+def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> None:
+    """Raise BadInput where a step would replace a file that no calibration wrote."""
+    pictures = [
+        path.name for name in file.study.targets for path in (file.folder / PICTURES).glob(f"*_{name}.png")
+    ]
+    last = [PAGE, *(f"{PICTURES}/{name}" for name in pictures)] if until == STEPS[-1] else []
+    if until == STEPS[-1]:
+        refuse_foreign_scenes(file, force)
+    ListedFolder(file.folder).refuse_foreign([*TABLES, *last], force)
 
 
 def run_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
@@ -120,7 +138,7 @@ def is_written(table: Path, planned: Design) -> bool:
 
 def write_design(found: Calibration, name: str, design: Design) -> Path:
     """Write a design with its responses as a CSV table."""
-    return write_atomic(found.file.folder / f"{name}.csv", design_text(design).encode())
+    return ListedFolder(found.file.folder).write(f"{name}.csv", design_text(design).encode())
 
 
 def write_runs(file: CalibrationStudy, runs: list[DesignRun]) -> Path:
@@ -136,7 +154,7 @@ def write_runs(file: CalibrationStudy, runs: list[DesignRun]) -> Path:
         cells = ("" if value != value else f"{value:.7g}" for value in values)
         ends = (run.result.failure or "", f"{run.result.record.get('cpu_s', 0.0):.1f}")
         writer.writerow([run.stage, run.row, run.seed, run.result.key, *settings, *cells, *ends])
-    return write_atomic(file.folder / "runs.csv", text.getvalue().encode())
+    return ListedFolder(file.folder).write("runs.csv", text.getvalue().encode())
 
 
 def path_document(design: Design, best: int | None = None) -> Document:

@@ -350,10 +350,14 @@ def nested_candidates(table: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def with_entry(text: str, path: Sequence[str], value: float | str | list[str]) -> str:
-    """A TOML text with one entry set; comments, order and spelling of all others stay. Raises BadInput."""
+def with_entry(text: str, path: Sequence[str], value: float | str | list[str], note: str = "") -> str:
+    """A TOML text with one entry set; all others stay as they are, with their comments. Raises BadInput.
+
+    A comment beside a changed entry goes: it describes the old value. `note` takes its place.
+    """
     import tomlkit
     from tomlkit.exceptions import TOMLKitError
+    from tomlkit.items import InlineTable
 
     *sections, last = path
     try:
@@ -363,13 +367,21 @@ def with_entry(text: str, path: Sequence[str], value: float | str | list[str]) -
             if key not in table:
                 table[key] = tomlkit.table(is_super_table=key is not sections[-1])
             table = table[key]
-        table[last] = value
+        if last not in table or table[last] != value:
+            table[last] = value
+            is_inline = isinstance(table, InlineTable)  # a comment would hide its end
+            set_comment(table[last], "" if is_inline else note)
         result = tomlkit.dumps(document)
         if entry(result, path) == value:
             return result
     except (TOMLKitError, TypeError, ValueError):
         pass
     raise BadInput(f"{'.'.join(path)}: could not be set to {value!r} in the file; set it by hand")
+
+
+def set_comment(item: Any, note: str) -> None:
+    """Replace the comment beside an entry; an empty note removes it."""
+    item.trivia.comment, item.trivia.comment_ws = (f"# {note}", "  ") if note else ("", "")
 
 
 def entry(text: str, path: Sequence[str]) -> Any:

@@ -17,7 +17,7 @@ from taichi_erosion import __version__
 from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
-from taichi_erosion.cli.output import AsJson, EffectFiles
+from taichi_erosion.cli.output import AsJson, EffectFiles, Force
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.core.errors import BadInput, ExitCode
 
@@ -110,6 +110,7 @@ def run(
     resume: ResumeFrom = None,
     effect: EffectFiles = None,
     check: CheckOnly = False,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a scene, measure and record it; print the measured value beside the simulated one."""
@@ -119,7 +120,7 @@ def run(
     check_options(record, no_record, checkpoint, every)
     options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
     options |= given(record=record, checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
-    options |= {"overrides": overrides, "effect_files": effects}
+    options |= {"overrides": overrides, "effect_files": effects} | ({"force": True} if force else {})
     document = simulate(scene, no_record=no_record, **options)
     output.log_run(document)
     output.print_result(document, as_json, output.print_run)
@@ -170,13 +171,16 @@ def live(
 ) -> None:
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
     from taichi_erosion.cli.live import run_prompt
+    from taichi_erosion.recording.outputs import unused_name
     from taichi_erosion.recording.viewer import web_viewer
     from taichi_erosion.run.session import open_session
 
     if web and viewer:
         raise BadInput("--web and --viewer exclude each other")
     session = open_session(scene, tuple(override or ()), seed, effect or ())
-    path = record or Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd"
+    path = record or unused_name(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
+    if record and record.exists():
+        raise BadInput(f"{record}: exists; name another file, for a session cannot be repeated")
     with web_viewer() if web else nullcontext() as served:
         if served:
             typer.echo(served.instructions, err=True)
@@ -225,12 +229,15 @@ def snapshot(
     only: Annotated[
         str | None, typer.Option("--view", metavar="NAME", help="One view alone, such as Grains.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Draw one moment of a run, or a study, without a screen."""
+    from taichi_erosion.core.files import refuse_foreign
     from taichi_erosion.recording.viewer import render_picture
 
     picture_file = to or file.with_suffix(".snapshot.png")
-    typer.echo(str(render_picture(recording_of(file), time, picture_file, view=only)))
+    refuse_foreign(picture_file, file, force)
+    typer.echo(str(render_picture(recording_of(file), time, picture_file, view=only, source=file)))
 
 
 @app.command(**help_of("export"))
@@ -239,11 +246,12 @@ def export(
         Path, typer.Argument(metavar="FILE", help="Recording (.rrd).", exists=True, dir_okay=False)
     ],
     vtk: Annotated[Path, typer.Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
+    force: Force = False,
 ) -> None:
     """Write the grains of a recording for ParaView."""
     from taichi_erosion.recording.export import export_vtk
 
-    typer.echo(str(export_vtk(file, vtk)))
+    typer.echo(str(export_vtk(file, vtk, force)))
 
 
 app.command(**help_of("audit"))(audit)
@@ -320,11 +328,16 @@ def bench(as_json: AsJson = False) -> None:
 @app.command(**help_of("schema"))
 def schema(
     to: Annotated[Path, typer.Option("-o", "--output", metavar="FILE")] = Path("scenes/scene.schema.json"),
+    force: Force = False,
 ) -> None:
     """Write the JSON schema of scene files, for completion and checks in editors."""
+    from taichi_erosion.core.files import REMEDY
     from taichi_erosion.scene import write_schema
+    from taichi_erosion.scene.paths import is_schema
 
     if not to.parent.is_dir():
         raise BadInput(f"{to}: no folder {to.parent}; name the file with -o")
+    if to.exists() and not force and not is_schema(to):
+        raise BadInput(f"{to}: exists, and is no schema of scenes; {REMEDY}")
     write_schema(to)
     typer.echo(str(to))

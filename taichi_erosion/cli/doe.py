@@ -4,6 +4,7 @@ Each step first completes the steps before it. Runs in the study's ledger are no
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import AsJson
+from taichi_erosion.cli.output import AsJson, Force
 from taichi_erosion.cli.progress import KEPT, interruptible
 
 if TYPE_CHECKING:
@@ -83,18 +84,22 @@ def print_audit(document: Record) -> None:
 
 
 @doe.command(**help_of("doe design"))
-def design(study: StudyPath, as_json: AsJson = False) -> None:
+def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> None:
     """Write the table of the screening design, without running it."""
-    run_steps("design", study, None, None, as_json)
+    run_steps("design", study, Places(force=force), as_json)
 
 
 def add_step(step: "Step", summary: str) -> None:
     """Register the command `doe STEP`."""
 
     def command(
-        study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
+        study: StudyPath,
+        workers: Workers = None,
+        scheduler: Scheduler = None,
+        force: Force = False,
+        as_json: AsJson = False,
     ) -> None:
-        run_steps(step, study, workers, scheduler, as_json)
+        run_steps(step, study, Places(workers, scheduler, force), as_json)
 
     doe.command(step, help=summary, **help_of(f"doe {step}"))(command)
 
@@ -105,10 +110,14 @@ for _step, _summary in STEPS.items():
 
 @doe.command(**help_of("doe calibrate"))
 def calibrate(
-    study: StudyPath, workers: Workers = None, scheduler: Scheduler = None, as_json: AsJson = False
+    study: StudyPath,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    force: Force = False,
+    as_json: AsJson = False,
 ) -> None:
     """Make all steps, and write a page with their tables and figures."""
-    found = run_steps("confirm", study, workers, scheduler, as_json)
+    found = run_steps("confirm", study, Places(workers, scheduler, force), as_json)
     from taichi_erosion.report.calibration_page import publish
 
     page = publish(found)
@@ -116,14 +125,21 @@ def calibrate(
         typer.echo(f"page: {page}")
 
 
-def run_steps(
-    until: "Step", study: Path, workers: int | None, scheduler: str | None, as_json: bool
-) -> "Calibration":
+@dataclass(frozen=True)
+class Places:
+    """Where the runs are made, and whether files of others are replaced."""
+
+    workers: int | None = None
+    scheduler: str | None = None
+    force: bool = False
+
+
+def run_steps(until: "Step", study: Path, places: Places, as_json: bool) -> "Calibration":
     """Run a calibration up to a step and print the result of that step."""
     from taichi_erosion.campaign.calibration import calibrate
 
     with interruptible("calibrating", KEPT) as progress:
-        found = calibrate(study, until, workers, scheduler, progress)
+        found = calibrate(study, until, places.workers, places.scheduler, progress, force=places.force)
     if as_json:
         output.print_json(found.document)
     else:

@@ -11,7 +11,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Record, print_table
+from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
 from taichi_erosion.cli.progress import KEPT, interruptible
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.inference.levels import fails
@@ -90,15 +90,18 @@ def adopt(
     workers: Workers = None,
     seed: Seed = None,
     own: EffectFiles = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Add an effect, calibrate again, and show the error on held-out measurements."""
     from taichi_erosion.evidence.answers.commands import adopt_study
 
     options = options_of(budget, workers, seed, own)
-    answer(
-        "adopting", lambda progress: adopt_study(study, effect, progress, options), print_adoption, as_json
-    )
+
+    def compute(progress: Progress) -> dict[str, Any]:
+        return adopt_study(study, effect, progress, options, force)
+
+    answer("adopting", compute, print_adoption, as_json)
 
 
 @app.command("next", **help_of("next"))
@@ -110,7 +113,7 @@ def next_(
     own: EffectFiles = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the cheapest experiments that separate the remaining effects."""
+    """Find the cheapest experiments that tell the named explanation from its rivals."""
     from taichi_erosion.evidence.answers.commands import next_study
 
     options = options_of(budget, workers, seed, own)
@@ -118,11 +121,11 @@ def next_(
 
 
 @app.command(**help_of("report"))
-def report(source: ReportSource, to: PageFile = None, as_json: AsJson = False) -> None:
+def report(source: ReportSource, to: PageFile = None, force: Force = False, as_json: AsJson = False) -> None:
     """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
     from taichi_erosion.report import write_report
 
-    page = str(write_report(source, to))
+    page = str(write_report(source, to, force))
     output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
 
 
@@ -229,15 +232,15 @@ def print_adoption(document: Record) -> None:
     if opened > 1:
         typer.echo(f"note: the vault has been opened {opened} times; its rows are no longer unseen data.")
     print_lines(document["notes"], "note: ")
-    typer.echo(f"written: {document['written']}")
+    for file in document["files"]:
+        typer.echo(f"written: {file}")
     typer.echo(cost(document))
 
 
 def print_experiments(document: Record) -> None:
     """Print experiments in order of information per cost."""
     experiments = document["next_experiments"]
-    if not experiments:
-        typer.echo("No experiment within the stated ranges separates the remaining effects.")
+    typer.echo(document["sentence"])
     for rank, experiment in enumerate(experiments, 1):
         typer.echo(f"{rank}. {experiment['sentence']}")
     print_lines(document["notes"], "note: ")

@@ -19,6 +19,9 @@ EffectFiles = Annotated[
     list[Path] | None,
     typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
 ]
+Force = Annotated[
+    bool, typer.Option("--force", help="Replace files of this name that this command did not write.")
+]
 
 MARK_MISSING = "-"
 WIDEST = 1000  # width of a table in a file or pipe [characters]

@@ -1,17 +1,39 @@
-"""Files that users name: reading of regular files only, and atomic writing (whole or not at all)."""
+"""Files that users name: reading of regular files only, atomic writing, and what may be replaced.
+
+A file that a command makes from a source (a study, a scene, a recording, a photograph) carries the mark
+
+    made by taichi_erosion from SOURCE[, content DIGEST];
+
+in a comment, with SOURCE relative to the folder of the file and percent-encoded. A command replaces a file
+only if that file is from the same source and, where it has a digest, still as it was written: what a user has
+changed belongs to the user. Tables, which hold no comment, are listed with their digests in `written.json`.
+"""
 
 import fcntl
+import json
 import os
+import re
+import struct
 import tempfile
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import BinaryIO
+from urllib.parse import quote, unquote
 
 from taichi_erosion.core.errors import BadInput
 
 LARGEST_TEXT = 100_000_000  # bytes, beyond any table or document of this program
 PART_SUFFIX = ".part"  # name of a file while it is being written
+MARK = re.compile(rb"made by taichi_erosion from ([^ \r\n;,]+)(?:, content ([0-9a-f]+))?;")
+LOOKED_THROUGH = 65536  # bytes at the beginning of a file in which its mark stands
+DIGEST_LENGTH = 16  # hexadecimal digits
+LIST = "written.json"
+REMEDY = "move it away, or replace it with --force"
+PNG_HEADER = 33  # bytes of signature and first chunk
 
 
 def regular_file(path: Path) -> Path:
@@ -102,3 +124,100 @@ def write_atomic(path: Path, content: bytes) -> Path:
     except OSError as error:
         raise BadInput(f"{path}: cannot be written ({error.strerror})") from error
     return path
+
+
+def digest_of(content: bytes) -> str:
+    """Digest of a content."""
+    return sha256(content).hexdigest()[:DIGEST_LENGTH]
+
+
+def mark_of(path: Path, source: Path, content: bytes | None = None) -> str:
+    """Mark of a file made from a source, with the digest of its content where it is given."""
+    relative = os.path.relpath(source.absolute(), path.absolute().parent)
+    digest = "" if content is None else f", content {digest_of(content)}"
+    return f"made by taichi_erosion from {quote(relative)}{digest};"
+
+
+def marked_toml(path: Path, source: Path, text: str) -> bytes:
+    """A TOML text below a comment with its mark; an earlier mark goes."""
+    body = without_mark(text).encode()
+    return f"# {mark_of(path, source, body)}\n".encode() + body
+
+
+def without_mark(text: str) -> str:
+    """A TOML text without the comment of its mark."""
+    first, newline, rest = text.partition("\n")
+    return rest if newline and MARK.search(first.encode()) else text
+
+
+def marked_html(path: Path, source: Path, page: str) -> bytes:
+    """An HTML page with its mark in a comment at the beginning of its head."""
+    head, tag, rest = page.partition("<head>")
+    return f"{head}{tag}<!-- {mark_of(path, source)} -->{rest}".encode()
+
+
+def marked_png(path: Path, source: Path, picture: bytes) -> bytes:
+    """A PNG with its mark as a text after the header, where readers expect comments."""
+    body = b"tEXt" + b"Comment\0" + mark_of(path, source).encode("latin-1")
+    chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
+    return picture[:PNG_HEADER] + chunk + picture[PNG_HEADER:]
+
+
+def refuse_foreign(path: Path, source: Path, force: bool = False) -> None:
+    """Raise BadInput where a file exists that is not from this source, or was changed since; not by force."""
+    if force or not path.exists():
+        return
+    if not path.is_file():
+        raise BadInput(f"{path}: is not the name of a file")
+    content = path.read_bytes()
+    found = MARK.search(content[:LOOKED_THROUGH])
+    if found is None:
+        raise BadInput(f"{path}: exists, and this program did not write it; {REMEDY}")
+    written_from = (path.parent / unquote(found[1].decode())).resolve()
+    if written_from != source.resolve():
+        raise BadInput(f"{path}: exists, made from {unquote(found[1].decode())}, not from {source}; {REMEDY}")
+    _, _, body = content.partition(b"\n")
+    if found[2] is not None and digest_of(body) != found[2].decode():
+        raise BadInput(f"{path}: was changed after this program wrote it; {REMEDY}")
+
+
+@dataclass(frozen=True)
+class ListedFolder:
+    """A folder in which `written.json` lists what this program wrote, by name with the digest."""
+
+    path: Path
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """Digests by name; none where there is no list. Raises BadInput for a damaged one."""
+        try:
+            found = json.loads((self.path / LIST).read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError) as error:
+            raise BadInput(f"{self.path / LIST}: cannot be read ({error}); {REMEDY}") from None
+        return {str(name): str(digest) for name, digest in found.items()} if isinstance(found, dict) else {}
+
+    def refuse_foreign(self, names: Sequence[str], force: bool = False) -> None:
+        """Raise BadInput where one of these files exists that is not listed, or was changed; not by force."""
+        digests = {} if force else self.digests
+        for path in (self.path / name for name in names):
+            if force or not path.exists():
+                continue
+            name = path.relative_to(self.path).as_posix()
+            if name not in digests:
+                raise BadInput(f"{path}: exists, and this program did not write it; {REMEDY}")
+            if digest_of(path.read_bytes()) != digests[name]:
+                raise BadInput(f"{path}: was changed after this program wrote it; {REMEDY}")
+
+    def write(self, name: str, content: bytes) -> Path:
+        """Write a file and list it."""
+        path = write_atomic(self.path / name, content)
+        self.record(name)
+        return path
+
+    def record(self, name: str) -> None:
+        """List a file as it is now."""
+        digests = self.digests | {name: digest_of((self.path / name).read_bytes())}
+        text = json.dumps(dict(sorted(digests.items())), indent=1) + "\n"
+        write_atomic(self.path / LIST, text.encode())

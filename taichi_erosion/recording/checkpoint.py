@@ -39,6 +39,15 @@ def save_checkpoint(path: Path, state: Arrays, meta: dict[str, Any]) -> None:
         raise BadInput(f"{path}: the checkpoint cannot be written ({error.strerror})") from error
 
 
+def is_checkpoint(path: Path) -> bool:
+    """Whether a file is a checkpoint of this program, of any version."""
+    try:
+        with zipfile.ZipFile(regular_file(path)) as members:
+            return f"{HEAD}.npy" in members.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
 def load_checkpoint(path: Path, scene_hash: str | None = None) -> tuple[Arrays, dict[str, Any]]:
     """Read (state, meta) of a checkpoint; with `scene_hash` only one of that scene.
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.files import marked_png, write_atomic
 from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.readback import NANOSECOND, readable
 
@@ -112,11 +112,17 @@ def is_listening(port: int) -> bool:
 
 
 def render_picture(
-    path: Path, moment: float | None, out: Path, size: tuple[int, int] = (1280, 800), view: str | None = None
+    path: Path,
+    moment: float | None,
+    out: Path,
+    size: tuple[int, int] = (1280, 800),
+    view: str | None = None,
+    source: Path | None = None,
 ) -> Path:
     """PNG of the viewer at `moment` [s] of simulated time, None for the end; needs no display.
 
-    `view` names the one view to draw alone, such as Grains.
+    `view` names the one view to draw alone, such as Grains; `source` is what the recording was made from, by
+    which the picture is marked.
     """
     with headless_viewer(path, size) as client:
         wanted = last_moment(client) if moment is None else moment
@@ -125,7 +131,8 @@ def render_picture(
         views = {shown.name: shown.view_id for shown in client.get_state().views}
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")
-        return write_atomic(out, screenshot(client, views[view] if view else None))
+        picture = screenshot(client, views[view] if view else None)
+        return write_atomic(out, marked_png(out, source or path, picture))
 
 
 def screenshot(client: "ViewerClient", view_id: str | None = None) -> bytes:

@@ -9,13 +9,16 @@ from taichi_erosion.core.files import read_text_file
 RUNS = (".json", ".rrd")
 
 
-def write_report(source: Path, to: Path | None = None) -> Path:
-    """Write the page of a study (TOML), or of a run (its JSON document or its recording)."""
+def write_report(source: Path, to: Path | None = None, force: bool = False) -> Path:
+    """Write the page of a study (TOML), or of a run (its JSON document or its recording).
+
+    `force` replaces a file that is not the page of this study or run.
+    """
     from taichi_erosion.report import calibration_page, evidence_page, run_page
 
     if source.suffix in RUNS:
-        return run_page.write_report(source, to)
-    return (calibration_page if is_calibration(source) else evidence_page).write_report(source, to)
+        return run_page.write_report(source, to, force)
+    return (calibration_page if is_calibration(source) else evidence_page).write_report(source, to, force)
 
 
 def write_recording(study: Path) -> Path:

@@ -12,10 +12,10 @@ from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
 from taichi_erosion import __version__
-from taichi_erosion.campaign.calibration import Calibration
+from taichi_erosion.campaign.calibration import PAGE, PICTURES, Calibration
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.files import ListedFolder, marked_html, refuse_foreign, write_atomic
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.html import address_of, made, render
@@ -23,9 +23,7 @@ from taichi_erosion.report.markdown import markdown_table, with_scatter_of, with
 
 Row = Mapping[str, str]
 
-PAGE = "README.md"
 PAGE_TEMPLATE, TEMPLATE = "calibration.md", "calibration.html"
-PICTURES = "pictures"
 RECORDING = "study.rrd"
 OPTIMA = 5  # listed on the page
 VARIANCE = ("sum_of_squares", "df", "mean_square", "f", "p")
@@ -62,19 +60,25 @@ def publish(found: Calibration) -> Path:
         optima=optimum_table(found),
         samples={name: samples(document["confirm"]["tests"][name]) for name in targets},
     )
-    return write_atomic(found.file.folder / PAGE, (text.rstrip() + "\n").encode())
+    return ListedFolder(found.file.folder).write(PAGE, (text.rstrip() + "\n").encode())
 
 
 def draw(found: Calibration) -> None:
     """Write all figures of the page."""
     assert found.climb is not None
-    pictures, targets = found.file.folder / PICTURES, found.file.study.targets
+    targets = found.file.study.targets
     for name in targets:
         for kind, figure in response_figures(found, name).items():
-            figures.save(figure, pictures / f"{kind}_{name}.png")
+            save(found, figure, f"{kind}_{name}.png")
     name, target = next(iter(targets.items()))
     curve = figures.climb_curve(found.climb.design, name, found.climb.best, target)
-    figures.save(curve, pictures / f"climb_{name}.png")
+    save(found, curve, f"climb_{name}.png")
+
+
+def save(found: Calibration, figure: Figure, name: str) -> None:
+    """Write one figure, and list it."""
+    figures.save(figure, found.file.folder / PICTURES / name)
+    ListedFolder(found.file.folder).record(f"{PICTURES}/{name}")
 
 
 def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
@@ -217,9 +221,11 @@ def finished(study: Path) -> CalibrationStudy:
     return file
 
 
-def write_report(study: Path, to: Path | None = None) -> Path:
+def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the HTML page of a calibration. Raises BadInput where the calibration is not finished."""
     file = finished(study)
+    to = to or file.folder / f"{study.stem}.report.html"
+    refuse_foreign(to, study, force)
     title, _, text = (file.folder / PAGE).read_text(encoding="utf-8").partition("\n")
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', html)
@@ -232,7 +238,7 @@ def write_report(study: Path, to: Path | None = None) -> Path:
     when = made({"taichi_erosion": __version__}, f"first seed {file.study.study.seed}")
     fields = {"title": title.removeprefix("# "), "about": about, "made": when}
     page = render(TEMPLATE, fields | {"body": body, "sections": sections})
-    return write_atomic(to or file.folder / f"{study.stem}.report.html", page.encode())
+    return write_atomic(to, marked_html(to, study, page))
 
 
 def write_recording(study: Path) -> Path:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
-from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
 from taichi_erosion.evidence.inference.levels import PLAUSIBLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import StudyPage, record_study
@@ -30,12 +30,12 @@ STATUSES = {"present": "present", "excluded": "excluded", "not_testable": "not t
 TIMES = {0: "has not been opened", 1: "was opened once"}
 
 
-def write_report(study: Path, to: Path | None = None) -> Path:
+def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the HTML page of a study. Raises BadInput without a stored result."""
     found = stored_results(study)
-    folder = results_folder(study, read_evidence_study(study))
-    page = render(TEMPLATE, page_fields(found))
-    return write_atomic(to or folder / f"{study.stem}.report.html", page.encode())
+    to = to or results_folder(study, read_evidence_study(study)) / f"{study.stem}.report.html"
+    refuse_foreign(to, study, force)
+    return write_atomic(to, marked_html(to, study, render(TEMPLATE, page_fields(found))))
 
 
 def write_recording(study: Path) -> Path:

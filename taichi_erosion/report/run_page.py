@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import read_text_file, write_atomic
+from taichi_erosion.core.files import marked_html, read_text_file, refuse_foreign, write_atomic
 from taichi_erosion.report.figures import AFTER, BEFORE, WIDE, Picture, panels, responsive
 from taichi_erosion.report.html import address_of, made, render
 from taichi_erosion.report.markdown import with_spread
@@ -24,13 +24,13 @@ COLUMNS = 3  # panels side by side
 LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
 
 
-def write_report(run: Path, to: Path | None = None) -> Path:
+def write_report(run: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the page of a run from its document or recording. Raises BadInput without a document."""
     source = run.with_suffix(".json")
+    to = to or run.with_suffix(".report.html")
+    refuse_foreign(to, source, force)
     document = read_document(source)
-    return write_atomic(
-        to or run.with_suffix(".report.html"), render(TEMPLATE, page_fields(document, source)).encode()
-    )
+    return write_atomic(to, marked_html(to, source, render(TEMPLATE, page_fields(document, source))))
 
 
 def read_document(path: Path) -> Document:

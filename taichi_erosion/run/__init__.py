@@ -35,6 +35,7 @@ class RunOptions:
     checkpoint_interval: float = CHECKPOINT_INTERVAL  # simulated s, --every
     resume: Path | None = None
     effect_files: tuple[Path, ...] = ()  # effects from outside the package
+    force: bool = False  # replace files of the same name that no run of this scene wrote
     progress: Report | None = None
 
 

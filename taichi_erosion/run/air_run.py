@@ -18,6 +18,7 @@ from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureIn
 from taichi_erosion.measures.result import Measurement, as_record, pool
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import WindHeader, log_wind, open_wind_recording
+from taichi_erosion.recording.outputs import refuse_foreign_outputs
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import read_air_scene
 from taichi_erosion.run.result import RECORDINGS, run_document, write_document_or_warn
@@ -61,6 +62,8 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     threads = start_device(Numerics(options.arch, options.threads, "f64"))
     run = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step)
     record = options.record or RECORDINGS / f"{path.stem}-{scene_hash(scene)}-{first}.rrd"
+    if not options.no_record:
+        refuse_foreign_outputs(record, path, options.force)
     recording = None if options.no_record else open_recording(path, record, scene)
     try:
         with deferred_signals() as pending:

@@ -13,11 +13,12 @@ from typing import Any
 
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.core.files import check_writable
+from taichi_erosion.core.files import REMEDY, check_writable
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.checkpoint import load_checkpoint
+from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
+from taichi_erosion.recording.outputs import refuse_foreign_outputs
 from taichi_erosion.run import CHECKPOINT_INTERVAL, RunOptions
 from taichi_erosion.run.checkpointer import Checkpointer
 from taichi_erosion.run.checks import idle_effects, library_of, named_effects, read_scene
@@ -134,13 +135,18 @@ def assemble_run(
 
 
 def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> None:
-    """Raise BadInput where an output file cannot be written, or would replace the scene."""
+    """Raise BadInput where an output cannot be written, or would replace the scene or a file of others."""
     for output in (options.checkpoint, None if options.no_record else record):
         if output is None:
             continue
         check_writable(output)
         if output.exists() and output.samefile(path):
             raise BadInput(f"{output}: is the scene itself; give another name to what is written")
+    if not options.no_record:
+        refuse_foreign_outputs(record, path, options.force)
+    saved = options.checkpoint
+    if saved and saved.exists() and not options.force and not is_checkpoint(saved):
+        raise BadInput(f"{saved}: exists, and is no checkpoint; {REMEDY}")
 
 
 def scene_text(path: Path, overrides: tuple[str, ...]) -> str:

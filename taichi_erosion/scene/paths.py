@@ -21,6 +21,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # parts that define the diameter, or that are those of a laboratory
 IN_METRES_ONLY = {"Monodisperse", "Lognormal", "Sieve", "GrainStart", "Conditions"}
 NOMINAL_DIAMETER = "d"  # unit of the spheres of a clump
+TITLE = "taichi_erosion scene"  # of the schema
 BARE_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -33,7 +34,7 @@ def scene_schema() -> dict[str, Any]:
         if name not in IN_METRES_ONLY | air_alone:
             allow_diameters(part)
     whole = [schema["$defs"].pop(option["$ref"].rpartition("/")[2]) for option in schema["anyOf"]]
-    return {"$schema": DIALECT, "title": "taichi_erosion scene", "anyOf": whole, "$defs": schema["$defs"]}
+    return {"$schema": DIALECT, "title": TITLE, "anyOf": whole, "$defs": schema["$defs"]}
 
 
 def allow_diameters(part: dict[str, Any]) -> None:
@@ -61,6 +62,11 @@ def schema_text() -> str:
 def write_schema(path: str | Path) -> None:
     """Write the schema file that scene files name on their first line."""
     Path(path).write_text(schema_text(), encoding="utf-8")
+
+
+def is_schema(path: Path) -> bool:
+    """Whether a file holds a schema of scene files."""
+    return path.is_file() and TITLE in path.read_text(encoding="utf-8", errors="replace")
 
 
 def scene_paths(scene: Scene) -> list[str]:

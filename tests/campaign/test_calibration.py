@@ -194,7 +194,7 @@ def test_the_design_alone_runs_nothing(tmp_path, capsys):
     study = write_study(tmp_path)
     assert main(["doe", "design", str(study)]) == ExitCode.SUCCESS
     assert "friction_rolling" in capsys.readouterr().out
-    assert sorted(path.name for path in (tmp_path / "study").iterdir()) == ["screen.csv"]
+    assert sorted(path.name for path in (tmp_path / "study").iterdir()) == ["screen.csv", "written.json"]
 
 
 @pytest.mark.parametrize(

@@ -120,9 +120,17 @@ def test_an_entry_changes_where_it_stands(path, line):
     assert changed_lines(SCENE, with_entry(SCENE, path, 0.25)) == [line]
 
 
-def test_a_comment_behind_the_entry_stays():
-    after = with_entry("[a]\nb = 1.0   # why\n", ("a", "b"), 2.0)
-    assert after == "[a]\nb = 2.0   # why\n"
+def test_a_comment_beside_a_changed_number_goes_and_all_others_stay():
+    text = "[a] # heading\n# above\nb = 1.0   # measured by hand\nc = 2.0 # why\n"
+    assert with_entry(text, ("a", "b"), 2.0) == text.replace("1.0   # measured by hand", "2.0")
+    noted = with_entry(text, ("a", "b"), 2.0, "calibrated: 1 to 3, 90 %")
+    assert noted == text.replace("1.0   # measured by hand", "2.0  # calibrated: 1 to 3, 90 %")
+    assert with_entry(text, ("a", "b"), 1.0, "calibrated") == text, "an entry that has the value keeps it"
+
+
+def test_an_entry_within_braces_gets_no_comment():
+    after = with_entry("a = { b = 1.0, c = 2.0 }\n", ("a", "b"), 2.0, "calibrated")
+    assert tomllib.loads(after) == {"a": {"b": 2.0, "c": 2.0}}
 
 
 def test_an_entry_of_the_same_name_elsewhere_stays():

@@ -283,7 +283,7 @@ def test_a_picture_is_taken_at_the_time_asked_for(room, capsys, tmp_path):
     recording.touch()
     calls = room("taichi_erosion.recording.viewer", "render_picture", Path("a.png"))
     assert main(["snapshot", str(recording), "--time", "0.5", "-o", "a.png"]) == 0
-    assert calls == [((recording, 0.5, Path("a.png")), {"view": None})]
+    assert calls == [((recording, 0.5, Path("a.png")), {"view": None, "source": recording})]
     assert capsys.readouterr().out == "a.png\n"
 
 

@@ -1,24 +1,17 @@
-"""Adoption of an effect: everything is calibrated anew, the vault is opened once, a new study is written.
+"""Adoption of an effect: everything is calibrated anew, and the vault is opened once.
 
 Beside the effect stand two controls, fitted in the same way: the best of the other candidates and one drawn
 at random. A falling error on held-out rows is supporting evidence; in one case in ten it is luck.
-The new study is a file beside the old one, in which the effect belongs to the model.
+`adopted_files.py` writes the study in which the effect belongs to the model.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
-from os.path import relpath
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from taichi_erosion.campaign.study_file import entry, with_entry
-from taichi_erosion.core.effect_file import EffectFile, read_effect_files
-from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
@@ -32,11 +25,6 @@ from taichi_erosion.evidence.inference.marginal_likelihood import expand, score,
 from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
-from taichi_erosion.evidence.models.load_study import Study
-from taichi_erosion.scene.load import file_text
-
-MARK = "# Written by `adopt`"  # first words of a file that may be written again
-DIGITS = 6  # of a calibrated number
 
 
 def adopt(problem: Problem, effect: str, seed: int, progress: Progress = no_progress) -> Adoption:
@@ -184,78 +172,3 @@ def scored_on(best: HypothesisFit, chosen: Bools) -> HypothesisFit:
     names, gap = np.array(rows.observable), rows.measured - rows.predicted
     rmse = {str(name): float(np.sqrt(np.mean(gap[names == name] ** 2))) for name in np.unique(names)}
     return replace(best, vault_chi2=chi2, vault_rmse=rmse, vault_rows=rows)
-
-
-def write_adopted_study(study: Study, found: Adoption) -> Path:
-    """Write the study in which an effect is adopted; raises BadInput rather than overwrite a user's file."""
-    effect, numbers = found.effect, {**found.added.parameters, **found.added.strengths}
-    path = study.path.with_name(f"{study.path.stem}_with_{effect}.toml")
-    refuse_foreign(path)
-    text = file_text(study.path, str(study.path))
-    text = with_entry(text, ("study", "follows"), study.path.name)
-    text = with_effect_files(text, "study", path.parent, study.effect_files)
-    text = with_entry(text, ("adopted", effect, "strength"), rounded(found.added.strengths[effect].value))
-    candidate = next((c for c in study.problem.candidates if c.name == effect), None)
-    if candidate is not None:
-        text = with_entry(text, ("adopted", effect, "prior_scale"), candidate.prior_scale)
-        text = with_entry(text, ("adopted", effect, "max"), candidate.maximum)
-    head = f"{MARK} from {study.path.name}: {effect} belongs to the model now. Calibrated there:\n"
-    for name, number in numbers.items():
-        head += f"#   {name} = {number.value:.4g} ({number.low:.4g} to {number.high:.4g}, 90 %)\n"
-    write_atomic(path, (head + without_mark(text)).encode())
-    names = {each.scene for each in study.file.observables.values() if each.scene}
-    scenes = [study.path.parent / name for name in sorted(names)]
-    named = [file for scene in scenes for file in named_in(file_text(scene, str(scene)), scene.parent)]
-    files = dict.fromkeys((*study.effect_files, *named))
-    own = [file for file in files if effect_in(file).name in found.added.strengths]
-    for scene in scenes:
-        write_scene(scene, found, own)
-    return path
-
-
-def named_in(scene_text: str, folder: Path) -> Sequence[EffectFile]:
-    """Effect files that a scene names."""
-    return read_effect_files(entry(scene_text, ("scene", "effect_files")) or (), folder)
-
-
-def with_effect_files(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:
-    """A TOML text of a folder that names effect files too, by paths relative to the folder."""
-    stated = list(entry(text, (section, "effect_files")) or ())
-    there = {(folder / name).resolve() for name in stated}
-    missing = [relpath(file.path, folder.resolve()) for file in files if file.path not in there]
-    return with_entry(text, (section, "effect_files"), [*stated, *missing]) if missing else text
-
-
-def write_scene(scene: Path, found: Adoption, own: Sequence[EffectFile]) -> Path:
-    """Write a scene with the effect and the calibrated numbers, beside the old one; it names effect files."""
-    path = scene.with_name(f"{scene.stem}_with_{found.effect}.toml")
-    refuse_foreign(path)
-    text = with_effect_files(file_text(scene, str(scene)), "scene", scene.parent, own)
-    for name, strength in found.added.strengths.items():
-        text = with_entry(text, ("effects", name, "strength"), rounded(strength.value))
-    for name, number in found.added.parameters.items():
-        text = with_entry(text, tuple(name.split(".")), rounded(number.value))
-    lead = f"{MARK} from {scene.name}: {found.effect} acts, and the calibrated numbers are set.\n"
-    return write_atomic(path, (lead + without_mark(text)).encode())
-
-
-def without_mark(text: str) -> str:
-    """The text without the head of an earlier adoption."""
-    lines = text.splitlines(keepends=True)
-    if not (lines and lines[0].startswith(MARK)):
-        return text
-    rest = 1
-    while rest < len(lines) and lines[rest].startswith("#   "):
-        rest += 1
-    return "".join(lines[rest:])
-
-
-def refuse_foreign(path: Path) -> None:
-    """Refuse to write over a file that this program did not make."""
-    if path.exists() and not path.read_text(encoding="utf-8", errors="replace").startswith(MARK):
-        raise BadInput(f"{path}: exists and was not written by `adopt`; move it away first")
-
-
-def rounded(value: float) -> float:
-    """A calibrated number without meaningless digits."""
-    return float(f"{value:.{DIGITS}g}")

@@ -10,7 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import documents
-from taichi_erosion.evidence.answers.adopt import adopt, write_adopted_study
+from taichi_erosion.evidence.answers.adopt import adopt
+from taichi_erosion.evidence.answers.adopted_files import refuse_foreign_files, write_adopted_files
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.answers.documents import Command, Document
@@ -76,13 +77,19 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
         return stored(ready, "discover", document, start)
 
 
-def adopt_study(path: Path, effect: str, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Document:
-    """The error before and after an effect is added, on data that no fit has seen; writes the new study."""
+def adopt_study(
+    path: Path, effect: str, progress: Progress, options: StudyOptions = NO_OPTIONS, force: bool = False
+) -> Document:
+    """The error before and after an effect is added, on data that no fit has seen; writes the new study.
+
+    `force` replaces files that this study did not write.
+    """
     start = perf_counter()
     with open_study(path, options) as study:
         names, seed = names_of(study), study.file.study.seed
         if effect not in names:
             raise BadInput(f"{path}: {effect} is no candidate; there are: {', '.join(names) or 'none'}")
+        refuse_foreign_files(study, (effect,), force)
 
         def answer(ready: Study) -> Adoption:
             return adopt(ready.problem, effect, seed, progress)
@@ -92,8 +99,8 @@ def adopt_study(path: Path, effect: str, progress: Progress, options: StudyOptio
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, effect)
-        written = write_adopted_study(study, found)
-        document = documents.adopt_document(found, count, str(written))
+        written = write_adopted_files(study, found, force)
+        document = documents.adopt_document(found, count, [str(file) for file in written])
         before = list(study.file.adopted)
         if not documents.ladder(study.results):
             documents.extend_ladder(study.results, rung(before, found.base))
@@ -113,7 +120,8 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
 
         question = Question("next", answer, discovery_points, names_of(study), ahead=True)
         found, ready = answered(study, budget, question, progress)
-        document = {"next_experiments": documents.plain([asdict(each) for each in found.next_experiments])}
+        experiments = documents.plain([asdict(each) for each in found.next_experiments])
+        document = {"next_experiments": experiments, "sentence": found.next_sentence}
         return stored(ready, "next", document, start)
 
 
@@ -135,7 +143,8 @@ def with_experiments(study: Study, found: Discovery) -> Discovery:
     """A discovery with the experiments that the study's laboratory could make next."""
     stated = study.file.laboratory
     laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
-    return replace(found, next_experiments=tuple(next_experiments(study.problem, found, laboratory)))
+    told = next_experiments(study.problem, found, laboratory)
+    return replace(found, next_experiments=told.experiments, next_sentence=told.sentence)
 
 
 def rung(effects: list[str], fit: HypothesisFit) -> Document:

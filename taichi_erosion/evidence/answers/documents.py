@@ -184,12 +184,12 @@ def study_document(study: Study) -> Document:
     }
 
 
-def adopt_document(found: Adoption, opened: int, written: str) -> Document:
-    """The document of `adopt --json`: errors on fitted and held-out rows, and the study written."""
+def adopt_document(found: Adoption, opened: int, files: Sequence[str]) -> Document:
+    """The document of `adopt --json`: errors on fitted and held-out rows, and the files, the study first."""
     control = found.random_wrong or found.best_wrong
     wrong = control.vault_chi2 if control else nan
     vault = VaultErrors(opened, found.base.vault_chi2, found.added.vault_chi2, wrong)
-    document = record(found) | {"vault": record(vault), "written": written}
+    document = record(found) | {"vault": record(vault), "written": files[0], "files": list(files)}
     return document | plain({"chi2_before": found.base.chi2, "chi2_after": found.added.chi2})
 
 

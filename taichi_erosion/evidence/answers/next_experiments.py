@@ -1,19 +1,22 @@
-"""What to measure next: the experiments that would decide between the remaining explanations.
+"""What to measure next: the experiments that would decide between the explanations that are left.
 
 For every measurement x that the laboratory could make, explanations a and b with probabilities q predict
 mu_a(x) +- v_a(x), calibration and strengths being as uncertain as the present data leave them. The next one
 maximises
 
-    U(x) = sum_{a<b} q_a q_b (mu_a - mu_b)^2 / (s^2 + v_a + v_b) / cost(x)
+    U(x) = N(x) / cost(x) sum_{a<b} q_a q_b (mu_a - mu_b)^2 / (s^2 + v_a + v_b)
+    N(x) = prod_c (1 - exp(-d(x, c)^2 / 2 l^2))
 
-(the rivals get to refit: v), everything is updated, and so on. The chance that the whole set decides comes
-from simulated outcomes, not from U.
+(the rivals get to refit: v), everything is updated, and so on. The product runs over the measurements c that
+were chosen before for the same observable, at the distance d in shares of the ranges: what a law predicts at
+neighbouring settings is wrong together, so that a second measurement there tells little. Settings that
+were measured already are left out. The chance that the set decides comes from simulated outcomes, not from U.
 
 Reference: Buzzi-Ferraris & Forzatti (1983), Chem. Eng. Sci. 38, 225, after Box & Hill (1967), Technometrics
 9, 57.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -21,11 +24,24 @@ import numpy as np
 from scipy.stats import qmc
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
-from taichi_erosion.evidence.data.findings import Discovery, Experiment, PlausibleHypothesis
+from taichi_erosion.evidence.data.findings import (
+    OUTSIDE,
+    Discovery,
+    Experiment,
+    PlausibleHypothesis,
+    Proposals,
+)
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
-from taichi_erosion.evidence.data.problem import Conditions, Floats, Laboratory, Problem, expected_strength
+from taichi_erosion.evidence.data.problem import (
+    Bools,
+    Conditions,
+    Floats,
+    Laboratory,
+    Problem,
+    expected_strength,
+)
 from taichi_erosion.evidence.data.transforms import from_scale, position_of, slope
-from taichi_erosion.evidence.inference.levels import DECIDED
+from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.map_fit import Objective
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
@@ -33,11 +49,20 @@ from taichi_erosion.evidence.models.predictor import Predictor
 from taichi_erosion.scene.schema.units import Scale
 
 EXPERIMENTS = 6
-POINTS = 32  # settings considered per observable, the corners of the ranges among them
+POINTS = 64  # settings considered per observable, the corners of the ranges among them
 MOST_CORNERED = 3  # conditions whose corners are considered, the others at their middle
 LEAST_WEIGHT = 0.02  # of an explanation that is not excluded
 MOST_RIVALS = 8
 OUTCOMES = 400  # simulated per explanation
+SPREAD = 0.2  # l: distance in shares of the ranges within which two measurements tell the same
+SAME_SETTING = 0.02  # distance in shares of the ranges within which a setting is measured already
+DIGITS = 2  # of a proposed setting
+DECIDING = levels.DECIDING
+UNPREDICTED = (
+    "Something outside the list is likelier than any rival; it predicts nothing, so that no experiment "
+    "can be planned against it."
+)
+REMEDIES = "wider ranges, another observable, or a separate measurement of a calibrated number would."
 
 
 @dataclass(frozen=True)
@@ -48,6 +73,7 @@ class DesignPool:
     rows: ComparisonRows  # whose values are meaningless: only observable and conditions count
     variance: Floats  # of the mean of the repeats, on the comparison scale
     cost: Floats
+    share: Floats  # (pool, conditions): place within the ranges [1]; 0 for a condition that does not vary
     scales: Mapping[str, Scale] = field(default_factory=dict)  # of the conditions: from table to use
 
 
@@ -61,53 +87,139 @@ class RivalPrediction:
     root: Floats  # (pool, k): covariance of predictions = root root^T
 
 
-def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory) -> list[Experiment]:
-    """Greedy choice of experiments, best first; empty where no rival is left."""
+def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory) -> Proposals:
+    """Experiments that tell the leading explanation from its rivals, best first, and what they can decide."""
     prepared = prepare(problem, problem.visible(), found.seed)
+    live = rival_hypotheses(prepared, found)
+    weights = {label(each.names): each.probability for each in live}
     if prepared.rows.size == 0 or not prepared.rows.conditions:
-        return []
+        return Proposals(
+            (), weights, "No condition varies, or no scatter is known: no experiment can be planned."
+        )
+    if len(live) < 2:
+        return Proposals((), weights, alone_sentence(weights, found))
     pool = design_pool(prepared, laboratory)
-    rivals = [rival_prediction(prepared, pool, each) for each in rival_hypotheses(prepared, found)]
-    rivals = [rival for rival in rivals if np.all(np.isfinite(rival.mean))]
+    if pool is None:
+        return Proposals(
+            (), weights, "Every setting within the ranges of the laboratory is measured already."
+        )
+    rivals = weighted([rival_prediction(prepared, pool, each) for each in acting(prepared, pool, live)])
     if len(rivals) < 2:
-        return []
-    total = sum(max(rival.weight, LEAST_WEIGHT) for rival in rivals)
-    rivals = [replace(rival, weight=max(rival.weight, LEAST_WEIGHT) / total) for rival in rivals]
+        others = dict.fromkeys((label(each.names) for each in live[1:]), 0.0)
+        return Proposals((), weights, separation_sentence(label(live[0].names), others, ()))
+    return proposals(pool, rivals, found)
+
+
+def proposals(pool: DesignPool, rivals: list[RivalPrediction], found: Discovery) -> Proposals:
+    """Experiments that tell the leader from those rivals that can be told, and a sentence on all of them."""
+    weights = {rival.name: rival.weight for rival in rivals}
+    leader, *others = sorted(rivals, key=lambda each: -each.weight)
     chosen = greedy_design(pool, rivals)
-    chances = [decision_chance(pool, rivals, chosen[: k + 1], found.seed) for k in range(len(chosen))]
-    return [experiment(pool, rivals, at, chance) for at, chance in zip(chosen, chances, strict=True)]
+    separated = [each for each in others if pair_chance(pool, (leader, each), chosen, found.seed) >= DECIDING]
+    if separated:
+        rivals = weighted([leader, *separated])
+        chosen = greedy_design(pool, rivals)
+    chances = {each.name: pair_chance(pool, (leader, each), chosen, found.seed) for each in others}
+    words = separation_sentence(leader.name, chances, [each.name for each in separated])
+    if found.probabilities.get(OUTSIDE, 0.0) > others[0].weight:
+        words += f" {UNPREDICTED}"
+    won = [decision_chance(pool, rivals, chosen[: k + 1], found.seed) for k in range(len(chosen))]
+    told = [experiment(pool, rivals, at, chance) for at, chance in zip(chosen, won, strict=True)]
+    return Proposals(tuple(told) if separated else (), weights, words)
+
+
+def pair_chance(
+    pool: DesignPool, pair: tuple[RivalPrediction, RivalPrediction], chosen: list[int], seed: int
+) -> float:
+    """Chance that the chosen measurements decide between two explanations that are equally likely before."""
+    return (
+        decision_chance(pool, [replace(each, weight=0.5) for each in pair], chosen, seed) if chosen else 0.0
+    )
+
+
+def separation_sentence(leader: str, chances: Mapping[str, float], separated: Sequence[str]) -> str:
+    """Which rivals the experiments tell from the leader, and which no measurement does."""
+    alike = [spoken(name) for name in chances if name not in separated]
+    words = ""
+    if separated:
+        each = ", ".join(f"{spoken(name)} ({chances[name]:.0%})" for name in separated)
+        words = (
+            f"To tell {spoken(leader)} from {each}; in brackets, the chance that all of them together decide."
+        )
+    if alike:
+        words += f" Nothing that can be measured within the stated ranges tells {spoken(leader)} from "
+        words += f"{', '.join(alike)}: {REMEDIES}"
+    return words.strip()
+
+
+def spoken(name: str) -> str:
+    """An explanation as a sentence names it."""
+    return "nothing missing" if name == label(()) else name.replace("+", " with ")
+
+
+def alone_sentence(weights: Mapping[str, float], found: Discovery) -> str:
+    """Sentence where fewer than two explanations are left."""
+    outside = found.probabilities.get(OUTSIDE, 0.0)
+    if not weights or outside > max(weights.values()):
+        return UNPREDICTED
+    (name,) = weights
+    words = f"One explanation is left: {spoken(name)} (probability {found.probabilities.get(name, 1.0):.2g})."
+    return f"{words} There is nothing to tell it from."
 
 
 def rival_hypotheses(prepared: PreparedProblem, found: Discovery) -> list[PlausibleHypothesis]:
-    """Plausible explanations; effects that could be hiding have their expected strength.
+    """Live explanations, likeliest first; where nothing is named, hidden effects at their expected strength.
 
     A fit that found nothing leaves a hidden effect at strength near zero, where it differs from nothing.
     """
-    bare = next((each for each in found.survivors if not each.names), None)
-    named = {*found.named, *found.group}
-    kept = [each for each in found.survivors if not each.names or named & set(each.names)]
-    if not kept:  # nothing was named, and yet the bare model is excluded: all that are left compete
-        kept = list(found.survivors)
-    have = {name for each in kept for name in each.names}
+    live = [each for each in found.survivors if each.probability >= levels.PLAUSIBLE]
+    bare = next((each for each in live if not each.names), None)
+    have = {name for each in live for name in each.names}
+    silent = found.verdict in ("none_detected", "not_testable")
     for name, effect in found.effects.items():
-        if bare is not None and effect.status == "not_testable" and name not in have:
+        if bare is not None and silent and effect.status == "not_testable" and name not in have:
             hidden = {**bare.strengths, name: expected_strength(prepared.candidate(name))}
-            kept.append(PlausibleHypothesis((name,), LEAST_WEIGHT, bare.parameters, hidden))
-    return kept[:MOST_RIVALS]
+            weight = max(effect.probability, LEAST_WEIGHT)
+            live.append(PlausibleHypothesis((name,), weight, bare.parameters, hidden))
+    return sorted(live, key=lambda each: -each.probability)[:MOST_RIVALS]
 
 
-def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool:
-    """Settings within the laboratory's ranges, for every observable that was measured before."""
-    settings = pool_settings(prepared, laboratory)
-    size = next(iter(settings.values())).size if settings else POINTS
-    present = [int(index) for index in np.unique(prepared.rows.which)]
-    noise, cost = [], []
-    for observable, own in prepared.by_observable():
-        single, simulated = np.median(prepared.rows.variance[own]), np.median(prepared.seed_variance[own])
-        noise.append(single / laboratory.repeats + simulated / prepared.seeds.fitting.size)
-        cost.append(laboratory.costs.get(observable.name, 1.0))
-    which = np.repeat(present, size).astype(np.int64)
-    conditions = {name: np.tile(column, len(present)) for name, column in settings.items()}
+def acting(
+    prepared: PreparedProblem, pool: DesignPool, live: Sequence[PlausibleHypothesis]
+) -> list[PlausibleHypothesis]:
+    """The explanations whose effects can all act at some measurement of the pool or of the table."""
+    there = replace(prepared, rows=pool.rows)
+    return [
+        each
+        for each in live
+        if all(bool(there.mask(name).any() or prepared.mask(name).any()) for name in each.names)
+    ]
+
+
+def weighted(rivals: list[RivalPrediction]) -> list[RivalPrediction]:
+    """Those with a value everywhere, with weights that sum to 1; alike where the leader has won already.
+
+    The chance of deciding then is that of an open race, not the probability that the leader had before.
+    """
+    rivals = [rival for rival in rivals if np.all(np.isfinite(rival.mean))]
+    floored = np.maximum([rival.weight for rival in rivals], LEAST_WEIGHT)
+    share = floored / np.sum(floored)
+    if np.any(share >= levels.DECIDED):
+        share = np.full(share.size, 1.0 / share.size)
+    return [replace(rival, weight=float(q)) for rival, q in zip(rivals, share, strict=True)]
+
+
+def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool | None:
+    """Settings within the laboratory's ranges, for every observable; None if all are measured."""
+    parts = [(index, *settings_of(prepared, laboratory, index)) for index in np.unique(prepared.rows.which)]
+    parts = [part for part in parts if part[2].shape[0]]
+    if not parts:
+        return None
+    which = np.concatenate([np.full(share.shape[0], index) for index, _, share in parts]).astype(np.int64)
+    conditions = {
+        name: np.concatenate([settings[name] for _, settings, _ in parts])
+        for name in prepared.rows.conditions
+    }
     zero = np.zeros(which.size)
     rows = replace(
         prepared.rows,
@@ -120,30 +232,98 @@ def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool
         group=("",) * which.size,
         slope=zero,
     )
-    predictor = prepared.predictor.over(prepared.predictor.observables, which, conditions)
-    scales = prepared.problem.measurements.scales
-    return DesignPool(predictor, rows, np.repeat(noise, size), np.repeat(cost, size), scales)
+    noise = {index: mean_variance(prepared, int(index), laboratory.repeats) for index, _, _ in parts}
+    cost = {i: laboratory.costs.get(prepared.rows.observables[int(i)].name, 1.0) for i, _, _ in parts}
+    return DesignPool(
+        prepared.predictor.over(prepared.predictor.observables, which, conditions),
+        rows,
+        np.array([noise[index] for index in which]),
+        np.array([cost[index] for index in which]),
+        np.concatenate([share for _, _, share in parts]),
+        prepared.problem.measurements.scales,
+    )
 
 
-def pool_settings(prepared: PreparedProblem, laboratory: Laboratory) -> Conditions:
-    """Sobol' points and corners of the ranges: of the laboratory, or as measured."""
-    ranges = {
-        name: laboratory.ranges.get(name, (float(np.nanmin(column)), float(np.nanmax(column))))
-        for name, column in prepared.rows.conditions.items()
-        if np.any(np.isfinite(column))
-    }
+def mean_variance(prepared: PreparedProblem, index: int, repeats: int) -> float:
+    """Variance of the mean of so many repeats of one observable, with its tolerance and the model's scatter.
+
+    A row of the table is a mean already: its variance is that of single repeats over their number.
+    """
+    observable, own = prepared.rows.observables[index], prepared.rows.which == index
+    numerical = prepared.rows.noise[observable.name].numerical ** 2
+    of_row = max(float(np.median(prepared.rows.variance[own])) - numerical, 0.0)
+    table = prepared.problem.visible()
+    counts = np.array(
+        [n for n, name in zip(table.n, table.observable, strict=True) if name == observable.name]
+    )
+    behind = float(np.sum(np.where(counts >= 1.0, counts, 1.0))) / max(int(np.sum(own)), 1)
+    simulated = float(np.median(prepared.seed_variance[own])) / prepared.seeds.fitting.size
+    return of_row * max(behind, 1.0) / repeats + numerical + simulated
+
+
+def settings_of(prepared: PreparedProblem, laboratory: Laboratory, index: int) -> tuple[Conditions, Floats]:
+    """Settings of one observable that were not measured yet, and their places within the ranges.
+
+    Sobol' points and corners of the ranges, rounded as a laboratory sets them. A condition that no row of the
+    observable states is not varied.
+    """
+    ranges = setting_ranges(prepared, laboratory, index)
     varied = [name for name, (low, high) in ranges.items() if high > low]
-    share = qmc.Sobol(max(len(varied), 1), scramble=False).random(POINTS)
+    points = qmc.Sobol(max(len(varied), 1), scramble=False).random(POINTS)
     if varied:
         cornered = min(len(varied), MOST_CORNERED)
         corners = np.full((2**cornered, len(varied)), 0.5)
         corners[:, :cornered] = list(product((0.0, 1.0), repeat=cornered))
-        share = np.unique(np.vstack([share, corners]), axis=0)  # Sobol's points begin in a corner
-    settings = {}
-    for name, (low, high) in ranges.items():
-        part = share[:, varied.index(name)] if name in varied else np.zeros(share.shape[0])
-        settings[name] = low * (high / low) ** part if low > 0.0 else low + part * (high - low)
-    return settings
+        points = np.vstack([points, corners])
+    settings: Conditions = {}
+    for name in prepared.rows.conditions:
+        low, high = ranges.get(name, (np.nan, np.nan))
+        part = points[:, varied.index(name)] if name in varied else np.zeros(points.shape[0])
+        value = low * (high / low) ** part if low > 0.0 else low + part * (high - low)
+        scale = prepared.problem.measurements.scales.get(name, Scale())
+        settings[name] = np.clip(rounded(value, scale), low, high) if name in varied else value
+    share = np.column_stack([place(settings[name], ranges, name) for name in prepared.rows.conditions])
+    share, first = np.unique(np.round(share, 9), axis=0, return_index=True)
+    new = ~already_measured(prepared, index, ranges, share)
+    return {name: column[first[new]] for name, column in settings.items()}, share[new]
+
+
+def setting_ranges(
+    prepared: PreparedProblem, laboratory: Laboratory, index: int
+) -> dict[str, tuple[float, float]]:
+    """Ranges of the conditions that an observable has: of the laboratory, else as measured."""
+    own = prepared.rows.which == index
+    return {
+        name: laboratory.ranges.get(name, (float(np.nanmin(column)), float(np.nanmax(column))))
+        for name, column in prepared.rows.conditions.items()
+        if np.any(np.isfinite(column[own]))
+    }
+
+
+def rounded(value: Floats, scale: Scale) -> Floats:
+    """Values with DIGITS significant digits in the unit of the laboratory's table."""
+    return np.array([scale.used(float(f"{scale.written(float(each)):.{DIGITS}g}")) for each in value])
+
+
+def place(column: Floats, ranges: Mapping[str, tuple[float, float]], name: str) -> Floats:
+    """Place of values within the range of a condition [1]; 0 where it has none, or for a missing value."""
+    low, high = ranges.get(name, (0.0, 0.0))
+    if not high > low:
+        return np.zeros(column.size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.log(column / low) / np.log(high / low) if low > 0.0 else (column - low) / (high - low)
+    return np.where(np.isfinite(share), share, 0.0)
+
+
+def already_measured(
+    prepared: PreparedProblem, index: int, ranges: Mapping[str, tuple[float, float]], share: Floats
+) -> Bools:
+    """Settings at which the observable was measured, rows of the vault included."""
+    table, name = prepared.problem.measurements, prepared.rows.observables[index].name
+    own = np.array([entry == name for entry in table.observable])
+    known = np.column_stack([place(table.conditions[c][own], ranges, c) for c in prepared.rows.conditions])
+    distance = np.abs(share[:, np.newaxis, :] - known[np.newaxis, :, :]).max(axis=2)
+    return np.asarray(np.any(distance < SAME_SETTING, axis=1))
 
 
 def rival_prediction(
@@ -171,23 +351,34 @@ def rival_prediction(
 def greedy_design(pool: DesignPool, rivals: list[RivalPrediction]) -> list[int]:
     """Indices of the chosen measurements in order; each one reduces the uncertainty of every rival."""
     chosen: list[int] = []
-    for _ in range(EXPERIMENTS):
-        gain, spread = (
-            np.zeros(pool.rows.size),
-            [np.einsum("ij,ij->i", each.root, each.root) for each in rivals],
-        )
-        for i, one in enumerate(rivals):
-            for j, other in enumerate(rivals[:i]):
-                gap = (one.mean - other.mean) ** 2
-                gain += one.weight * other.weight * gap / (pool.variance + spread[i] + spread[j])
-        gain[chosen] = 0.0
-        best = int(np.argmax(gain / pool.cost))
+    novelty = np.ones(pool.rows.size)
+    while len(chosen) < EXPERIMENTS:
+        gain = separation_gain(pool, rivals) * novelty / pool.cost
+        best = int(np.argmax(gain))
         if gain[best] <= 0.0:
             break
         chosen.append(best)
+        novelty *= 1.0 - nearness(pool, best)
         variance = float(pool.variance[best])
         rivals = [replace(rival, root=rank_one_update(rival.root, best, variance)) for rival in rivals]
     return chosen
+
+
+def separation_gain(pool: DesignPool, rivals: list[RivalPrediction]) -> Floats:
+    """Separation of all pairs of rivals at every measurement, in squared standard deviations."""
+    gain = np.zeros(pool.rows.size)
+    spread = [np.einsum("ij,ij->i", each.root, each.root) for each in rivals]
+    for i, one in enumerate(rivals):
+        for j, other in enumerate(rivals[:i]):
+            gap = (one.mean - other.mean) ** 2
+            gain += one.weight * other.weight * gap / (pool.variance + spread[i] + spread[j])
+    return gain
+
+
+def nearness(pool: DesignPool, at: int) -> Floats:
+    """Share of a measurement's information that one at `at` has given: exp(-d^2 / 2 l^2) [1]."""
+    distance = np.sum((pool.share - pool.share[at]) ** 2, axis=1)
+    return np.where(pool.rows.which == pool.rows.which[at], np.exp(-0.5 * distance / SPREAD**2), 0.0)
 
 
 def rank_one_update(root: Floats, at: int, variance: float) -> Floats:
@@ -216,7 +407,7 @@ def decision_chance(pool: DesignPool, rivals: list[RivalPrediction], chosen: lis
             level = float(np.sum(np.log(np.diag(factors[other]))))
             fits[other] = log_weight[other] - level - 0.5 * np.sum(scaled**2, axis=0)
         share = np.exp(fits[index] - log_sum_exp(fits, axis=0))
-        won += rival.weight * float(np.mean(share >= DECIDED))
+        won += rival.weight * float(np.mean(share >= levels.DECIDED))
     return won
 
 
@@ -235,8 +426,11 @@ def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance:
         steep = float(slope(observable, np.array([middle]))[0])
         sd = float(np.sqrt(rival.root[at] @ rival.root[at] + pool.variance[at]))
         predictions[rival.name] = (middle, sd / steep if steep > 0.0 else float("nan"))
-    conditions = {name: float(column[at]) for name, column in pool.rows.conditions.items()}
+    conditions = {
+        n: float(column[at]) for n, column in pool.rows.conditions.items() if np.isfinite(column[at])
+    }
     setting = ", ".join(stated(name, value, pool.scales) for name, value in conditions.items())
-    told = ", ".join(f"{m:.3g} +- {s:.2g} if {name}" for name, (m, s) in list(predictions.items())[:3])
+    expected = list(predictions.items())[:3]
+    told = ", ".join(f"{m:.3g} +- {s:.2g} if {spoken(name)}" for name, (m, s) in expected)
     words = f"Measure {observable.name} at {setting}: {told}; chance of deciding so far {chance:.0%}."
     return Experiment(observable.name, conditions, predictions, chance, float(pool.cost[at]), words)

@@ -190,6 +190,15 @@ class Experiment:
 
 
 @dataclass(frozen=True)
+class Proposals:
+    """Answer of `next`: experiments, best first, or why there are none."""
+
+    experiments: tuple[Experiment, ...]
+    explanations: Mapping[str, float]  # live explanations with their weights in the race
+    sentence: str  # what the experiments decide together
+
+
+@dataclass(frozen=True)
 class VaultErrors:
     """Misfit per held-out row before and after; NaN until the vault has been opened."""
 
@@ -236,6 +245,7 @@ class Discovery:
     n: int
     vault: VaultErrors
     next_experiments: tuple[Experiment, ...] = ()
+    next_sentence: str = ""  # what these decide together, or why there are none
     clues: tuple[ResidualTrend, ...] = ()
     p: float = 1.0  # family-wise, of the strongest candidate by chance
     p_misfit: float = nan  # of the calibrated base model

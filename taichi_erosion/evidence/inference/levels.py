@@ -48,6 +48,7 @@ REPORTED_RIVAL = 1e-3  # probability from which another explanation is reported
 REPORTED_CLOSEST = 0.5  # share of the misfit, from which an explanation that does not suffice is reported
 PLAUSIBLE = 0.01  # probability from which an explanation is carried to the next experiment
 DECIDED = 0.9  # probability at which an explanation has won
+DECIDING = 0.2  # chance of a set of experiments below which it is said to decide nothing
 STABLE = 1.0  # share of repeats with other seeds that agree, below which this is reported
 
 

@@ -107,8 +107,9 @@ def test_adoption_does_not_write_over_a_file_of_the_user(tmp_path, capsys):
     path = write_study(tmp_path, {})
     (tmp_path / "heap_with_gusts.toml").write_text("mine", encoding="utf-8")
     assert main(["adopt", str(path), "gusts"]) == 2
-    assert "was not written by `adopt`" in capsys.readouterr().err
+    assert "this program did not write it" in capsys.readouterr().err
     assert (tmp_path / "heap_with_gusts.toml").read_text("utf-8") == "mine"
+    assert not (tmp_path / "heap-results" / "vault.json").exists(), "refused before the vault is opened"
 
 
 def test_next_proposes_experiments_within_the_stated_ranges(tmp_path, capsys):

@@ -1,5 +1,6 @@
 """Design of the next experiments: covariance updates, the choice, the chance of deciding."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,17 +14,23 @@ from taichi_erosion.evidence.answers.next_experiments import (
     RivalPrediction,
     decision_chance,
     greedy_design,
+    mean_variance,
     next_experiments,
     rank_one_update,
+    settings_of,
 )
+from taichi_erosion.evidence.data.findings import PlausibleHypothesis
 from taichi_erosion.evidence.data.problem import Budget, Laboratory
 from taichi_erosion.evidence.inference.levels import DECIDED
+from taichi_erosion.evidence.inference.prepared_problem import prepare
 from tests.evidence.linear_study import linear_problem
 
 
 def pool(variance: list[float], cost: list[float] | None = None) -> DesignPool:
-    rows = SimpleNamespace(size=len(variance))
-    return DesignPool(None, rows, np.array(variance), np.array(cost or [1.0] * len(variance)))
+    size = len(variance)
+    rows = SimpleNamespace(size=size, which=np.arange(size))
+    share = np.zeros((size, 1))
+    return DesignPool(None, rows, np.array(variance), np.array(cost or [1.0] * size), share)
 
 
 def rival(mean: list[float], weight: float = 0.5, root: np.ndarray | None = None) -> RivalPrediction:
@@ -72,6 +79,87 @@ def test_an_experiment_is_proposed_where_two_effects_differ_most():
     problem = linear_problem(shapes, {"slope": 0.25}, sd=0.1)
     found = discover(problem, 1, Budget(), lambda stage, share: None)
     assert {"slope", "cube"} <= {*found.named, *found.group} or found.verdict == "not_testable"
-    first, *_ = next_experiments(problem, found, Laboratory(ranges={"x": (-3.0, 3.0)}))
+    told = next_experiments(problem, found, Laboratory(ranges={"x": (-3.0, 3.0)}))
+    first, *others = told.experiments
     assert abs(first.conditions["x"]) == pytest.approx(3.0)
     assert first.chance > 0.2
+    assert "To tell" in told.sentence
+    settings = np.array([each.conditions["x"] for each in (first, *others)])
+    gaps = np.abs(settings[:, np.newaxis] - settings)[~np.eye(settings.size, dtype=bool)]
+    assert gaps.min() > 0.02 * 6.0, "no setting is proposed twice"
+    measured = problem.measurements.conditions["x"]
+    assert np.abs(settings[:, np.newaxis] - measured).min() > 0.02 * 6.0, "nor one that is measured already"
+
+
+def answer(problem, **changes):
+    """An answer of `discover` with made-up explanations, for the planner alone."""
+    return replace(discover(problem, 1, Budget("quick"), lambda stage, share: None), **changes)
+
+
+def explanation(probability: float, **strengths: float) -> PlausibleHypothesis:
+    return PlausibleHypothesis(tuple(strengths), probability, {"level": 0.0}, strengths)
+
+
+SHAPES = {"slope": lambda x: x, "cube": lambda x: x**3, "step": lambda x: np.where(x > 2.0, 1.0, 0.0)}
+WIDE = Laboratory(ranges={"x": (-3.0, 3.0)})
+
+
+def test_the_named_effect_is_told_from_its_real_runner_up():
+    problem = linear_problem(SHAPES, {"slope": 1.0}, sd=0.1)
+    live = (explanation(0.7, slope=1.0), explanation(0.25, cube=1.3), explanation(1e-4))
+    found = answer(problem, verdict="present", named=("slope",), survivors=live)
+    told = next_experiments(problem, found, WIDE)
+    assert set(told.explanations) == {"slope", "cube"}, "an explanation that is excluded asks for nothing"
+    assert told.sentence.startswith("To tell slope from cube")
+    assert all(set(each.predictions) == {"slope", "cube"} for each in told.experiments)
+
+
+def test_one_explanation_alone_asks_for_nothing_and_says_so():
+    problem = linear_problem(SHAPES, {"slope": 1.0}, sd=0.1)
+    live = (explanation(0.999, slope=1.0), explanation(1e-5))
+    told = next_experiments(problem, answer(problem, named=("slope",), survivors=live), WIDE)
+    assert told.experiments == ()
+    assert told.sentence.startswith("One explanation is left: slope")
+
+
+def test_what_nothing_within_the_ranges_tells_apart_is_said():
+    # the step begins at x = 2, outside of the range: it and the bare model predict the same
+    problem = linear_problem(SHAPES, {}, sd=0.1)
+    live = (explanation(0.6), explanation(0.3, step=1.0))
+    found = answer(problem, verdict="present", effects={}, survivors=live)
+    told = next_experiments(problem, found, Laboratory(ranges={"x": (-1.5, 1.5)}))
+    assert told.experiments == ()
+    assert told.sentence.startswith(
+        "Nothing that can be measured within the stated ranges tells nothing missing from step"
+    )
+
+
+def test_an_effect_that_no_setting_lets_act_is_no_rival():
+    problem = linear_problem(SHAPES, {}, sd=0.1)
+    never = tuple(
+        replace(c, mask=lambda at: at["x"] > 5.0) if c.name == "step" else c for c in problem.candidates
+    )
+    live = (explanation(0.5), explanation(0.3, slope=0.3), explanation(0.2, step=1.0))
+    found = answer(replace(problem, candidates=never), verdict="present", survivors=live)
+    told = next_experiments(replace(problem, candidates=never), found, WIDE)
+    assert "step" not in told.explanations
+
+
+def test_more_repeats_than_behind_a_row_make_a_mean_more_certain_and_as_many_leave_it():
+    problem = linear_problem(SHAPES, {}, sd=0.3)
+    table = replace(problem.measurements, n=np.full(problem.measurements.size, 4.0))
+    prepared = prepare(replace(problem, measurements=table), table, 1)
+    # a row is the mean of 4: its variance is 0.3^2 / 4, that of 4 new repeats is the same, of 12 a third
+    assert mean_variance(prepared, 0, 4) == pytest.approx(0.09 / 4.0, rel=0.05)
+    assert mean_variance(prepared, 0, 12) == pytest.approx(0.09 / 12.0, rel=0.05)
+
+
+def test_a_condition_that_an_observable_has_not_is_not_varied():
+    problem = linear_problem(SHAPES, {}, sd=0.1)
+    nothing = np.full(problem.measurements.size, np.nan)
+    table = replace(problem.measurements, conditions=problem.measurements.conditions | {"wind": nothing})
+    prepared = prepare(replace(problem, measurements=table), table, 1)
+    settings, share = settings_of(prepared, Laboratory(ranges={"wind": (0.0, 10.0)}), 0)
+    assert np.all(np.isnan(settings["wind"]))
+    assert np.ptp(settings["x"]) > 1.5
+    assert share.shape[0] == settings["x"].size

@@ -237,7 +237,7 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
 
     adopted = ask("adopt", str(path), "liquid_bridge")
     assert adopted["vault"]["chi2_after"] < 0.1 * adopted["vault"]["chi2_before"]
-    scene = tomllib.loads((tmp_path / "column_collapse_with_liquid_bridge.toml").read_text("utf-8"))
+    scene = tomllib.loads((tmp_path / "column_collapse_heap_with_liquid_bridge.toml").read_text("utf-8"))
     assert scene["effects"]["liquid_bridge"]["exponent"] == pytest.approx(fitted["value"], rel=0.1)
     after = ask("compare", str(tmp_path / "heap_with_liquid_bridge.toml"))
     assert after["p"] > 0.01

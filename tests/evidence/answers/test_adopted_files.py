@@ -1,0 +1,116 @@
+"""Files of an adoption: named by study and effects, never written over those of others."""
+
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.adopted_files import write_adopted_files
+from taichi_erosion.evidence.data.findings import Adoption, Estimate, HypothesisFit, Rows
+from taichi_erosion.evidence.data.problem import Candidate
+from taichi_erosion.run.checks import read_scene
+
+SCENE = Path(__file__).resolve().parents[3] / "scenes" / "column_collapse.toml"
+FRICTION = "contact.grain-grain.friction_rolling"
+STUDY = """# my study
+[study]
+measurements = "heap.csv"  # from March
+[observables.repose_angle]
+scene = "heap.toml"
+"""
+NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 6)
+
+
+def study_in(folder: Path, name: str) -> SimpleNamespace:
+    path = folder / f"{name}.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    if not (folder / "heap.toml").exists():
+        text = SCENE.read_text("utf-8").replace(
+            "friction_rolling = 0.12", "friction_rolling = 0.12  # by hand"
+        )
+        (folder / "heap.toml").write_text(text, "utf-8")
+    problem = SimpleNamespace(candidates=(Candidate("liquid_bridge"), Candidate("dry_adhesion")))
+    file = SimpleNamespace(observables={"repose_angle": SimpleNamespace(scene="heap.toml")})
+    return SimpleNamespace(path=path, problem=problem, file=file, effect_files=())
+
+
+def adoption(*effects: str, friction: float = 0.2) -> Adoption:
+    numbers = {
+        FRICTION: Estimate(friction, 0.1, 0.3, False),
+        "contact.soil-steel.restitution": Estimate(0.5, 0, 1, False),
+    }
+    strengths = {name: Estimate(1.25, 0.5, 2.0, False) for name in effects}
+    fit = HypothesisFit(effects, strengths, numbers, 1.0, 1.0, {}, NO_ROWS, None)
+    return Adoption(effect=effects[0], base=fit, added=fit)
+
+
+def test_study_and_scenes_are_named_by_the_study_and_all_effects(tmp_path):
+    written = write_adopted_files(study_in(tmp_path, "moist"), adoption("liquid_bridge", "dry_adhesion"))
+    assert [path.name for path in written] == [
+        "moist_with_liquid_bridge_and_dry_adhesion.toml",
+        "heap_moist_with_liquid_bridge_and_dry_adhesion.toml",
+    ]
+    study, scene = (tomllib.loads(path.read_text("utf-8")) for path in written)
+    assert study["study"] == {"measurements": "heap.csv", "follows": "moist.toml"}
+    assert set(study["adopted"]) == {"liquid_bridge", "dry_adhesion"}
+    assert scene["effects"]["liquid_bridge"]["strength"] == 1.25
+    assert "soil-steel" not in scene["contact"], "a number that this scene has not stays out"
+    assert read_scene(written[1], ()).contact["grain-grain"].friction_rolling == 0.2
+
+
+def test_the_comment_beside_a_calibrated_number_is_its_interval(tmp_path):
+    _, scene = write_adopted_files(study_in(tmp_path, "moist"), adoption("liquid_bridge"))
+    (line,) = [line for line in scene.read_text("utf-8").splitlines() if "friction_rolling = 0.2" in line]
+    assert line.endswith("# calibrated: 0.1 to 0.3, 90 %")
+
+
+def test_two_studies_of_one_scene_keep_their_calibrated_scenes_apart(tmp_path):
+    first = write_adopted_files(study_in(tmp_path, "spring"), adoption("liquid_bridge"))
+    before = first[1].read_bytes()
+    second = write_adopted_files(study_in(tmp_path, "autumn"), adoption("liquid_bridge", friction=0.5))
+    assert first[1].read_bytes() == before
+    assert set(first).isdisjoint(second)
+
+
+def test_a_second_adoption_replaces_the_files_of_the_first(tmp_path):
+    study = study_in(tmp_path, "moist")
+    write_adopted_files(study, adoption("liquid_bridge"))
+    _, scene = write_adopted_files(study, adoption("liquid_bridge", friction=0.25))
+    assert read_scene(scene, ()).contact["grain-grain"].friction_rolling == 0.25
+
+
+def test_a_calibrated_scene_that_the_user_edited_is_not_replaced(tmp_path):
+    study = study_in(tmp_path, "moist")
+    _, scene = write_adopted_files(study, adoption("liquid_bridge"))
+    edited = scene.read_text("utf-8") + "# my remark\n"
+    scene.write_text(edited, "utf-8")
+    with pytest.raises(BadInput, match="was changed after this program wrote it"):
+        write_adopted_files(study, adoption("liquid_bridge", friction=0.25))
+    assert scene.read_text("utf-8") == edited
+    write_adopted_files(study, adoption("liquid_bridge", friction=0.25), force=True)
+    assert "my remark" not in scene.read_text("utf-8")
+
+
+def test_studies_of_one_name_in_two_folders_do_not_share_a_scene(tmp_path):
+    (tmp_path / "copy").mkdir()
+    study = study_in(tmp_path, "moist")
+    write_adopted_files(study, adoption("liquid_bridge"))
+    other = study_in(tmp_path / "copy", "moist")
+    other.file.observables["repose_angle"].scene = "../heap.toml"
+    with pytest.raises(BadInput, match=r"made from moist\.toml, not from"):
+        write_adopted_files(other, adoption("liquid_bridge"))
+
+
+def test_a_chain_names_every_step(tmp_path):
+    study = study_in(tmp_path, "moist")
+    first, _ = write_adopted_files(study, adoption("liquid_bridge"))
+    then = SimpleNamespace(**{**vars(study), "path": first})
+    second, _ = write_adopted_files(then, adoption("dry_adhesion"))
+    assert second.name == "moist_with_liquid_bridge_with_dry_adhesion.toml"
+    text = second.read_text("utf-8")
+    assert text.count("made by taichi_erosion") == 1
+    assert text.count("# Written by `adopt`") == 1
+    assert "# my study" in text
