@@ -74,7 +74,6 @@ COLUMN_CASES = [
     Case("bed_slope"),
     Case("grain_density"),
     Case("sieve_diameter"),
-    Case("supply_limit"),
     Case("repose_method"),
 ]  # the most telling first: a study may be cut short
 

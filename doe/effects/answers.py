@@ -38,6 +38,7 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.result import apply_instruments
+from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.change import sample_scene
 
 MILLIMETRES = 1e3  # per metre
@@ -56,6 +57,7 @@ ANGULARITIES = (0.25, 0.5, 1.0)  # 1
 RATIO, POCKET = "u*_t over bare", "grain in a pocket"
 HOP_PARTS = {"height": "height of a hop [m]", "length": "way to its top [m]", "spin": "spin there [s-1]"}
 HALF_BRACKET = 0.5 * np.log(FASTEST / SLOWEST) / 2**HALVINGS  # of ln u*, that a bisection leaves [1]
+SAMPLE_SIZE = nominal_diameter(sample_scene().grains.size)  # m
 READINGS = {  # instrument -> observable, value, unit
     "camera_threshold": ("threshold_u_star", 0.25, "m s-1"),
     "friction_velocity_calibration": ("threshold_u_star", 0.25, "m s-1"),
@@ -205,7 +207,7 @@ READ = {  # factor by the formula of each page at its defaults [1]
     "camera_threshold": lambda p: float(np.exp(np.log(p.criterion) / p.exponent)),
     "friction_velocity_calibration": lambda p: p.ratio,
     "trap_efficiency": lambda p: 1.0 - p.loss,
-    "finite_fetch": lambda p: float(-np.expm1(-p.fetch / (p.saturation * p.diameter * p.density_ratio))),
+    "finite_fetch": lambda p: float(-np.expm1(-p.fetch / (p.saturation * SAMPLE_SIZE * p.density_ratio))),
     "repose_method": lambda p: p.ratio,
 }
 

@@ -94,8 +94,8 @@ FLUX_ORDERS = (
 )
 FLUX_CASES = [
     Case("midair_passing"),
-    Case("supply_limit", label="missing 0.9", parameters=("missing=0.9",)),  # less than a layer is left
-    Case("supply_limit", label="missing 0.99", parameters=("missing=0.99",)),
+    Case("supply_limit", label="cover 0.4", parameters=("cover=0.4",)),
+    Case("supply_limit", label="cover 0.04", parameters=("cover=0.04",)),
 ]
 
 

@@ -165,8 +165,11 @@ def spin_drag(height: float, spin: float, slip: Floats, speed: float, shear: flo
 
 
 def field(height: float, spin: float, slip: Floats, speed: float, shear: float, params: Any) -> Any:
-    """Force of the field on a grain coarser than the neutral one."""
-    return 0.0, params.charge * MASS * params.field * exp(-height / params.scale_height), 0.0
+    """Pull of the bed on a charged grain in flight; near the bed a sphere on a conducting plane."""
+    aloft = min(max((height - 0.5 * DIAMETER) / DIAMETER, 0.0), 1.0)
+    lift = 1.3687236 * (0.5 * DIAMETER * params.field) ** 2 / 8.9875518e9
+    pull = params.charge * MASS * params.field * exp(-height / params.scale_height)
+    return 0.0, (1.0 - aloft) * lift - aloft * pull, 0.0
 
 
 def saffman(height: float, spin: float, slip: Floats, speed: float, shear: float, params: Any) -> Any:

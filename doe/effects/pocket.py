@@ -18,7 +18,7 @@ its rest length and breaks at half its strength: the work of a constant force F 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import asin, cos, exp, hypot, pi, sin, sqrt
+from math import asin, cos, hypot, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -220,8 +220,8 @@ def cement(params: Any, conditions: dict[str, float], mass: float, stream: Strea
 
 
 def field_lift(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:
-    """Force of the field on a coarse grain half a diameter above the bed."""
-    return 0.0, params.charge * mass * params.field * exp(-0.5 * stream.diameter / params.scale_height)
+    """Lift of a conducting sphere on a conducting plane: 4 pi eps0 R^2 E0^2 (zeta(3) + 1/6)."""
+    return 0.0, 1.3687236 * (0.5 * stream.diameter * params.field) ** 2 / 8.9875518e9
 
 
 def wall_lift(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:

@@ -10,8 +10,9 @@ An effect lives in one file and acts at one place:
 
 `strength` multiplies the effect: 0 is bitwise the model without it (it is not even compiled in), 1 the
 textbook. Pair, first-contact and grain effects run on the device with a few `constants`, which the host
-computes for every replica from parameters, strength and conditions. Two conditions come from the scene:
-`grain_diameter`, the nominal one, and under wind `bed_height`, the height of the undisturbed bed [m].
+computes for every replica from parameters, strength and conditions. Three conditions of effects on the
+device and of instruments come from the scene: `grain_diameter`, the nominal one [m], and under wind
+`bed_height`, the height of the undisturbed bed [m], and `density_ratio`, of the grains over the air [1].
 
 A pair or grain effect may have state variables of every grain (internal variables: an age, a charge, a
 broken bond). `grain_state` declares them as `params` are, `initial_state` gives their values when a grain

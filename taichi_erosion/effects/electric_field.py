@@ -1,22 +1,28 @@
-"""Electric field of blowing sand: the vertical force on charged grains above a charged bed.
+"""Electric field of blowing sand: it lifts grains that lie on the bed and pulls grains in flight down.
 
-    F_z = s(d) (q/m) m E0 exp(-max(z, 0) / h),    s(d) = +1 for d >= d_n, -1 for d < d_n
+    on bed     F_z = L pi eps0 d^2 E0^2,    L = zeta(3) + 1/6 = 1.3687
+    in flight  F_z = -(q/m) m |E0| exp(-z / h)
 
-with q/m the charge over mass [C kg-1], m the mass [kg], E0 the field at the bed, upwards [V m-1], z the
-height of the grain above the bed [m], h the scale height of the cloud [m], d the diameter and d_n the
-diameter that stays neutral [m]. Bed and cloud together are neutral and the charge of the cloud thins out
-like exp(-z / h); then its field does too. Large grains charge positively when they rub on small ones. With
-E0 upwards the field carries part of the weight of coarse grains and holds fine ones to the bed. Strength
-multiplies the charge. Holds for dry grains; 60 uC/kg in 166 kV/m is one weight, as much as has ever been
+with E0 the field at the bed [V m-1], d the diameter [m], eps0 the vacuum permittivity [F m-1], q/m the
+charge over mass of a grain in flight [C kg-1], m the mass [kg], z the height above the bed [m], h the
+scale height of the cloud [m]. Bed and cloud together are neutral, so that the cloud has the sign opposite
+to the bed, whichever that is: by Gauss' law a charge density -eps0 E0 exp(-z / h) / h belongs to a field
+E0 exp(-z / h), and the bed attracts every grain of the cloud. A grain on the bed has the charge that the
+field induces on a conducting sphere on a conducting plane. The law of the bed holds up to a radius above
+the bed and a radius below it, and fades over one diameter; deeper grains are screened. Strength multiplies
+both forces. Holds for dry grains whose surface conducts enough to charge between two hops; on an
+insulating bed the field holds grains down. 60 uC/kg in 166 kV/m is one weight, as much as has ever been
 measured.
 
-Reference: Schmidt, Schmidt & Dent (1998), J. Geophys. Res. 103, 8997 (charge and field); Kok & Renno
-(2008), Phys. Rev. Lett. 100, 014501 (field in a saltation model); Forward, Lacks & Sankaran (2009),
-Geophys. Res. Lett. 36, L13201 (sign of the charge by size).
+Reference: Lebedev & Skal'skaya (1962), Sov. Phys. Tech. Phys. 7, 268 (sphere on a plane); Kok & Renno
+(2006), Geophys. Res. Lett. 33, L19S10 (threshold) and (2008), Phys. Rev. Lett. 100, 014501 (grains in
+flight stay closer to the bed); Schmidt, Schmidt & Dent (1998), J. Geophys. Res. 103, 8997 (charge and
+field); Holstein-Rathlou et al. (2012), Icarus 220, 1 (conducting and insulating beds in a tunnel).
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -26,33 +32,37 @@ from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Pro
 from taichi_erosion.core.ti import ti
 
 DRY = 0.005  # moisture above which charge leaks away along the films of water [kg kg-1], plausible size
+PERMITTIVITY = 8.8541878e-12  # of vacuum, eps0 [F m-1], CODATA 2018
+SPHERE_ON_PLANE = 1.2020569 + 1.0 / 6.0  # L = zeta(3) + 1/6 [1]
 
 
 @dataclass(frozen=True)
 class Params:
-    charge: float = quantity(2e-5, "C kg-1", "charge over mass", low=0.0, high=1e-4)
-    field: float = quantity(1e5, "V m-1", "field at the bed, upwards", low=-3e5, high=3e5)
+    charge: float = quantity(2e-5, "C kg-1", "charge over mass of a grain in flight", low=0.0, high=1e-4)
+    field: float = quantity(1e5, "V m-1", "size of the field at the bed", low=0.0, high=3e5)
     scale_height: float = quantity(0.05, "m", "height over which the field falls by e", low=1e-3, high=1.0)
-    neutral_diameter: float = quantity(1e-4, "m", "finer grains are negative", low=0.0, high=1e-2)
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
     """Numbers of one replica; moist grains hold no charge."""
     dry = float(conditions.get("moisture", 0.0) <= DRY)
     return {
-        "push": dry * strength * params.charge * params.field,  # force over mass at the bed [m s-2]
+        "lift": dry * strength * SPHERE_ON_PLANE * pi * PERMITTIVITY * params.field**2,  # force over d^2 [Pa]
+        "pull": dry * strength * params.charge * params.field,  # force over mass at the bed [m s-2]
         "height": params.scale_height,
-        "neutral": 0.5 * params.neutral_diameter,
     }
 
 
 @ti.func
 def push(constants, grain):
     """Force [N] and torque [N m]."""
-    sign = ti.select(grain.radius >= constants.neutral, 1.0, -1.0)
+    diameter = 2.0 * grain.radius
+    away = (ti.abs(grain.height) - grain.radius) / diameter
+    near = 1.0 - ti.min(ti.max(away, 0.0), 1.0)
+    aloft = ti.select(grain.height > 0.0, 1.0 - near, 0.0)
     faded = ti.exp(-ti.max(grain.height, 0.0) / constants.height)
     force = 0.0 * grain.velocity
-    force[2] = sign * constants.push * grain.mass * faded
+    force[2] = near * constants.lift * diameter * diameter - aloft * constants.pull * grain.mass * faded
     return force, 0.0 * force
 
 
@@ -62,22 +72,27 @@ def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
 
 
 def checks(probe: Probe) -> Iterator[Check]:
-    charged = Params(charge=6e-5, field=1.66e5, scale_height=0.02, neutral_diameter=2e-4)
+    charged = Params(charge=6e-5, field=1.66e5, scale_height=0.02)
 
-    def lift(height: float, radius: float = 1.05e-4, moisture: float = 0.0) -> float:
-        members = {"height": height, "radius": radius, "mass": 1e-8}
+    def lift(height: float, moisture: float = 0.0) -> float:
+        members = {"height": height, "radius": 1e-4, "mass": 1e-8}
         return probe(charged, {"moisture": moisture}, **members)[0][2]
 
-    yield Check("at the bed a grain of 60 uC/kg is lifted with q E", lift(0.0), 9.96e-8)
-    yield Check("one scale height up the force has fallen by e", lift(0.02), 9.96e-8 * 0.36787944)
-    yield Check("in the bed the field is that at its surface", lift(-0.001), 9.96e-8)
-    yield Check("grains finer than the neutral diameter are held down", lift(0.0, 0.95e-4), -9.96e-8)
-    yield Check("a moist bed holds no charge", lift(0.0, moisture=0.01), 0.0)
+    # 4 pi eps0 R^2 E0^2 = (1e-4 * 1.66e5)^2 / 8.9875518e9
+    bed = 1.3687236 * 16.6**2 / 8.9875518e9
+    yield Check("a grain on the bed is lifted like a sphere on a plane", lift(1e-4), bed)
+    yield Check("in flight the bed pulls it with q E", lift(0.02), -9.96e-8 * 0.36787944)
+    yield Check("two scale heights up by another e", lift(0.04), -9.96e-8 * 0.13533528)
+    yield Check(
+        "at a diameter above the bed it is half of each", lift(2e-4), 0.5 * (bed - 9.96e-8 * 0.99004983)
+    )
+    yield Check("deep grains are screened", lift(-4e-4), 0.0)
+    yield Check("a moist bed holds no charge", lift(1e-4, moisture=0.01), 0.0)
 
 
 EFFECT = Effect(
     name="electric_field",
-    title="vertical force of the sand's electric field on charged grains",
+    title="electric field of blowing sand: lift on the bed, pull in flight",
     doc=__doc__,
     place="grain",
     params=Params,
@@ -86,5 +101,5 @@ EFFECT = Effect(
     constants=constants,
     reads=("moisture",),
     can_act=can_act,
-    expected={"threshold_u_star": -1, "flux": 1},
+    expected={"threshold_u_star": -1},
 )

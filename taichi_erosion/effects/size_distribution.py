@@ -1,32 +1,35 @@
 """Size distribution: the spread of real grains in place of their median.
 
-    masses lognormal:  D50 = the scene's diameter,  sigma = strength ln(q) / 1.2816,  q = d90 / d50
-    numbers likewise:  median D50 exp(-3 sigma^2),  same sigma
+    masses lognormal:  D50 = the scene's diameter,  sigma = strength ln(q) / z,  q = d90 / d50
     cut to  D50 exp(-c sigma) .. D50 exp(c sigma)
+    z the 90 % point of the cut distribution,  Phi(z) = Phi(-c) + 0.9 (Phi(c) - Phi(-c))
 
-with D50 the mass median [m], q the spread [1], c the cut in standard deviations [1]; 1.2816 is the 90 %
-point of the normal distribution. The number of grains changes so that their mass stays. Strength multiplies
-sigma. A stated time step shrinks with the finest grain, and grains start farther apart by the factor of the
-coarsest. Acts on scenes of one size. Holds for exp(2 c sigma) below 20, beyond which the neighbour search
-drowns.
+with D50 the mass median [m], q the spread [1], c the cut in standard deviations [1], Phi the normal
+distribution. The masses are those of CLASSES sieves, equal in ln d. The number of grains changes so that
+their mass stays. Strength multiplies sigma. A stated time step shrinks with the finest grain, and grains
+start farther apart by the factor of the coarsest. Acts on scenes of one size. Holds for exp(2 c sigma)
+below 20, beyond which the neighbour search costs more than the contacts.
 
-Reference: Folk & Ward (1957), J. Sediment. Petrol. 27, 3 (spread of sands); Hatch & Choate (1929), J.
-Franklin Inst. 207, 369 (numbers from masses).
+Reference: Folk & Ward (1957), J. Sediment. Petrol. 27, 3 (spread of sands).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp, log
+from statistics import NormalDist
 from typing import Any
+
+import numpy as np
 
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.sizes import mean_cube
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
-from taichi_erosion.scene.schema.grains import Lognormal, Monodisperse
+from taichi_erosion.scene.schema.grains import Monodisperse, Sieve
 
-NINETIETH = 1.2815516  # 90 % point of the standard normal distribution [1]
+CLASSES = 50  # sieves; d90 over d50 is then right to 2e-4 [1]
+NORMAL = NormalDist()
 
 
 @dataclass(frozen=True)
@@ -35,22 +38,30 @@ class Params:
     cut: float = quantity(1.5, "1", "largest deviation of ln d, in standard deviations", low=0.5, high=3.0)
 
 
+def ninetieth(cut: float) -> float:
+    """90 % point of the normal distribution cut at both ends, in standard deviations [1]."""
+    below = NORMAL.cdf(-cut)
+    return NORMAL.inv_cdf(below + 0.9 * (1.0 - 2.0 * below))
+
+
+def sieves(median: float, sigma: float, cut: float) -> Sieve:
+    """Masses of a cut lognormal distribution by sieve."""
+    deviates = np.linspace(-cut, cut, CLASSES + 1)
+    shares = np.diff([NORMAL.cdf(deviate) for deviate in deviates])
+    edges = median * np.exp(sigma * deviates)
+    rows = tuple((float(a), float(b), float(w)) for a, b, w in zip(edges, edges[1:], shares, strict=False))
+    return Sieve(law="sieve", rows=rows, table=None)
+
+
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with sizes around its own."""
-    size, sigma = scene.grains.size, strength * log(params.spread) / NINETIETH
+    size, sigma = scene.grains.size, strength * log(params.spread) / ninetieth(params.cut)
     if sigma == 0.0:
         return scene
     if not isinstance(size, Monodisperse):
         raise BadInput("effects.size_distribution: grains.size has a distribution already")
     widest = exp(params.cut * sigma)
-    median = max(size.diameter * exp(-3.0 * sigma**2), size.diameter / widest)
-    sizes = Lognormal(
-        law="lognormal",
-        median=median,
-        sigma_log=sigma,
-        low=size.diameter / widest,
-        high=size.diameter * widest,
-    )
+    sizes = sieves(size.diameter, sigma, params.cut)
     count = max(1, round(scene.grains.count * size.diameter**3 / mean_cube(sizes)))
     spread = with_section(scene, "grains", size=sizes, count=count)
     return with_shorter_step(with_wider_fill(spread, widest), 1.0 / widest)
@@ -62,16 +73,32 @@ def checks(probe: Probe) -> Iterator[Check]:
     def changed(strength: float = 1.0) -> Any:
         return probe(Params(spread=1.4, cut=2.0), {}, scene=scene, strength=strength)
 
-    sigma = log(1.4) / 1.2815516
+    def passing(mass: float, size: Any) -> float:
+        below = np.cumsum([0.0, *(row[2] for row in size.rows)])
+        edges = [size.rows[0][0], *(row[1] for row in size.rows)]
+        return exp(np.interp(mass * below[-1], below, np.log(edges)))
+
     size = changed().grains.size
-    yield Check("d90 / d50 gives the width of ln d", size.sigma_log, sigma)
-    yield Check("strength multiplies it", changed(0.5).grains.size.sigma_log, 0.5 * sigma)
-    yield Check("the mass median stays, numbers lie lower", size.median, 1e-3 * exp(-3 * sigma**2))
-    yield Check("the coarsest grains are two deviations up", size.high, 1e-3 * exp(2.0 * sigma))
-    yield Check("the finest two deviations down", size.low, 1e-3 * exp(-2.0 * sigma))
+    sigma = log(1.4) / 1.184032  # Phi(1.184032) = 0.0227501 + 0.9 0.9544997
+    yield Check(
+        "d90 over d50 of the masses is as asked", passing(0.9, size) / passing(0.5, size), 1.4, rtol=3e-4
+    )
+    yield Check(
+        "strength multiplies its logarithm",
+        passing(0.9, changed(0.5).grains.size),
+        1e-3 * 1.4**0.5,
+        rtol=3e-4,
+    )
+    yield Check("the mass median stays", passing(0.5, size), 1e-3)
+    yield Check(
+        "the coarsest grains are two deviations up", size.rows[-1][1], 1e-3 * exp(2.0 * sigma), rtol=1e-4
+    )
+    yield Check("the finest two deviations down", size.rows[0][0], 1e-3 * exp(-2.0 * sigma), rtol=1e-4)
     volume = changed().grains.count * mean_cube(size)
     yield Check("the mass of all grains stays", volume, 50000 * 1e-9, rtol=1e-4)
-    yield Check("the time step shrinks with the finest", changed().run.time_step, 1e-6 * exp(-2.0 * sigma))
+    yield Check(
+        "the time step shrinks with the finest", changed().run.time_step, 1e-6 * exp(-2.0 * sigma), rtol=1e-4
+    )
 
 
 EFFECT = Effect(

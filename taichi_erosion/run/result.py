@@ -41,7 +41,7 @@ from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.simulation.scene_setup import Library, checked_params, conditions_of
+from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of
 
 RECORDINGS = Path("recordings")  # folder of results, unless the user names a file
 
@@ -57,7 +57,7 @@ def apply_instruments(
             continue
         for name, true in read.items():
             with failures_of(effect, "act"):
-                value = effect.act(params, strength, conditions_of(scene), name, true.value)
+                value = effect.act(params, strength, circumstances_of(scene), name, true.value)
             if isfinite(true.value) and value != true.value:
                 factor = abs(value / true.value) if true.value else 1.0
                 note = f"{true.value:.6g} {true.unit} before {effect.name}"

@@ -22,10 +22,11 @@ def conditions_of(scene: Scene) -> dict[str, float]:
 
 
 def circumstances_of(scene: Scene) -> dict[str, float]:
-    """Conditions for effects on the device: those stated, the grains' size, and the height of the bed [m]."""
+    """Conditions for effects on the device and instruments: those stated, and what the scene adds to them."""
     known = {"grain_diameter": nominal_diameter(scene.grains.size)}
     if scene.wind is not None:
         known["bed_height"] = surface_height(scene, scene.wind)
+        known["density_ratio"] = scene.materials[scene.grains.material].density / scene.wind.density
     return conditions_of(scene) | known
 
 

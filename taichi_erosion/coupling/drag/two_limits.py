@@ -2,7 +2,8 @@
 
     C_D = (sqrt(0.5) + sqrt(24 / Re))^2
 
-Reference: Ferguson & Church (2004), J. Sediment. Res. 74, 933.
+Reference: Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306 (C_D = 0.5 and Re_c = 24 of sand in
+air); the form is that of Ferguson & Church (2004), J. Sediment. Res. 74, 933.
 """
 
 from taichi_erosion.core.ti import ti

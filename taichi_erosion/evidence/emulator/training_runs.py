@@ -41,7 +41,7 @@ from taichi_erosion.evidence.emulator.emulator import (
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
-from taichi_erosion.simulation.scene_setup import conditions_of, effective_scene
+from taichi_erosion.simulation.scene_setup import circumstances_of, effective_scene
 
 LEVELS = 3  # of every condition that could be set
 LEAST_BARE, LEAST_EFFECT = 4, 4  # runs that a small budget leaves, per number and of every effect
@@ -184,7 +184,7 @@ def leaves_readings(scene: StudyScene, candidate: Candidate, row: Row) -> bool:
         return effective_scene(changed, simulator.library) is changed
     params, _ = read_params(effect, changed.effects[effect.name])
     measures = [simulator.measures[name].measure for name in scene.observables]
-    readings = [effect.act(params, strength, conditions_of(changed), measure, 1.0) for measure in measures]
+    readings = [effect.act(params, strength, circumstances_of(changed), measure, 1.0) for measure in measures]
     return all(reading == 1.0 for reading in readings)
 
 
