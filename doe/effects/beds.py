@@ -41,6 +41,7 @@ ORDERS = (
     "measure.fluid_threshold={}",
 )
 CESSATION = ("measure.impact_threshold={}", "measure.threshold_ratio={}")  # takes four times as long
+WIDER = ("grains.count=587", "wind.length_d=13.0", "wind.width_d=13.0")  # room for the coarsest grains
 MOIST = "conditions.moisture=0.005"
 
 CASES = [
@@ -48,12 +49,12 @@ CASES = [
     Case("turbulent_gusts"),
     Case("dry_adhesion"),
     Case("sheltering", parameters=("ratio=1.6", "share=0.3")),  # a coarser lag does not fit on the patch
-    Case("size_distribution"),
+    Case("size_distribution", circumstances=WIDER),
 ]
 CEASING = [
     Case("liquid_bridge", label="and cessation", circumstances=(MOIST, *CESSATION)),
     Case("dry_adhesion", label="and cessation", circumstances=CESSATION),
-    Case("size_distribution", label="and cessation", circumstances=CESSATION),
+    Case("size_distribution", label="and cessation", circumstances=(*CESSATION, *WIDER)),
 ]
 THIN_AIR = (  # ISO 2533 at 5000 m
     "conditions.altitude=5000",

@@ -174,6 +174,7 @@ def facts(document: Document) -> Iterator[tuple[str, str]]:
         share = limits["time_step_over_rayleigh"]
         yield "time step", f"{limits['time_step']:.3g} s, {share:.2g} Rayleigh times"
         yield from (("softening", words) for words in limits.get("softening", []))
+        yield from (("rolling friction", words) for words in limits.get("rolling", []))
     yield "scene", f"{document['scene']}, hash {document['hash']}"
     yield "seeds", ", ".join(str(replica["seed"]) for replica in document["replicas"])
     if "grain_steps" in document:

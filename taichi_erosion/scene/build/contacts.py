@@ -78,13 +78,13 @@ def contact_table(scene: Scene) -> ContactTable:
 
 
 def contact_row(contact: Contact, a: Material, b: Material) -> tuple[float, ...]:
-    """Numbers of one pair, in the order of ContactTable."""
+    """Numbers of one pair, in the order of ContactTable; rolling friction over R*."""
     return (
         young_effective(a, b),
         shear_effective(a, b),
         contact.restitution,
         contact.friction_sliding,
-        contact.friction_rolling,
+        contact.friction_rolling * contact.rolling_share,
         contact.rolling_damping,
         surface_energy(contact, a, b),
         float(contact.acted_on),

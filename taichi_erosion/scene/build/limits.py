@@ -277,6 +277,20 @@ def softening_lines(scene: Scene) -> list[str]:
     return lines
 
 
+def rolling_lines(scene: Scene) -> list[str]:
+    """Rolling friction in both conventions of its radius, where a rolling law acts."""
+    grain, lines = scene.grains.material, []
+    for pair, contact in sorted(scene.contact.items()):
+        reduced = contact.friction_rolling * contact.rolling_share
+        if scene.laws.rolling == "none" or reduced == 0.0 or grain not in pair.split("-"):
+            continue
+        full = reduced / 2.0 if pair == f"{grain}-{grain}" else reduced
+        lines.append(
+            f"{pair}: friction_rolling {reduced:.3g} over R*, {full:.3g} over the radius of a grain (EDEM)"
+        )
+    return lines
+
+
 def explain(scene: Scene) -> dict[str, Any]:
     """Time step, limits, adhesion and warnings of a scene, for `run --check` and every result; SI units."""
     limit, chosen, sticking = limits(scene), time_step(scene), adhesion(scene)
@@ -289,6 +303,7 @@ def explain(scene: Scene) -> dict[str, Any]:
         "diameter": {"low": low, "nominal": nominal_diameter(scene.grains.size), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
         "softening": softening_lines(scene),
+        "rolling": rolling_lines(scene),
         "adhesion": asdict(sticking) if sticking else None,
         "warnings": time_step_warnings(chosen, limit) + adhesion_warnings(scene, sticking),
     }

@@ -147,7 +147,13 @@ class Contact(Section):
 
     restitution: float = number(..., "1", "coefficient of normal restitution", 0.0, 1.0)
     friction_sliding: float = number(..., "1", "coefficient of sliding friction", 0.0, 5.0)
-    friction_rolling: float = number(0.0, "1", "limiting rolling torque over R* F_n", 0.0, 5.0)
+    friction_rolling: float = number(
+        0.0, "1", "limiting rolling torque over radius and normal force", 0.0, 5.0
+    )
+    rolling_radius: Literal["effective", "grain"] = Field(
+        "effective",
+        description="that radius: R*, half that of a grain between equal ones; or the grain's own (EDEM)",
+    )
     rolling_damping: float = number(
         0.3, "1", "rolling damping over its critical value (Ai et al. 2011)", 0.0, 1.0
     )
@@ -157,6 +163,11 @@ class Contact(Section):
     effects: bool | None = Field(
         default=None, description="false: no effect acts on it, it is as stated in every run"
     )
+
+    @property
+    def rolling_share(self) -> float:
+        """The radius of friction_rolling over R*: a grain's own is twice R* between equal grains [1]."""
+        return 2.0 if self.rolling_radius == "grain" else 1.0
 
     @property
     def acted_on(self) -> bool:

@@ -250,6 +250,10 @@ def contact_problems(scene: Scene) -> Iterator[str]:
         yield from (
             f"contact.{pair}: '{name}' is not among [materials]" for name in {a, b} - set(scene.materials)
         )
+        if contact.rolling_radius == "grain" and pair != f"{grain}-{grain}":
+            yield f"contact.{pair}.rolling_radius: at a wall both radii are the same; leave it out"
+        if contact.rolling_radius == "grain" and grain in {wall.material for wall in scene.geometry.values()}:
+            yield f"contact.{pair}.rolling_radius: a wall has the grains' material; give it one of its own"
         if contact.surface_energy > 0.0 and scene.laws.normal == "hertz":
             energy = contact.surface_energy
             yield f"contact.{pair}.surface_energy = {energy:g} acts only with laws.normal = 'jkr'"

@@ -5,9 +5,12 @@ from typing import Any
 import pytest
 from scene_tables import changed, good_table
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import pair_row
+from taichi_erosion.effects import load_library
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.build.contacts import young_effective
+from taichi_erosion.scene.build.contacts import contact_table, young_effective
+from taichi_erosion.scene.build.limits import explain
 from taichi_erosion.scene.change import with_contacts
 
 SOIL, STEEL = 0, 1  # materials come in alphabetical order
@@ -97,3 +100,33 @@ def test_a_change_of_contacts_leaves_those_alone_that_effects_may_not_touch():
     rough = with_contacts(bare, lambda contact: contact.model_copy(update={"friction_sliding": 2.0}))
     assert rough.contact["soil-soil"].friction_sliding == 2.0
     assert rough.contact["steel-soil"] == bare.contact["steel-soil"]
+
+
+def test_rolling_friction_over_the_radius_of_a_grain_counts_twice_over_the_effective_radius():
+    # between equal grains R* = R / 2, so the torque mu R F is 2 mu R* F
+    table = changed("contact.soil-soil.rolling_radius", "grain")
+    soil, wall = pair_row(SOIL, SOIL, 2), pair_row(SOIL, STEEL, 2)
+    assert contacts_of(table).friction_rolling[soil] == pytest.approx(2.0 * 0.69)
+    assert contacts_of(table).friction_rolling[wall] == 0.41
+    assert explain(parse_scene(table))["rolling"] == [
+        "soil-soil: friction_rolling 1.38 over R*, 0.69 over the radius of a grain (EDEM)",
+        "steel-soil: friction_rolling 0.41 over R*, 0.41 over the radius of a grain (EDEM)",
+    ]
+
+
+def test_an_effect_adds_the_same_rolling_friction_in_either_convention():
+    effect = load_library()["rolling_resistance"]
+    bare = parse_scene(good_table()), parse_scene(changed("contact.soil-soil.rolling_radius", "grain"))
+    before, after = (
+        [contact_table(scene).friction_rolling[pair_row(SOIL, SOIL, 2)] for scene in scenes]
+        for scenes in (bare, [effect.act(effect.params(), 1.0, {}, scene) for scene in bare])
+    )
+    assert after[0] - before[0] == pytest.approx(0.14)
+    assert after[1] - before[1] == pytest.approx(0.14)
+
+
+def test_at_a_wall_the_radius_of_rolling_friction_is_not_a_choice():
+    with pytest.raises(
+        BadInput, match=r"contact\.steel-soil\.rolling_radius: at a wall both radii are the same"
+    ):
+        parse_scene(changed("contact.steel-soil.rolling_radius", "grain"))
