@@ -70,7 +70,6 @@ COLUMN_CASES = [
     Case("restitution_speed"),
     Case("surface_crust"),
     Case("image_charge"),
-    Case("electric_field"),
     Case("bed_slope"),
     Case("grain_density"),
     Case("sieve_diameter"),

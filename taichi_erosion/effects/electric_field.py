@@ -33,6 +33,7 @@ from taichi_erosion.core.ti import ti
 
 DRY = 0.005  # moisture above which charge leaks away along the films of water [kg kg-1], plausible size
 PERMITTIVITY = 8.8541878e-12  # of vacuum, eps0 [F m-1], CODATA 2018
+UNDER_WIND = {"bed_height": 0.01}  # conditions of a check [m]
 SPHERE_ON_PLANE = 1.2020569 + 1.0 / 6.0  # L = zeta(3) + 1/6 [1]
 
 
@@ -44,11 +45,16 @@ class Params:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica; moist grains hold no charge."""
-    dry = float(conditions.get("moisture", 0.0) <= DRY)
+    """Numbers of one replica; moist grains hold no charge, and without wind no sand blows."""
+    blows = float(conditions.get("moisture", 0.0) <= DRY and "bed_height" in conditions)
     return {
-        "lift": dry * strength * SPHERE_ON_PLANE * pi * PERMITTIVITY * params.field**2,  # force over d^2 [Pa]
-        "pull": dry * strength * params.charge * params.field,  # force over mass at the bed [m s-2]
+        "lift": blows
+        * strength
+        * SPHERE_ON_PLANE
+        * pi
+        * PERMITTIVITY
+        * params.field**2,  # force over d^2 [Pa]
+        "pull": blows * strength * params.charge * params.field,  # force over mass at the bed [m s-2]
         "height": params.scale_height,
     }
 
@@ -74,9 +80,9 @@ def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
 def checks(probe: Probe) -> Iterator[Check]:
     charged = Params(charge=6e-5, field=1.66e5, scale_height=0.02)
 
-    def lift(height: float, moisture: float = 0.0) -> float:
+    def lift(height: float, moisture: float = 0.0, bed: Conditions = UNDER_WIND) -> float:
         members = {"height": height, "radius": 1e-4, "mass": 1e-8}
-        return probe(charged, {"moisture": moisture}, **members)[0][2]
+        return probe(charged, {"moisture": moisture, **bed}, **members)[0][2]
 
     # 4 pi eps0 R^2 E0^2 = (1e-4 * 1.66e5)^2 / 8.9875518e9
     bed = 1.3687236 * 16.6**2 / 8.9875518e9
@@ -88,6 +94,7 @@ def checks(probe: Probe) -> Iterator[Check]:
     )
     yield Check("deep grains are screened", lift(-4e-4), 0.0)
     yield Check("a moist bed holds no charge", lift(1e-4, moisture=0.01), 0.0)
+    yield Check("without wind there is no field", lift(1e-4, bed={}), 0.0)
 
 
 EFFECT = Effect(
