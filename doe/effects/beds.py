@@ -47,6 +47,8 @@ MOIST = "conditions.moisture=0.005"
 CASES = [
     Case("liquid_bridge", circumstances=(MOIST,)),
     Case("turbulent_gusts"),
+    Case("near_wall_drag"),
+    Case("rotational_drag"),
     Case("dry_adhesion"),
     Case("sheltering", parameters=("ratio=1.6", "share=0.3")),  # a coarser lag does not fit on the patch
     Case("size_distribution", circumstances=WIDER),

@@ -172,6 +172,17 @@ def field(height: float, spin: float, slip: Floats, speed: float, shear: float, 
     return 0.0, (1.0 - aloft) * lift - aloft * pull, 0.0
 
 
+def wall_drag(height: float, spin: float, slip: Floats, speed: float, shear: float, params: Any) -> Any:
+    """Zeng et al. (2009) over Schiller & Naumann, less one, times the drag of the hop."""
+    gap, reynolds = max(height / DIAMETER - 0.5, 0.0), speed * DIAMETER / VISCOSITY
+    creeping = 1.0 + 0.138 * exp(-2.0 * gap) + 9.0 / (16.0 * (1.0 + 2.0 * gap))
+    share = 0.15 - 0.046 * (1.0 - 0.16 * gap**2) * exp(-0.7 * gap)
+    power = 0.687 + 0.066 * (1.0 - 0.76 * gap**2) * exp(-(gap**0.9))
+    more = creeping * (1.0 + share * reynolds**power) / (1.0 + 0.15 * reynolds**0.687) - 1.0
+    drag = more * two_limits(Stream(speed, DIAMETER, AIR, AIR * VISCOSITY)) / speed
+    return drag * slip[0], drag * slip[1], 0.0
+
+
 def saffman(height: float, spin: float, slip: Floats, speed: float, shear: float, params: Any) -> Any:
     """Saffman (1965) with Mei's (1992) factor, fading into the law of Zeng et al. (2009) on the bed."""
     reynolds = speed * DIAMETER / VISCOSITY
@@ -192,6 +203,7 @@ PUSHES: dict[str, Push] = {
     "rotational_drag": spin_drag,
     "electric_field": field,
     "shear_lift": saffman,
+    "near_wall_drag": wall_drag,
 }
 
 

@@ -97,6 +97,7 @@ class Effect:
         pair           ti.func (constants, pair) -> attraction along the line of centres [N]
         first_contact  ti.func (constants, contact) -> 1 where the two pass, 0 where they touch
         grain          ti.func (constants, grain) -> force [N], torque [N m]
+                       and `drag`, where there is one: ti.func (constants, grain) -> factor of the drag [1]
         scene          (params, strength, conditions, scene) -> scene
         instrument     (params, strength, conditions, observable, value) -> value
 
@@ -114,6 +115,7 @@ class Effect:
     checks: Callable[[Probe], Iterator[Check]]
     constants: Callable[[Any, float, Conditions], Constants] | None = None  # on the device only
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
+    drag: Callable[..., Any] | None = None  # factor of the run's drag, grain only; the air loses what it adds
     vector: bool = False  # a pair effect that gives a force vector, not an attraction
     grain_state: type | None = None  # frozen dataclass of `quantity` fields: state variables of a grain
     initial_state: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions)
@@ -132,6 +134,8 @@ class Effect:
             raise ValueError(f"effect '{self.name}': grain_state and update_state go together")
         if self.grain_state is not None and self.place not in STATEFUL:
             raise ValueError(f"effect '{self.name}': place {self.place} has no grain state")
+        if self.drag is not None and self.place != "grain":
+            raise ValueError(f"effect '{self.name}': place {self.place} has no drag")
 
 
 @dataclass(frozen=True)
@@ -208,7 +212,8 @@ def first_contact_type() -> Any:
 def compile_grain_type(drag_law: Any) -> Any:
     """Struct that a grain effect reads: one grain and the air around it.
 
-    `grain.drag(slip)` is the drag [N] of the run's law at a slip velocity, air less grain [m s-1]. The law:
+    `grain.drag(slip)` is the drag [N] of the run's law at a slip velocity, air less grain [m s-1], times the
+    factors of effects. The law:
     ti.func (slip speed, radius, mass, air density, kinematic viscosity, void fraction) -> drag rate [s-1].
     """
     real3 = ti.types.vector(3, float)
@@ -218,7 +223,7 @@ def compile_grain_type(drag_law: Any) -> Any:
         viscosity = grain.air_viscosity / grain.air_density
         # the law of a unit mass: a rate is drag over mass
         rate = drag_law(slip.norm(), grain.radius, 1.0, grain.air_density, viscosity, grain.void_fraction)
-        return rate * slip
+        return grain.drag_factor * rate * slip
 
     return ti.types.struct(
         position=real3,  # [m]
@@ -234,6 +239,7 @@ def compile_grain_type(drag_law: Any) -> Any:
         void_fraction=float,  # of the air around the grain [1]
         height=float,  # above the undisturbed bed surface [m]
         period=real3,  # of the box [m], 0 where it is open
+        drag_factor=float,  # of the law of drag, product of the effects' [1]
         noise=real3,  # three standard normal numbers of this grain and exchange, fixed by the seed [1]
         interval=float,  # time until the next exchange with the air [s]
         time=float,  # since the start [s]

@@ -25,6 +25,9 @@ class DeviceEffects:
     any: bool  # compiled in: whether there is any effect
     vector: tuple[bool, ...]  # whether each gives a vector, compiled in
     any_vector: bool
+    drags: tuple[Any, ...]  # ti.func of each that has a factor of the drag, else None
+    changes_drag: tuple[bool, ...]
+    any_drag: bool  # compiled in: whether any changes the drag
     stateful: tuple[bool, ...]  # whether each has state variables, compiled in
     states: tuple[Any, ...]  # struct field by grain place, then the zeros of a wall; None without variables
     initial_states: tuple[Any, ...]  # struct field by replica
@@ -55,6 +58,9 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
         any=bool(effects),
         vector=tuple(effect.vector for effect in effects),
         any_vector=any(effect.vector for effect in effects),
+        drags=tuple(effect.drag for effect in effects),
+        changes_drag=tuple(effect.drag is not None for effect in effects),
+        any_drag=any(effect.drag is not None for effect in effects),
         stateful=stateful,
         states=tuple(struct_field(state_names(effect), grain_places + 1) for effect in effects),
         initial_states=tuple(struct_field(list(one.initial_state), count) for one in examples),
@@ -156,6 +162,17 @@ def grain_effect(effects: ti.template(), k: ti.template(), r, grain: ti.template
         return effects.functions[k](effects.constants[k][r], grain, effects.states[k][i])
     else:
         return effects.functions[k](effects.constants[k][r], grain)
+
+
+@ti.func
+def total_drag_factor(effects: ti.template(), r, grain: ti.template()):
+    """Product of the drag factors of all grain effects of replica r [1]."""
+    factor = 1.0
+    for k in ti.static(range(len(effects.functions))):
+        if ti.static(effects.changes_drag[k]):
+            if effects.present[r, k] == 1:
+                factor *= effects.drags[k](effects.constants[k][r], grain)
+    return factor
 
 
 @ti.func

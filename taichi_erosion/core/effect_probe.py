@@ -1,8 +1,8 @@
 """Evaluation of one effect at one place, from which its verification table is made.
 
 The probe of a pair effect gives its attraction, or its force vector [N]; of a first-contact effect 1 where
-two grains pass; of a grain effect force [N] and torque [N m]; of a scene effect the changed `scene`; of an
-instrument the value that is read instead of `value`.
+two grains pass; of a grain effect force [N], what it adds to the drag included, and torque [N m]; of a
+scene effect the changed `scene`; of an instrument the value that is read instead of `value`.
 
 For an effect with a grain state, `state_i` and `state_j` set the states of the grains, the initial one where
 left out. With `state_before=STATE` and members of a grain the probe gives the state after one exchange
@@ -31,6 +31,7 @@ from taichi_erosion.core.effect_device import (
     any_passes,
     bind,
     total_attraction,
+    total_drag_factor,
     total_grain_force,
     total_vector_force,
     update_states,
@@ -142,7 +143,13 @@ def evaluate_grain(
 ):
     for i in force_out:
         grain = grains[i]
-        force_out[i], torque_out[i] = total_grain_force(effects, 0, grain, PLACE_I)
+        grain.drag_factor = 1.0
+        bare = grain.drag(grain.air_velocity - grain.velocity)
+        grain.drag_factor = total_drag_factor(effects, 0, grain)
+        force, torque = total_grain_force(effects, 0, grain, PLACE_I)
+        if ti.static(effects.any_drag):
+            force += (grain.drag_factor - 1.0) * bare
+        force_out[i], torque_out[i] = force, torque
 
 
 @ti.kernel

@@ -12,7 +12,7 @@ Stat. 29, 610.
 
 from math import pi
 
-from taichi_erosion.core.effect_device import total_grain_force, update_states
+from taichi_erosion.core.effect_device import total_drag_factor, total_grain_force, update_states
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.weights import column_share, layer_range, share_below, wind_of
 from taichi_erosion.grains.cells import position_of
@@ -149,8 +149,10 @@ def grain_record(world: ti.template(), coupling: ti.template(), r, i, void, shea
 
 @ti.func
 def apply_grain_effects(world_out: ti.template(), r, i, grain: ti.template()):
-    """Add forces and torques of the grain effects to the frozen terms of the grain at place i."""
+    """Add forces, torques and drag of the grain effects to the frozen terms of the grain at place i."""
     grains, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
+    if ti.static(world_out.grain_effects.any_drag):
+        frozen_out.drag_rate[i] = grain.drag_factor * frozen_out.drag_rate[i]
     force, torque = total_grain_force(world_out.grain_effects, r, grain, i)
     frozen_out.steady_acceleration[i] = frozen_out.steady_acceleration[i] + force * grains.mass_inverse[i]
     frozen_out.steady_spin_rate[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
@@ -175,4 +177,5 @@ def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, up
                     update_states(world_out.pair_effects, r, grain, i)
                     update_states(world_out.grain_effects, r, grain, i)
             if ti.static(world_out.grain_effects.any):
+                grain.drag_factor = total_drag_factor(world_out.grain_effects, r, grain)
                 apply_grain_effects(world_out, r, i, grain)

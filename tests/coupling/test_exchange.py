@@ -1,11 +1,15 @@
 """What grains and air do to each other: every sum closes, at any stiffness."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from windy_beds import DENSITY, MASS, RADIUS, SIDE, VISCOSITY, air, weightless
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.setup import Laws, Numerics
+from taichi_erosion.core.effect import replica_effect
+from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.effects import load_library
 from taichi_erosion.simulation import advance, air_profile, assemble, snapshot
 
 STEP = 1e-5  # s, of grain_worlds
@@ -22,11 +26,18 @@ def streaming(viscosity: float, density: float = DENSITY):
     return weightless(PLACES, 0.0, over, look_steps=INTERVAL)
 
 
+def with_more_drag(bare: Setup) -> Setup:
+    """The same with the drag of grains on and near a bed."""
+    effect = load_library()["near_wall_drag"]
+    return replace(bare, effects=(replica_effect(effect, effect.params(), 1.0, {}, RADIUS),))
+
+
 @pytest.fixture(scope="module")
 def streams():
     """Velocities of air [steps, replica, layer] and grains [steps, replica, grain], step by step."""
     # rate of drag times the interval between exchanges: from 1e-3 to 1e5
-    setups = [streaming(VISCOSITY * 10.0**k) for k in (0, 2, 4, 6, 8)]
+    setups = [streaming(VISCOSITY * 10.0**k) for k in (2, 0, 2, 4, 6, 8)]
+    setups[0] = with_more_drag(setups[0])
     sim = assemble(setups, Laws(), Numerics("cpu", 1, "f64"))
     wind, speed = [], []
     for step in range(1, STEPS + 1):
@@ -70,6 +81,13 @@ def test_momentum_of_air_and_grains_stays_at_any_stiffness(streams):
         )
         # all of the air moved at 1 m/s; the first exchange deposits the grains and leaves out their volume
         assert now == pytest.approx(DENSITY * volume.sum(), rel=1e-12)
+
+
+def test_drag_that_an_effect_adds_is_taken_from_the_air(streams):
+    wind, speed, _, _, _ = streams
+    # the grain on the floor gains more, and its layer of air loses more; that their sum stays is tested above
+    assert np.all(speed[INTERVAL : 2 * INTERVAL, 0, 0] > 1.3 * speed[INTERVAL : 2 * INTERVAL, 2, 0])
+    assert wind[2 * INTERVAL, 0, 0] < wind[2 * INTERVAL, 2, 0]
 
 
 def test_drag_of_any_stiffness_neither_overshoots_nor_grows(streams):
