@@ -132,7 +132,7 @@ def judged_shift(saying: Saying, row: dict[str, str]) -> Verdict:
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     came = f"{float(row['bare']):.3g}{unit}: {shift:+.2g} ± {error:.1g}"
     if abs(shift) <= TOLD * error:
-        return Verdict(came, "not told")
+        return Verdict(came, "not significant")
     return Verdict(came, "yes" if shift * saying.sign > 0.0 else "no")
 
 
@@ -150,7 +150,7 @@ def judged_by_law(saying: Saying, row: dict[str, str], flowing: float) -> Verdic
         return judged_shift(saying, row)
     came = f"{ratio:.3f} ± {error:.1g} times {bare:.3g} {row['unit']}; the law says {law:.3f}"
     if abs(ratio - 1.0) <= TOLD * error:
-        return Verdict(came, "not told")
+        return Verdict(came, "not significant")
     if (ratio - 1.0) * (law - 1.0) < 0.0:
         return Verdict(came, "no")
     return Verdict(came, "yes" if abs(ratio - law) <= TOLD * error else "in sign")
@@ -172,7 +172,7 @@ def verdict_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: 
 def count_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
     """How many sentences were kept."""
     kept = [judged(saying, answers, shifts, beds).kept for saying in sayings]
-    words = ("yes", "in sign", "not told", "no", "open")
+    words = ("yes", "in sign", "not significant", "no", "open")
     return markdown_table(words, [tuple(str(kept.count(word)) for word in words)])
 
 

@@ -3,7 +3,7 @@
 python -m doe.lab_c.lammps             24 runs of half a minute each, added to results.csv
 python -m doe.lab_c.lammps GROUP...    those of some groups
 
-LAMMPS is told the laboratory's restitution of 0.5; then 0.3667, with which its grains really part at half the
+LAMMPS receives the laboratory's restitution of 0.5; then 0.3667, with which its grains really part at half the
 speed; then 0.5 again, but without a rolling damper; then also with a rolling spring between grains as soft as
 ours.
 """
@@ -48,8 +48,8 @@ HEAD = """rain
 
 
 @dataclass(frozen=True)
-class Told:
-    """What LAMMPS is told."""
+class Inputs:
+    """Inputs of LAMMPS."""
 
     restitution: float  # [1]
     damper: float  # kg s-1
@@ -57,10 +57,10 @@ class Told:
 
 
 GROUPS = {
-    "LAMMPS, told 0.5": Told(0.5, DAMPER),
-    "LAMMPS, told 0.3667": Told(0.3666513615687184, DAMPER),
-    "LAMMPS, told 0.5, no rolling damper": Told(0.5, 0.0),
-    "LAMMPS, told 0.5, no rolling damper, soft rolling spring": Told(0.5, 0.0, SOFT_SPRING),
+    "LAMMPS, restitution 0.5": Inputs(0.5, DAMPER),
+    "LAMMPS, restitution 0.3667": Inputs(0.3666513615687184, DAMPER),
+    "LAMMPS, restitution 0.5, no rolling damper": Inputs(0.5, 0.0),
+    "LAMMPS, restitution 0.5, no rolling damper, soft rolling spring": Inputs(0.5, 0.0, SOFT_SPRING),
 }
 
 
@@ -104,15 +104,15 @@ def measures(folder: Path, radius: float) -> Iterator[Measurement]:
     yield heap.runout_radius(pile)
 
 
-def simulate(setup: Setup, told: Told) -> list[Measurement]:
+def simulate(setup: Setup, inputs: Inputs) -> list[Measurement]:
     """One run of LAMMPS, measured."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "rain.data").write_text(rain(setup), encoding="utf-8")
         variables = {
-            "restitution": told.restitution,
-            "damper": told.damper,
-            "spring": told.spring,
+            "restitution": inputs.restitution,
+            "damper": inputs.damper,
+            "spring": inputs.spring,
             "step": TIME_STEP,
             "folder": name,
         }
@@ -122,11 +122,11 @@ def simulate(setup: Setup, told: Told) -> list[Measurement]:
         return list(measures(folder, float(setup.grains.radius[0])))
 
 
-def rows(group: str, told: Told, scene: Scene) -> list[Row]:
+def rows(group: str, inputs: Inputs, scene: Scene) -> list[Row]:
     """Rows of all seeds; the hash is that of our scene, whose starts they share."""
     started = time.perf_counter()
     setups = [build_setup(scene, seed) for seed in SEEDS]
-    runs = [simulate(setup, told) for setup in setups]
+    runs = [simulate(setup, inputs) for setup in setups]
     seconds = round(time.perf_counter() - started, 1)
     return [
         Row(
@@ -160,10 +160,10 @@ def main(asked: list[str]) -> None:
     """Run what was asked for and add it to the table."""
     table = HERE / "results.csv"
     scene = read_scene(ROOT / "scenes" / "column_collapse.toml", ())
-    for group, told in GROUPS.items():
+    for group, inputs in GROUPS.items():
         if not asked or group in asked:
             others = [row for row in read_rows(table) if row.group != group]
-            write_rows(table, others + rows(group, told, scene))
+            write_rows(table, others + rows(group, inputs, scene))
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ def test_an_answer_is_judged_by_way_by_nearness_and_by_law(answer, saying, kept)
 
 @pytest.mark.parametrize(
     ("shift", "sign", "kept"),
-    [("0.1", 1, "yes"), ("0.1", -1, "no"), ("0.03", 1, "not told"), ("nan", 1, "open")],
+    [("0.1", 1, "yes"), ("0.1", -1, "no"), ("0.03", 1, "not significant"), ("nan", 1, "open")],
 )
 def test_a_shift_within_two_standard_errors_is_not_told(shift, sign, kept):
     saying = replace(SAYING, table="shifts", quantity="pile_height", sign=sign)
@@ -92,10 +92,16 @@ FLOWS = {"effect": "bed_slope", "label": "", "observable": "sliding_angle", "bar
     [
         ("grain_density", 2650.0 * 4.0, "0.4", "0.05", "yes"),  # the law says twice the bare 0.5
         ("grain_density", 2650.0 * 4.0, "0.4", "0.01", "in sign"),
-        ("grain_density", 2650.0 * 4.0, "0.05", "0.03", "not told"),
+        ("grain_density", 2650.0 * 4.0, "0.05", "0.03", "not significant"),
         ("grain_density", 2650.0 * 4.0, "-0.1", "0.01", "no"),
         ("grain_density", 2650.0 * 4.0, "nan", "nan", "open"),
-        ("bed_slope", 90.0, "0.0", "0.01", "not told"),  # at 45 deg friction, 90 deg hold as much as none
+        (
+            "bed_slope",
+            90.0,
+            "0.0",
+            "0.01",
+            "not significant",
+        ),  # at 45 deg friction, 90 deg hold as much as none
     ],
 )
 def test_a_small_bed_is_judged_by_a_law_within_its_error(effect, place, shift, error, kept):
