@@ -3,7 +3,7 @@
 python -m doe.lab_c.lammps             24 runs of half a minute each, added to results.csv
 python -m doe.lab_c.lammps GROUP...    those of some groups
 
-LAMMPS receives the laboratory's restitution of 0.5; then 0.3667, with which its grains really part at half the
+LAMMPS receives the laboratory's restitution of 0.5; then 0.3667, with which its grains part at half the
 speed; then 0.5 again, but without a rolling damper; then also with a rolling spring between grains as soft as
 ours.
 """

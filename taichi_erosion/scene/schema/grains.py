@@ -151,7 +151,7 @@ class Contact(Section):
         0.0, "1", "limiting rolling torque over radius and normal force", 0.0, 5.0
     )
     rolling_radius: Literal["effective", "grain"] = Field(
-        "effective",
+        default="effective",
         description="that radius: R*, half that of a grain between equal ones; or the grain's own (EDEM)",
     )
     rolling_damping: float = number(
