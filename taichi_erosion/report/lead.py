@@ -1,7 +1,6 @@
 """First sentences of the page of a study: where the model fails, what is missing, how far the error falls."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -116,11 +115,9 @@ def error_sentence(adoption: Document) -> str:
             "no measurement was held out, so nothing is proved."
         )
     count = len((base["vault_rows"] or {"observable": ()})["observable"])
-    changes = listed([change_words(name, base, added, adoption["units"]) for name in base["vault_rmse"]])
     seen = f"{count} measurement{'s' if count != 1 else ''} that no fit has seen"
-    if is_refuted(base, added):
-        return f"With {names} the error on {seen} {changes}: they do not confirm it."
-    return f"With {names} the error on {seen} {changes}."
+    end = ": they do not confirm it." if is_refuted(base, added) else "."
+    return f"With {names} the error on {seen} {change_words(base, added, adoption['units'])}{end}"
 
 
 def is_refuted(base: Document, added: Document) -> bool:
@@ -129,11 +126,17 @@ def is_refuted(base: Document, added: Document) -> bool:
     return before > HELD_OUT_MISFIT and after > HELD_OUT_SHARE * before
 
 
-def change_words(
-    name: str, base: Mapping[str, Any], added: Mapping[str, Any], units: Mapping[str, str]
-) -> str:
-    """`falls from 0.093 to 0.030 m/s`; the observable is named where there are several."""
-    before, after = base["vault_rmse"][name], added["vault_rmse"][name]
-    verb = "falls" if after < before else "rises"
-    which = f" (of {words_of(name).noun})" if len(base["vault_rmse"]) > 1 else ""
-    return f"{verb} from {short(before)} to {with_unit(short(after), units.get(name, '1'))}{which}"
+def change_words(base: Document, added: Document, units: Mapping[str, str]) -> str:
+    """`falls from 0.093 to 0.030 m/s`; of several observables each by its name."""
+    before, after = base["vault_rmse"], added["vault_rmse"]
+    sides = {name: f"from {short(before[name])} to {value_words(after[name], name, units)}" for name in before}
+    falling = [after[name] < before[name] for name in before]
+    verb = "falls" if all(falling) else "changes" if any(falling) else "rises"
+    if len(sides) == 1:
+        return f"{verb} {next(iter(sides.values()))}"
+    return f"{verb}: {listed([f'{words_of(name).noun} {words}' for name, words in sides.items()])}"
+
+
+def value_words(value: float, name: str, units: Mapping[str, str]) -> str:
+    """`0.030 m/s`."""
+    return with_unit(short(value), units.get(name, "1"))

@@ -21,6 +21,7 @@ TEMPLATE = "run.html"
 NEEDED = ("scene", "hash", "seed", "replicas", "measures", "measured", "versions")
 OURS, THEIRS = AFTER, BEFORE
 COLUMNS = 3  # panels side by side
+MOST_WIDE = 4.0  # of a panel [in]
 LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
 
 
@@ -123,7 +124,7 @@ def draw_measures(document: Document) -> Picture | None:
 
     def draw(width: float) -> Figure:
         columns = min(len(names), COLUMNS) if width == WIDE else 1
-        figure, frames = panels(len(names), columns, (width / columns, 2.6))
+        figure, frames = panels(len(names), columns, (min(width / columns, MOST_WIDE), 2.6))
         for frame, name in zip(frames, names, strict=True):
             draw_measure(frame, document, name)
         return figure

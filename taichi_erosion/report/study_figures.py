@@ -131,7 +131,7 @@ def value_words(condition: Condition, value: float | None) -> str:
     plain = condition.name.replace("_", " ")
     if value is None:
         return f"{plain} not stated"
-    return f"{plain} {with_unit(short(condition.shown(value), 3), condition.unit)}"
+    return f"{plain} {with_unit(f'{condition.shown(value):.3g}', condition.unit)}"
 
 
 def draw_first(panel: Panel, width: float) -> Figure:

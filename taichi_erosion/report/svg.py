@@ -23,6 +23,7 @@ ROLES = {
     "#8a93a0": "--control",
     "#4c8a6a": "--other",
 }
+LARGEST_SCALE = 1.65  # px of the page over points of the figure
 FONT = re.compile(r"font(-family)?: ?[^;\"]*DejaVu[^;\"]*")
 SIZE = re.compile(r"(\d+(?:\.\d+)?)px")
 REFERENCE = re.compile(r"url\(#([^)]+)\)")
@@ -49,6 +50,7 @@ def inline_svg(figure: Figure, name: str, texts: Mapping[str, Sequence[str]]) ->
     for group in list(root.iter(f"{{{SVG}}}g")):
         mark(group, texts)
     root.set("role", "img")
+    root.set("style", f"max-width: {LARGEST_SCALE * 72.0 * figure.get_figwidth():.0f}px")
     return ET.tostring(root, encoding="unicode")
 
 

@@ -1,0 +1,103 @@
+"""Pages in a real browser: what a reader sees at the width of a desk and of a phone, measured by the browser itself.
+
+All pages are opened at once, each in frames of both sizes, so that a test starts one browser.
+"""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+SCREENS = {"desk": (1280, 800), "phone": (390, 844)}  # px
+TOUCH = 1.0  # px by which boxes of two texts may reach into each other: boxes are higher than their letters
+
+LOOK = """
+<script>
+addEventListener("load", () => setTimeout(() => {
+  const boxes = (selector, where) => [...where.querySelectorAll(selector)].map((one) => [one, one.getBoundingClientRect()])
+    .filter(([one, box]) => box.width > 0 && one.textContent.trim());
+  const overlaps = [], outside = [];
+  for (const svg of document.querySelectorAll("svg")) {
+    const texts = boxes("text", svg);
+    texts.forEach(([one, a], place) => {
+      if (a.right > innerWidth + 1 || a.left < -1) outside.push(one.textContent.trim());
+      for (const [other, b] of texts.slice(place + 1)) {
+        const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+        const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+        if (wide > TOUCH && high > 0.35 * Math.min(a.height, b.height))
+          overlaps.push(one.textContent.trim() + " | " + other.textContent.trim());
+      }
+    });
+  }
+  const figure = [...document.querySelectorAll("figure svg, figure img, p img")].find((one) => one.getBoundingClientRect().width > 0);
+  const box = figure ? figure.getBoundingClientRect() : { top: 1e9, bottom: 1e9, width: 0 };
+  const wide = Math.max(document.documentElement.scrollWidth, document.body.scrollWidth);
+  const small = [...document.querySelectorAll("svg text")].map((one) => one.getBoundingClientRect().height).filter((h) => h > 0);
+  parent.postMessage({ name: "NAME", scroll: wide - innerWidth, bottom: box.bottom, width: box.width, overlaps, outside,
+    letters: small.length ? Math.min(...small) : 99, errors: window.complaints }, "*");
+}, 200));
+</script>
+"""
+CATCH = "<script>window.complaints = []; addEventListener('error', (e) => window.complaints.push(e.message));</script>"
+HARNESS = """<body><pre id="found"></pre><script>
+const found = {};
+addEventListener("message", (event) => {
+  found[event.data.name] = event.data;
+  document.getElementById("found").textContent = JSON.stringify(found);
+});
+</script>FRAMES</body>"""
+
+
+def browser() -> str:
+    """Path of a browser; skips the test where there is none."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        pytest.skip("no browser is installed")
+    return found
+
+
+def look_at(pages: Mapping[str, Path], folder: Path) -> dict[str, dict]:
+    """What the browser measures of every page on every screen, by `PAGE SCREEN`."""
+    program, frames = browser(), []
+    for name, page in pages.items():
+        text = page.read_text(encoding="utf-8")
+        for screen, (width, height) in SCREENS.items():
+            key = f"{name} {screen}"
+            look = LOOK.replace("NAME", key).replace("TOUCH", str(TOUCH))
+            copy = folder / f"{name}-{screen}.html"
+            copy.write_text(text.replace("<head>", "<head>" + CATCH, 1).replace("</body>", look + "</body>"), "utf-8")
+            frames.append(f'<iframe src="{copy.name}" style="width:{width}px;height:{height}px;border:0"></iframe>')
+    (folder / "harness.html").write_text(HARNESS.replace("FRAMES", "\n".join(frames)), encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=8000"]
+    options += ["--allow-file-access-from-files", f"--user-data-dir={folder / 'profile'}", "--dump-dom"]
+    told = subprocess.run(
+        [program, *options, (folder / "harness.html").as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=180,
+        check=True,
+    )
+    answer = re.search(r'<pre id="found">(.*?)</pre>', told.stdout, re.DOTALL)
+    assert answer is not None, told.stdout[:500]
+    return json.loads(unescape(answer[1]) or "{}")
+
+
+def assert_readable(pages: Mapping[str, Path], folder: Path) -> None:
+    """Every page fits its screen, shows its first figure there, and no text lies on another or is cut off."""
+    found = look_at(pages, folder)
+    assert set(found) == {f"{name} {screen}" for name in pages for screen in SCREENS}
+    for key, page in found.items():
+        height = SCREENS[key.rpartition(" ")[2]][1]
+        assert page["errors"] == [], key
+        assert page["scroll"] <= 0, f"{key} scrolls sideways by {page['scroll']} px"
+        assert page["bottom"] <= height, f"{key}: its first figure ends at {page['bottom']:.0f} of {height} px"
+        assert page["width"] > 200.0, f"{key}: its first figure is {page['width']:.0f} px wide"
+        assert page["overlaps"] == [], key
+        assert page["outside"] == [], key
+        assert page["letters"] >= 9.0, f"{key}: letters of {page['letters']:.1f} px"
