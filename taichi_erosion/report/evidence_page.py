@@ -21,6 +21,7 @@ from taichi_erosion.report.html import made, number, render
 from taichi_erosion.report.lead import LEVEL, is_refuted, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.report.plain_words import effect_words, words_of
+from taichi_erosion.report.strength_words import strength_words
 from taichi_erosion.report.study_figures import Panel
 
 TEMPLATE = "evidence.html"
@@ -97,10 +98,11 @@ def page_fields(found: Results) -> dict[str, Any]:
         "comparison": found.comparison,
         "discovery": found.discovery,
         "adoption": found.adoption,
-        "where": failures(found.comparison or found.discovery) or [NO_MISFIT],
+        "where": failures({"where": found.where}) or [NO_MISFIT],
         "residuals": study_figures.residual_pictures(panels(found)),
         "effects": ranked_effects(found.discovery),
         "statuses": STATUSES,
+        "strengths": list(strength_words(found, read_evidence_study(found.study)).items()),
         "groups": groups(found.discovery),
         "clues": [clue["sentence"] for clue in found.discovery["clues"]] if found.discovery else [],
         "answers": answers(found),

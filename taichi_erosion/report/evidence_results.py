@@ -63,8 +63,8 @@ class Results:
     @property
     def where(self) -> Sequence[Document]:
         """Places of the misfit of the bare model, worst first."""
-        found = self.comparison or self.discovery
-        return found["where"] if found else ()
+        found = self.comparison or self.discovery or self.adoption
+        return found.get("where", ()) if found else ()
 
 
 def stored_results(study: Path) -> Results:

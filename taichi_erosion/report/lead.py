@@ -129,7 +129,9 @@ def is_refuted(base: Document, added: Document) -> bool:
 def change_words(base: Document, added: Document, units: Mapping[str, str]) -> str:
     """`falls from 0.093 to 0.030 m/s`; of several observables each by its name."""
     before, after = base["vault_rmse"], added["vault_rmse"]
-    sides = {name: f"from {short(before[name])} to {value_words(after[name], name, units)}" for name in before}
+    sides = {
+        name: f"from {short(before[name])} to {value_words(after[name], name, units)}" for name in before
+    }
     falling = [after[name] < before[name] for name in before]
     verb = "falls" if all(falling) else "changes" if any(falling) else "rises"
     if len(sides) == 1:

@@ -54,6 +54,11 @@ class MeasuredTable:
         """A condition by its column."""
         return self.conditions.get(name, Condition(name))
 
+    def values(self, name: str) -> Sequence[float]:
+        """Values of a condition in the rows of the table, in the unit of the model."""
+        place = list(self.conditions).index(name)
+        return [float(key[2][place]) for key in self.rows if key[2][place]]
+
     def behind(self, rows: Record, place: int) -> Sequence[Row]:
         """Rows of the table behind one row of a result; none where the table has changed since."""
         values = [column[place] for column in rows["conditions"].values()]

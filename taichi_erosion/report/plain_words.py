@@ -70,6 +70,7 @@ CONDITIONS = {
     ),
 }
 EVERYWHERE = "The samples"
+ROUNDING = 1e-12  # of a middle that lies on a half digit
 MOST_LEVELS = 60  # of a condition, up to which a stretch in its middle is looked for
 RESOLVED = 1.0  # sd by which the mean of one level may lie to the other side within a stretch
 
@@ -146,16 +147,15 @@ def failing_stretch(levels: Sequence[float], residuals: Sequence[float]) -> Stre
 
 def stretches(count: int) -> Iterator[tuple[int, int]]:
     """First and last level of every stretch but the whole; of many levels only those at an end."""
-    for first in range(count):
-        for last in range(first, count):
-            at_end = first == 0 or last == count - 1
-            if (at_end or count <= MOST_LEVELS) and (first, last) != (0, count - 1):
-                yield first, last
+    yield from ((0, last) for last in range(count - 1))
+    yield from ((first, count - 1) for first in range(1, count))
+    if count <= MOST_LEVELS:
+        yield from ((first, last) for first in range(1, count - 1) for last in range(first, count - 1))
 
 
 def between(inside: float, outside: float) -> float:
     """Boundary between two levels, the shorter the better."""
-    middle = 0.5 * (inside + outside)
+    middle = 0.5 * (inside + outside) * (1.0 + ROUNDING)
     for digits in (1, 2, 3):
         rounded = float(f"{middle:.{digits}g}")
         if min(inside, outside) < rounded < max(inside, outside):

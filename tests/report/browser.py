@@ -1,4 +1,4 @@
-"""Pages in a real browser: what a reader sees at the width of a desk and of a phone, measured by the browser itself.
+"""Pages in a real browser: what a reader sees on a desk and on a phone, measured by the browser itself.
 
 All pages are opened at once, each in frames of both sizes, so that a test starts one browser.
 """
@@ -20,7 +20,8 @@ TOUCH = 1.0  # px by which boxes of two texts may reach into each other: boxes a
 LOOK = """
 <script>
 addEventListener("load", () => setTimeout(() => {
-  const boxes = (selector, where) => [...where.querySelectorAll(selector)].map((one) => [one, one.getBoundingClientRect()])
+  const all = (selector, where = document) => [...where.querySelectorAll(selector)];
+  const boxes = (selector, where) => all(selector, where).map((one) => [one, one.getBoundingClientRect()])
     .filter(([one, box]) => box.width > 0 && one.textContent.trim());
   const overlaps = [], outside = [];
   for (const svg of document.querySelectorAll("svg")) {
@@ -35,16 +36,19 @@ addEventListener("load", () => setTimeout(() => {
       }
     });
   }
-  const figure = [...document.querySelectorAll("figure svg, figure img, p img")].find((one) => one.getBoundingClientRect().width > 0);
-  const box = figure ? figure.getBoundingClientRect() : { top: 1e9, bottom: 1e9, width: 0 };
+  const drawn = all("figure svg, figure img, p img").map((one) => one.getBoundingClientRect());
+  const box = drawn.find((one) => one.width > 0) || { bottom: 1e9, width: 0 };
   const wide = Math.max(document.documentElement.scrollWidth, document.body.scrollWidth);
-  const small = [...document.querySelectorAll("svg text")].map((one) => one.getBoundingClientRect().height).filter((h) => h > 0);
-  parent.postMessage({ name: "NAME", scroll: wide - innerWidth, bottom: box.bottom, width: box.width, overlaps, outside,
-    letters: small.length ? Math.min(...small) : 99, errors: window.complaints }, "*");
+  const letters = Math.min(99, ...boxes("svg text", document).map(([one, b]) => Math.max(b.height, b.width)));
+  parent.postMessage({ name: "NAME", scroll: wide - innerWidth, bottom: box.bottom, width: box.width,
+    overlaps, outside, letters, errors: window.complaints }, "*");
 }, 200));
 </script>
 """
-CATCH = "<script>window.complaints = []; addEventListener('error', (e) => window.complaints.push(e.message));</script>"
+CATCH = """<script>
+window.complaints = [];
+addEventListener("error", (event) => window.complaints.push(event.message));
+</script>"""
 HARNESS = """<body><pre id="found"></pre><script>
 const found = {};
 addEventListener("message", (event) => {
@@ -71,8 +75,12 @@ def look_at(pages: Mapping[str, Path], folder: Path) -> dict[str, dict]:
             key = f"{name} {screen}"
             look = LOOK.replace("NAME", key).replace("TOUCH", str(TOUCH))
             copy = folder / f"{name}-{screen}.html"
-            copy.write_text(text.replace("<head>", "<head>" + CATCH, 1).replace("</body>", look + "</body>"), "utf-8")
-            frames.append(f'<iframe src="{copy.name}" style="width:{width}px;height:{height}px;border:0"></iframe>')
+            copy.write_text(
+                text.replace("<head>", "<head>" + CATCH, 1).replace("</body>", look + "</body>"), "utf-8"
+            )
+            frames.append(
+                f'<iframe src="{copy.name}" style="width:{width}px;height:{height}px;border:0"></iframe>'
+            )
     (folder / "harness.html").write_text(HARNESS.replace("FRAMES", "\n".join(frames)), encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=8000"]
     options += ["--allow-file-access-from-files", f"--user-data-dir={folder / 'profile'}", "--dump-dom"]
@@ -96,7 +104,9 @@ def assert_readable(pages: Mapping[str, Path], folder: Path) -> None:
         height = SCREENS[key.rpartition(" ")[2]][1]
         assert page["errors"] == [], key
         assert page["scroll"] <= 0, f"{key} scrolls sideways by {page['scroll']} px"
-        assert page["bottom"] <= height, f"{key}: its first figure ends at {page['bottom']:.0f} of {height} px"
+        assert page["bottom"] <= height, (
+            f"{key}: its first figure ends at {page['bottom']:.0f} of {height} px"
+        )
         assert page["width"] > 200.0, f"{key}: its first figure is {page['width']:.0f} px wide"
         assert page["overlaps"] == [], key
         assert page["outside"] == [], key

@@ -1,5 +1,6 @@
-"""The page of a study at every stage of the loop: what its first screen says, and that a browser shows all of it."""
+"""The page of a study at every stage of the loop: its first screen, and that a browser shows all of it."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -36,3 +37,36 @@ def test_a_browser_shows_every_stage_of_a_study_on_a_desk_and_on_a_phone(stages,
 def test_the_first_screen_says_where_the_model_fails(stages):
     for page in stages.values():
         assert "than the model says" in first_screen(page)
+
+
+def test_after_an_adoption_the_first_screen_says_how_far_the_error_falls(stages):
+    words = first_screen(stages["adopt"])
+    assert "With liquid bridge the error on 10 measurements that no fit has seen falls: " in words
+    assert 'data-layer="held"' in words
+    assert 'data-layer="held"' not in stages["discover"].read_text("utf-8"), "the vault is closed"
+
+
+def test_every_measured_value_tells_its_row_its_source_and_its_models(stages):
+    found = re.findall(r"<title>(measured .*?)</title>", stages["adopt"].read_text("utf-8"), re.DOTALL)
+    assert found
+    for text in found:
+        assert re.search(r"^rows \d+, \d+ and \d+ of the table, repeats: 3$", text, re.MULTILINE), text
+        assert "diameter 0." in text
+        assert "model with liquid bridge: " in text
+        assert text.endswith("made")
+
+
+def test_a_strength_is_told_by_what_it_moves(stages):
+    assert re.search(
+        r"it raises the threshold friction velocity from .* m/s at", stages["adopt"].read_text("utf-8")
+    )
+
+
+def test_an_answer_to_an_older_table_is_left_out_and_told(stages, tmp_path):
+    study = shutil.copytree(stages["adopt"].parent, tmp_path / "study") / "heap.toml"
+    table = study.with_name("heap.csv")
+    table.write_text(table.read_text("utf-8").replace("33.", "34."), "utf-8")
+    assert main(["compare", str(study)]) == 0
+    page = write_report(study).read_text("utf-8")
+    assert "the answer of `adopt` rests on another version of the table" in page
+    assert "With liquid bridge the error" not in page

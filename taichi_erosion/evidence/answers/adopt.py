@@ -18,8 +18,14 @@ from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, compari
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress, expected_strength
+from taichi_erosion.evidence.inference.effect_action import effect_actions
 from taichi_erosion.evidence.inference.familywise_test import familywise_test
-from taichi_erosion.evidence.inference.goodness_of_fit import calibration_covariance, chi_square, rows_table
+from taichi_erosion.evidence.inference.goodness_of_fit import (
+    calibration_covariance,
+    chi_square,
+    misfit_places,
+    rows_table,
+)
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score, slopes_of
 from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
@@ -37,7 +43,8 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = no_prog
         raise BadInput("adopt: no row has a known scatter; give sd or repeats")
     progress("calibrating the bare model", 0.1)
     prepared, base, _ = fit_base(prepared)
-    screened = screen(prepared, expand(prepared, base))
+    expansion = expand(prepared, base)
+    screened = screen(prepared, expansion)
     names = (effect, *controls(prepared, screened, effect, seed))
     held = held_out_problem(prepared, base)
     fits: list[HypothesisFit | None] = [evaluated(prepared, base, held)]
@@ -55,6 +62,7 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = no_prog
         best_wrong=best_wrong,
         random_wrong=random_wrong,
         held_out=held.rows.size if held else 0,
+        where=misfit_places(prepared, expansion),
         vault_opened=problem.vault.opened + (1 if held else 0),
         runs=prepared.predictor.cost.runs + (held.predictor.cost.runs if held else 0),
         wall_s=perf_counter() - start,
@@ -137,6 +145,7 @@ def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None
         vault_rmse={},
         rows=rows_table(prepared, expansion),
         vault_rows=hidden,
+        actions=effect_actions(prepared, best),
     )
 
 

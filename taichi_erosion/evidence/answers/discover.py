@@ -28,6 +28,7 @@ from taichi_erosion.evidence.data.transforms import split_setting
 from taichi_erosion.evidence.inference import goodness_of_fit, levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
+from taichi_erosion.evidence.inference.effect_action import effect_actions
 from taichi_erosion.evidence.inference.familywise_test import power
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
@@ -122,6 +123,7 @@ def shared_fields(
         "vault": VaultErrors(prepared.problem.vault.opened, nan, nan, nan),
         "rows_before": goodness_of_fit.rows_table(prepared, base.expansion),
         "rows_after": goodness_of_fit.rows_table(prepared, final.expansion),
+        "actions": effect_actions(prepared, final.expansion.fit),
         "failures": prepared.predictor.cost.failures,
         "runs": prepared.predictor.cost.runs,
         "seed": seed,

@@ -153,6 +153,16 @@ class EffectFinding:
 
 
 @dataclass(frozen=True)
+class EffectAction:
+    """The value that an effect of the fitted strength moves most, all else the same."""
+
+    observable: str
+    conditions: Mapping[str, float]
+    without: float  # model, in the observable's unit
+    acting: float  # the same with the effect
+
+
+@dataclass(frozen=True)
 class Law:
     """A hypothesis for an effect that no library holds: correction = sum_j c_j prod_i x_i^p_ij."""
 
@@ -262,6 +272,7 @@ class Discovery:
     nearest: NearestHypothesis | None = None
     rows_before: Rows
     rows_after: Rows
+    actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of the effects of the final model
     faults: tuple[SetUpFault, ...] = ()  # told before everything else
     failures: int
     runs: int
@@ -281,6 +292,7 @@ class HypothesisFit:
     vault_rmse: Mapping[str, float]  # by observable, in its unit
     rows: Rows
     vault_rows: Rows | None
+    actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of its effects
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,6 +306,7 @@ class Adoption:
     random_wrong: HypothesisFit | None = None
     held_out: int = 0  # rows in the vault, with and without a value of the model
     vault_opened: int = 0
+    where: tuple[MisfitPlace, ...] = ()  # of the bare model
     sentence: str = ""
     runs: int = 0
     wall_s: float = nan
