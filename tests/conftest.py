@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 
 os.environ.setdefault("CI", "true")  # the recording viewer then sends no usage statistics
@@ -43,3 +44,22 @@ def start_device() -> Iterator[Callable[[Numerics], int]]:
 
     yield device.start_device
     device.stop_device()
+
+
+@pytest.fixture
+def uneven_teams(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Teams that shrink and grow from one short launch to the next; every third ends at the first wait.
+
+    The list holds the sizes that there were.
+    """
+    launches = import_module("taichi_erosion.simulation.advance")
+    sizes: list[int] = []
+
+    def size(team: object, most: int) -> int:
+        sizes.append(1 + len(sizes) % most)
+        return sizes[-1]
+
+    monkeypatch.setattr(launches, "team_size", size)
+    monkeypatch.setattr(launches, "spins_most", lambda pace: 0 if len(sizes) % 3 == 0 else 1 << 30)
+    monkeypatch.setattr(launches, "launch_steps", lambda sim: 7 + len(sizes) % 30)
+    return sizes

@@ -33,6 +33,19 @@ def barrier(replicas_out: ti.template(), r, size, phase):
 
 
 @ti.func
+def step_barrier(replicas_out: ti.template(), r, size, phase):
+    """Barrier between parts of a step, which take all workers equally long; notes whether one was late."""
+    if size > 1:
+        ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 1)
+        spins = 0
+        while ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 0) < phase * size:
+            spins += 1
+        if spins > replicas_out.spins_most[r]:
+            replicas_out.late[r] = 1
+    return phase + 1
+
+
+@ti.func
 def owns_partition(replicas: ti.template(), r, p, member, size):
     """Whether partition p belongs to a member of the team; members own runs of neighbouring partitions."""
     return p * size // replicas.partitions[r] == member

@@ -94,6 +94,9 @@ class Replicas:
     fault_value: Any  # [replica, partition]
     bounds: Any  # i32 [replica, partition]: first rank of each partition, and one past the last of all
     arrivals: Any  # i32 [replica, place]: workers that reached the barrier, at `ARRIVAL_SLOT` alone
+    spins_most: Any  # i32, spins at a barrier of a step after which a worker of the team counts as late
+    late: Any  # i32, 1 where a worker was late in this launch
+    pause: Any  # i32, 1 where this launch ends after the next step
 
 
 def new_field(kind: str, **shape: Any) -> Any:
@@ -137,10 +140,11 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 
 def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
+    signals = "spins_most late pause"  # of a team
     skins = "skin_least skin_most skin_time cell_reach reach wall_travel"
     table = arrays(
         count,
-        i32="side partitions stale crowded released total step steps_left rebuilds status",
+        i32=f"side partitions stale crowded released total step steps_left rebuilds status {signals}",
         real=f"time_step {skins} overlap_limit",
         realx3="gravity",
         f64x3="low high period",

@@ -13,9 +13,11 @@ from taichi_erosion.simulation.capacities import with_doubled_lists
 from taichi_erosion.simulation.saved_state import export_state, import_state
 from taichi_erosion.simulation.schedule import assign_steps, upload_schedule
 from taichi_erosion.simulation.step import run_replicas, run_teams
+from taichi_erosion.simulation.team import judge, note_launch, spins_most, team_size
 from taichi_erosion.simulation.wind_driver import exchange_when_due
 
 LAUNCH_SECONDS = 0.4  # Ctrl-C acts between launches
+TEAM_SECONDS = 0.1  # of workers that share a replica: their number follows what the cores have left
 FIRST_LAUNCH = 500  # steps before the pace is known
 ROUNDING = 1e-6  # of a step: a time that lies on a step is not passed by one more
 
@@ -51,16 +53,18 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
 
 def launch_steps(sim: Simulation) -> int:
     """Steps that fill one launch at the pace seen so far."""
-    return max(int(sim.pace * LAUNCH_SECONDS), 1) if sim.pace > 0.0 else FIRST_LAUNCH
+    seconds = TEAM_SECONDS if largest_team(sim) > 1 else LAUNCH_SECONDS
+    return max(int(sim.pace * seconds), 1) if sim.pace > 0.0 else FIRST_LAUNCH
 
 
 def launch(sim: Simulation, steps: Integers) -> Integers:
     """Run once; returns the steps that each replica did not do."""
     replicas, count = sim.world.replicas, len(steps)
-    upload([(replicas.steps_left, steps)])
-    write(replicas.arrivals, 0)
-    start = time.perf_counter()
-    size = min(sim.workers // count, sim.capacities.partitions)
+    upload([(replicas.steps_left, steps), (replicas.spins_most, [spins_most(sim.pace)] * count)])
+    for signal in (replicas.arrivals, replicas.late, replicas.pause):
+        write(signal, 0)
+    start, used = time.perf_counter(), time.process_time()
+    size = team_size(sim.team, largest_team(sim))
     if size > 1:
         run_teams(count, size, sim.chunk, sim.world, sim.coupling)
     else:
@@ -68,11 +72,26 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
         upload_schedule(sim.schedule, assign_steps(steps, workers))
         run_replicas(workers, sim.chunk, sim.schedule, sim.world, sim.coupling)
     left = download([replicas.steps_left], 0, count)[0].astype(np.int32)
-    elapsed = time.perf_counter() - start
+    elapsed, used = time.perf_counter() - start, time.process_time() - used
     if sim.launched:
         sim.pace = float((steps - left).max()) / elapsed
+        note_team(sim, size, elapsed, used)
     sim.launched = True
     return left
+
+
+def largest_team(sim: Simulation) -> int:
+    """Workers that can share one replica."""
+    return max(min(sim.workers // len(sim.setups), sim.capacities.partitions), 1)
+
+
+def note_team(sim: Simulation, size: int, elapsed: float, used: float) -> None:
+    """Judge the size of the teams after a launch and its times [s]."""
+    most, count = largest_team(sim), len(sim.setups)
+    if most > 1 and sim.team.adapts:
+        late = bool(download([sim.world.replicas.late], 0, count)[0].any())
+        note_launch(sim.team, count, size, elapsed, used)
+        judge(sim.team, count, size, most, late)
 
 
 def statuses(sim: Simulation) -> Integers:

@@ -1,7 +1,7 @@
 """Assemble a simulation: the laws that a run names become device functions, its setups become fields."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from taichi_erosion.simulation.capacities import (
 )
 from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
 from taichi_erosion.simulation.step import release_first
+from taichi_erosion.simulation.team import Team
 from taichi_erosion.simulation.upload import upload_world
 
 POOL_LEAST = 2  # threads: runs on one core and on two share their kernels; an idle thread sleeps
@@ -53,6 +54,7 @@ class Simulation:
     schedule: Schedule
     pace: float = 0.0  # steps a second and replica seen so far
     launched: bool = False  # the first launch compiles and does not count for the pace
+    team: Team = field(default_factory=Team)
 
 
 def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> World:

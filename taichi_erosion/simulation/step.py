@@ -9,7 +9,7 @@ from taichi_erosion.grains.integrate import advance_grains, finish_partition, ga
 from taichi_erosion.grains.neighbour_list import count_wide_grains
 from taichi_erosion.grains.neighbour_search import list_partition, move_grains, release_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
-from taichi_erosion.grains.partition import balance_partitions, barrier, owns_partition
+from taichi_erosion.grains.partition import balance_partitions, barrier, owns_partition, step_barrier
 from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP, side_block
 from taichi_erosion.grains.wall_contacts import add_wall_forces, list_walls
 from taichi_erosion.grains.walls import move_walls
@@ -131,9 +131,11 @@ def integrate(world_out: ti.template(), r, member, size, step, is_last):
 
 @ti.func
 def tick(world_out: ti.template(), r):
-    """Advance walls and clock by one step."""
-    move_walls(world_out.walls, world_out.replicas, r)
-    world_out.replicas.step[r] = world_out.replicas.step[r] + 1
+    """Advance walls and clock by one step; where a worker was late, the launch ends after the next one."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    move_walls(world_out.walls, replicas_out, r)
+    replicas_out.step[r] = replicas_out.step[r] + 1
+    replicas_out.pause[r] = replicas_out.late[r]
 
 
 @ti.func
@@ -145,16 +147,16 @@ def step_replica(world_out: ti.template(), coupling_out: ti.template(), r, membe
         if step % coupling_out.exchange.look_steps[r] == 0:
             phase = exchange_momentum(world_out, coupling_out, r, member, size, phase)
     add_forces(world_out, r, member, size)
-    phase = barrier(replicas_out, r, size, phase)
+    phase = step_barrier(replicas_out, r, size, phase)
     integrate(world_out, r, member, size, step, is_last)
     if member == 0:
         tick(world_out, r)
-    return barrier(replicas_out, r, size, phase)
+    return step_barrier(replicas_out, r, size, phase)
 
 
 @ti.func
 def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, member, size, steps):
-    """Time loop of one replica until its steps are done, it needs the host, or it fails."""
+    """Time loop of one replica until its steps are done, it needs the host, it pauses, or it fails."""
     (replicas_out,) = ti.static((world_out.replicas,))
     phase = 1
     done = 0
@@ -165,8 +167,11 @@ def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, me
             phase = rebuild(world_out, r, member, size, phase)
         going = action != STOP and replicas_out.status[r] == 0
         if going:
-            phase = step_replica(world_out, coupling_out, r, member, size, phase, done == steps - 1)
+            paused = replicas_out.pause[r] == 1
+            is_last = done == steps - 1 or paused
+            phase = step_replica(world_out, coupling_out, r, member, size, phase, is_last)
             done += 1
+            going = not paused
     if member == 0:
         finish_launch(replicas_out, r, done)
 

@@ -15,6 +15,7 @@ from taichi_erosion.simulation import (
     advance,
     air_profile,
     assemble,
+    capacities,
     export_state,
     import_state,
     snapshot,
@@ -82,6 +83,20 @@ def test_neighbours_and_threads_change_no_bit(alone):
     sim = assemble([gridded(2), gridded(1), gridded(3, layers=2)], LAWS, Numerics("cpu", 2))
     assert blow(sim, 1) == alone["end"]
     stop_device()
+
+
+@pytest.mark.slow
+def test_workers_that_share_a_bed_under_a_grid_change_no_bit(monkeypatch, request):
+    monkeypatch.setattr(capacities, "PARTITION_GRAINS", len(gridded(1).grains.radius) // 2)
+    ends = []
+    for threads, team in ((1, None), (2, None), (2, "uneven_teams")):
+        sizes = request.getfixturevalue(team) if team else [1, 2]
+        sim = assemble([gridded(1)], LAWS, Numerics("cpu", threads))
+        assert sim.capacities.partitions == 2
+        ends.append(blow(sim, 0))
+        stop_device()
+        assert {1, 2} == set(sizes)
+    assert ends[0] == ends[1] == ends[2]
 
 
 def test_a_grid_put_back_to_an_earlier_state_repeats_itself(alone):

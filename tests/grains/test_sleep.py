@@ -140,18 +140,20 @@ def test_sleep_goes_on_bit_for_bit_when_resumed(nights):
 
 
 @pytest.mark.slow
-def test_two_workers_that_share_a_sleeping_bed_change_no_bit(monkeypatch):
+def test_workers_that_share_a_sleeping_bed_change_no_bit(monkeypatch, request):
     monkeypatch.setattr(capacities, "PARTITION_GRAINS", 50)
     sim = assemble([drowsy(1)], LAWS, Numerics("cpu", 1))
     advance(sim, [SETTLED])
     state = lifted(export_state(sim))
     stop_device()
     bits = []
-    for threads in (1, 2):
+    for threads, team in ((1, None), (2, None), (2, "uneven_teams")):
+        sizes = request.getfixturevalue(team) if team else [1, 2]
         sim = assemble([drowsy(1)], LAWS, Numerics("cpu", threads))
         import_state(sim, state)
         advance(sim, [SETTLED + FALL + SHARED])
         assert 0.2 < asleep(sim).mean() < 0.8
         bits.append(fingerprint(snapshot(sim, 0)))
         stop_device()
-    assert bits[0] == bits[1]
+        assert {1, 2} == set(sizes)
+    assert bits[0] == bits[1] == bits[2]

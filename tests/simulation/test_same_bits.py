@@ -99,6 +99,18 @@ def test_two_workers_that_share_a_heap_change_no_bit(monkeypatch):
     assert one == two
 
 
+def test_teams_that_change_their_size_change_no_bit(monkeypatch, request):
+    monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
+    pair = [heap(GRAINS, 1), heap(GRAINS, 2)]
+    one = run(pair, 1, HALF)
+    stop_device()
+    sizes = request.getfixturevalue("uneven_teams")
+    four = run(pair, 4, HALF)  # two teams of two
+    stop_device()
+    assert {1, 2} == set(sizes)
+    assert four == one
+
+
 def bed() -> Setup:
     """Enough grains for two partitions, in contact from the start, stirred at random."""
     rng = np.random.default_rng(5)

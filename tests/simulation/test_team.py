@@ -1,0 +1,93 @@
+"""Sizes of teams: a worker is left out where it costs more than it gives, and comes back to an idle core."""
+
+import pytest
+
+from taichi_erosion.simulation import team as module
+from taichi_erosion.simulation.team import Team, judge, note_launch, spins_most, team_size
+
+LAUNCH = 0.12  # s, beyond the window of a judgement
+
+
+class Machine:
+    """Cores with a clock and a count of idle time, on which launches of one team run."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, seen: bool = True) -> None:
+        self.now, self.idle, self.team = 100.0, 0.0, Team()
+        monkeypatch.setattr(module.time, "perf_counter", lambda: self.now)
+        monkeypatch.setattr(module, "idle_seconds", lambda: self.idle if seen else None)
+
+    def launches(self, seconds: float, free: float, most: int = 2, late: bool = True) -> None:
+        """Launches for a time while `free` cores are to be had."""
+        for _ in range(round(seconds / LAUNCH)):
+            size = team_size(self.team, most)
+            self.now += LAUNCH
+            self.idle += LAUNCH * max(free - size, 0.0)
+            note_launch(self.team, 1, size, LAUNCH, LAUNCH * min(size, free))
+            judge(self.team, 1, size, most, late and size > free)
+
+
+def test_a_team_keeps_its_size_where_every_worker_has_a_core(monkeypatch):
+    machine = Machine(monkeypatch)
+    machine.launches(10.0, free=2.0)
+    assert machine.team.left_out == 0
+
+
+@pytest.mark.parametrize(("free", "left_out"), [(1.6, 0), (1.4, 1), (1.0, 1), (0.2, 1)])
+def test_a_worker_is_left_out_where_two_do_less_than_one(free, left_out, monkeypatch):
+    # two that are complete for the share free - 1 of the time do 2 (free - 1) of what one does: 1.2 and 0.8
+    machine = Machine(monkeypatch)
+    machine.launches(LAUNCH, free)
+    assert machine.team.left_out == left_out
+
+
+def test_workers_that_end_early_because_their_share_is_done_are_not_missed(monkeypatch):
+    machine = Machine(monkeypatch)
+    machine.launches(10.0, free=1.0, late=False)
+    assert machine.team.left_out == 0
+
+
+def test_many_workers_are_left_out_at_once(monkeypatch):
+    machine = Machine(monkeypatch)
+    machine.launches(LAUNCH, free=9.0, most=16)
+    assert team_size(machine.team, 16) == 9
+
+
+def test_a_worker_comes_back_once_a_core_has_been_idle(monkeypatch):
+    machine = Machine(monkeypatch)
+    machine.launches(5.0, free=1.0)
+    assert machine.team.left_out == 1
+    machine.launches(3 * LAUNCH, free=2.0)
+    assert machine.team.left_out == 0
+
+
+def relapses(machine: Machine, seconds: float, quiet: float) -> int:
+    """Launches beside a program that leaves both cores for `quiet` seconds, then takes one for 0.5 s."""
+    count = 0
+    for _ in range(round(seconds / (quiet + 0.5))):
+        machine.launches(quiet, free=2.0)
+        count += machine.team.left_out == 0
+        machine.launches(0.5, free=1.0)
+    return count
+
+
+def test_a_program_that_comes_and_goes_is_met_less_and_less_often(monkeypatch):
+    first, later = (relapses(machine, 30.0, quiet=0.5) for machine in [Machine(monkeypatch)] * 2)
+    assert first <= 4  # the core has to be idle for 0.2, 0.4, then 0.8 s, longer than it ever is
+    assert later == 0
+
+
+def test_where_idle_cores_are_not_seen_larger_teams_are_tried_less_and_less_often(monkeypatch):
+    machine = Machine(monkeypatch, seen=False)
+    sizes = []
+    for _ in range(6000):
+        machine.launches(LAUNCH, free=1.0)
+        sizes.append(machine.team.left_out == 0)
+    # after 1, 2, 4, 8, 16, then every 30 s of ten minutes
+    assert 20 <= sum(sizes) <= 30
+    machine.launches(module.WAIT_MOST + 1.0, free=2.0)
+    assert machine.team.left_out == 0
+
+
+def test_a_partner_is_late_after_a_millisecond_or_half_a_step():
+    assert spins_most(0.0) == spins_most(1e4) == module.SPINS
+    assert spins_most(10.0) == pytest.approx(0.05 / module.SPIN_SECONDS)
