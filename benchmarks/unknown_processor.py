@@ -1,70 +1,121 @@
 """Speed on a processor that Taichi's compiler does not know, without and with the remedy.
 
-python -m benchmarks.unknown_processor [ROUNDS]
+python -m benchmarks.unknown_processor [TURNS]
 
 The row of this processor in the compiler's table first receives what the compiler knows of an unknown one,
-then, with the remedy, what it knows of `compiler_target.WIDE`; beside them the row as it is. Every case
-runs in a process of its own with an empty cache, the three in turn. x86-64 Linux only. Fills the table of
-`docs/speed.md` with medians over the rounds, on one thread.
+then, with the remedy, the features of `compiler_target.WIDE`, then those of `compiler_target.WIDEST`, which
+the remedy takes on processors that carry 512 bits out at once; beside them the row as it is. Two beds of
+2,016 grains: Hertz, and JKR, whose law has more arithmetic. Every row has a process of its own with an empty
+cache; they take turns, on one thread and in its processor time: other work on the machine counts less.
+x86-64 Linux only. Fills the table of `docs/speed.md` with medians over the turns.
 """
 
 import json
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
+import time
+from dataclasses import replace
 from pathlib import Path
+from statistics import median
 
 from benchmarks.speed_page import fill
-from taichi_erosion.benchmark.grain_cases import grain_case, standard_grain_cases
+from benchmarks.versions import answer
+from taichi_erosion.benchmark.grain_cases import START, Precision, grain_count
+from taichi_erosion.benchmark.setups import LAWS, lattice_bed
 from taichi_erosion.core import compiler_target as target
+from taichi_erosion.core.setup import Numerics
 from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.simulation import Simulation, advance, assemble
 
 ROOT = Path(__file__).parents[1]
-ROWS = {"as it is": None, "unknown": target.UNKNOWN, "unknown, with the remedy": target.WIDE}
-PRECISIONS = ("f32", "f64")
-ROUNDS = 3
+ROWS = {  # whose features, whose tuning
+    "as it is": None,
+    "unknown": (target.UNKNOWN, target.UNKNOWN),
+    "unknown, with the remedy": (target.WIDE, target.WIDE),
+    "unknown, with the remedy for 512 bits": (target.WIDEST, target.WIDE),
+}
+STICKY = 0.05  # surface energy of the bed with JKR [J m-2]
+PRECISIONS: tuple[Precision, ...] = ("f32", "f64")
+CASES = {f"{law} {precision}": (law, precision) for law in ("Hertz", "JKR") for precision in PRECISIONS}
+TURNS, STEPS = 9, 500
 
 
-def bed(row: str, precision: str) -> None:
-    """Print speed and vector width of the settled bed, with another row in place of the processor's own."""
+def settled_bed(law: str, precision: Precision) -> Simulation:
+    """The settled bed of `bench`, on one thread."""
+    setup, laws = lattice_bed(0), LAWS
+    if law == "JKR":
+        laws, energy = replace(LAWS, normal="jkr"), STICKY + 0.0 * setup.contacts.surface_energy
+        setup = replace(setup, contacts=replace(setup.contacts, surface_energy=energy))
+    sim = assemble([setup], laws, Numerics("cpu", 1, precision))
+    advance(sim, [START])
+    return sim
+
+
+def serve(row: str, case: str) -> None:
+    """Run one portion for every line read; print its speed [M grain-steps/s] and the width of vectors."""
     name, rows = target.compiler_rows()
-    if ROWS[row] is not None:
-        target.copy_row(rows[ROWS[row]], rows[name])
-    (case,) = (c for c in standard_grain_cases(1) if (c.name, c.precision) == ("settled bed", precision))
-    found = grain_case(case)
-    sys.stdout.write("\n" + json.dumps([found["M grain-steps/s"], found["vector bits"]]))
+    source = ROWS[row]
+    if source is not None:
+        target.write_row(rows[name], *(rows[one] for one in source))
+    sim = settled_bed(*CASES[case])
+    step = sim.setups[0].time_step
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+    for turn, _ in enumerate(sys.stdin, 1):
+        start = time.process_time()
+        advance(sim, [START + turn * STEPS * step])
+        speed = 1e-6 * grain_count(sim) * STEPS / (time.process_time() - start)
+        sys.stdout.write(json.dumps([speed, target.packed_width()]) + "\n")
+        sys.stdout.flush()
 
 
-def measured(row: str, precision: str) -> tuple[float, int]:
-    """Speed [M grain-steps/s] and vector width of the settled bed, from a process of its own."""
+def measured(case: str, turns: int) -> dict[str, list[tuple[float, int]]]:
+    """Speeds and widths of one case, by row and turn."""
+    found: dict[str, list[tuple[float, int]]] = {row: [] for row in ROWS}
     with tempfile.TemporaryDirectory() as cache:
-        command = [sys.executable, "-m", "benchmarks.unknown_processor", row, precision]
-        environment = os.environ | {"XDG_CACHE_HOME": cache}
-        done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
-    speed, bits = json.loads(done.stdout.strip().splitlines()[-1])
-    return speed, bits
+        waiting = {row: started(row, case, Path(cache) / str(k)) for k, row in enumerate(ROWS)}
+        for _ in range(turns):
+            for row, process in waiting.items():
+                assert process.stdin is not None
+                process.stdin.write("go\n")
+                process.stdin.flush()
+                speed, bits = json.loads(answer(process))
+                found[row].append((speed, bits))
+        for process in waiting.values():
+            process.communicate()
+    return found
 
 
-def main(rounds: int) -> None:
-    """Measure all rows in turn and fill the table."""
-    found: dict[tuple[str, str], list[tuple[float, int]]] = {}
-    for _ in range(rounds):
-        for row in ROWS:
-            for precision in PRECISIONS:
-                found.setdefault((row, precision), []).append(measured(row, precision))
-    lines = []
-    for row in ROWS:
-        speeds = [statistics.median(speed for speed, _ in found[row, one]) for one in PRECISIONS]
-        bits = (str(found[row, one][0][1]) for one in PRECISIONS)
-        lines.append((row, *(f"{speed:.1f}" for speed in speeds), *bits))
-    columns = (*(f"{one} [M/s]" for one in PRECISIONS), *(f"vector bits, {one}" for one in PRECISIONS))
-    fill(ROOT / "docs", {"unknown": markdown_table(("row of the processor", *columns), lines)})
+def started(row: str, case: str, cache: Path) -> subprocess.Popen[str]:
+    """A process that has compiled one case under one row and waits for its turns."""
+    command = [sys.executable, "-m", "benchmarks.unknown_processor", row, case]
+    environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment, cwd=ROOT
+    )
+    answer(process)
+    return process
+
+
+def main(turns: int) -> None:
+    """Measure all cases and fill the table."""
+    columns = {case: measured(case, turns) for case in CASES}
+    lines = [
+        (
+            row,
+            *(f"{median(speed for speed, _ in found[row]):.1f}" for found in columns.values()),
+            " / ".join(str(found[row][0][1]) for found in columns.values()),
+        )
+        for row in ROWS
+    ]
+    header = ("row of the processor", *(f"{case} [M/s]" for case in CASES), "vector bits")
+    fill(ROOT / "docs", {"unknown": markdown_table(header, lines)})
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] and sys.argv[1] in ROWS:
-        bed(sys.argv[1], sys.argv[2])
+        serve(sys.argv[1], sys.argv[2])
     else:
-        main(int(sys.argv[1]) if sys.argv[1:] else ROUNDS)
+        main(int(sys.argv[1]) if sys.argv[1:] else TURNS)

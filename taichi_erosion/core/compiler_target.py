@@ -7,26 +7,36 @@ changes it.
 
 The table `llvm::X86SubTypeKV` is data, rows of 80 bytes {address of the name, 32 bytes of features, 32 of
 tuning, address of the instruction schedule}. Before the first `ti.init` the row `generic` receives
-features, tuning and schedule of a row that the processor satisfies. No formula changes and fast-math stays
-off: results keep their bits.
+features, tuning and schedule of a row that the processor satisfies: those of `znver3`, 256 bits wide. A
+processor that carries 512 bits out at once (FULL_WIDTH) receives the features of `icelake-server` with the
+tuning of `znver3`; others split such an instruction in two, which gains nothing. No formula changes and
+fast-math stays off: results keep their bits.
 
 All of it is checked first: Linux on x86-64, this version of Taichi, the size of the table, the name that
 LLVM itself gives to the processor, and the processor's features. Where a check fails, nothing is changed.
 The environment variable TAICHI_EROSION_KEEP_TARGET switches the remedy off.
+
+The library has a hundred megabytes and its symbols are not indexed: where they stand is kept beside the
+compiled kernels, for a library of the same size and age.
 """
 
 import ctypes
+import json
 import mmap
 import os
 import platform
 import re
 import struct
 import sys
+from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import cache_root, write_atomic
 from taichi_erosion.core.ti import ti
 
 KEEP = "TAICHI_EROSION_KEEP_TARGET"
@@ -34,11 +44,19 @@ TAICHI = (1, 7, 4)
 UNKNOWN = "generic"  # name that LLVM gives to a processor that it does not know
 NAME_FUNCTION = b"_ZN4llvm3sys14getHostCPUNameEv"
 TABLE = b"_ZN4llvm12X86SubTypeKVE"
-ROW, KEY = 80, 8  # bytes of a row, and of the address of its name
+ROW, FEATURES, TUNING = 80, 8, 40  # bytes of a row, and where its features and its tuning begin
 TABLE_BYTES = 86 * ROW  # LLVM 15.0.4
 SYMBOL = np.dtype([("name", "<u4"), ("kind", "<u4"), ("value", "<u8"), ("size", "<u8")])
 WIDE = "znver3"  # row whose features and tuning suit 256 bits
 WIDE_FLAGS = {"avx2", "fma", "bmi1", "bmi2", "f16c", "abm", "movbe", "adx"}  # as /proc/cpuinfo names them
+WIDEST = "icelake-server"  # row whose features suit 512 bits
+WIDEST_FLAGS = WIDE_FLAGS | set(
+    "avx512f avx512bw avx512cd avx512dq avx512vl avx512ifma avx512vbmi avx512_vbmi2 avx512_vnni "
+    "avx512_bitalg avx512_vpopcntdq gfni vaes vpclmulqdq".split()
+)
+# processors whose arithmetic is 512 bits wide, by maker and family: ranges of models. AMD Zen 5 but not its
+# mobile models (32 to 47, 96 to 111), which split 512 bits in two: EPYC 9005, Threadripper 9000, Ryzen 9000
+FULL_WIDTH = {("AuthenticAMD", 26): (range(0x20), range(0x40, 0x50))}
 PACKED_ROOTS = {  # machine code of a packed square root by bits of its vectors
     512: rb"\x62[\x00-\xff][\x7c\xfd]\x48\x51",
     256: rb"\xc5[\x7c\x7d\xfc\xfd]\x51",
@@ -83,37 +101,86 @@ def symbol(image: mmap.mmap, name: bytes) -> tuple[int, int]:
     return int(found["value"][0]), int(found["size"][0])
 
 
-def compiler_rows() -> tuple[str, dict[str, int]]:
-    """What LLVM calls this processor, and the addresses of the rows of its table by name."""
-    base, file = loaded_library()
+def search_symbols(file: Path) -> tuple[int, int]:
+    """Addresses within the library of the function that names the processor and of the table."""
     with file.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as image:
         function, _ = symbol(image, NAME_FUNCTION)
         table, size = symbol(image, TABLE)
     if size != TABLE_BYTES:
         raise ValueError("another table of processors")
+    return function, table
+
+
+def known_symbols(file: Path) -> tuple[int, int]:
+    """The same as an earlier process found it in this library, else searched for and kept."""
+    facts = file.stat()
+    library = [str(file), facts.st_size, facts.st_mtime_ns, facts.st_ino]
+    kept = cache_root() / "compiler_symbols.json"
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        found = json.loads(kept.read_text(encoding="utf-8"))
+        if found["library"] == library:
+            return int(found["function"]), int(found["table"])
+    function, table = search_symbols(file)
+    text = json.dumps({"library": library, "function": function, "table": table})
+    with suppress(OSError, BadInput):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(kept, text.encode())
+    return function, table
+
+
+def compiler_rows() -> tuple[str, dict[str, int]]:
+    """What LLVM calls this processor, and the addresses of the rows of its table by name."""
+    base, file = loaded_library()
+    function, table = known_symbols(file)
     named = ctypes.CFUNCTYPE(StringRef)(base + function)()
     first = base + table
-    texts = [ctypes.c_uint64.from_address(first + k * ROW).value for k in range(size // ROW)]
+    texts = [ctypes.c_uint64.from_address(first + k * ROW).value for k in range(TABLE_BYTES // ROW)]
     rows = {ctypes.string_at(text).decode(): first + k * ROW for k, text in enumerate(texts)}
     return ctypes.string_at(named.data, named.length).decode(), rows
 
 
-def copy_row(source: int, target: int) -> None:
-    """Copy what stands behind the name of a row; the page of the target is writable meanwhile."""
+def write_row(target: int, features: int, tuning: int) -> None:
+    """Give a row the features of one row and the tuning and schedule of another, by their addresses."""
     library = ctypes.CDLL(None, use_errno=True)
-    first = (target + KEY) & ~(mmap.PAGESIZE - 1)
+    content = ctypes.string_at(features + FEATURES, TUNING - FEATURES)
+    content += ctypes.string_at(tuning + TUNING, ROW - TUNING)
+    first = (target + FEATURES) & ~(mmap.PAGESIZE - 1)
     length = target + ROW - first
     for access in (mmap.PROT_READ | mmap.PROT_WRITE, mmap.PROT_READ):
         if library.mprotect(ctypes.c_void_p(first), ctypes.c_size_t(length), access) != 0:
             raise OSError(ctypes.get_errno(), "mprotect")
         if access & mmap.PROT_WRITE:
-            ctypes.memmove(target + KEY, source + KEY, ROW - KEY)
+            ctypes.memmove(target + FEATURES, content, len(content))
+
+
+@cache
+def processor_entries() -> dict[str, str]:
+    """What Linux says of the first processor, by its names."""
+    text = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0]
+    rows = (line.partition(":") for line in text.splitlines())
+    return {name.strip(): value.strip() for name, _, value in rows}
 
 
 def processor_flags() -> set[str]:
     """Features of this processor as Linux names them."""
-    found = re.search(r"^flags\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
-    return set(found[1].split()) if found else set()
+    return set(processor_entries().get("flags", "").split())
+
+
+def is_full_width(entries: Mapping[str, str]) -> bool:
+    """Whether a processor carries an instruction of 512 bits out at once."""
+    try:
+        maker = (entries["vendor_id"], int(entries["cpu family"]))
+        return any(int(entries["model"]) in models for models in FULL_WIDTH.get(maker, ()))
+    except (KeyError, ValueError):
+        return False
+
+
+def widest_rows() -> tuple[str, str] | None:
+    """Rows whose features and whose tuning suit this processor; None where it satisfies none."""
+    flags = processor_flags()
+    if flags >= WIDEST_FLAGS and is_full_width(processor_entries()):
+        return WIDEST, WIDE
+    return (WIDE, WIDE) if flags >= WIDE_FLAGS else None
 
 
 @cache
@@ -123,9 +190,10 @@ def compiler_target() -> str:
         return platform.machine()
     try:
         name, rows = compiler_rows()
-        if name == UNKNOWN and KEEP not in os.environ and processor_flags() >= WIDE_FLAGS:
-            copy_row(rows[WIDE], rows[UNKNOWN])
-            name = f"{UNKNOWN}-as-{WIDE}"
+        suited = widest_rows() if name == UNKNOWN and KEEP not in os.environ else None
+        if suited:
+            write_row(rows[UNKNOWN], *(rows[one] for one in suited))
+            name = "-".join((UNKNOWN, "as", *dict.fromkeys(suited)))
     except (OSError, ValueError, KeyError, AttributeError, struct.error):
         return platform.machine()
     return name

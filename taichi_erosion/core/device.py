@@ -9,6 +9,7 @@ from pathlib import Path
 
 from taichi_erosion.core.compiler_target import compiler_target
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import cache_root
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import impl, ti
 
@@ -22,8 +23,7 @@ def cache_folder() -> Path:
 
     Taichi's key of a kernel knows no processor, and its loops are laid out for one before it is kept.
     """
-    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "taichi_erosion" / "kernels" / compiler_target()
+    return cache_root() / "kernels" / compiler_target()
 
 
 def is_writable(folder: Path) -> bool:

@@ -21,11 +21,12 @@ wide = pytest.mark.skipif(
     reason="this processor has no 256-bit arithmetic with fused products",
 )
 
-UNKNOWN = (target.UNKNOWN, {target.UNKNOWN: 1, target.WIDE: 2})  # what LLVM says, with addresses of rows
+widest = pytest.mark.skipif(
+    sys.platform != "linux" or not target.processor_flags() >= target.WIDEST_FLAGS,
+    reason="this processor has no 512-bit arithmetic",
+)
 
-
-def refuse() -> None:
-    raise ValueError("another table of processors")
+UNKNOWN = (target.UNKNOWN, {target.UNKNOWN: 1, target.WIDE: 2, target.WIDEST: 3})  # LLVM's name, and rows
 
 
 SCENE = """
@@ -67,9 +68,10 @@ RUN = """
 import sys
 from taichi_erosion.core import compiler_target as target
 name, rows = target.compiler_rows()
-target.copy_row(rows["generic"], rows[name])
-if sys.argv[1] == "remedy":
-    target.copy_row(rows[target.WIDE], rows[name])
+rows_of = {"unknown": ("generic", "generic"), "256 bits": (target.WIDE, target.WIDE)}
+rows_of["512 bits"] = (target.WIDEST, target.WIDE)
+target.write_row(rows[name], rows["generic"], rows["generic"])
+target.write_row(rows[name], *(rows[one] for one in rows_of[sys.argv[1]]))
 from taichi_erosion.cli.main import main
 code = main(["run", sys.argv[2], "--no-record", "--json", "--threads", "1"])
 sys.stderr.write(f"width {target.packed_width()}")
@@ -91,9 +93,18 @@ def run(kind: str, folder: Path) -> tuple[int, dict]:
 @wide
 def test_an_unknown_processor_gets_packed_square_roots_and_the_same_bits(tmp_path):
     narrow, before = run("unknown", tmp_path)
-    broad, after = run("remedy", tmp_path)
+    broad, after = run("256 bits", tmp_path)
     assert narrow <= 128
     assert broad >= 256
+    assert before["measures"] == after["measures"]
+
+
+@linux_x86
+@widest
+def test_512_bits_give_the_bits_of_256(tmp_path):
+    broad, before = run("256 bits", tmp_path)
+    broader, after = run("512 bits", tmp_path)
+    assert (broad, broader) == (256, 512)
     assert before["measures"] == after["measures"]
 
 
@@ -102,14 +113,14 @@ def test_a_known_processor_keeps_its_row(monkeypatch):
     name, _ = target.compiler_rows()
     if name == target.UNKNOWN:
         pytest.skip("this processor is unknown to LLVM")
-    monkeypatch.setattr(target, "copy_row", lambda *_: pytest.fail("a row was changed"))
+    monkeypatch.setattr(target, "write_row", lambda *_: pytest.fail("a row was changed"))
     assert target.compiler_target.__wrapped__() == name
 
 
 @linux_x86
 @pytest.mark.parametrize("fault", ["switch", "flags", "table", "version"])
 def test_nothing_is_changed_where_a_check_fails(fault, monkeypatch):
-    monkeypatch.setattr(target, "copy_row", lambda *_: pytest.fail("a row was changed"))
+    monkeypatch.setattr(target, "write_row", lambda *_: pytest.fail("a row was changed"))
     monkeypatch.setattr(
         target, "compiler_rows", lambda: (target.UNKNOWN, dict.fromkeys((target.UNKNOWN, target.WIDE), 0))
     )
@@ -126,13 +137,55 @@ def test_nothing_is_changed_where_a_check_fails(fault, monkeypatch):
     assert target.compiler_target.__wrapped__() in {target.UNKNOWN, platform.machine()}
 
 
+def entries(maker: str, family: int, model: int, flags: set[str]) -> dict[str, str]:
+    """What Linux says of a processor."""
+    numbers = {"vendor_id": maker, "cpu family": str(family), "model": str(model)}
+    return numbers | {"flags": " ".join(flags)}
+
+
 @linux_x86
-@wide
-def test_the_wide_row_is_copied_over_the_unknown_one(monkeypatch):
-    copied = []
-    monkeypatch.setattr(target, "copy_row", lambda *rows: copied.append(rows))
-    monkeypatch.setattr(
-        target, "compiler_rows", lambda: (target.UNKNOWN, {target.UNKNOWN: 1, target.WIDE: 2})
-    )
-    assert target.compiler_target.__wrapped__() == f"generic-as-{target.WIDE}"
-    assert copied == [(2, 1)]
+@pytest.mark.parametrize(
+    ("processor", "rows"),
+    [
+        (entries("AuthenticAMD", 26, 2, target.WIDEST_FLAGS), (1, 3, 2)),  # EPYC 9005
+        (entries("AuthenticAMD", 26, 68, target.WIDEST_FLAGS), (1, 3, 2)),  # Ryzen 9000
+        (
+            entries("AuthenticAMD", 26, 36, target.WIDEST_FLAGS),
+            (1, 2, 2),
+        ),  # Ryzen AI 300: 512 bits in two halves
+        (entries("AuthenticAMD", 26, 2, target.WIDE_FLAGS), (1, 2, 2)),  # 512 bits hidden by a hypervisor
+        (entries("HygonGenuine", 24, 4, target.WIDE_FLAGS), (1, 2, 2)),
+    ],
+)
+def test_an_unknown_processor_gets_the_widest_row_that_it_carries_out_at_once(processor, rows, monkeypatch):
+    written = []
+    monkeypatch.delenv(target.KEEP, raising=False)
+    monkeypatch.setattr(target, "write_row", lambda *rows: written.append(rows))
+    monkeypatch.setattr(target, "compiler_rows", lambda: UNKNOWN)
+    monkeypatch.setattr(target, "processor_entries", lambda: processor)
+    name = target.compiler_target.__wrapped__()
+    assert written == [rows]
+    assert name.startswith("generic-as-")
+    assert (target.WIDEST in name) == (rows[1] == 3)
+
+
+def test_a_processor_that_linux_does_not_describe_has_no_full_width():
+    assert not target.is_full_width({})
+    assert not target.is_full_width({"vendor_id": "AuthenticAMD", "cpu family": "?", "model": "2"})
+
+
+@linux_x86
+def test_symbols_are_searched_for_once_for_a_library(tmp_path, monkeypatch):
+    searched = []
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(target, "search_symbols", lambda file: searched.append(file) or (5, 7))
+    library = tmp_path / "library.so"
+    library.write_bytes(b"one")
+    assert [target.known_symbols(library), target.known_symbols(library)] == [(5, 7), (5, 7)]
+    assert len(searched) == 1
+    library.write_bytes(b"another")
+    target.known_symbols(library)
+    assert len(searched) == 2
+    next(tmp_path.rglob("compiler_symbols.json")).write_text("{", encoding="utf-8")
+    target.known_symbols(library)
+    assert len(searched) == 3
