@@ -67,6 +67,22 @@ def scaling_table(cases: Sequence[Case]) -> str:
     return markdown_table((*header, *stages), rows)
 
 
+def shared_table(cases: Sequence[Case]) -> str:
+    """Speed alone and beside busy programs, of one thread, of two that are fixed, and of the adaptive team."""
+    header = (
+        "case",
+        "one thread",
+        "two threads",
+        "adaptive",
+        "adaptive / one thread",
+        "adaptive / two threads",
+    )
+    rows = [
+        (case["case"], *(f"{case[key]:.2f}" for key in header[1:])) for case in cases if "adaptive" in case
+    ]
+    return markdown_table(header, rows)
+
+
 def threshold_table(cases: Sequence[Case]) -> str:
     """What a fluid threshold with its interval costs, by what the time was spent on."""
     stages = tuple(dict.fromkeys(stage for case in cases for stage in case["stages"]))
@@ -93,7 +109,7 @@ def start_table(starts: Mapping[str, Mapping[str, float]]) -> str:
 
 def publish(document: Mapping[str, Any], docs: Path) -> Path:
     """Fill the tables of the page that come from `bench`."""
-    makers = {"grains": grain_table, "air": air_table, "scaling": scaling_table}
+    makers = {"grains": grain_table, "air": air_table, "scaling": scaling_table, "shared": shared_table}
     return fill(docs, {name: table(document["cases"]) for name, table in makers.items()})
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from taichi_erosion import __version__
 from taichi_erosion.benchmark.grain_cases import grain_case, standard_grain_cases, wide_bed_cases
+from taichi_erosion.benchmark.shared_machine import shared_cases
 from taichi_erosion.benchmark.wind_cases import air_case, standard_air_cases, threshold_case
 from taichi_erosion.core.compiler_target import compiler_target
 
@@ -18,13 +19,14 @@ __all__ = ["run_benchmarks"]
 
 
 def run_benchmarks(progress: Callable[[float, str], None] | None = None) -> dict[str, Any]:
-    """Beds, funnels, a patch that blows and ensembles; air; a threshold; wide beds."""
+    """Beds, funnels, a patch that blows and ensembles; air; a threshold; wide beds; a shared machine."""
     cores = len(os.sched_getaffinity(0))
     runs: list[tuple[str, Callable[[], Any]]] = [
         *((str(case), partial(grain_case, case)) for case in standard_grain_cases(cores)),
         *((name, partial(air_case, name, setup, cores)) for name, setup in standard_air_cases()),
         ("fluid threshold", threshold_case),
         ("beds of growing width", wide_bed_cases),
+        ("shared machine", partial(shared_cases, cores)),
     ]
     cases: list[dict[str, Any]] = []
     for index, (name, run) in enumerate(runs):
