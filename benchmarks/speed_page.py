@@ -68,7 +68,7 @@ def scaling_table(cases: Sequence[Case]) -> str:
 
 
 def shared_table(cases: Sequence[Case]) -> str:
-    """Speed alone and beside busy programs, of one thread, of two that are fixed, and of the adaptive team."""
+    """Speed alone and beside busy programs: one thread, two that are fixed, the adaptive team."""
     header = (
         "case",
         "one thread",
