@@ -14,11 +14,11 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.documents import adoption_sentence
+from taichi_erosion.evidence.answers.effect_action import effect_actions
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress, expected_strength
-from taichi_erosion.evidence.inference.effect_action import effect_actions
 from taichi_erosion.evidence.inference.familywise_test import familywise_test
 from taichi_erosion.evidence.inference.goodness_of_fit import (
     calibration_covariance,

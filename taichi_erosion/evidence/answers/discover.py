@@ -12,6 +12,7 @@ import numpy as np
 
 from taichi_erosion.evidence.answers.compare import calibrated_base
 from taichi_erosion.evidence.answers.documents import discovery_sentences
+from taichi_erosion.evidence.answers.effect_action import effect_actions
 from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,
@@ -28,7 +29,6 @@ from taichi_erosion.evidence.data.transforms import split_setting
 from taichi_erosion.evidence.inference import goodness_of_fit, levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
-from taichi_erosion.evidence.inference.effect_action import effect_actions
 from taichi_erosion.evidence.inference.familywise_test import power
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
