@@ -14,7 +14,7 @@ from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
 from taichi_erosion.cli.progress import KEPT, interruptible
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.inference.levels import fails
+from taichi_erosion.evidence.inference.levels import CONSISTENT_MISFIT, fails
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.models.load_study import StudyOptions
@@ -160,6 +160,7 @@ def print_comparison(document: Record) -> None:
     """Print whether the model agrees, where it fails, and the misfit of every observable."""
     typer.echo(agreement(document))
     failing = [place["sentence"] for place in document["where"] if fails(place["p"])]
+    print_lines(level["sentence"] for level in document["levels"])
     print_lines(failing or ["No significant misfit in any observable or along any condition."])
     keys = ("chi2", "rmse", "bias", "p")
     rows = (
@@ -182,7 +183,7 @@ def agreement(document: Record) -> str:
         return f"The misfit cannot be judged: the scatter of the {rows} is not known."
     freedom = f"{number(document['dof'])} degrees of freedom"
     numbers = f"(chi2 = {number(document['chi2'])} for {freedom}, p = {number(p)})"
-    if fails(p):
+    if fails(p) or document["chi2"] > CONSISTENT_MISFIT * max(document["dof"], 1.0):
         return f"The model does not agree with the {rows}, for any values of its parameters {numbers}."
     if any(fails(place["p"]) for place in document["where"]):
         return f"The model agrees with the {rows} as a whole {numbers}, but not everywhere."

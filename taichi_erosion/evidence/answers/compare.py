@@ -7,13 +7,15 @@ from time import perf_counter
 import numpy as np
 
 from taichi_erosion.evidence.data.findings import Comparison
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.measurement_noise import unchecked_noise_sentence
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Progress
 from taichi_erosion.evidence.data.transforms import slope, to_scale
-from taichi_erosion.evidence.inference import goodness_of_fit, marginal_likelihood
+from taichi_erosion.evidence.inference import goodness_of_fit, levels, marginal_likelihood
 from taichi_erosion.evidence.inference.map_fit import fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis
-from taichi_erosion.evidence.inference.posterior import parameter_estimates
+from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
+from taichi_erosion.evidence.inference.posterior import level_shifts, parameter_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
 SEED = 1  # of the runs where a study states none; any other would do
@@ -28,13 +30,15 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
     """Misfit per observable and along every condition; with unknown noise only its shape, not its size."""
     start = perf_counter()
     prepared, base, known = calibrated_base(problem, seed, progress)
+    freed = levels_freed(prepared, base) if known else None
+    placed = (prepared, base) if freed is None else freed
     table = goodness_of_fit.rows_table(prepared, base.expansion)
     misfits = goodness_of_fit.observable_misfits(prepared, base.expansion, table)
     if not known:
         misfits = {name: replace(misfit, chi2=nan, p=nan) for name, misfit in misfits.items()}
     return Comparison(
         observables=misfits,
-        where=goodness_of_fit.misfit_places(prepared, base.expansion),
+        where=goodness_of_fit.misfit_places(placed[0], placed[1].expansion),
         chi2=goodness_of_fit.chi_square(prepared, base.expansion) if known else nan,
         dof=goodness_of_fit.freedom(marginal_likelihood.projected_residual(prepared, base.expansion)),
         p=goodness_of_fit.misfit_p(prepared, base.expansion) if known else nan,
@@ -45,7 +49,27 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
         warnings=prepared.warnings,
         runs=prepared.predictor.cost.runs,
         wall_s=perf_counter() - start,
+        levels=level_shifts(*placed),
+        p_levels_free=nan if freed is None else goodness_of_fit.misfit_p(placed[0], placed[1].expansion),
+        stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base.expansion)) if known else (),
+        worst_row=goodness_of_fit.worst_row(prepared, base.expansion) if known else None,
+        scatter_factor=goodness_of_fit.scatter_factor(prepared, base.expansion) if known else nan,
     )
+
+
+def levels_freed(
+    prepared: PreparedProblem, base: ScoredHypothesis
+) -> tuple[PreparedProblem, ScoredHypothesis] | None:
+    """The bare model with the level of every observable free, where it fails and this fits better."""
+    places = goodness_of_fit.misfit_places(prepared, base.expansion)
+    chances = (goodness_of_fit.misfit_p(prepared, base.expansion), *(place.p for place in places))
+    if not any(map(levels.fails, chances)) or not enough_for_levels(prepared):
+        return None
+    free = prepared.with_free_levels(prepared.level_widths(base.expansion.mean))
+    free, best, _ = fit_base(free, weighted=True)
+    scored = marginal_likelihood.score(free, marginal_likelihood.expand(free, best))
+    totals = [log_sum_exp(prepared.doubt.log_weight + each.log_evidence) for each in (base, scored)]
+    return (free, scored) if level_share(*map(float, totals)) > levels.LEVEL_ODDS else None
 
 
 def calibrated_base(

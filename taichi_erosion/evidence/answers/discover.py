@@ -34,6 +34,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothes
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
 from taichi_erosion.evidence.inference.posterior import (
     label,
+    level_shifts,
     parameter_estimates,
     strength_estimates,
     upper_strength,
@@ -64,7 +65,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
     prepared, screened = found.fitted.prepared, found.fitted.screened
     strengths = fitted_strengths(found)
     expected = {name: estimate.value for name, estimate in strengths.items()}
-    outside = found.decision.verdict == "outside_library"
+    outside, base = found.decision.verdict == "outside_library", found.fitted.base.expansion
     record = Discovery(
         **shared_fields(prepared, found.fitted.base.scored, found.final.scored, seed),
         verdict=found.decision.verdict,
@@ -73,13 +74,21 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         probabilities=found.posterior.probability,
         effects=effect_findings(found, strengths),
         where=found.places,
-        clues=residual_trends(prepared, found.fitted.base.expansion, found.places) if outside else (),
+        clues=residual_trends(prepared, base, found.places) if outside else (),
         p=found.test.p,
         p_misfit=found.p_misfit,
         p_misfit_after=found.p_misfit_after,
         decoy_rank=found.test.decoy_rank,
         stability=found.stability,
         warnings=(*prepared.warnings, *found.warnings, *bound_warnings(found)),
+        levels=level_shifts(prepared, found.final.scored),
+        level_probability=found.level_probability,
+        p_misfit_stated=found.p_misfit_stated,
+        stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),
+        stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
+        range_suffices=found.range_suffices,
+        worst_row=goodness_of_fit.worst_row(prepared, base),
+        scatter_factor=goodness_of_fit.scatter_factor(prepared, base),
         noise=goodness_of_fit.noise_table(prepared, screened.seed_correlation),
         ambiguity=confounded_effects(prepared, screened, expected),
         absorbed_by=absorbed_by(prepared, screened),
@@ -209,6 +218,11 @@ def effect_reason(
     """Why a candidate has its status."""
     if status == "present":
         interval = f"{strength.value:.2g} ({strength.low:.2g} to {strength.high:.2g})"
+        if strength.at_bound:
+            return (
+                f"consistent with the measurements at strength {interval}, which ends at the largest that "
+                "the list allows: a stronger effect, or another law"
+            )
         return f"consistent with the measurements at strength {interval}"
     if signature.name in decision.group:
         others = ", ".join(other for other in decision.group if other != signature.name)

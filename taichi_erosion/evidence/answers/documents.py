@@ -18,7 +18,7 @@ import numpy as np
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Adoption, Discovery, VaultErrors
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Adoption, Discovery, RowMisfit, VaultErrors
 from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.measures.result import without_nan
@@ -39,12 +39,18 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
         return NO_CANDIDATE, *found.noise.sentences
     if not found.noise.known:
         return found.noise.sentences
-    sentences = [verdict_sentence(found)]
+    sentences = [*level_sentences(found), verdict_sentence(found)]
     if found.calibrated_with and levels.fails(found.p_misfit_after):
         names, chance = " and ".join(found.calibrated_with), levels.p_text(found.p_misfit_after)
         sentences.append(
             f"Even with {names} the model fails ({chance}): its law may be another than ours, or something "
             "else acts too that these candidates do not describe."
+        )
+    if found.calibrated_with and found.stuck_after:
+        names, numbers = " and ".join(found.calibrated_with), " and ".join(found.stuck_after)
+        sentences.append(
+            f"With {names} the calibration still drives {numbers} to the end of its range: check that range, "
+            "and units, before the name."
         )
     if found.nearest is not None:
         names, chance = " and ".join(found.nearest.names), levels.p_text(found.nearest.p)
@@ -52,7 +58,11 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
             f"Of the list, {names} comes closest: it takes away {found.nearest.explained:.0%} of the misfit "
             f"beyond chance ({chance} of what it leaves)."
         )
-    sentences += [place.sentence for place in found.where if levels.fails(place.p)]
+    if found.verdict == "outside_library":
+        sentences += row_sentences(found.worst_row)
+    sentences += [
+        place.sentence for place in found.where if levels.fails(place.p) and not found.range_suffices
+    ]
     sentences += [trend.sentence for trend in found.clues]
     sentences += found.noise.sentences
     if found.decoy_rank == 1 and found.named:
@@ -70,17 +80,97 @@ def verdict_sentence(found: Discovery) -> str:
     if found.verdict in ("none_detected", "not_testable"):
         return silence_sentence(found)
     if found.verdict == "outside_library":
-        sure = f"probability {found.probabilities[OUTSIDE]:.2g}"
-        chance = f"{levels.p_text(found.p_misfit)} of the misfit, {found.p:.2g} of the best candidate"
-        return f"Something is missing and it is not in the list ({sure}; {chance})."
+        return (
+            "Something is missing that no one or two effects of the list describe "
+            f"(probability {found.probabilities[OUTSIDE]:.2g}; {decisive_chance(found)})."
+        )
     if found.verdict == "unstable":
         return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
     if found.verdict == "group":
-        named = f"{' and '.join(found.named)} is missing, and one of " if found.named else "One of "
-        group = ", ".join(name for name in found.group if name not in found.named)
-        return f"{named}{group} is missing; these measurements do not distinguish them."
+        return group_sentence(found)
     details = "; ".join(found.effects[name].sentence for name in found.named)
     return f"The misfit is consistent with a missing effect (family-wise p = {found.p:.2g}): {details}."
+
+
+def level_sentences(found: Discovery) -> list[str]:
+    """Levels that are off, and whether anything is missing along the conditions of these observables."""
+    if found.level_probability <= levels.LEVEL_ODDS:
+        return []
+    if not found.levels:
+        return [
+            "The levels of the observables do not fit together, at no calibration: an instrument, a method, the "
+            "contact law or a range is off at all conditions alike; which one is open."
+        ]
+    told = [shift.sentence for shift in found.levels]
+    for shift in found.levels:
+        own = [place for place in found.where if place.observable == shift.observable]
+        axes = [place for place in own if place.axis != "level"]
+        if axes and not any(levels.fails(place.p) for place in axes):
+            told.append(
+                f"{shift.observable}: along {', '.join(sorted(p.axis for p in axes))} nothing is missing."
+            )
+    return told
+
+
+def group_sentence(found: Discovery) -> str:
+    """What is sure, and among which effects these measurements do not decide."""
+    open_ones = ", ".join(name for name in found.group if name not in found.named)
+    keys = [key for key in found.probabilities if set(key.split("+")) <= set(found.group)]
+    pairs = sum(found.probabilities[key] for key in keys if "+" in key)
+    both = pairs > 0.5 * sum(found.probabilities[key] for key in keys)
+    if found.named:
+        sure = " and ".join(found.named)
+        return (
+            f"{sure} is missing, and one of {open_ones} with it; these measurements do not distinguish them."
+        )
+    lead = "Two of" if both else "One of"
+    return (
+        f"{lead} {open_ones} {'are' if both else 'is'} missing; these measurements do not distinguish them."
+    )
+
+
+def decisive_chance(found: Discovery) -> str:
+    """The chance that showed that something is missing."""
+    if levels.fails(found.p_misfit):
+        return f"{levels.p_text(found.p_misfit)} of the misfit"
+    place = min(found.where, key=lambda each: each.p, default=None)
+    if place is not None and levels.fails(place.p):
+        return f"{levels.p_text(place.p)} of the misfit of {place.observable} along {place.axis}"
+    return f"{levels.p_text(found.p)} of the best candidate"
+
+
+def rejection_sentences(found: Discovery) -> list[str]:
+    """A misfit without a name: how large it is, and the likeliest plain reasons."""
+    places = [place for place in found.where if levels.fails(place.p)]
+    if not levels.fails(found.p_misfit) and not places:
+        return []
+    told = [f"The calibrated model does not agree with the measurements ({decisive_chance(found)})."]
+    if found.range_suffices:
+        numbers = " and ".join(found.stuck) or "a calibrated number"
+        told.append(
+            f"The misfit is gone if {numbers} may leave its range: widen the range, or check a unit. Until "
+            "then nothing can be concluded on effects."
+        )
+        return told
+    told += row_sentences(found.worst_row)
+    if found.worst_row is None and found.scatter_factor > 1.0:
+        told.append(f"A scatter {found.scatter_factor:.2g} times as large as stated would explain it.")
+        if not places:
+            told.append("The misfit is spread over the rows, along no condition.")
+    return told
+
+
+def row_sentences(worst: RowMisfit | None) -> list[str]:
+    """The row that holds most of a misfit, and what is left without it."""
+    if worst is None:
+        return []
+    at = ", ".join(f"{name} = {value:.3g}" for name, value in worst.conditions.items() if value == value)
+    way = "above" if worst.residual_sd > 0.0 else "below"
+    where = f"{worst.observable} at {at}, {abs(worst.residual_sd):.2g} sd {way} the model"
+    return [
+        f"One row holds {worst.share:.0%} of the misfit: {where}; without it "
+        f"{levels.p_text(worst.p_without)}."
+    ]
 
 
 def silence_sentence(found: Discovery) -> str:
@@ -89,8 +179,9 @@ def silence_sentence(found: Discovery) -> str:
         f"{n} above {e.strength_high:.2g}" for n, e in found.effects.items() if e.status == "excluded"
     ]
     hiding = [name for name, effect in found.effects.items() if effect.status == "not_testable"]
-    words = "No detectable effect."
-    if excluded:
+    rejected = rejection_sentences(found)
+    words = " ".join([*rejected, "No effect is named."]) if rejected else "No detectable effect."
+    if excluded and not found.range_suffices:
         words += f" Excluded: {', '.join(excluded)}."
     if hiding:
         words += f" Could be hiding, because these measurements cannot test them: {', '.join(hiding)}."
@@ -99,20 +190,39 @@ def silence_sentence(found: Discovery) -> str:
 
 def rival_sentence(found: Discovery) -> str:
     """What would change the conclusion."""
-    accepted = {*found.named, *found.group}
-    accepted |= {NONE} if found.verdict in ("none_detected", "not_testable") else set()
-    accepted |= {OUTSIDE} if found.verdict == "outside_library" else set()
-    others = {key: p for key, p in found.probabilities.items() if not accepted & set(key.split("+"))}
+    if found.range_suffices:
+        return (
+            "Probabilities of effects mean nothing while a calibrated number is held at the end of its range."
+        )
+    others = {key: p for key, p in found.probabilities.items() if not told(found, key)}
     rival = max(others, key=lambda key: others[key], default=NONE)
     if others.get(rival, 0.0) < levels.REPORTED_RIVAL:
         return "No other explanation is left with a probability worth naming."
-    called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}.get(rival, rival)
+    called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}
+    called = called.get(rival, " with ".join(rival.split("+")))
+    silent = found.verdict in ("none_detected", "not_testable")
+    if silent and others[rival] > found.probabilities[NONE]:
+        return (
+            f"The likeliest explanation is {called} (probability {others[rival]:.2g}, against "
+            f"{found.probabilities[NONE]:.2g} that nothing is missing), which is not enough to name it."
+        )
     weak = sum(effect.status == "not_testable" for effect in found.effects.values())
     return (
         f"The next best explanation is {called} (probability {others[rival]:.2g}); {weak} of "
         f"{len(found.effects)} candidates are not testable with these measurements, and data that test them "
         "could change the conclusion."
     )
+
+
+def told(found: Discovery, key: str) -> bool:
+    """Whether the verdict tells an explanation; a group tells all that its members can make."""
+    if found.verdict in ("none_detected", "not_testable"):
+        return key == NONE
+    if found.verdict == "outside_library":
+        return key == OUTSIDE
+    if found.verdict == "group":
+        return set(key.split("+")) <= set(found.group)
+    return set(key.split("+")) == set(found.named)
 
 
 def adoption_sentence(found: Adoption) -> str:

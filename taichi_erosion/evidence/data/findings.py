@@ -114,6 +114,30 @@ class Estimate:
     at_bound: bool  # the calibration ends at a bound of the allowed range
 
 
+@dataclass(frozen=True)
+class LevelShift:
+    """How far all rows of an observable lie above the model alike: code, instrument or method."""
+
+    observable: str
+    kind: Literal["factor", "offset"]  # measured over predicted, or measured minus predicted
+    value: float
+    low: float  # 90 % interval
+    high: float
+    probability: float  # that this level is off at all [1]
+    sentence: str
+
+
+@dataclass(frozen=True)
+class RowMisfit:
+    """The row that holds most of a misfit."""
+
+    observable: str
+    conditions: Mapping[str, float]
+    residual_sd: float  # measured minus predicted, in standard deviations
+    share: float  # of the misfit [1]
+    p_without: float  # of the misfit that the other rows leave
+
+
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
     """Answer of `compare`: does the model, calibrated as well as it can be, agree with the measurements?"""
@@ -131,6 +155,11 @@ class Comparison:
     faults: tuple[SetUpFault, ...] = ()  # told before everything else
     runs: int
     wall_s: float = nan
+    levels: tuple[LevelShift, ...] = ()  # offsets between code and laboratory, where these fit better
+    p_levels_free: float = nan  # of the misfit with every level free; NaN where levels do not matter
+    stuck: tuple[str, ...] = ()  # calibrated numbers that would leave their range
+    worst_row: RowMisfit | None = None  # where one row holds most of a misfit
+    scatter_factor: float = nan  # true over stated sd that would explain the misfit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,6 +288,14 @@ class Discovery:
     clues: tuple[ResidualTrend, ...] = ()
     p: float = 1.0  # family-wise, of the strongest candidate by chance
     p_misfit: float = nan  # of the calibrated base model
+    p_misfit_stated: float = nan  # the same with the declared shared errors alone, where levels are free
+    levels: tuple[LevelShift, ...] = ()  # offsets between code and laboratory that are part of the model here
+    level_probability: float = 0.0  # that any level is off [1]
+    stuck: tuple[str, ...] = ()  # calibrated numbers of the bare model that would leave their range
+    stuck_after: tuple[str, ...] = ()  # those of the recalibrated model
+    range_suffices: bool = False  # the misfit is gone if they may: nothing is concluded on effects
+    worst_row: RowMisfit | None = None  # where one row holds most of the misfit of the bare model
+    scatter_factor: float = nan  # true over stated sd that would explain the misfit of the bare model
     p_misfit_after: float = nan  # of the recalibrated model with what is named; without a name, as before
     decoy_rank: int  # rank of the best made-up effect among all candidates; 1 is a red flag
     stability: float = 1.0  # share of repeats with new seeds that agree on the verdict's first name [1]

@@ -15,11 +15,18 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.data.findings import MisfitPlace, Noise, ObservableMisfit, ObservableNoise, Rows
+from taichi_erosion.evidence.data.findings import (
+    MisfitPlace,
+    Noise,
+    ObservableMisfit,
+    ObservableNoise,
+    RowMisfit,
+    Rows,
+)
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import from_scale
-from taichi_erosion.evidence.inference.levels import NOISE_LEVEL, fails, p_text
+from taichi_erosion.evidence.inference.levels import NOISE_LEVEL, ONE_ROW, fails, p_text
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     Expansion,
     ProjectedResidual,
@@ -30,6 +37,8 @@ from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import standard_axis
 
 LENGTH = 0.7  # of the kernel, in sd of a condition
+PROMISE, PROMISE_NOISY = 2.0, 4.0  # misfit [1]; without noise, and per number of a model with noise
+LEAST_OWN = 0.2  # of a row, that calibration leaves free: below, its residual says little [1]
 BINS = 4  # along an axis, of equal numbers of rows
 LEVEL_AXIS = "level"
 ASK_REPEATS = (
@@ -49,20 +58,36 @@ def quadratic_form_p(value: Floats | float, matrix: Floats) -> Floats:
     return np.asarray(stats.chi2.sf(np.maximum(position, 0.0), freedom), dtype=np.float64)
 
 
-def misfit_p(prepared: PreparedProblem, expansion: Expansion) -> float:
+def misfit_p(prepared: PreparedProblem, expansion: Expansion, released: bool = False) -> float:
     """Probability that a complete model would leave as much, calibration and shared errors accounted for.
 
-    |M e|^2 over all stacked rows has n degrees of freedom when the truth is drawn from the prior.
+    |M e|^2 over all stacked rows has n degrees of freedom when the truth is drawn from the prior. With
+    `released`, numbers at an end of their range may leave it.
     """
-    return float(misfit_p_by_noise(prepared, expansion, np.ones(1))[0])
+    return float(misfit_p_by_noise(prepared, expansion, np.ones(1), released)[0])
 
 
-def misfit_p_by_noise(prepared: PreparedProblem, expansion: Expansion, factors: Floats) -> Floats:
+def misfit_p_by_noise(
+    prepared: PreparedProblem, expansion: Expansion, factors: Floats, released: bool = False
+) -> Floats:
     """The same where the scatter is `factors` times as large as stated."""
-    left = projected_residual(prepared, expansion)
+    left = projected_residual(prepared, expansion, released)
     value = float(left.free @ left.free)
+    if not released:
+        value += max(left.promised - promise_limit(prepared), 0.0)
     matrix = np.eye(left.whole.size) - left.row_basis @ left.row_basis.T
     return quadratic_form_p(value / factors**2, matrix)
+
+
+def promise_limit(prepared: PreparedProblem) -> float:
+    """Misfit that slopes may promise to remove although the fit, made with other seeds, did not."""
+    return PROMISE_NOISY * (1.0 + len(prepared.axes)) if prepared.noisy else PROMISE
+
+
+def stuck_numbers(prepared: PreparedProblem, expansion: Expansion) -> list[str]:
+    """Calibrated numbers at an end of their range that would leave it."""
+    stuck = projected_residual(prepared, expansion).stuck[expansion.local.shape[1] :]
+    return [axis.name for axis, at_end in zip(prepared.axes, stuck, strict=True) if at_end]
 
 
 def structure_p(left: ProjectedResidual, factor: Floats) -> float:
@@ -76,10 +101,11 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
     left = projected_residual(prepared, expansion)
     found: list[tuple[str, str, float, str]] = []
     for observable, rows in prepared.by_observable():
-        level = rows.astype(float)[:, np.newaxis] / prepared.sd[:, np.newaxis]
-        p = structure_p(left, level / np.linalg.norm(level))
-        low = float(np.sum(left.free[rows] / prepared.sd[rows])) > 0.0
-        found.append((observable.name, LEVEL_AXIS, p, f"too {'low' if low else 'high'} as a whole"))
+        if observable.name not in prepared.levels:
+            level = rows.astype(float)[:, np.newaxis] / prepared.sd[:, np.newaxis]
+            p = structure_p(left, level / np.linalg.norm(level))
+            low = float(np.sum(left.free[rows] / prepared.sd[rows])) > 0.0
+            found.append((observable.name, LEVEL_AXIS, p, f"too {'low' if low else 'high'} as a whole"))
         for name, column in prepared.rows.conditions.items():
             axis = standard_axis(column[rows])
             if axis is None or np.unique(axis).size < 3:
@@ -142,8 +168,13 @@ def calibration_covariance(prepared: PreparedProblem, expansion: Expansion) -> F
 def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floats | None = None) -> Rows:
     """Measured beside predicted, in the observables' own units.
 
-    `covariance` is that of the calibration; left out: these very rows are what was calibrated to.
+    `covariance` is that of the calibration; left out: these very rows are what was calibrated to, and their
+    residuals are those with shared errors at their best, as in every chi2.
     """
+    if covariance is None:
+        residual = projected_residual(prepared, expansion).whole
+    else:
+        residual = prepared.working(expansion.mean).residual
     rows = prepared.rows
     covariance = calibration_covariance(prepared, expansion) if covariance is None else covariance
     slopes = np.hstack([expansion.local, expansion.jacobian])
@@ -164,7 +195,7 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floa
         measured_sd=np.sqrt(rows.variance + shared) / steep,
         predicted=predicted,
         predicted_sd=np.sqrt(simulated) / steep,
-        residual=prepared.working(expansion.mean).residual,
+        residual=residual,
         model_sd=np.sqrt(calibrated + simulated) / steep,
     )
 
@@ -178,10 +209,41 @@ def chi_square(prepared: PreparedProblem, expansion: Expansion) -> float:
     return float(free @ free)
 
 
+def scatter_factor(prepared: PreparedProblem, expansion: Expansion) -> float:
+    """True over stated sd that would make the misfit what chance leaves on average."""
+    left = projected_residual(prepared, expansion)
+    return float(np.sqrt(left.free @ left.free / max(freedom(left), 1.0)))
+
+
+def worst_row(prepared: PreparedProblem, expansion: Expansion) -> RowMisfit | None:
+    """The row without which most of the misfit is gone; None where no row holds `levels.ONE_ROW` of it.
+
+    With row i left out the others keep e_j - M_ji e_i / M_ii, of covariance M_jk - M_ji M_ik / M_ii.
+    """
+    left = projected_residual(prepared, expansion)
+    matrix = np.eye(left.whole.size) - left.row_basis @ left.row_basis.T
+    own = np.maximum(np.diag(matrix), 1e-9)
+    falls = left.free**2 / own
+    row, total = int(np.argmax(falls)), float(left.free @ left.free)
+    share = min(float(falls[row]) / max(total, 1e-300), 1.0)
+    if left.whole.size < 3 or share < ONE_ROW or own[row] < LEAST_OWN:
+        return None
+    rest = np.arange(left.whole.size) != row
+    others = left.free[rest] - matrix[rest, row] * left.free[row] / own[row]
+    freed = matrix[np.ix_(rest, rest)] - np.outer(matrix[rest, row], matrix[row, rest]) / own[row]
+    return RowMisfit(
+        observable=prepared.rows.observables[prepared.rows.which[row]].name,
+        conditions={name: float(column[row]) for name, column in prepared.rows.conditions.items()},
+        residual_sd=float(left.free[row] / np.sqrt(own[row])),
+        share=share,
+        p_without=float(quadratic_form_p(float(others @ others), freed)),
+    )
+
+
 def explained_share(prepared: PreparedProblem, base: Expansion, other: Expansion) -> float:
-    """Share of the base model's excess misfit that a hypothesis removes: (S_0 - S_k) / (S_0 - n)."""
+    """Share of the bare model's excess misfit that another removes: (S_0 - S_k) / (S_0 - n), at most 1."""
     before, after = chi_square(prepared, base), chi_square(prepared, other)
-    return (before - after) / max(before - prepared.rows.size, 1.0)
+    return min((before - after) / max(before - prepared.rows.size, 1.0), 1.0)
 
 
 def freedom(left: ProjectedResidual) -> float:

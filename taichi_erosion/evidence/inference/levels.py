@@ -21,6 +21,9 @@ LEAST_P = 1e-16  # written as "p <"; below, rounding decides
 PRIOR_NONE = 0.50  # t0: nothing missing in 0.51 of the cases, calibration error of the likeliest 0.022
 PRIOR_OUTSIDE = 0.15  # something missing that no candidate describes; t0: 0.12
 PRIOR_PAIRS = 0.06  # two candidates at once, shared by all pairs; t0: 0.10
+PRIOR_LEVEL = 0.15  # an instrument or the code is off at all conditions alike, asked where the model fails
+PRIOR_RANGE = 0.05  # nothing is missing, but a calibrated number lies beyond its range
+PRIOR_LEVEL_EACH = 0.3  # of one observable where any level is off
 PRIOR_REMAINDER = 0.10  # share of a single's prior that allows a smooth remainder beside it
 
 NONE_LIMIT = 0.4  # probability of "none" for a name; t0: with p, 0.6 % of nulls and all singles above 4.5 sd
@@ -44,6 +47,15 @@ HELD_OUT_MISFIT = 2.0  # per held-out row, from which the bare model fails there
 HELD_OUT_SHARE = 0.5  # of that misfit left, above which a name is refuted; t0: right names leave 0.096
 SECOND_TERM = 0.05  # share of the misfit that a second term of a law must explain on left-out groups
 
+CONSISTENT_MISFIT = 3.0  # per degree of freedom, above which no model is called consistent, whatever p is
+ONE_ROW = (
+    0.4  # share of the misfit in one row, from which the row is told; all 12 tables with a bad cell had more
+)
+TOLD_LEVEL = 0.5  # probability from which an offset of an observable is told
+SURE_LEVEL = 0.95  # probability from which an offset is told without it
+LEVEL_ODDS = 0.5  # probability of free levels from which they are part of the calibration
+LAW_SHARE = 0.1  # of the misfit of left-out groups, from which a law is told as a hypothesis
+NUMBER_SHARE = 0.5  # of the misfit, from which a calibrated number is told that would have to vary
 REPORTED_RIVAL = 1e-3  # probability from which another explanation is reported
 REPORTED_CLOSEST = 0.5  # share of the misfit, from which an explanation that does not suffice is reported
 PLAUSIBLE = 0.01  # probability from which an explanation is carried to the next experiment

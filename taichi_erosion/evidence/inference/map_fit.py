@@ -14,11 +14,16 @@ from scipy.stats import qmc
 from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.models.predictor import paired_change
+from taichi_erosion.evidence.models.predictor import paired_change, seed_mean
 
 STEP = 0.1  # finite difference in prior sd
 STEP_NOISY = 0.5  # the same where replicate noise blurs differences
-SHARES = (3.0, 0.5)  # of the step, one after the other: coarse slopes see past kinks, fine ones finish
+STAGES = ((3.0, False), (0.5, False))  # shares of the step: coarse slopes see past kinks, fine ones finish
+STAGES_NOISY = (
+    (1.0, False),
+    (1.0, True),
+    (0.2, True),
+)  # smoothed over the rows, then row by row, to both sides
 TRIALS = 5  # of the damping, per step
 GOOD_ENOUGH, GOOD_NOISY = 0.02, 0.1  # fall of the misfit below which no further step is made [1]
 STEPS, STEPS_QUICK = 25, 5  # at most; kinks at the threshold of transport make some fits slow
@@ -96,8 +101,11 @@ class Objective:
         rows = self.prepared.rows
         return deviance(residual, self.prepared.white_shared, rows.censored) + float(prior @ prior)
 
-    def jacobian(self, position: Floats, central: bool, share: float = 1.0) -> Floats:
-        """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds."""
+    def jacobian(self, position: Floats, central: bool, share: float = 1.0, raw: bool = False) -> Floats:
+        """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds.
+
+        Smoothed over the conditions where they are noisy, unless `raw`: a kink is in few rows.
+        """
         columns = np.empty((self.prepared.rows.size, position.size))
         for j, scale in enumerate(self.scale):
             step = (STEP_NOISY if self.prepared.noisy else STEP) * scale * share
@@ -108,10 +116,10 @@ class Objective:
             )
             if not central:
                 down, up = (at, up) if up - at >= at - down else (down, at)
-            columns[:, j] = self.difference(position, j, down, up) * scale
+            columns[:, j] = self.difference(position, j, down, up, raw) * scale
         return columns / self.prepared.sd[:, np.newaxis]
 
-    def difference(self, position: Floats, j: int, down: float, up: float) -> Floats:
+    def difference(self, position: Floats, j: int, down: float, up: float, raw: bool) -> Floats:
         """Slope of the mean along entry j; zero where the model fails or the entry cannot move."""
         if up <= down:
             return np.zeros(self.prepared.rows.size)
@@ -120,7 +128,11 @@ class Objective:
             moved = position.copy()
             moved[j] = end
             ends.append(self.prepared.predictor.predict(*self.split(moved), self.seeds))
-        change = paired_change(ends[1], ends[0], self.prepared.predictor)
+        change = (
+            seed_mean(ends[1]) - seed_mean(ends[0])
+            if raw
+            else paired_change(ends[1], ends[0], self.prepared.predictor)
+        )
         return np.where(np.isfinite(change), change / (up - down), 0.0)
 
 
@@ -161,12 +173,12 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
     residual = objective.residual(position)
     best, damping = objective.misfit(position, residual), 1e-3
     enough = GOOD_NOISY if objective.prepared.noisy else GOOD_ENOUGH
-    shares = iter((1.0,) if objective.prepared.noisy else SHARES)
-    share = next(shares)
+    stages = iter(STAGES_NOISY if objective.prepared.noisy else STAGES)
+    share, raw = next(stages)
     for _ in range(steps):
         if best == inf:
             break
-        slopes = objective.jacobian(position, central=False, share=share)
+        slopes = objective.jacobian(position, central=raw, share=share, raw=raw)
         fall = 0.0
         for _ in range(TRIALS):
             trial, predicted = newton_step(objective, position, residual, damping, slopes)
@@ -180,7 +192,7 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
                 break
             damping = max(damping, 1e-2) * 10.0
         if fall < enough:
-            share, damping = next(shares, 0.0), 1e-3
+            (share, raw), damping = next(stages, (0.0, False)), 1e-3
         if share == 0.0:
             break
     return position, best
@@ -217,10 +229,11 @@ def fit(
     return Fit(names, position[:count], position[count:].copy(), misfit)
 
 
-def fit_base(prepared: PreparedProblem) -> tuple[PreparedProblem, Fit, list[str]]:
+def fit_base(prepared: PreparedProblem, weighted: bool = False) -> tuple[PreparedProblem, Fit, list[str]]:
     """The bare model calibrated from a prior search and several starts; warnings where these disagree.
 
-    Comes with the problem whose weights no longer depend on the noise of the values themselves.
+    Comes with the problem whose weights no longer depend on the noise of the values themselves, unless it is
+    `weighted` so already.
     """
     seeds, steps = prepared.seeds.fitting, STEPS_QUICK if prepared.quick else STEPS
     searching = not prepared.quick and len(prepared.axes) > 0
@@ -235,7 +248,8 @@ def fit_base(prepared: PreparedProblem) -> tuple[PreparedProblem, Fit, list[str]
         gap = np.abs(results[0][0] - results[1][0]).max()
         if results[1][1] - results[0][1] > DISAGREEMENT**2 and gap > 0.1 * SEARCH_WIDTH:
             warnings.append("two starts of the calibration end at different places; the better one is used")
-    prepared = reweighted(prepared, Objective(prepared, (), seeds).mean(results[0][0]))
+    if not weighted:
+        prepared = reweighted(prepared, Objective(prepared, (), seeds).mean(results[0][0]))
     return prepared, fit(prepared, (), [results[0][0]], 2), warnings
 
 

@@ -10,13 +10,15 @@ Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773.
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 from math import inf
 
 import numpy as np
 from scipy import interpolate
 
 from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, stack, working
-from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
@@ -24,7 +26,9 @@ from taichi_erosion.evidence.models.predictor import paired_change
 GRID = 33  # strengths at which a single effect is integrated
 PAIR_GRID = 13  # per effect of a pair
 WIDTH = 4.0  # posterior sd that the fine part of the grid spans to either side
+BOUND = 1e-3  # of a prior sd, or of the maximum of a strength: closer to an end a number is called bound
 UNDERCUT, UNDERCUT_NOISY = 0.5, 2.0  # misfit by which an expansion may lie below the fit it starts from [1]
+MOST_LEVELS = 6  # observables whose sets of free levels are all tried
 NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best strength
 
 
@@ -62,6 +66,8 @@ class StrengthLikelihood:
     log_likelihood: Floats  # (columns,), calibrated numbers integrated out
     position: Floats  # (p, columns), best calibrated numbers
     covariance: Floats  # (p, p)
+    levels: Floats  # (q, columns), best free levels, in prior sd
+    level_covariance: Floats  # (..., q, q), the same for all columns or one for each
 
 
 @dataclass(frozen=True)
@@ -77,10 +83,12 @@ class ScoredHypothesis:
 class ProjectedResidual:
     """Whitened residual of a hypothesis, and the part that neither calibration nor effects can remove."""
 
-    whole: Floats  # (n,)
+    whole: Floats  # (n,), shared errors at their best
     stacked: Floats  # (n + p + q,), projected
     basis: Floats  # (n + p + q, p + q) of what is projected out
     scale: Floats  # (n,), whitening factor of every row
+    stuck: Bools  # (effects + p,), strengths and numbers at an end of their range that would leave it
+    promised: float  # misfit that the slopes promise to remove beyond what the fit has removed
 
     @property
     def free(self) -> Floats:
@@ -102,15 +110,49 @@ class ProjectedResidual:
         return (below - self.basis @ (self.basis.T @ below)).T
 
 
-def projected_residual(prepared: PreparedProblem, expansion: Expansion) -> ProjectedResidual:
-    """Residual of one hypothesis; strengths of its effects are fitted without a prior."""
+def projected_residual(
+    prepared: PreparedProblem, expansion: Expansion, released: bool = False
+) -> ProjectedResidual:
+    """Residual of one hypothesis; strengths of its effects are fitted without a prior.
+
+    What ends at a bound and would leave its range cannot move, and so removes no misfit (active set); with
+    `released` it may, which tells whether the range is what the misfit comes from.
+    """
     work = prepared.working(expansion.mean)
     scale, loose = work.weight / prepared.sd, expansion.local.shape[1]
     columns = np.hstack([expansion.local, expansion.jacobian]) * scale[:, np.newaxis]
-    part = projection(columns, expansion.shared * scale[:, np.newaxis], loose)
+    shared = expansion.shared * scale[:, np.newaxis]
     x = np.concatenate([np.zeros(loose), expansion.fit.x])
-    stacked = part.free(stack(work.residual, x, expansion.shared.shape[1]))
-    return ProjectedResidual(work.residual, stacked, part.basis, scale)
+    below = stack(work.residual, x, shared.shape[1])
+    stuck = (
+        np.zeros(x.size, dtype=np.bool_) if released else outward(prepared, expansion, columns, shared, below)
+    )
+    columns[:, stuck] = 0.0
+    part, alone = projection(columns, shared, loose), projection(0.0 * columns, shared, loose)
+    stacked, fixed = part.free(below), alone.free(below)
+    promised = (
+        float(fixed @ fixed) - float(stacked @ stacked) + float(np.sum(expansion.fit.x[~stuck[loose:]] ** 2))
+    )
+    return ProjectedResidual(fixed[: scale.size], stacked, part.basis, scale, stuck, promised)
+
+
+def outward(
+    prepared: PreparedProblem, expansion: Expansion, columns: Floats, shared: Floats, below: Floats
+) -> Bools:
+    """Strengths and numbers at an end of their range whose best values lie beyond it, the others free."""
+    fit, loose = expansion.fit, expansion.local.shape[1]
+    maxima = np.array([prepared.candidate(name).maximum for name in fit.names])
+    low = np.concatenate([fit.psi < BOUND * maxima, fit.x - prepared.low < BOUND])
+    high = np.concatenate([maxima - fit.psi < BOUND * maxima, prepared.high - fit.x < BOUND])
+    stuck = np.zeros(low.size, dtype=np.bool_)
+    for _ in range(low.size if np.any(low | high) else 0):
+        moving = np.where(stuck, 0.0, columns)
+        change = projection(moving, shared, loose).solve(below)[: low.size]
+        out = ~stuck & ((low & (change < 0.0)) | (high & (change > 0.0)))
+        if not out.any():
+            break
+        stuck |= out
+    return stuck
 
 
 def expand(prepared: PreparedProblem, best: Fit) -> Expansion:
@@ -266,7 +308,12 @@ def likelihood(
     floor = start + columns.penalty[columns.centre] - undercut
     misfit = np.maximum(found.misfit + columns.penalty, floor) - columns.penalty
     level = -float(np.sum(np.log(sd[~censored])))
-    return StrengthLikelihood(level - 0.5 * misfit + found.log_volume, found.position, found.covariance)
+    volume = found.log_volume
+    if prepared.levels:
+        volume = volume + log_level_share(found.levels, found.level_covariance)
+    return StrengthLikelihood(
+        level - 0.5 * misfit + volume, found.position, found.covariance, found.levels, found.level_covariance
+    )
 
 
 @dataclass(frozen=True)
@@ -277,6 +324,8 @@ class LeastSquares:
     log_volume: Floats  # (columns,), -1/2 ln |A| + ln box
     position: Floats  # (p, columns)
     covariance: Floats  # (p, p), at the best column
+    levels: Floats  # (q, columns)
+    level_covariance: Floats  # (q, q), or (columns, q, q)
 
 
 def least_squares(
@@ -285,11 +334,12 @@ def least_squares(
     """Closed form for rows that are all ordinary: one projection serves every column."""
     count, part = len(prepared.axes), projection(jacobian, shared)
     stacked = np.vstack([residual, -x, np.zeros((shared.shape[1], residual.shape[1]))])
-    free, covariance = part.free(stacked), part.covariance()[:count, :count]
-    change, sd = part.solve(stacked)[:count], np.sqrt(np.diag(covariance))[:, np.newaxis]
-    box = log_bound_share(prepared, x, change, sd)
+    free, whole, solved = part.free(stacked), part.covariance(), part.solve(stacked)
+    covariance, own = whole[:count, :count], slice(count, count + len(prepared.levels))
+    change, sd = solved[:count], np.sqrt(np.diag(covariance))[:, np.newaxis]
+    box = log_bound_share(prepared, x, change, sd) - 0.5 * part.log_determinant
     misfit = np.einsum("ij,ij->j", free, free)
-    return LeastSquares(misfit, box - 0.5 * part.log_determinant, x + change, covariance)
+    return LeastSquares(misfit, box, x + change, covariance, solved[own], whole[own, own])
 
 
 def censored_least_squares(
@@ -311,7 +361,49 @@ def censored_least_squares(
     change = step[:, :count].T
     sd = np.sqrt(np.einsum("cii->ic", inverse)[:count])
     volume = log_bound_share(prepared, x, change, sd) - 0.5 * np.linalg.slogdet(matrix)[1]
-    return LeastSquares(misfit, volume, x + change, inverse[int(np.argmin(misfit)), :count, :count])
+    best, own = int(np.argmin(misfit)), slice(count, count + len(prepared.levels))
+    return LeastSquares(
+        misfit, volume, x + change, inverse[best, :count, :count], step[:, own].T, inverse[:, own, own]
+    )
+
+
+def level_sets(count: int) -> tuple[list[list[int]], Floats]:
+    """Sets of levels that may be off while the others are 0, never none of them, and ln of their priors.
+
+    Of many observables only single ones, pairs, and all of them at once.
+    """
+    sizes = range(1, count + 1) if count <= MOST_LEVELS else (1, 2, count)
+    sets = [list(chosen) for size in sizes for chosen in combinations(range(count), size)]
+    each = levels.PRIOR_LEVEL_EACH
+    log_prior = np.array([len(c) * np.log(each) + (count - len(c)) * np.log1p(-each) for c in sets])
+    return sets, log_prior - log_sum_exp(log_prior)
+
+
+def log_level_sets(best: Floats, covariance: Floats) -> Floats:
+    """Ln evidence (sets, columns) with only some levels off over that with all of them free, priors included.
+
+        Z(S) / Z(all) = N(0; mu, C) / N(0; 0, 1)    over the levels that are not in S
+
+    Reference: Dickey (1971), Ann. Math. Stat. 42, 204.
+    """
+    sets, log_prior = level_sets(best.shape[0])
+    found = np.repeat(log_prior[:, np.newaxis], best.shape[1], axis=1)
+    for row, chosen in enumerate(sets):
+        rest = [k for k in range(best.shape[0]) if k not in chosen]
+        if rest:
+            part, mean = covariance[..., rest, :][..., rest], best[rest].T
+            squares = (
+                np.einsum("ci,...ij,cj->c", mean, np.linalg.inv(part), mean)
+                if part.ndim == 2
+                else np.einsum("ci,cij,cj->c", mean, np.linalg.inv(part), mean)
+            )
+            found[row] -= 0.5 * (squares + np.linalg.slogdet(part)[1])
+    return found
+
+
+def log_level_share(best: Floats, covariance: Floats) -> Floats:
+    """Ln evidence (columns,) averaged over the sets of levels that may be off, over that with all free."""
+    return log_sum_exp(log_level_sets(best, covariance), axis=0)
 
 
 def log_bound_share(prepared: PreparedProblem, x: Floats, change: Floats, sd: Floats) -> Floats:

@@ -1,24 +1,33 @@
 """All stages of the inference, in order: calibrate, screen, refit, weigh, decide."""
 
 from dataclasses import dataclass, replace
+from math import nan
 
 import numpy as np
+from scipy.special import expit
 
 from taichi_erosion.evidence.data.findings import NONE, MisfitPlace
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
-from taichi_erosion.evidence.inference import refit
+from taichi_erosion.evidence.inference import levels, refit
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain, log_score_gain
 from taichi_erosion.evidence.inference.familywise_test import DRAWS, FamilywiseTest, familywise_test, power
-from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places
+from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places, stuck_numbers
 from taichi_erosion.evidence.inference.levels import UNSTABLE, too_few_rows
-from taichi_erosion.evidence.inference.map_fit import Fit, fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import expand
+from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base
+from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import kernels
-from taichi_erosion.evidence.inference.posterior import Posterior, posterior_of
+from taichi_erosion.evidence.inference.posterior import Posterior, averaged, posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.screen import Screen, screen
-from taichi_erosion.evidence.inference.verdict import Decision, adequate_decision, best_hypothesis, decide
+from taichi_erosion.evidence.inference.verdict import (
+    Decision,
+    acting_decision,
+    adequate_decision,
+    best_hypothesis,
+    decide,
+)
 from taichi_erosion.evidence.models.predictor import seed_mean
 
 RANKING_DRAWS = 200  # of a null that only ranks
@@ -57,6 +66,23 @@ class FittedHypotheses:
 
 
 @dataclass(frozen=True)
+class Account:
+    """All hypotheses weighed on one account of the errors that rows share: as stated, or with free levels."""
+
+    fitted: FittedHypotheses
+    posterior: Posterior
+    test: FamilywiseTest
+    p_misfit: float
+    places: tuple[MisfitPlace, ...]  # of the bare model, worst first
+    warnings: tuple[str, ...]
+
+    @property
+    def least(self) -> float:
+        """Least chance of a misfit, in the whole or in one place."""
+        return min([self.p_misfit, *(place.p for place in self.places)])
+
+
+@dataclass(frozen=True)
 class Analysis:
     """Outcome of all stages."""
 
@@ -71,17 +97,84 @@ class Analysis:
     gains: dict[str, ScoreGain]  # of single effects, over left-out groups
     stability: float
     warnings: tuple[str, ...]
+    level_probability: float = 0.0  # that instrument or code is off at all conditions alike
+    p_misfit_stated: float = nan  # of the bare model with the stated errors, where levels are free
+    range_suffices: bool = False  # the misfit is gone if calibrated numbers may leave their ranges
 
 
 def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysis:
-    """All stages on one prepared problem."""
+    """All stages on one prepared problem.
+
+    Where the model fails, or an effect is seen, everything is weighed once more with the level of every
+    observable free: the commonest misfit is an instrument or a code that is off at all conditions alike.
+    """
+    stated = account(prepared, seed, progress)
+    freed, share = None, 0.0
+    if levels_matter(stated):
+        bare = stated.fitted
+        free = bare.prepared.with_free_levels(bare.prepared.level_widths(bare.base.expansion.mean))
+        freed = account(free, seed, progress, weighted=True)
+        share = level_share(stated.posterior.log_total, freed.posterior.log_total)
+    if freed is None:
+        return with_ranges(concluded(stated, stated.posterior, seed), stated)
+    if share > levels.LEVEL_ODDS:
+        posterior = averaged(freed.posterior, stated.posterior, 1.0 - share)
+        found = concluded(freed, posterior, seed)
+        found = replace(found, level_probability=share, p_misfit_stated=stated.p_misfit)
+        return with_ranges(found, freed)
+    found = concluded(stated, averaged(stated.posterior, freed.posterior, share), seed)
+    return with_ranges(replace(found, level_probability=share), stated)
+
+
+def with_ranges(found: Analysis, leading: Account) -> Analysis:
+    """The answer, withdrawn where the bare model with wider ranges explains the rows better than anything.
+
+    A number at an end of its range leaves a misfit that effects imitate: nothing is concluded on these then.
+    """
+    fitted = leading.fitted
+    if not levels.fails(found.p_misfit) or not stuck_numbers(fitted.prepared, fitted.base.expansion):
+        return found
+    prepared, base = fitted.prepared.with_wide_ranges(), fitted.base.fit
+    best = fit(prepared, (), [base.x, prepared.prior_mean])
+    wide = score(prepared, expand(prepared, best))
+    evidence = np.log(levels.PRIOR_RANGE) + log_sum_exp(prepared.doubt.log_weight + wide.log_evidence)
+    suffices = not levels.fails(misfit_p(prepared, wide.expansion)) and evidence > leading.posterior.log_total
+    if not suffices:
+        return found
+    return replace(
+        found,
+        range_suffices=True,
+        decision=Decision("not_testable"),
+        final=fitted.base,
+        p_misfit_after=found.p_misfit,
+    )
+
+
+def levels_matter(stated: Account) -> bool:
+    """Whether free levels could change the answer, and there are rows enough to tell them."""
+    enough = enough_for_levels(stated.fitted.prepared)
+    return enough and (levels.fails(stated.least) or stated.test.p < levels.FAMILYWISE_LEVEL)
+
+
+def enough_for_levels(prepared: PreparedProblem) -> bool:
+    """Whether there are more rows than calibrated numbers and levels together."""
+    return prepared.rows.size > len(prepared.axes) + len(list(prepared.by_observable()))
+
+
+def level_share(stated: float, freed: float) -> float:
+    """Probability that levels are off, from ln evidence with stated errors and with free levels."""
+    prior = levels.PRIOR_LEVEL
+    return float(expit(freed - stated + np.log(prior / (1.0 - prior))))
+
+
+def account(prepared: PreparedProblem, seed: int, progress: Progress, weighted: bool = False) -> Account:
+    """Fits, tests and probabilities of all hypotheses."""
     progress("calibrating the bare model", 0.05)
-    prepared, best, warnings = fit_base(prepared)
+    prepared, best, warnings = fit_base(prepared, weighted)
     expansion, family = expand(prepared, best), kernels(prepared)
     base = refit.scored_expansion(prepared, expansion, family)
     progress("making signatures", 0.15)
     screened = screen(prepared, expansion)
-    p_misfit, places = misfit_p(prepared, expansion), misfit_places(prepared, expansion)
     ranking = familywise_test(prepared, screened, np.ones(RANKING_DRAWS), seed)
     refits = refit.fit_singles(
         prepared, screened, refit.shortlist(prepared, screened, ranking), family, progress
@@ -93,14 +186,31 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
     weight = posterior.noise_weight / posterior.noise_weight.sum()
     factors = np.random.default_rng(seed + 1).choice(prepared.doubt.factor, size=DRAWS, p=weight)
     test = familywise_test(prepared, screened, factors, seed)
-    least = min([p_misfit, *(place.p for place in places)])
-    decision = initial_decision(fitted, posterior, test, least)
-    usable = [item for item in refits if len(item.names) == 1 and item.usable]
-    gains = {item.names[0]: log_score_gain(prepared, expansion, item.expansion) for item in usable}
+    p_misfit, places = misfit_p(prepared, expansion), misfit_places(prepared, expansion)
+    return Account(fitted, posterior, test, p_misfit, places, tuple(warnings))
+
+
+def concluded(found: Account, posterior: Posterior, seed: int) -> Analysis:
+    """The verdict on one account, probabilities averaged over both."""
+    fitted, prepared = found.fitted, found.fitted.prepared
+    base = fitted.base.expansion
+    decision = initial_decision(fitted, posterior, found.test, found.least)
+    usable = [item for item in fitted.refits if len(item.names) == 1 and item.usable]
+    gains = {item.names[0]: log_score_gain(prepared, base, item.expansion) for item in usable}
     stability, decision = seed_stability(fitted, decision)
     decision, final, p_left = final_decision(fitted, posterior, decision)
     return Analysis(
-        fitted, test, posterior, decision, final, p_misfit, p_left, places, gains, stability, tuple(warnings)
+        fitted,
+        found.test,
+        posterior,
+        decision,
+        final,
+        found.p_misfit,
+        p_left,
+        found.places,
+        gains,
+        stability,
+        found.warnings,
     )
 
 
@@ -121,7 +231,7 @@ def final_decision(
     names = best_hypothesis(posterior, fitted.refits, decision)
     final = next((item for item in fitted.refits if item.names == names), fitted.base)
     p_left = misfit_p(fitted.prepared, final.expansion)
-    kept = adequate_decision(decision, posterior, p_left)
+    kept = adequate_decision(acting_decision(decision, final), posterior, p_left)
     return (decision, final, p_left) if kept == decision else final_decision(fitted, posterior, kept)
 
 

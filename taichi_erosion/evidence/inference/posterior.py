@@ -4,22 +4,28 @@ The explanations are exclusive: nothing missing, one effect, two effects, someth
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Estimate
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Estimate, LevelShift
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import axis_value, effect_of
 from taichi_erosion.evidence.inference import levels
-from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, cell_width
+from taichi_erosion.evidence.inference.marginal_likelihood import (
+    BOUND,
+    ScoredHypothesis,
+    cell_width,
+    level_sets,
+    log_level_sets,
+)
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 TAIL = levels.INTERVAL_TAIL
 HALF_WIDTH = float(stats.norm.ppf(1.0 - TAIL))  # of a normal 90 % interval, in sd
-BOUND = 1e-3  # of a prior sd: closer to an end of its range a number is called bound
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,7 @@ class Posterior:
     inclusion: Mapping[str, float]  # effect -> probability that it acts at all
     log_bayes: Mapping[str, float]  # effect -> ln evidence over the base
     noise_weight: Floats  # of every noise factor
+    log_total: float = 0.0  # ln evidence of all explanations together
 
     @property
     def named(self) -> float:
@@ -70,7 +77,8 @@ def posterior_of(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Pos
     """Probabilities over all hypotheses, noise factors averaged."""
     doubt = prepared.doubt.log_weight
     joint = np.array([h.log_prior + doubt + h.log_evidence for h in hypotheses])
-    weight = np.exp(joint - log_sum_exp(joint))
+    total = log_sum_exp(joint)
+    weight = np.exp(joint - total)
     inclusion = {candidate.name: 0.0 for candidate in prepared.problem.candidates}
     probability: dict[str, float] = {NONE: 0.0, OUTSIDE: 0.0} | inclusion
     for hypothesis, share in zip(hypotheses, weight.sum(axis=1), strict=True):
@@ -80,7 +88,20 @@ def posterior_of(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Pos
             inclusion[name] += float(share)
     alone = {h.names: log_sum_exp(doubt + h.log_evidence) for h in hypotheses if not h.outside}
     factors = {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}
-    return Posterior(probability, inclusion, factors, weight.sum(axis=0))
+    return Posterior(probability, inclusion, factors, weight.sum(axis=0), float(total))
+
+
+def averaged(first: Posterior, other: Posterior, share: float) -> Posterior:
+    """Probabilities averaged over two accounts of the same measurements; `share` is that of the other one.
+
+    What belongs to one account alone, factors and noise, is that of the first.
+    """
+
+    def mixed(one: Mapping[str, float], two: Mapping[str, float]) -> dict[str, float]:
+        return {k: (1.0 - share) * one.get(k, 0.0) + share * two.get(k, 0.0) for k in {**one, **two}}
+
+    probability = mixed(first.probability, other.probability)
+    return replace(first, probability=probability, inclusion=mixed(first.inclusion, other.inclusion))
 
 
 def joint_weight(prepared: PreparedProblem, scored: ScoredHypothesis, with_prior: bool) -> Floats:
@@ -109,6 +130,57 @@ def strength_estimates(prepared: PreparedProblem, scored: ScoredHypothesis) -> d
         bound = value >= prepared.candidate(name).maximum * (1.0 - BOUND)
         found[name] = Estimate(value, min(low, value), max(high, value), bound)
     return found
+
+
+def level_shifts(prepared: PreparedProblem, scored: ScoredHypothesis) -> tuple[LevelShift, ...]:
+    """Levels that are off under one hypothesis, each with its interval, the less likely ones at 0."""
+    if not prepared.levels or not scored.likelihoods:
+        return ()
+    found = scored.likelihoods[int(np.argmax(prepared.doubt.log_weight + scored.log_evidence))]
+    column = int(np.argmax(found.log_likelihood))
+    mean, covariance = found.levels[:, column], found.level_covariance
+    covariance = covariance if covariance.ndim == 2 else covariance[column]
+    weight = log_level_sets(mean[:, np.newaxis], covariance)[:, 0]
+    weight = np.exp(weight - log_sum_exp(weight))
+    sets, _ = level_sets(mean.size)
+    chosen = sets[int(np.argmax(weight))]
+    rest = [k for k in range(mean.size) if k not in chosen]
+    gain = covariance[:, rest] @ np.linalg.inv(covariance[np.ix_(rest, rest)])
+    mean, covariance = mean - gain @ mean[rest], covariance - gain @ covariance[rest]
+    shifts = []
+    for k in range(mean.size):
+        probability = float(sum(w for w, each in zip(weight, sets, strict=True) if k in each))
+        reach = HALF_WIDTH * float(np.sqrt(max(covariance[k, k], 0.0)))
+        if k in chosen and probability > levels.TOLD_LEVEL and abs(mean[k]) > reach:
+            shifts.append(level_shift(prepared, k, mean[k] + reach * np.array([0.0, -1.0, 1.0]), probability))
+    return tuple(shifts)
+
+
+def level_shift(prepared: PreparedProblem, index: int, levels_off: Floats, probability: float) -> LevelShift:
+    """One level in words, from its value and the ends of its interval, in prior sd."""
+    name, table = prepared.levels[index], prepared.problem.measurements
+    observable = next(each for each in prepared.rows.observables if each.name == name)
+    own = prepared.rows.which == prepared.rows.observables.index(observable)
+    value, low, high = levels_off * float(np.max(prepared.rows.shared[own, index]))
+    kind: Literal["factor", "offset"] = "offset" if observable.transform == "identity" else "factor"
+    if kind == "offset":
+        unit = next((u for n, u in zip(table.observable, table.unit, strict=True) if n == name), "")
+        words = offset_words(value, low, high, unit)
+    else:
+        value, low, high = (float(np.exp(each)) for each in (value, low, high))
+        words = f"measured is {value:.3g} ({low:.3g} to {high:.3g}) times the model"
+    causes = "instrument, method, or contact law"
+    causes = f"unit, {causes}" if kind == "factor" and not 0.5 < value < 2.0 else causes
+    sure = "" if probability > levels.SURE_LEVEL else f" (probability {probability:.2g})"
+    sentence = f"{name}: {words} at all conditions alike{sure}: {causes}."
+    return LevelShift(name, kind, value, low, high, probability, sentence)
+
+
+def offset_words(value: float, low: float, high: float, unit: str) -> str:
+    """An offset with its interval."""
+    way = "higher" if value > 0.0 else "lower"
+    ends = (low, high) if value > 0.0 else (-high, -low)
+    return f"measured is {abs(value):.2g} {unit} ({ends[0]:.2g} to {ends[1]:.2g}) {way} than the model"
 
 
 def quantile(grid: Floats, share: Floats, level: float) -> float:

@@ -4,7 +4,7 @@ Seeds for fitting, for signatures and for scoring are disjoint: a residual and a
 noise of one run correlate by chance, and an effect that does nothing looks present.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,13 +22,16 @@ from taichi_erosion.evidence.data.problem import (
     Observable,
     Problem,
 )
-from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, parameter_axis
+from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, from_scale, parameter_axis
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
 
 PROBE_SEEDS = 4  # enough to see whether the model has noise at all, and how much
 NOISE_SHARE = 0.1  # of the laboratory's variance that the simulator's own may reach
 SCORING_FACTOR, SCORING_FACTOR_QUICK = 4, 2  # scoring seeds per fitting seed: scored once, fitted many times
 MOST_FITTING = 16
+LEVEL_WIDTHS = (0.05, 0.15, 0.5, 1.5, 4.5)  # prior sd of a free level: of ln factor, or over the typical size
+LEVEL_REACH = 1.5  # least prior sd over the level that the calibrated model leaves
+WIDER = 8.0  # prior sd beyond its range at which a calibrated number is tried: is the range to blame?
 UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions finite
 
 
@@ -53,6 +56,7 @@ class PreparedProblem:
     variance: Floats  # (n,), of a scored residual: laboratory, numerical, simulated mean
     doubt: NoiseLevelPrior
     warnings: tuple[str, ...]
+    levels: tuple[str, ...] = ()  # observables of free level: the first columns of the shared errors
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -99,6 +103,41 @@ class PreparedProblem:
             return self
         return replace(self, rows=replace(self.rows, shared=np.hstack([self.rows.shared, own])))
 
+    def with_free_levels(self, widths: Mapping[str, float]) -> "PreparedProblem":
+        """The same with one more number for each observable: how far all its rows lie above the model.
+
+        An offset, on a logarithmic scale a factor, with the prior sd of `widths` on the comparison scale;
+        declared errors that rows share become part of it.
+        """
+        columns, names = [], []
+        for observable, chosen in self.by_observable():
+            own = chosen[:, np.newaxis] * self.rows.shared
+            wide = widths.get(observable.name, 0.0) * level_shape(observable, self.rows.z)
+            columns.append(np.where(chosen, np.hypot(wide, np.sqrt(np.sum(own**2, axis=1))), 0.0))
+            names.append(observable.name)
+        rows = replace(self.rows, shared=np.column_stack(columns))
+        return replace(self, rows=rows, levels=tuple(names))
+
+    def level_widths(self, mean: Floats) -> dict[str, float]:
+        """Prior sd of every free level: the least of the scale that holds what a calibrated mean leaves."""
+        found = {}
+        for observable, chosen in self.by_observable():
+            z = self.rows.z[chosen]
+            typical = max(float(np.median(np.abs(z))), float(np.std(z)), 1e-300)
+            unit = typical if observable.transform == "identity" else 1.0
+            gap = np.nan_to_num(np.median(z - mean[chosen])) / unit
+            widths = [w for w in LEVEL_WIDTHS if w >= LEVEL_REACH * abs(gap)] or [LEVEL_WIDTHS[-1]]
+            found[observable.name] = widths[0] * unit
+        return found
+
+    def with_wide_ranges(self) -> "PreparedProblem":
+        """The same with the ranges of all calibrated numbers wider by WIDER prior sd, strengths apart."""
+        axes = tuple(
+            replace(axis, low=axis.low - WIDER, high=axis.high + WIDER) if axis.logarithmic else axis
+            for axis in self.axes
+        )
+        return replace(self, predictor=replace(self.predictor, axes=axes))
+
     def by_observable(self) -> Iterator[tuple[Observable, Bools]]:
         """Every observable that has rows, with the mask of its rows."""
         for index, observable in enumerate(self.rows.observables):
@@ -115,6 +154,13 @@ class PreparedProblem:
         if chosen is None:
             return np.ones(self.rows.size, dtype=np.bool_)
         return np.broadcast_to(np.asarray(chosen(self.rows.conditions), dtype=np.bool_), self.rows.size)
+
+
+def level_shape(observable: Observable, z: Floats) -> Floats:
+    """Change of the comparison scale per unit of a free level: 1, but less where a floor dominates."""
+    if observable.transform != "log_floor":
+        return np.ones(z.size)
+    return np.maximum(from_scale(observable, z), 0.0) * np.exp(-z)
 
 
 def bound_predictor(problem: Problem, rows: ComparisonRows) -> Predictor:

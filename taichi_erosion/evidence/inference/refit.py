@@ -16,7 +16,13 @@ from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.familywise_test import FamilywiseTest
 from taichi_erosion.evidence.inference.goodness_of_fit import explained_share, misfit_p, misfit_p_by_noise
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Fit, fit
-from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, ScoredHypothesis, expand, score
+from taichi_erosion.evidence.inference.marginal_likelihood import (
+    BOUND,
+    Expansion,
+    ScoredHypothesis,
+    expand,
+    score,
+)
 from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain
 from taichi_erosion.evidence.inference.posterior import Hypothesis, log_prior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
@@ -204,16 +210,18 @@ def hypotheses(
     """Every explanation with its evidence; candidates that were not refitted keep their screened one.
 
     Probability goes to those that are likelier than others, even where the measurements reject them all. So
-    a rejected one does not count for its names, but for something outside the list that it resembles.
+    a rejected one does not count for its names, but for something outside the list that it resembles. A
+    candidate that no measured condition lets act has no probability; the others share its prior.
     """
-    count, bare = len(prepared.problem.candidates), base.scored.log_evidence
+    able = {signature.name for signature in screened.signatures if np.any(signature.raw)}
+    count, bare = len(able), base.scored.log_evidence
     listed = [
         Hypothesis((), False, log_prior_of((), False, max(count, 1)), bare),
         Hypothesis((), True, log_prior_of((), True, max(count, 1)), bare + base.gain, rejected=True),
     ]
     done = {each.names for each in refits}
     for index, signature in enumerate(screened.signatures):
-        if (names := (signature.name,)) not in done:
+        if signature.name in able and (names := (signature.name,)) not in done:
             evidence = screened_evidence(base, test, refits, screened, index)
             listed.append(Hypothesis(names, False, log_prior_of(names, False, count), evidence))
     for each in refits:
@@ -223,7 +231,8 @@ def hypotheses(
         if len(each.names) == 1:
             share = explained_share(prepared, base.expansion, each.expansion)
             prior = log_prior_of(each.names, True, count)
-            rejected = rejected or not share > levels.EXPLAINED_SHARE
+            acts = bool(each.fit.psi[0] > BOUND * prepared.candidate(each.names[0]).maximum)
+            rejected = rejected or not (acts and share > levels.EXPLAINED_SHARE)
             listed.append(Hypothesis(each.names, True, prior, evidence + each.gain, rejected))
     return listed
 

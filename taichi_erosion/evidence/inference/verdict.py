@@ -9,6 +9,8 @@ from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.posterior import Posterior, label
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 
+IDLE = 1e-3  # strength below which an effect is taken not to act [1]
+
 
 @dataclass(frozen=True)
 class Decision:
@@ -57,17 +59,26 @@ def adequate_decision(decision: Decision, posterior: Posterior, p_left: float) -
     return decision
 
 
+def acting_decision(decision: Decision, final: FittedHypothesis) -> Decision:
+    """The decision without names whose fitted strength is 0: they explain nothing."""
+    idle = {name for name, strength in final.fit.acting().items() if strength < IDLE}
+    if decision.verdict != "present" or not idle & set(decision.named):
+        return decision
+    left = tuple(name for name in decision.named if name not in idle)
+    return Decision("present", left) if left else Decision("outside_library")
+
+
 def name_effects(posterior: Posterior, refits: list[FittedHypothesis]) -> Decision:
     """Effects that stand alone, and those among which the data do not decide."""
     mass = posterior.named
     share = {effect: value / mass for effect, value in posterior.inclusion.items()}
     ranked = sorted(share.items(), key=lambda item: -item[1])
     sure = [effect for effect, value in ranked if value >= levels.SURE and value * mass >= levels.ALONE]
-    rivals = equal_rivals(refits, sure)
+    rivals = [other for other in equal_rivals(refits, sure) if share.get(other, 0.0) > levels.PLAUSIBLE]
     if sure and not rivals and not second_effect_open(posterior, sure):
         return Decision("present", tuple(sure))
     group = tuple(dict.fromkeys([*credible_group(posterior), *sure, *rivals]))
-    return Decision("group", tuple(sure) if sure and not rivals else (group[0],), group)
+    return Decision("group", tuple(sure) if sure and not rivals else (), group)
 
 
 def second_effect_open(posterior: Posterior, sure: list[str]) -> bool:
