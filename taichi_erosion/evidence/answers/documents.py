@@ -98,8 +98,8 @@ def level_sentences(found: Discovery) -> list[str]:
         return []
     if not found.levels:
         return [
-            "The levels of the observables do not fit together, at no calibration: an instrument, a method, the "
-            "contact law or a range is off at all conditions alike; which one is open."
+            "The levels of the observables do not fit together, at no calibration: an instrument, a method, "
+            "the contact law or a range is off at all conditions alike; which one is open."
         ]
     told = [shift.sentence for shift in found.levels]
     for shift in found.levels:
