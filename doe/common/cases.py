@@ -114,7 +114,7 @@ def rows_of(case: Case, typed: str, document: dict[str, Any]) -> list[Row]:
             wall_s=round(document["wall_s"], 1),
             command=typed,
             versions="; ".join(f"{key} {version}" for key, version in document["versions"].items()),
-            note="; ".join(notes + found["notes"]),
+            note="; ".join(notes + found["notes"] + [each["sentence"] for each in found["shortfalls"]]),
         )
         for name, found in document["measures"].items()
     ]

@@ -81,16 +81,16 @@ def run_rows(document: Record) -> Iterator[tuple[str, ...]]:
 
 
 def run_warnings(document: Record) -> list[str]:
-    """Warnings with their number of replicas, then the notes of the measures."""
+    """What the set-up lacks, warnings with their number of replicas, then the notes of the measures."""
+    measures = document["measures"].items()
+    lacking = [
+        f"{name}: {each['sentence']}" for name, found in measures for each in found.get("shortfalls", ())
+    ]
     counts = Counter(sentence for replica in document["replicas"] for sentence in replica["warnings"])
     among = len(document["replicas"])
     warnings = [f"{sentence} ({count} of {among} replicas)" for sentence, count in counts.items()]
-    notes = [
-        f"{name}: {note}"
-        for name, measure in document["measures"].items()
-        for note in measure.get("notes", ())
-    ]
-    return warnings + notes
+    notes = [f"{name}: {note}" for name, measure in measures for note in measure.get("notes", ())]
+    return lacking + warnings + notes
 
 
 def print_measurement(record: Record) -> None:

@@ -9,6 +9,21 @@ import numpy as np
 
 
 @dataclass(frozen=True)
+class Shortfall:
+    """What a set-up lacks for one of its measures: rows of grains on a flank, hops, beds.
+
+    Where it `blocks`, the value says nothing; otherwise it has not converged and depends on the set-up.
+    """
+
+    flag: str
+    sentence: str
+    found: float
+    needed: float
+    blocks: bool
+    grains: int | None = None  # that would suffice, where more grains help
+
+
+@dataclass(frozen=True)
 class Measurement:
     """One measured number.
 
@@ -24,6 +39,7 @@ class Measurement:
     n: int = 1
     notes: tuple[str, ...] = ()
     details: dict[str, Any] = field(default_factory=dict)
+    shortfalls: tuple[Shortfall, ...] = ()
 
 
 def no_measurement(name: str, unit: str, reason: str) -> Measurement:
@@ -45,11 +61,20 @@ def pool(repeats: Sequence[Measurement]) -> Measurement:
     notes = tuple(dict.fromkeys(note for repeat in repeats for note in repeat.notes))
     if len(valid) < len(repeats):
         notes = (f"{len(repeats) - len(valid)} of {len(repeats)} repeats gave no value", *notes)
-    details = {"values": values, "flags": count_flags(valid)}
+    details, lacking = {"values": values, "flags": count_flags(valid)}, common_shortfalls(repeats)
     if not valid:
-        return Measurement(name, nan, nan, unit, n=0, notes=notes, details=details)
+        return Measurement(name, nan, nan, unit, 0, notes, details, lacking)
     sd = float(np.std(values, ddof=1)) if len(values) > 1 else valid[0].sd
-    return Measurement(name, float(np.mean(values)), sd, unit, len(values), notes, details)
+    return Measurement(name, float(np.mean(values)), sd, unit, len(values), notes, details, lacking)
+
+
+def common_shortfalls(repeats: Sequence[Measurement]) -> tuple[Shortfall, ...]:
+    """Shortfalls that at least half of the repeats have, each as the repeat in the middle has it."""
+    by_flag: dict[str, list[Shortfall]] = {}
+    for each in (each for repeat in repeats for each in repeat.shortfalls):
+        by_flag.setdefault(each.flag, []).append(each)
+    common = [found for found in by_flag.values() if 2 * len(found) >= len(repeats)]
+    return tuple(sorted(found, key=lambda each: each.found)[(len(found) - 1) // 2] for found in common)
 
 
 def count_flags(repeats: Sequence[Measurement]) -> dict[str, int]:

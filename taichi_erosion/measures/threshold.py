@@ -1,6 +1,6 @@
 """Thresholds of motion: brackets bed by bed, their pooled value, and the wind speed of a tunnel."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import exp, hypot, log, pi, sqrt
 
@@ -9,9 +9,12 @@ import scipy
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.boundary_layer import coles_speed, flat_plate_thickness
-from taichi_erosion.measures.result import Measurement, no_measurement, pool
+from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement, pool
+from taichi_erosion.measures.shortfalls import bed_shortfalls
 
 UNIT = "m s-1"
+# thresholds whose measurements hold no bracket
+THRESHOLDS = ("impact_threshold_linear", "threshold_ratio", "threshold_wind_speed")
 NOT_REACHED = "the search did not get that far"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
@@ -142,6 +145,7 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     of the likelihood with the limit n ln(1 + t^2 / (n - 1)), which for normal beds is Student's.
     """
     plain = pool(repeats)
+    plain = replace(plain, shortfalls=(*plain.shortfalls, *beds_lacking(plain, repeats)))
     brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
     if len(brackets) < 2:
         return plain
@@ -153,6 +157,12 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     found = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
     details = plain.details | {"interval": found}
     return replace(plain, value=exp(middle), sd=exp(middle) * spread, details=details)
+
+
+def beds_lacking(pooled: Measurement, repeats: Sequence[Measurement]) -> Iterator[Shortfall]:
+    """What a pooled threshold lacks, of brackets or from a line; other measures lack no beds."""
+    if pooled.name in THRESHOLDS or any({"low", "high"} <= set(repeat.details) for repeat in repeats):
+        yield from bed_shortfalls(pooled)
 
 
 def log_likelihood(ends: Floats, middle: float, scale: Floats) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures.result import Measurement, no_measurement
+from taichi_erosion.measures.shortfalls import drift_shortfalls
 
 BLOCKS = 8  # of a time series: each so long that their means are nearly independent
 LEAST_FRAMES = 16  # two a block
@@ -66,8 +67,10 @@ def blocked(name: str, series: Sequence[float], unit: str) -> Measurement:
     means = [float(np.mean(block)) for block in np.array_split(np.asarray(series), BLOCKS)]
     error = float(np.std(means, ddof=1)) / sqrt(BLOCKS)
     drift = (means[-1] + means[-2] - means[0] - means[1]) / 2.0
-    notes = ("the mean drifts over the window by more than its scatter",) if abs(drift) > 4.0 * error else ()
-    return Measurement(name, float(np.mean(series)), error, unit, notes=notes, details={"blocks": means})
+    lacking = tuple(drift_shortfalls(drift, error))
+    return Measurement(
+        name, float(np.mean(series)), error, unit, details={"blocks": means}, shortfalls=lacking
+    )
 
 
 def flux(frames: Sequence[Snapshot], patch: Patch) -> Measurement:

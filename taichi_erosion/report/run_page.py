@@ -86,7 +86,9 @@ def measured_value(wanted: Document) -> dict[str, Any]:
 def simulated_value(record: Document) -> dict[str, Any]:
     """Text, unit and notes of a pooled measure."""
     value, sd = (nan if record[key] is None else record[key] for key in ("value", "sd"))
-    return {"text": with_spread(value, sd, record["n"]), "unit": record["unit"], "notes": record["notes"]}
+    lacking = [each["sentence"] for each in record.get("shortfalls", ())]
+    notes = [*lacking, *record["notes"]]
+    return {"text": with_spread(value, sd, record["n"]), "unit": record["unit"], "notes": notes}
 
 
 def sentences(document: Document) -> Iterator[str]:

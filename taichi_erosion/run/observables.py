@@ -1,12 +1,13 @@
 """Observables by name: the measure of each, and the input that measures receive."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from math import inf
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import inf, nan
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
-from taichi_erosion.measures import drum_and_incline, heap, repose, splash, threshold, wind_bed
-from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures import drum_and_incline, heap, repose, shortfalls, splash, threshold, wind_bed
+from taichi_erosion.measures.result import Measurement, Shortfall
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.build.air import surface_height
 from taichi_erosion.scene.build.sizes import nominal_diameter
@@ -57,7 +58,7 @@ class MeasureInput:
     def azimuths(self) -> int:
         return self.request.azimuths or AZIMUTHS
 
-    @property
+    @cached_property
     def landings(self) -> splash.Splash:
         """Landings of grains in the frames."""
         return splash.splash(self.frames, self.patch, self.scene.gravity.magnitude)
@@ -121,5 +122,54 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
 }
 
 
+def heap_shortfalls(given: MeasureInput, found: Measurement) -> Iterable[Shortfall]:
+    """Whether the heap is large enough for an angle."""
+    state = given.end
+    if heap.defect(state):
+        return ()
+    height = found.details.get("height") or heap.pile_height(state, given.base_height).value
+    rows = shortfalls.flank_rows(height, heap.grain_diameter(state))
+    measured = given.scene.measured.get(found.name)
+    wanted = nan if measured is None else measured.value
+    poured = given.scene.fill.law == "pour"
+    return shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, found.value)
+
+
+def surface_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+    """Whether the surface in a drum is wide enough for a slope."""
+    wall = given.scene.geometry.get(given.request.plate or "")
+    if not isinstance(wall, Cylinder) or heap.defect(given.end):
+        return ()
+    width = 2.0 * drum_and_incline.MIDDLE_SHARE * wall.radius
+    return shortfalls.surface_shortfalls(width / heap.grain_diameter(given.end))
+
+
+def hop_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+    """Whether enough hops carry what is measured."""
+    return shortfalls.hop_shortfalls(len(given.landings.impacts)) if given.frames else ()
+
+
+def touching_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+    """Whether the grains fall freely."""
+    return shortfalls.touching_shortfalls(float((given.end.contacts > 0).mean()))
+
+
+LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] = {
+    "repose_angle": heap_shortfalls,
+    "cone_angle": heap_shortfalls,
+    "angle_of_repose": heap_shortfalls,
+    "dynamic_angle": surface_shortfalls,
+    "settling_velocity": touching_shortfalls,
+    "flux": hop_shortfalls,
+    "flux_height": hop_shortfalls,
+    "rebound_share": hop_shortfalls,
+    "rebound_speed": hop_shortfalls,
+    "ejecta_share": hop_shortfalls,
+}
+
+
 def measure(name: str, given: MeasureInput) -> Measurement:
-    return OBSERVABLES[name](given)
+    """The measurement, with what the set-up lacks for it."""
+    found = OBSERVABLES[name](given)
+    lacking = LACKING[name](given, found) if name in LACKING else ()
+    return replace(found, shortfalls=(*found.shortfalls, *lacking))

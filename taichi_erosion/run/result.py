@@ -5,8 +5,10 @@
     seed            of the first replica
     replicas        [{seed, measures, warnings, stopped, time}]: `stopped` is null or the name of a Status in
                     small letters, `time` is simulated [s], `warnings` end with the reason of a stop
-    measures        {observable: {name, value, sd, unit, n, notes, details}}, pooled over replicas; a replica
-                    has its own `measures` in the same form
+    measures        {observable: {name, value, sd, unit, n, notes, details, shortfalls}}, pooled over
+                    replicas; a replica has its own, in the same form; `shortfalls` [{flag, sentence, found,
+                    needed, blocks, grains}] say what the set-up lacks for the value, which says nothing where
+                    one `blocks`
     measured        {observable: {value, sd, n, source}}: values of a laboratory that the scene states
     grain_steps     released grains times steps; `cell_steps` for air alone
     wall_s          wall time [s]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
-from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.result import Measurement, Shortfall
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.result import plain
@@ -96,14 +96,19 @@ def restore_replica(state_out: ReplicaState, record: dict[str, Any], arrays: Arr
     failed = record["failure"]
     state_out.failure = failed and Failure(**failed | {"status": Status(failed["status"])})
     state_out.measurements = {
-        name: Measurement(**fields | {"notes": tuple(fields["notes"])})
-        for name, fields in record["measurements"].items()
+        name: restored_measurement(fields) for name, fields in record["measurements"].items()
     }
     state_out.frames = unpack_frames(without_prefix("frame_", arrays))
     airs = without_prefix("air_", arrays)
     rows = zip(*(airs[name] for name in AIR_COLUMNS), strict=True) if airs else ()
     state_out.airs = [AirProfile(**dict(zip(AIR_COLUMNS, row, strict=True))) for row in rows]
     state_out.search = record["search"] and restored_search(record["search"], arrays, scene)
+
+
+def restored_measurement(fields: dict[str, Any]) -> Measurement:
+    """Inverse of `asdict` on a measurement."""
+    lacking = tuple(Shortfall(**each) for each in fields.get("shortfalls", ()))
+    return Measurement(**fields | {"notes": tuple(fields["notes"]), "shortfalls": lacking})
 
 
 def restored_search(record: dict[str, Any], arrays: Arrays, scene: Scene) -> ThresholdSearch:

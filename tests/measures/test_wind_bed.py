@@ -36,7 +36,7 @@ def test_the_error_of_a_mean_counts_that_neighbours_in_time_are_alike():
     found = wind_bed.blocked("flux", slow.tolist(), "kg m-1 s-1")
     assert found.sd == pytest.approx(1.0 / 8.0, rel=0.6)
     drifting = wind_bed.blocked("flux", np.linspace(1.0, 2.0, 64).tolist(), "kg m-1 s-1")
-    assert drifting.notes
+    assert [each.flag for each in drifting.shortfalls] == ["drift"]
     assert wind_bed.blocked("flux", [1.0] * 5, "kg m-1 s-1").n == 0
 
 

@@ -1,0 +1,115 @@
+"""What a measure needs of its set-up, as bounds that come from tables of runs or from closed forms.
+
+A heap needs a flank. Between the ends of a fitted line lie
+
+    r = (0.75 H - max(0.15 H, 1.25 d)) / d
+
+rows of grains, with H the height of the heap and d the grain diameter [m]: a number of the heap's geometry,
+whatever its soil. With fewer than `LEAST_ROWS` an angle says nothing: poured heaps of 1.3 rows read 5 and 11
+deg where those of 10 rows of the same grains read 36, and outlines of collapsed columns of 1.2 rows read 17
+instead of 24 deg with a scatter of 3. Angles of poured heaps go on growing up to the largest that was
+simulated: 28, 30 and 36 deg at 5, 7 and 10 rows; those of columns change by 2 deg at most beyond 2 rows.
+The grains of a heap of slope t and height H are at most
+
+    N = c (H / d)^3 / tan(t)^2,    c = 2.4,
+
+c the largest of all these heaps, of which a cone without stray grains has pi / 3 (6 / pi) 0.58 = 1.2.
+
+Reference: doe/repose_sensitivity/results.csv and doe/heap_size/results.csv.
+"""
+
+from collections.abc import Iterator
+from math import ceil, isfinite, log10, radians, sqrt, tan
+
+from taichi_erosion.measures.result import Measurement, Shortfall
+from taichi_erosion.measures.silhouette import FOOT_GRAINS, FOOT_SHARE, SHOULDER_SHARE, fit_window
+
+LEAST_ROWS = 3.0  # of grains on a flank, below which there is no angle [1]
+POURED_LEAST = 5.0  # of a poured heap, from which 3,000 grains read 28 to 30 deg [1]
+POURED_ROWS = 10.0  # up to which the angle of a poured heap grows in doe/repose_sensitivity [1]
+POURED_TEXT = "angles of poured heaps grow with their size: 28, 30 and 36 deg at 5, 7 and 10 rows"
+HEAP_FACTOR = 2.4  # c above [1]
+USUAL_ANGLE = 30.0  # deg, where neither a measured nor a simulated one is known
+LEAST_ANGLE = 5.0  # deg, below which the estimate of N would be absurd
+LEAST_HOPS = 50  # exponential hops make a flux within sqrt(2 / n) = 20 % [1]
+MOST_DRIFT = 4.0  # standard errors of the mean between the two ends of a window [1]
+LEAST_BINS = 6  # a surface of n bins, each off by up to half a grain, slopes within 1 / sqrt(n^3 - n) = 4 deg
+LEAST_BEDS = 5  # beds scatter by 11 % (doe/wind/fluid.csv): the 95 % interval of five is 14 % to either side
+
+
+def flank_rows(height: float, diameter: float) -> float:
+    """Rows of grains between the ends of a fitted flank [1]."""
+    low, high = fit_window(height, diameter)
+    return max(high - low, 0.0) / diameter
+
+
+def height_for(rows: float) -> float:
+    """Height of a heap with so many rows on its flank [diameters]: the inverse of `flank_rows`."""
+    return max((rows + FOOT_GRAINS) / SHOULDER_SHARE, rows / (SHOULDER_SHARE - FOOT_SHARE))
+
+
+def grains_for(rows: float, angle: float) -> int:
+    """Grains that suffice for a heap of this angle [deg] with so many rows, to two digits, rounded up."""
+    slope = tan(radians(max(angle, LEAST_ANGLE)))
+    count = HEAP_FACTOR * height_for(rows) ** 3 / slope**2
+    unit = 10 ** (int(log10(count)) - 1)
+    return ceil(count / unit) * unit
+
+
+def heap_shortfalls(
+    rows: float, grains: int, poured: bool, angle: float, simulated: float
+) -> Iterator[Shortfall]:
+    """Shortfalls of an angle of repose; `angle` [deg] is the one to be reached, NaN where it is unknown."""
+    wanted = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
+    if rows >= (POURED_ROWS if poured else LEAST_ROWS):
+        return
+    small = rows < LEAST_ROWS
+    least = LEAST_ROWS if not poured else POURED_LEAST if small else POURED_ROWS
+    enough = max(grains_for(least, wanted), grains + 1)
+    told = f"{rows:.1f} rows of grains on its flank"
+    advice = f"use at least {enough:,} grains ({grains:,} now)"
+    if small:
+        words = f"the heap is too small for its angle: {told}, {LEAST_ROWS:g} are needed; {advice}"
+        yield Shortfall("small_heap", words, rows, LEAST_ROWS, True, enough)
+        return
+    words = f"the angle has not converged: {told}, and {POURED_TEXT}; {advice}"
+    yield Shortfall("growing_angle", words, rows, POURED_ROWS, False, enough)
+
+
+def hop_shortfalls(hops: int) -> Iterator[Shortfall]:
+    """Shortfall of a measure of transport that rests on few hops; without any hop nothing moves at all."""
+    if 0 < hops < LEAST_HOPS:
+        off = 100.0 * sqrt(2.0 / hops)
+        words = f"{hops} hops carry it, so that chance moves it by {off:.0f} %; {LEAST_HOPS} are needed: a "
+        yield Shortfall("few_hops", f"{words}longer stage or a larger patch", hops, LEAST_HOPS, False)
+
+
+def surface_shortfalls(bins: float) -> Iterator[Shortfall]:
+    """Shortfall of the slope of a surface that is few grains wide."""
+    if bins < LEAST_BINS:
+        words = (
+            f"the surface is {bins:.0f} grains wide, {LEAST_BINS} are needed: a larger drum or finer grains"
+        )
+        yield Shortfall("narrow_surface", words, bins, LEAST_BINS, True)
+
+
+def drift_shortfalls(drift: float, error: float) -> Iterator[Shortfall]:
+    """Shortfall of a mean over a window at whose end the state still changes."""
+    if abs(drift) > MOST_DRIFT * error:
+        words = "the mean drifts over the window by more than its scatter: a later or longer window"
+        yield Shortfall("drift", words, abs(drift) / error, MOST_DRIFT, False)
+
+
+def touching_shortfalls(share: float) -> Iterator[Shortfall]:
+    """Shortfall of a settling velocity where grains rest on each other."""
+    if share > 0.5:
+        words = f"{share:.0%} of the grains touch others or a wall: they do not settle; end the stage earlier"
+        yield Shortfall("touching", words, share, 0.5, True)
+
+
+def bed_shortfalls(pooled: Measurement) -> Iterator[Shortfall]:
+    """Shortfall of a threshold that rests on few beds."""
+    if 0 < pooled.n < LEAST_BEDS:
+        beds = "one bed" if pooled.n == 1 else f"{pooled.n} beds"
+        words = f"it rests on {beds}, and single beds scatter by 11 %; use at least --replicas {LEAST_BEDS}"
+        yield Shortfall("few_beds", words, pooled.n, LEAST_BEDS, False)

@@ -1,0 +1,125 @@
+"""Bounds of what a set-up needs for a measure: their tables, their closed forms, and when they speak."""
+
+from csv import DictReader
+from math import nan, radians, tan
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_erosion.measures import shortfalls
+from taichi_erosion.measures.result import Measurement, Shortfall, pool
+from taichi_erosion.measures.threshold import pool_beds
+
+DOE = Path(__file__).parents[2] / "doe"
+FUNNEL_GRAIN = 2.795e-3  # m, volume median of the grains of scenes/funnel_repose.toml
+COLUMN_GRAIN = 1.5e-3  # m
+
+
+def heaps(table: str, grain: float) -> list[dict[str, float]]:
+    """Dry heaps of a table: grains, angle, rows on the flank, height over diameter."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    counts: dict[tuple[str, str], int] = {}
+    with (DOE / table).open(encoding="utf-8", newline="") as file:
+        for row in DictReader(file):
+            found.setdefault((row["group"], row["label"]), {})[row["observable"]] = row["value"]
+            counts[row["group"], row["label"]] = int(row["grains"])
+    kept = []
+    for case, values in found.items():
+        if "adhesion" in case[0] or "energy" in case[0] or "grain size" in case[0]:
+            continue
+        height = float(values["pile_height"]) / grain
+        rows = shortfalls.flank_rows(height, 1.0)
+        angle = float(values["repose_angle"])
+        kept.append({"grains": counts[case], "angle": angle, "rows": rows, "height": height})
+    return kept
+
+
+FUNNELS = heaps("repose_sensitivity/results.csv", FUNNEL_GRAIN)
+COLUMNS = heaps("heap_size/results.csv", COLUMN_GRAIN)
+
+
+def test_poured_heaps_of_too_few_rows_read_a_third_of_the_angle_of_the_largest():
+    largest = max(FUNNELS, key=lambda heap: heap["grains"])
+    small = [heap for heap in FUNNELS if heap["rows"] < shortfalls.LEAST_ROWS]
+    assert small
+    assert all(heap["angle"] < largest["angle"] / 3.0 for heap in small)
+    assert largest["rows"] == pytest.approx(shortfalls.POURED_ROWS, rel=0.02)
+
+
+def test_the_stated_angles_of_poured_heaps_are_those_of_the_table():
+    told = [(28.0, 5.0), (30.0, 7.0), (36.0, 10.0)]
+    for angle, rows in told:
+        near = [heap for heap in FUNNELS if abs(heap["rows"] - rows) < 0.5]
+        assert any(heap["angle"] == pytest.approx(angle, abs=0.5) for heap in near)
+
+
+def test_columns_of_enough_rows_have_the_angle_of_larger_ones():
+    enough = [heap for heap in COLUMNS if heap["rows"] >= shortfalls.LEAST_ROWS]
+    assert len(enough) >= 3
+    spread = np.ptp([heap["angle"] for heap in enough])
+    assert spread < 15.0, "three soils"
+
+
+def test_no_heap_of_the_tables_needed_more_grains_than_the_estimate():
+    for heap in (*FUNNELS, *COLUMNS):
+        factor = heap["grains"] * tan(radians(heap["angle"])) ** 2 / heap["height"] ** 3
+        assert factor <= shortfalls.HEAP_FACTOR * 1.01  # the constant has two digits
+
+
+@pytest.mark.parametrize("rows", [1.0, 3.0, 5.0, 8.0, 20.0])
+def test_the_height_for_some_rows_has_as_many(rows):
+    assert shortfalls.flank_rows(shortfalls.height_for(rows), 1.0) == pytest.approx(rows)
+
+
+def test_a_flatter_or_larger_heap_needs_more_grains():
+    assert shortfalls.grains_for(3.0, 20.0) > shortfalls.grains_for(3.0, 35.0)
+    assert shortfalls.grains_for(6.0, 30.0) > 3.0 * shortfalls.grains_for(3.0, 30.0)
+
+
+def flags(found) -> list[tuple[str, bool]]:
+    return [(each.flag, each.blocks) for each in found]
+
+
+def test_a_heap_is_told_its_size_by_its_rows_and_by_how_it_was_made():
+    assert flags(shortfalls.heap_shortfalls(1.4, 1000, True, 33.5, 11.0)) == [("small_heap", True)]
+    assert flags(shortfalls.heap_shortfalls(5.1, 3000, True, 33.5, 29.7)) == [("growing_angle", False)]
+    assert flags(shortfalls.heap_shortfalls(5.1, 3000, False, 33.5, 29.7)) == []
+    assert flags(shortfalls.heap_shortfalls(12.0, 40_000, True, 33.5, 36.0)) == []
+
+
+def test_the_advice_is_for_the_measured_angle_and_always_more_grains():
+    (known,) = shortfalls.heap_shortfalls(1.4, 1000, True, 33.5, 3.6)
+    (unknown,) = shortfalls.heap_shortfalls(1.4, 1000, True, nan, nan)
+    assert known.grains == shortfalls.grains_for(shortfalls.POURED_LEAST, 33.5)
+    assert unknown.grains == shortfalls.grains_for(shortfalls.POURED_LEAST, shortfalls.USUAL_ANGLE)
+    assert f"use at least {known.grains:,} grains (1,000 now)" in known.sentence
+    (steep,) = shortfalls.heap_shortfalls(2.9, 90_000, False, 60.0, 60.0)
+    assert steep.grains == 90_001
+
+
+def test_few_hops_are_told_and_no_hop_is_no_transport():
+    assert flags(shortfalls.hop_shortfalls(12)) == [("few_hops", False)]
+    assert flags(shortfalls.hop_shortfalls(0)) == flags(shortfalls.hop_shortfalls(50)) == []
+
+
+def test_a_threshold_of_few_beds_is_told():
+    beds = [
+        Measurement("fluid_threshold", 0.3, 0.01, "m s-1", details={"low": 0.29 + k, "high": 0.31 + k})
+        for k in (0.0, 0.01, 0.02, 0.03, 0.04)
+    ]
+    assert flags(pool_beds(beds).shortfalls) == []
+    assert (
+        flags(pool_beds(beds[:2]).shortfalls)
+        == flags(pool_beds(beds[:1]).shortfalls)
+        == [("few_beds", False)]
+    )
+    assert flags(pool_beds([Measurement("flux", 1.0, 0.1, "kg m-1 s-1")]).shortfalls) == []
+
+
+def test_a_shortfall_of_half_of_the_repeats_is_one_of_the_result():
+    lacking = Shortfall("small_heap", "too small", 1.0, 3.0, True, 900)
+    good = Measurement("repose_angle", 30.0, 1.0, "deg")
+    bad = Measurement("repose_angle", 10.0, 1.0, "deg", shortfalls=(lacking,))
+    assert pool([good, bad]).shortfalls == (lacking,)
+    assert pool([good, good, bad]).shortfalls == ()
