@@ -67,6 +67,11 @@ class ObservableEntry(Section):
         0.0, "unit of the observable", "tolerance for box, time step, coarse graining", 0.0, LARGEST
     )
 
+    same_size: bool = Field(
+        default=False,
+        description="the laboratory's heap has as many grains as the scene's: a small one is no fault",
+    )
+
     @model_validator(mode="after")
     def _floor_is_above_zero(self) -> "ObservableEntry":
         if self.transform == "log_floor" and not self.floor:

@@ -158,6 +158,7 @@ def answer(
 
 def print_comparison(document: Record) -> None:
     """Print whether the model agrees, where it fails, and the misfit of every observable."""
+    print_lines(document["set_up"], "set-up: ")
     typer.echo(agreement(document))
     failing = [place["sentence"] for place in document["where"] if fails(place["p"])]
     print_lines(level["sentence"] for level in document["levels"])
@@ -192,6 +193,7 @@ def agreement(document: Record) -> str:
 
 def print_discovery(document: Record) -> None:
     """Print the verdict, the table of candidates, and the limits of the result."""
+    print_lines(document["set_up"], "set-up: ")
     print_lines(document["sentences"])
     print_table("candidates", CANDIDATE_COLUMNS, candidate_rows(document["effects"]))
     typer.echo("probabilities: " + probabilities(document["probabilities"]))
@@ -220,6 +222,7 @@ def candidate_rows(effects: Record) -> Iterator[tuple[str, ...]]:
 
 def print_adoption(document: Record) -> None:
     """Print the error before and after adoption, with two control effects."""
+    print_lines(document["set_up"], "set-up: ")
     typer.echo(document["sentence"])
     rows = []
     for key, label in {"base": "before", "added": f"with {document['effect']}", **CONTROLS}.items():
@@ -240,6 +243,7 @@ def print_adoption(document: Record) -> None:
 
 def print_experiments(document: Record) -> None:
     """Print experiments in order of information per cost."""
+    print_lines(document["set_up"], "set-up: ")
     experiments = document["next_experiments"]
     typer.echo(document["sentence"])
     for rank, experiment in enumerate(experiments, 1):

@@ -50,7 +50,7 @@ def height_for(rows: float) -> float:
 
 def grains_for(rows: float, angle: float) -> int:
     """Grains that suffice for a heap of this angle [deg] with so many rows, to two digits, rounded up."""
-    slope = tan(radians(max(angle, LEAST_ANGLE)))
+    slope = tan(radians(max(angle, LEAST_ANGLE) if isfinite(angle) else USUAL_ANGLE))
     count = HEAP_FACTOR * height_for(rows) ** 3 / slope**2
     unit = 10 ** (int(log10(count)) - 1)
     return ceil(count / unit) * unit

@@ -13,7 +13,6 @@ from taichi_erosion.evidence.answers import documents
 from taichi_erosion.evidence.answers.adopt import adopt
 from taichi_erosion.evidence.answers.adopted_files import refuse_foreign_files, write_adopted_files
 from taichi_erosion.evidence.answers.compare import compare
-from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.answers.documents import Command, Document
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
 from taichi_erosion.evidence.answers.rounds import (
@@ -25,7 +24,8 @@ from taichi_erosion.evidence.answers.rounds import (
     last_budget,
     required_points,
 )
-from taichi_erosion.evidence.data.findings import Adoption, Discovery, HypothesisFit
+from taichi_erosion.evidence.answers.set_up import WAITS, blocked, discovery, sentences, set_up_faults
+from taichi_erosion.evidence.data.findings import Adoption, Discovery, HypothesisFit, SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, StudyOptions, load_study
@@ -55,7 +55,8 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
             "compare", lambda ready: compare(ready.problem, progress, seed), comparison_points
         )
         found, ready = answered(study, last_budget(study), question, progress)
-        return stored(ready, "compare", documents.record(found), start)
+        faults = set_up_faults(ready, found.rows, found.parameters, found.warnings)
+        return stored(ready, "compare", documents.record(replace(found, faults=faults)), start)
 
 
 def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Document:
@@ -65,7 +66,7 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
         seed, spent = study.file.study.seed, study.problem.budget.name
 
         def answer(ready: Study) -> Discovery:
-            return discover(ready.problem, seed, ready.problem.budget, progress)
+            return discovery(ready, seed, progress)
 
         question = Question("discover", answer, discovery_points, names_of(study), required=required_points)
         found, ready = answered(study, spent, question, progress)
@@ -101,6 +102,8 @@ def adopt_study(
             count = record_opening(study.results, study.digest, effect)
         written = write_adopted_files(study, found, force)
         document = documents.adopt_document(found, count, [str(file) for file in written])
+        faults = set_up_faults(ready, found.base.rows, found.base.parameters, ())
+        document |= {"faults": documents.plain([asdict(each) for each in faults])}
         before = list(study.file.adopted)
         if not documents.ladder(study.results):
             documents.extend_ladder(study.results, rung(before, found.base))
@@ -115,19 +118,20 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         seed, budget = study.file.study.seed, last_budget(study)
 
         def answer(ready: Study) -> Discovery:
-            found = discover(ready.problem, seed, ready.problem.budget, progress)
-            return with_experiments(ready, found)
+            return with_experiments(ready, discovery(ready, seed, progress))
 
         question = Question("next", answer, discovery_points, names_of(study), ahead=True)
         found, ready = answered(study, budget, question, progress)
         experiments = documents.plain([asdict(each) for each in found.next_experiments])
         document = {"next_experiments": experiments, "sentence": found.next_sentence}
+        document |= {"faults": documents.plain([asdict(each) for each in found.faults])}
         return stored(ready, "next", document, start)
 
 
 def stored(study: Study, command: Command, document: Document, start: float) -> Document:
     """A document in the results folder, with its study and what all of it has cost."""
     document = documents.study_document(study) | document
+    document |= {"set_up": sentences([SetUpFault(**each) for each in document["faults"]])}
     if study.simulations is not None:
         document |= {"runs": study.simulations, "wall_s": perf_counter() - start}
     documents.write_document(documents.document_file(study.results, study.path.stem, command), document)
@@ -140,7 +144,9 @@ def names_of(study: Study) -> list[str]:
 
 
 def with_experiments(study: Study, found: Discovery) -> Discovery:
-    """A discovery with the experiments that the study's laboratory could make next."""
+    """A discovery with the experiments that the laboratory could make; none while its verdict waits."""
+    if blocked(found.faults):
+        return replace(found, next_sentence=WAITS)
     stated = study.file.laboratory
     laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
     told = next_experiments(study.problem, found, laboratory)

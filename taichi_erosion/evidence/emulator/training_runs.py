@@ -14,9 +14,10 @@ from math import isfinite
 import numpy as np
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import RunRequest, request_of
 from taichi_erosion.core.effect import read_params
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.problem import (
     Budget,
     Candidate,
@@ -38,6 +39,7 @@ from taichi_erosion.evidence.emulator.emulator import (
     condition_scales,
     fit_emulators,
 )
+from taichi_erosion.evidence.emulator.run_faults import run_faults
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
@@ -216,17 +218,24 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         progress=lambda share, words: progress(f"simulating: {words}", share),
     )
     emulators: dict[str, ObservableEmulator] = {}
+    faults: list[SetUpFault] = []
     for scene in training.scenes:
         own = [k for k, run in enumerate(runs) if run.scene == scene.measure.scene]
         inputs = emulator_inputs(study.problem, scene)
         trained = [(runs[k], results[k]) for k in own]
-        emulators |= fit_emulators(inputs, trained, study.problem.observables)
-    notes = (*run_notes(results, requests), *inactive_notes(training), *refused, *emulator_notes(emulators))
+        faults += run_faults(study, scene, trained)
+        try:
+            emulators |= fit_emulators(inputs, trained, study.problem.observables)
+        except SimulationStopped as error:
+            told = [fault.sentence for fault in faults if fault.blocks]
+            raise SimulationStopped("; ".join([*told, str(error)])) from None
+    notes = (run_note(requests), *inactive_notes(training), *refused, *emulator_notes(emulators))
     return replace(
         study,
         problem=emulated_problem(study.problem, Emulator(emulators)),
         notes=(*study.notes, *notes),
         simulations=len({request.key for request in requests}),
+        faults=tuple(faults),
     )
 
 
@@ -273,14 +282,9 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
     return replace(problem, model=mapped, uncertainty=uncertainty, budget=Budget("full", 10**6))
 
 
-def run_notes(results: Sequence[RunResult], requests: Sequence[RunRequest]) -> list[str]:
-    """How many runs there were, and what became of those that failed."""
-    count = len({request.key for request in requests})
-    failures = [result.failure for result in results if result.failure]
-    notes = [f"{count} simulations train the emulator that answers."]
-    if failures:
-        notes.append(f"{len(failures)} of them stopped and are left out; the first: {failures[0]}")
-    return notes
+def run_note(requests: Sequence[RunRequest]) -> str:
+    """How many runs there were."""
+    return f"{len({request.key for request in requests})} runs train the emulator that answers."
 
 
 def inactive_notes(training: TrainingRuns) -> list[str]:

@@ -1,0 +1,166 @@
+"""The set-up before physics: what has to be right before a misfit says anything about missing effects.
+
+Beside the faults that training runs show (`emulator/run_faults.py`): a unit that would explain a factor, rows
+that lie off as a whole, calibrated numbers at a bound, model values that could not be computed. Where a fault
+blocks, nothing is named.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from taichi_erosion.evidence.answers.discover import discover, nameless_discovery
+from taichi_erosion.evidence.data.findings import Discovery, Estimate, Rows, SetUpFault
+from taichi_erosion.evidence.data.problem import Bools, Floats, Progress
+from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
+from taichi_erosion.evidence.inference.levels import fails
+from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.models.predictor import seed_mean
+
+FAR = 5.0  # sd by which every row of an observable is off that is off as a whole
+LEAST_ROWS = 3  # fewer have no level of their own
+SEEDS = 4  # of the model at its start values, where a unit is looked for
+NEAR = log(1.6)  # of a ratio to the factor of a unit, in logarithms: what is missing may move it too
+EVEN = 0.2  # spread of the rows' ratios over that factor, in logarithms: a unit is the same for all of them
+MISFIT = 3.0  # squared residual per row from which calibration has not explained a factor
+MOVED = 3.0  # prior sd by which calibration has moved a number where it has explained one instead
+UNITS = {  # factors, and what they would be
+    10.0: "a power of ten",
+    180.0 / np.pi: "degrees for radians",
+    100.0: "percent for a share",
+    1000.0: "milli or kilo",
+}
+ANGLES = ("deg", "degree", "degrees", "\N{DEGREE SIGN}", "rad", "1", "")
+FAILED = "the model fails at"  # first words of a warning on conditions without a value
+WAITS = "The verdict on physics waits until this is settled: what follows describes the set-up, not the soil."
+NOTHING = "Nothing is named: the set-up comes first."
+
+
+def sentences(faults: Sequence[SetUpFault]) -> list[str]:
+    """What is told before an answer; whether the answer waits comes last."""
+    told = [fault.sentence for fault in sorted(faults, key=lambda fault: not fault.blocks)]
+    return [*dict.fromkeys(told), *([WAITS] if blocked(faults) else [])]
+
+
+def blocked(faults: Sequence[SetUpFault]) -> bool:
+    """Whether the verdict on physics waits."""
+    return any(fault.blocks for fault in faults)
+
+
+def set_up_faults(
+    study: Study, rows: Rows, parameters: Mapping[str, Estimate], warnings: Sequence[str]
+) -> tuple[SetUpFault, ...]:
+    """All faults, from the rows and numbers of the calibrated bare model."""
+    found = list(study.faults)
+    start = values_at_start(study, rows)
+    strained = any(number.at_bound or moved_far(study, path, number) for path, number in parameters.items())
+    for name in dict.fromkeys(rows.observable):
+        chosen = np.array([each == name for each in rows.observable])
+        units = list(unit_faults(study, name, rows, start, chosen, strained))
+        found += units or offset_faults(name, rows, chosen)
+    found += bound_faults(parameters)
+    failed = [words for words in warnings if words.startswith(FAILED)]
+    return (*found, *(SetUpFault("failed_runs", "model", words, False) for words in failed))
+
+
+def values_at_start(study: Study, rows: Rows) -> Floats:
+    """What the model says of every row at the start values; NaN where it says nothing."""
+    problem, file = study.problem, study.file
+    parameters = {parameter.path: parameter.start for parameter in problem.parameters}
+    effects = {candidate.name: 0.0 for candidate in problem.candidates}
+    effects |= {candidate.name: file.adopted[candidate.name].strength for candidate in problem.adopted}
+    seeds = np.arange(file.study.seed, file.study.seed + SEEDS, dtype=np.int64)
+    found = np.full(len(rows.observable), np.nan)
+    for name in dict.fromkeys(rows.observable):
+        chosen = np.array([each == name for each in rows.observable])
+        conditions = {key: np.array(column[chosen]) for key, column in rows.conditions.items()}
+        found[chosen] = seed_mean(np.asarray(problem.model(name, conditions, parameters, effects, seeds)))
+    return found
+
+
+def moved_far(study: Study, path: str, number: Estimate) -> bool:
+    """Whether calibration has moved a number by `MOVED` prior sd from its start."""
+    known = next((each for each in study.problem.parameters if each.path == path), None)
+    if known is None or known.start <= 0.0 or number.value <= 0.0:
+        return False
+    return abs(log(number.value / known.start)) > MOVED * known.prior_sd_log
+
+
+def unit_faults(
+    study: Study, name: str, rows: Rows, start: Floats, chosen: Bools, strained: bool
+) -> Iterator[SetUpFault]:
+    """A unit that would explain a factor between measured and modelled values.
+
+    The factor is looked for at the start values, since calibration may have swallowed it; it counts where
+    calibration has not explained the rows, or has strained a number to explain them.
+    """
+    both = chosen & np.isfinite(start) & (start > 0.0) & (rows.measured > 0.0)
+    unexplained = strained or float(np.mean(rows.residual[chosen] ** 2)) > MISFIT
+    if both.sum() < LEAST_ROWS or not unexplained:
+        return
+    ratio = np.log(rows.measured[both] / start[both])
+    middle, spread = float(np.median(ratio)), float(np.std(ratio))
+    unit = study.problem.measurements.unit[study.problem.measurements.observable.index(name)]
+    for factor, meaning in UNITS.items():
+        angle = factor not in (180.0 / np.pi,) or unit in ANGLES
+        if angle and abs(abs(middle) - log(factor)) < NEAR and spread < EVEN * log(factor):
+            words = (
+                f"{name}: measured over modelled values are {ratio_words(rows.measured[both], start[both])}: "
+                f"a factor of {factor:.3g} ({meaning}) in a unit would explain them; "
+                f"the table says [{unit}]: check it there and in the study"
+            )
+            yield SetUpFault("unit", name, words, True)
+            return
+
+
+def offset_faults(name: str, rows: Rows, chosen: Bools) -> Iterator[SetUpFault]:
+    """All rows of an observable lie far off on one side."""
+    gap = (rows.measured - rows.predicted)[chosen]
+    sd = np.hypot(rows.measured_sd, np.nan_to_num(rows.predicted_sd))[chosen]
+    off = gap / np.where(sd > 0.0, sd, np.nan)
+    if off.size < LEAST_ROWS or not (np.all(off > FAR) or np.all(off < -FAR)):
+        return
+    side = "above" if off[0] > 0.0 else "below"
+    words = (
+        f"{name}: all {off.size} rows lie {side} the calibrated model by more than {FAR:g} sd (measured "
+        f"over modelled values {ratio_words(rows.measured[chosen], rows.predicted[chosen])}). The method, "
+        "the plate, the contact law or a unit may shift a level as a whole as well as a missing effect: "
+        "only what changes along the conditions tells them apart"
+    )
+    yield SetUpFault("offset", name, words, False)
+
+
+def ratio_words(measured: Floats, modelled: Floats) -> str:
+    """Range of the ratios of two columns."""
+    ratio = measured / np.where(modelled != 0.0, modelled, np.nan)
+    low, high = f"{np.nanmin(ratio):.2g}", f"{np.nanmax(ratio):.2g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def bound_faults(parameters: Mapping[str, Estimate]) -> Iterator[SetUpFault]:
+    """Calibrated numbers at a bound of their range."""
+    for path, number in parameters.items():
+        if number.at_bound:
+            kind = "strength" if path.startswith(EFFECTS) and path.endswith(STRENGTH) else "calibration"
+            words = (
+                f"{path}: its {kind} ends at the bound of its range ({number.value:.3g}); the answer holds "
+                "for this bound: widen the range, or ask what the number stands in for"
+            )
+            yield SetUpFault("at_bound", path, words, False)
+
+
+def discovery(study: Study, seed: int, progress: Progress) -> Discovery:
+    """The answer of `discover` with the faults of its set-up; where one blocks, nothing is named."""
+    problem, waits = study.problem, blocked(study.faults)
+    if waits:
+        found = nameless_discovery(problem, seed, progress)
+    else:
+        found = discover(problem, seed, problem.budget, progress)
+    faults = set_up_faults(study, found.rows_before, found.parameters, found.warnings)
+    if blocked(faults):
+        found = found if waits else nameless_discovery(problem, seed, progress)
+        places = [place.sentence for place in found.where if fails(place.p)]
+        found = replace(found, verdict="not_testable", sentences=(NOTHING, *places))
+    return replace(found, faults=faults)

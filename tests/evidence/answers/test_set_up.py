@@ -1,0 +1,124 @@
+"""Faults of a set-up are told before physics: units, levels, bounds, heaps that are too small."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.evidence.answers import set_up
+from taichi_erosion.evidence.data.findings import Estimate, Rows, SetUpFault
+from taichi_erosion.evidence.data.problem import Parameter
+from tests.evidence.small_study import study_text, table_text
+
+COUNT = 8
+MODEL = np.linspace(0.2, 0.4, COUNT)
+
+
+def rows(measured: np.ndarray, sd: float = 0.01, predicted: np.ndarray = MODEL) -> Rows:
+    """A table of one observable beside what the calibrated model says."""
+    errors = np.full(COUNT, sd)
+    residual = (measured - predicted) / sd
+    names, nothing = ("u",) * COUNT, np.zeros(COUNT)
+    groups = tuple(f"g{k}" for k in range(COUNT))
+    found = {"measured": measured, "measured_sd": errors, "predicted": predicted, "predicted_sd": nothing}
+    known = {name: found.get(name) for name in Rows.__dataclass_fields__}
+    known |= {"observable": names, "group": groups, "conditions": {"x": np.arange(COUNT, dtype=float)}}
+    known |= {"residual": residual}
+    return Rows(**{name: [""] * COUNT if value is None else value for name, value in known.items()})
+
+
+def study(start: np.ndarray = MODEL, unit: str = "m/s", faults=()) -> SimpleNamespace:
+    """As much of a study as faults are looked for in."""
+    problem = SimpleNamespace(
+        parameters=(Parameter("a", 1.0, 0.1, 10.0, 0.2),),
+        candidates=(),
+        adopted=(),
+        model=lambda name, conditions, parameters, effects, seeds: np.tile(start, (seeds.size, 1)),
+        measurements=SimpleNamespace(observable=("u",), unit=(unit,)),
+    )
+    file = SimpleNamespace(adopted={}, study=SimpleNamespace(seed=1))
+    return SimpleNamespace(problem=problem, file=file, faults=tuple(faults))
+
+
+def kinds(found) -> list[tuple[str, bool]]:
+    return [(fault.kind, fault.blocks) for fault in found]
+
+
+def faults(table: Rows, parameters=None, warnings=(), **known):
+    return set_up.set_up_faults(study(**known), table, parameters or {}, warnings)
+
+
+def test_a_model_that_agrees_has_no_fault():
+    assert faults(rows(MODEL + 0.005)) == ()
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(10.0, "m/s"), (1e-3, "m/s"), (57.3, "deg"), (1 / 57.3, "deg")])
+def test_a_factor_that_a_unit_would_explain_is_told_and_blocks(factor, unit):
+    found = faults(rows(factor * MODEL), unit=unit)
+    assert kinds(found) == [("unit", True)]
+    assert f"[{unit}]" in found[0].sentence
+    assert set_up.sentences(found)[-1] == set_up.WAITS
+
+
+def test_degrees_are_not_suspected_of_a_speed():
+    assert "unit" not in [fault.kind for fault in faults(rows(57.3 * MODEL), unit="m/s")]
+
+
+def test_a_factor_that_varies_along_the_rows_is_no_unit():
+    assert "unit" not in [fault.kind for fault in faults(rows(10.0 * MODEL * np.geomspace(0.1, 10.0, COUNT)))]
+
+
+def test_a_unit_that_calibration_has_swallowed_is_told_where_a_number_is_strained_for_it():
+    table = rows(10.0 * MODEL, predicted=10.0 * MODEL)
+    assert faults(table, {"a": Estimate(1.2, 1.0, 1.4, False)}) == ()
+    assert kinds(faults(table, {"a": Estimate(9.9, 9.0, 10.0, False)})) == [("unit", True)]
+    at_bound = faults(table, {"a": Estimate(1.2, 1.0, 1.4, True)})
+    assert kinds(at_bound) == [("unit", True), ("at_bound", False)]
+
+
+def test_a_level_that_is_off_everywhere_is_told_and_blocks_nothing():
+    found = faults(rows(1.5 * MODEL))
+    assert kinds(found) == [("offset", False)]
+    assert "all 8 rows lie above the calibrated model by more than 5 sd" in found[0].sentence
+    below = faults(rows(0.5 * MODEL))
+    assert "below" in below[0].sentence
+    mixed = 1.5 * MODEL
+    mixed[0] = MODEL[0]
+    assert faults(rows(mixed)) == ()
+
+
+def test_conditions_without_a_value_of_the_model_are_told():
+    words = "the model fails at 2 of 10 conditions; they are left out"
+    found = faults(rows(MODEL), warnings=("another note", words))
+    assert [fault.sentence for fault in found] == [words]
+
+
+def test_what_blocks_is_told_first():
+    small = SetUpFault("too_small", "u", "the heap is too small", True)
+    bound = SetUpFault("at_bound", "a", "at its bound", False)
+    assert set_up.sentences((bound, small)) == ["the heap is too small", "at its bound", set_up.WAITS]
+    assert set_up.sentences((bound,)) == ["at its bound"]
+    assert set_up.sentences(()) == []
+    assert set_up.blocked((replace(small, blocks=False),)) is False
+
+
+def test_a_table_in_the_wrong_unit_is_told_and_nothing_is_named(tmp_path, capsys):
+    lines = table_text({"liquid_bridge": 1.0}, 1).splitlines()
+    wrong = [
+        line.replace(line.split(",")[1], f"{10.0 * float(line.split(',')[1]):.6g}", 1)
+        for line in lines
+        if line.startswith("threshold_u_star")
+    ]
+    (tmp_path / "heap.csv").write_text("\n".join([lines[0], *wrong]) + "\n", encoding="utf-8")
+    text = study_text().replace("[observables.repose_angle]\n", "")
+    (tmp_path / "heap.toml").write_text(text, encoding="utf-8")
+    assert main(["discover", str(tmp_path / "heap.toml"), "--budget", "quick", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert "a factor of 10" in found["set_up"][0]
+    assert found["set_up"][-1] == set_up.WAITS
+    assert (found["verdict"], found["named"], found["group"]) == ("not_testable", [], [])
+    assert main(["compare", str(tmp_path / "heap.toml"), "--budget", "quick"]) == 0
+    assert capsys.readouterr().out.startswith("set-up: threshold_u_star: measured over modelled values are")
