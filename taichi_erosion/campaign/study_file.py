@@ -225,7 +225,10 @@ class StudyFile(Section):
 
     study: Head
     observables: dict[Name, ObservableEntry] = Field(min_length=1)
-    conditions: dict[Name, str] = Field({})
+    conditions: dict[Name, str] = Field({}, description="column of the table -> dotted path, or name")
+    columns: dict[str, Name] = Field(
+        {}, description="heading of a laboratory's own table -> observable or condition"
+    )
     parameters: dict[str, ParameterEntry] = Field(default={}, max_length=SCREENED_MOST)
     adopted: dict[Name, AdoptedEntry] = Field(default={}, description="effects that are in the model already")
     candidates: Candidates = Candidates()

@@ -50,7 +50,9 @@ def run_command(words: list[str]) -> int:
     except typer.TyperException as error:
         return print_error(error.format_message(), ExitCode.BAD_INPUT)
     except BadInput as error:
-        return print_error(str(error), ExitCode.BAD_INPUT)
+        for fault in error.faults:
+            print_error(fault, ExitCode.BAD_INPUT)
+        return ExitCode.BAD_INPUT
     except SimulationStopped as error:
         return print_error(str(error), ExitCode.STOPPED)
     except Exception as error:

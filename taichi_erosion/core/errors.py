@@ -15,7 +15,15 @@ class ExitCode(IntEnum):
 
 
 class BadInput(Exception):
-    """Unusable arguments or files; one line with what, where and what is allowed (ExitCode.BAD_INPUT)."""
+    """Unusable arguments or files; one line with what, where and what is allowed (ExitCode.BAD_INPUT).
+
+    A file may have several faults, each in one line; as text it is the first one and the number of others.
+    """
+
+    def __init__(self, *faults: str) -> None:
+        first = faults[0] if faults else ""
+        super().__init__(first if len(faults) < 2 else f"{first} (and {len(faults) - 1} more)")
+        self.faults = faults
 
 
 class SimulationStopped(Exception):

@@ -9,13 +9,13 @@ from typing import Any
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.measured import (
-    Row,
     condition_scales,
     group_of,
     read_table,
     refuse_absent,
     used_conditions,
 )
+from taichi_erosion.evidence.data.tables.tidy_table import Row
 from taichi_erosion.evidence.models.column_units import place_units
 
 Record = Mapping[str, Any]
@@ -74,7 +74,7 @@ def key_of(observable: str, group: str, values: Sequence[float | None]) -> Key:
 def measured_table(study: Path, file: StudyFile) -> MeasuredTable:
     """Table of a study; without rows where it cannot be read any more."""
     try:
-        table = read_table(study.parent / file.study.measurements, file.study.measurements)
+        table = read_table(study.parent / file.study.measurements, file.study.measurements, file)
         refuse_absent(table, file, str(study))
         scales = condition_scales(table, file, place_units(file, study))
     except (BadInput, OSError):

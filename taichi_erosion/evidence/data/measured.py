@@ -1,19 +1,6 @@
-"""Tables of measurements: a tidy CSV, one row for every mean of repeats, and the rows that a study uses.
+"""Measurements of a study: rows of its table in the units of the model, and sentences about the others."""
 
-Columns: observable, value, sd, n, unit, group, source, and one for every condition. A condition's unit may
-stand in its heading, `slope [rad]`: its numbers are converted to the unit of the place that it sets, in a
-scene that of the entry, in a model function SI. Without one they are in that unit already. `value` is the
-mean of `n` repeats and `sd` the standard deviation of single repeats. An empty value, `no transport` or `<x`
-is censored: the instrument saw nothing, or less than x. Rows that repeat observable, group, source and
-conditions are repeats of one another.
-"""
-
-import csv
-import io
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from difflib import get_close_matches
+from collections.abc import Mapping, Sequence
 from math import isfinite, nan
 from pathlib import Path
 
@@ -22,7 +9,12 @@ import numpy as np
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Measurements
-from taichi_erosion.scene.load import file_text
+from taichi_erosion.evidence.data.tables.column_roles import Told, column_roles
+from taichi_erosion.evidence.data.tables.headings import read_heading
+from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells, tidy_name
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.tidy_table import Row, Table, is_tidy, pointed, tidy_table
+from taichi_erosion.evidence.data.tables.vocabulary import plain_words
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     PURE,
@@ -35,241 +27,42 @@ from taichi_erosion.scene.schema.units import (
     scale_between,
 )
 
-REQUIRED = ("observable", "value", "unit")
-OPTIONAL = ("sd", "n", "group", "source")
-REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
-CENSORED = ("", "no transport")  # values of a censored row
-HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
-NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
-MOST_REPEATS = 10**9
-LONGEST_SHOWN = 40  # characters of a cell that a message repeats
+
+def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Table:
+    """Measurements of a file, a tidy one or a laboratory's own; raises BadInput with all its faults.
+
+    In a laboratory's own table the columns are what the study calls them, else what their headings mean.
+    """
+    cells = read_cells(path, (file or str(path)).replace("\n", "?"))
+    if cells.rows and not is_tidy(cells.heading) and len(cells.heading) > 1 and study is not None:
+        told = named_by_study(cells, study)
+        columns = column_roles(cells, told)
+        names = {c.place: study_name(c.name, c.heading.name, study) for c in columns if c.role == "condition"}
+        cells = tidy_cells(cells, columns, Choices(names=names))
+    return tidy_table(pointed(cells))
 
 
-@dataclass(frozen=True)
-class Row:
-    """One row of a table; NaN where a number was left out."""
-
-    line: int  # in the file, the heading being row 1
-    observable: str
-    value: float  # mean, or the limit below which a censored value lies; NaN: the study's floor
-    censored: bool
-    sd: float  # of single repeats
-    n: int | None
-    unit: str
-    group: str
-    source: str
-    conditions: tuple[float, ...]  # as written, in the order of the table's conditions
+def named_by_study(cells: Cells, study: StudyFile) -> Told:
+    """What a study says of the columns of a laboratory's table: by [columns], or by the same name."""
+    observables, conditions = {}, {}
+    for text in filter(None, cells.heading):
+        name = study.columns.get(text, plain_words(read_heading(text).name).replace(" ", "_"))
+        if name in study.observables:
+            observables[text] = name
+        elif name in study.conditions:
+            conditions[text] = study.conditions[name]
+    return Told(observables, conditions)
 
 
-@dataclass(frozen=True)
-class Table:
-    """A measurement file as read: `conditions` names the columns behind every row's conditions."""
-
-    file: str
-    conditions: tuple[str, ...]
-    units: tuple[str | None, ...]  # of the conditions, as their headings have them; None: none is stated
-    rows: tuple[Row, ...]
-
-
-@dataclass(frozen=True)
-class Column:
-    """Place, name and unit of a column."""
-
-    place: int
-    name: str
-    unit: str | None = None
-
-
-def read_table(path: Path, file: str = "") -> Table:
-    """Measurements of one CSV file; raises BadInput with file, row, column, value."""
-    name = (file or str(path)).replace("\n", "?")
-    lines = list(csv_lines(file_text(path, name), name))
-    if not lines:
-        raise BadInput(f"{name}: is empty; the first row names the columns: {', '.join(REQUIRED)}, ...")
-    columns = read_heading(lines[0][1], name)
-    fixed = {column.name: column.place for column in columns if column.name in REQUIRED + OPTIONAL}
-    conditions = condition_columns(columns, lines[1:], name)
-    rows = [read_row(cells, fixed, conditions, f"{name}: row {line}", line) for line, cells in lines[1:]]
-    if not rows:
-        raise BadInput(f"{name}: has a heading but no measurement")
-    refuse_copies(lines[1:], columns, name)
-    names, units = tuple(c.name for c in conditions), tuple(c.unit for c in conditions)
-    return Table(name, names, units, tuple(rows))
-
-
-def csv_lines(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
-    """(row number, cells) of every line that is not empty; all as wide as the heading."""
-    width = 0
-    try:
-        reader = csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline=""), strict=True)
-        for cells in reader:
-            if not any(cell.strip() for cell in cells):
-                continue
-            width = width or len(cells)
-            if width == 1:
-                refuse_separator(cells[0], name)
-            if len(cells) != width:
-                raise BadInput(f"{name}: row {reader.line_num} has {len(cells)} cells, the heading {width}")
-            yield reader.line_num, [cell.strip() for cell in cells]
-    except csv.Error as error:
-        raise BadInput(f"{name}: not a CSV table: {error}") from None
-
-
-def refuse_separator(heading: str, name: str) -> None:
-    """Refuse a table of one column whose heading looks like several."""
-    if ";" in heading or "\t" in heading:
-        raise BadInput(
-            f"{name}: heading {quoted(heading)} is one column; separate columns by commas, "
-            "write decimals with a point"
-        )
-
-
-def read_heading(cells: Sequence[str], name: str) -> list[Column]:
-    """Columns in their order."""
-    columns: list[Column] = []
-    for place, cell in enumerate(cells):
-        match = HEADING.fullmatch(cell)
-        if match is None or not NAME.fullmatch(match["name"]):
-            raise BadInput(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _")
-        if match["name"] in [column.name for column in columns]:
-            raise BadInput(f"{name}: column '{match['name']}' stands in the heading twice")
-        columns.append(Column(place, match["name"], heading_unit(match, name)))
-    for wanted in (*REQUIRED, *OPTIONAL):
-        refuse_misspelt(wanted, [column.name for column in columns], name)
-    return columns
-
-
-def heading_unit(match: re.Match[str], name: str) -> str | None:
-    """Unit in a heading, once it is known to be one; None where there is none."""
-    if match["unit"] is None:
-        return None
-    if match["name"] in REQUIRED + OPTIONAL:
-        raise BadInput(f"{name}: heading {quoted(match[0])}: the unit of values stands in column 'unit'")
-    try:
-        parse_scale(match["unit"])
-    except UnknownUnit as error:
-        told = error.hint or f"allowed: {EXAMPLES}"
-        raise BadInput(f"{name}: heading {quoted(match[0])}: unknown unit; {told}") from None
-    return match["unit"].strip()
-
-
-def refuse_misspelt(wanted: str, names: Sequence[str], name: str) -> None:
-    """Refuse a table where a column of the format is missing, or seems to be there under another spelling."""
-    if wanted in names:
-        return
-    near = get_close_matches(wanted, [n for n in names if n not in REQUIRED + OPTIONAL], n=1, cutoff=0.75)
-    if near:
-        raise BadInput(f"{name}: column '{near[0]}' is unknown; did you mean '{wanted}'?")
-    if wanted in REQUIRED:
-        raise BadInput(f"{name}: column '{wanted}' is missing; there are: {', '.join(names)}")
-
-
-def condition_columns(
-    columns: Sequence[Column], lines: Sequence[tuple[int, Sequence[str]]], name: str
-) -> list[Column]:
-    """Columns of numbers that are neither of the format nor remarks."""
-    found = [column for column in columns if column.name not in REQUIRED + OPTIONAL + REMARKS]
-    for column in found:
-        for line, cells in lines:
-            if cells[column.place] and not NUMBER.fullmatch(cells[column.place]):
-                raise BadInput(
-                    f"{name}: row {line}, {column.name} = {quoted(cells[column.place])} must be a number: "
-                    f"any other column is a condition; words belong into 'source' or 'note'"
-                )
-    return found
-
-
-def read_row(
-    cells: Sequence[str], fixed: Mapping[str, int], conditions: Sequence[Column], where: str, line: int
-) -> Row:
-    """One row, every cell checked."""
-
-    def cell(column: str) -> str:
-        return cells[fixed[column]] if column in fixed else ""
-
-    if not NAME.fullmatch(cell("observable")):
-        raise BadInput(f"{where}, observable = {quoted(cell('observable'))} must be a name")
-    value, censored = read_value(cell("value"), where)
-    return Row(
-        line=line,
-        observable=cell("observable"),
-        value=value,
-        censored=censored,
-        sd=read_sd(cell("sd"), where),
-        n=read_count(cell("n"), where),
-        unit=read_unit(cell("unit"), where),
-        group=cell("group"),
-        source=cell("source"),
-        conditions=tuple(number(cells[column.place], f"{where}, {column.name}") for column in conditions),
-    )
-
-
-def read_value(text: str, where: str) -> tuple[float, bool]:
-    """Value and whether it is censored; NaN where no limit is stated."""
-    if text.lower() in CENSORED:
-        return nan, True
-    limit = text.removeprefix("<").strip()
-    if not NUMBER.fullmatch(limit):
-        raise BadInput(
-            f"{where}, value = {quoted(text)} must be a number, '<' and a number, or empty for 'no transport'"
-        )
-    return number(limit, f"{where}, value"), text.startswith("<")
-
-
-def read_sd(text: str, where: str) -> float:
-    """Standard deviation of single repeats, NaN where none is given."""
-    sd = number(text, f"{where}, sd")
-    if sd <= 0.0:
-        raise BadInput(f"{where}, sd = {quoted(text)} must be above 0; leave it empty where it is not known")
-    return sd
-
-
-def read_count(text: str, where: str) -> int | None:
-    """Number of repeats, None where none is given."""
-    if not text:
-        return None
-    count = number(text, f"{where}, n")
-    if count != int(count) or not 1 <= count <= MOST_REPEATS:
-        raise BadInput(f"{where}, n = {quoted(text)} must be a whole number from 1 to {MOST_REPEATS:g}")
-    return int(count)
-
-
-def read_unit(text: str, where: str) -> str:
-    """Unit as it stands, once it is known to be one."""
-    try:
-        parse_unit(text)
-    except UnknownUnit as error:
-        told = error.hint or f"allowed: {EXAMPLES}"
-        raise BadInput(f"{where}, unit = {quoted(text)} is not known; {told}") from None
-    return text or "1"
-
-
-def number(text: str, where: str) -> float:
-    """A finite number, NaN for an empty cell."""
-    if not text:
-        return nan
-    value = float(text) if NUMBER.fullmatch(text) else nan
-    if not isfinite(value):
-        raise BadInput(f"{where} = {quoted(text)} must be a finite number")
-    return value
-
-
-def quoted(text: str) -> str:
-    """A cell on one line, shortened."""
-    clean = "".join(c if c.isprintable() else "?" for c in text[: LONGEST_SHOWN + 1])
-    return f"'{clean}'" if len(clean) <= LONGEST_SHOWN else f"'{clean[: LONGEST_SHOWN - 3]}...'"
-
-
-def refuse_copies(lines: Sequence[tuple[int, Sequence[str]]], columns: Sequence[Column], name: str) -> None:
-    """Refuse a row that stands twice; equal single values may be two repeats, equal means with sd may not."""
-    places = {column.name: column.place for column in columns}
-    telling = [places[c] for c in ("sd", "replicate", "repeat") if c in places]
-    seen: dict[tuple[str, ...], int] = {}
-    for line, cells in lines:
-        first = seen.setdefault(tuple(cells), line)
-        if first != line and any(cells[place] for place in telling):
-            raise BadInput(f"{name}: row {line} repeats row {first} cell by cell; remove one of them")
+def study_name(place: str, heading: str, study: StudyFile) -> str:
+    """What a study calls the condition that a column sets."""
+    plain = plain_words(heading).replace(" ", "_")
+    if plain in study.conditions:
+        return plain
+    for name, paths in study.conditions.items():
+        if place == paths or place in [path.strip() for path in paths.split(",")] or name == tidy_name(place):
+            return name
+    return tidy_name(place)
 
 
 def study_measurements(
@@ -302,7 +95,7 @@ def study_measurements(
         source=tuple(row.source for row in rows),
         scales=scales,
     )
-    return measurements, [*unused_notes(table, file), *ignored_notes(table, file)]
+    return measurements, [*table.notes, *unused_notes(table, file), *ignored_notes(table, file)]
 
 
 def refuse_absent(table: Table, file: StudyFile, name: str) -> None:

@@ -76,7 +76,7 @@ def unit_of_column(paths: str, column: str, declared: Declared, study: Path) -> 
 def unit_of_place(path: str, declared: Declared) -> str | None:
     """Unit of the number at a dotted path, None where there is none."""
     name = condition_name(path)
-    if name in declared.conditions:
+    if name is not None and name in declared.conditions:
         return declared.conditions[name]
     effect, _, number = path.removeprefix("effects.").partition(".")
     if effect_of(path) is None or effect not in declared.library:

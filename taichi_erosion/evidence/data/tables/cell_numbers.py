@@ -1,0 +1,126 @@
+"""Numbers as laboratories write them into cells: `31,2 ± 0,8`, `2 %`, `<0.02`, `> 40`, `1 250 µm`.
+
+A file has one decimal mark. What has two readings, or is no number, is refused with its remedy.
+"""
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import isfinite
+from typing import Literal
+
+MISSING = ("", "-", "--", "–", "—", "/", ".", "?", "*", "na", "n/a", "nan", "null", "none", "k.a.", "k. a.")
+MISSING += ("n.r.", "s/d", "not measured", "nicht gemessen", "missing", "fehlt")
+UNSEEN = ("n.d.", "n. d.", "nd", "n.n.", "n. n.", "bdl", "b.d.l.", "lod", "<lod", "< lod", "<lq", "u.n.g.")
+UNSEEN += ("not detected", "nicht nachweisbar", "below detection limit", "trace", "spuren")
+NO_TRANSPORT = ("no transport", "no motion", "kein transport")
+GROUPED = r"\d{1,3}(?:[ '\u2019]\d{3})+(?:[.,]\d+)?"  # thousands set apart
+NUMBER = rf"[+-]?(?:{GROUPED}|\d+(?:[.,]\d+)*|[.,]\d+)(?:[eE][+-]?\d{{1,3}})?"
+UNIT = r"[^\W\d_%‰°][^\s±<>=;]*(?:[ /·*][^\s±<>=;]+)*|[%‰°][^\s±<>=;]*"
+QUANTITY = re.compile(
+    rf"(?P<limit>[<>≤≥]?)\s*(?P<number>{NUMBER})\s*(?P<unit>{UNIT})?"
+    rf"(?:\s*(?:±|\+/-|\+-)\s*(?P<sd>{NUMBER})\s*(?P<sd_unit>{UNIT})?)?"
+)
+MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
+DATES = (
+    r"\d{1,2}[./-]\d{1,2}[./-]\d{2,4}.*",
+    r"\d{4}-\d{2}-\d{2}.*",
+    rf"\d{{1,2}}\.?[ -]?{MONTH}.*",
+    rf"{MONTH}[ -]\d{{2,4}}",
+)
+DATE = re.compile("|".join(DATES), re.IGNORECASE)
+SPREAD = re.compile(r"\s*\(\s*(?:±\s*)?[\d.,]+\s*\)$")
+
+
+class CellFault(ValueError):
+    """A cell that cannot be used: reason and remedy."""
+
+
+@dataclass(frozen=True)
+class CellNumber:
+    """What a cell says; numbers as text with a decimal point, so that no digit is lost."""
+
+    value: str  # empty: nothing was measured
+    limit: Literal["", "<", ">"] = ""
+    unit: str = ""  # as written behind the number
+    sd: str = ""
+
+
+def plain_cell(text: str) -> str:
+    """A cell in plain signs: digits of any script, spaces of any width, one kind of minus."""
+    found = []
+    for sign in text.strip():
+        digit = unicodedata.decimal(sign, None)
+        found.append(str(digit) if digit is not None else " " if sign.isspace() else sign)
+    plain = "".join(found).replace("\N{MINUS SIGN}", "-").replace("\N{ARABIC DECIMAL SEPARATOR}", ".")
+    return plain.replace("\N{LESS-THAN OR EQUAL TO}", "<").replace("\N{GREATER-THAN OR EQUAL TO}", ">")
+
+
+def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
+    """Whether the numbers of a table have decimal commas.
+
+    Between columns that commas separate, groups of three digits behind a comma are thousands.
+    """
+    commas, points, fractions = 0, 0, 0
+    for cell in cells:
+        match = QUANTITY.fullmatch(plain_cell(cell))
+        if match is not None:
+            commas += "," in match["number"]
+            points += "." in match["number"]
+            fractions += re.search(r",(?!\d{3}\b)", match["number"]) is not None
+    return commas > points and (separator != "," or fractions > 0)
+
+
+def is_quantity(cell: str) -> bool:
+    """Whether a cell holds a number, or says that it has none."""
+    plain = plain_cell(cell)
+    return plain.lower() in MISSING + UNSEEN + NO_TRANSPORT or QUANTITY.fullmatch(plain) is not None
+
+
+def read_cell(text: str, comma: bool) -> CellNumber:
+    """Number of a cell; raises CellFault."""
+    plain = plain_cell(text)
+    if plain.lower() in MISSING:
+        return CellNumber("")
+    match = QUANTITY.fullmatch(plain)
+    if match is None or DATE.fullmatch(plain):
+        raise CellFault(reason(plain))
+    if match["sd"] and match["sd_unit"] and match["sd_unit"] != (match["unit"] or match["sd_unit"]):
+        raise CellFault("the value and its scatter have two units; give the scatter a column of its own")
+    if match["sd_unit"] == "%" and match["unit"] != "%":
+        raise CellFault("is the scatter a share of the value? give it a column of its own, in its unit")
+    limit = match["limit"]
+    assert limit in ("", "<", ">")
+    sd = decimal(match["sd"], comma) if match["sd"] else ""
+    return CellNumber(decimal(match["number"], comma), limit, match["unit"] or match["sd_unit"] or "", sd)
+
+
+def reason(plain: str) -> str:
+    """Why a text is no number, and what to do."""
+    if plain.startswith("#"):
+        return "is an error of the spreadsheet; correct its formula and export the table again"
+    if plain.lower() in UNSEEN:
+        return "write '<' and the least value that the instrument sees"
+    if DATE.fullmatch(plain):
+        return "is a date; if the spreadsheet made it of a number, set the column to text and type it again"
+    if SPREAD.search(plain):
+        return "write the scatter behind '±', or in a column of its own"
+    if re.fullmatch(rf"{NUMBER}\s*(?:-|–|bis|to|…|\.\.)\s*{NUMBER}.*", plain):
+        return "is a range; write its middle, and half its width behind '±'"
+    return "must be a number; words belong into a column of their own"
+
+
+def decimal(number: str, comma: bool) -> str:
+    """A number with a decimal point; raises CellFault for one with the other mark, or with two readings."""
+    digits = re.sub(r"(?<=\d)[ '\u2019](?=\d{3})", "", number)
+    wrong, right = (".", ",") if comma else (",", ".")
+    if wrong in digits:
+        marks = "decimal commas" if comma else "decimal points"
+        raise CellFault(f"has a '{wrong}', the other numbers of the file {marks}; no sign between thousands")
+    if digits.count(right) > 1:
+        raise CellFault(f"has two '{right}'; no sign between thousands")
+    plain = digits.replace(",", ".")
+    if not isfinite(float(plain)):
+        raise CellFault("is too large")
+    return plain

@@ -1,0 +1,162 @@
+"""What every column of a laboratory's table is: observable, condition, scatter, repeats, group, source.
+
+A column is what the user says, else what its heading means, else what its cells look like. What is a guess is
+marked as one, so that it can be asked.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.tables.cell_numbers import MISSING, is_quantity, plain_cell
+from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Heading, read_heading
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells
+from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, Role, meaning_of, plain_words
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
+
+NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
+MOISTURE = "conditions.moisture"
+SYMBOLS = {
+    "d": ("mm", DIAMETER),
+    "T": ("K", "conditions.temperature"),
+    "w": ("%", MOISTURE),
+}  # with such a unit
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its place in the file, its heading, and what it is."""
+
+    place: int
+    heading: Heading
+    role: Role
+    name: str = ""  # of an observable; of a condition the place that it sets
+    sure: bool = True  # False: a guess from the cells
+    numeric: bool = True
+    of: int = -1  # place of the observable whose scatter or repeats stand here
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the user says of columns: heading or its name -> what it measures or sets."""
+
+    observables: Mapping[str, str] = field(default_factory=dict)
+    conditions: Mapping[str, str] = field(default_factory=dict)
+
+
+def column_roles(cells: Cells, told: Told) -> list[Column]:
+    """Columns in their order; raises BadInput with all that is wrong with their headings."""
+    faults = list(heading_faults(cells))
+    named = stated_names(cells, told, faults)
+    columns = [column_of(cells, place, named) for place in range(len(cells.heading))]
+    faults += [fault for column in columns for fault in unit_faults(cells, column)]
+    if faults:
+        raise BadInput(*faults)
+    return with_partners(columns)
+
+
+def heading_faults(cells: Cells) -> Iterator[str]:
+    """Headings that are missing above numbers, or stand twice."""
+    seen: dict[str, int] = {}
+    for place, text in enumerate(cells.heading):
+        where = f"{cells.file}: row {cells.rows[0][0]}, column {place + 1}"
+        if not text:
+            if any(row[place] for _, row in cells.lines):
+                yield f"{where} has no heading; name it, or empty it"
+        elif text in seen and meaning_of(read_heading(text).name)[0] not in ("sd", "se", "n", "remark"):
+            yield f"{where}: heading '{text}' stands in column {seen[text] + 1} too; give each its own name"
+        seen.setdefault(text, place)
+
+
+def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple[Role, str]]:
+    """What the user says, by place; a column that is not there is a fault."""
+    known = {plain_words(text): place for place, text in reversed(list(enumerate(cells.heading)))}
+    known |= {plain_words(read_heading(text).name): place for place, text in enumerate(cells.heading) if text}
+    found: dict[int, tuple[Role, str]] = {}
+    stated: tuple[tuple[Role, Mapping[str, str]], ...]
+    stated = (("observable", told.observables), ("condition", told.conditions))
+    for role, names in stated:
+        for text, name in names.items():
+            place = known.get(plain_words(text))
+            if place is None:
+                near = get_close_matches(plain_words(text), known, n=1, cutoff=0.5)
+                hint = (
+                    f"did you mean '{cells.heading[known[near[0]]]}'?"
+                    if near
+                    else "there are: " + ", ".join(filter(None, cells.heading))
+                )
+                faults.append(f"{cells.file}: --{role} {text}={name}: no column '{text}'; {hint}")
+            else:
+                found[place] = (role, name)
+    return found
+
+
+def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
+    """One column by what is said of it, by its heading, by its cells."""
+    heading = read_heading(cells.heading[place])
+    content = [row[place] for _, row in cells.lines if plain_cell(row[place]).lower() not in MISSING]
+    numbers = sum(map(is_quantity, content))
+    numeric = bool(content) and numbers >= NUMERIC_SHARE * len(content)
+    if place in named:
+        return Column(place, heading, *named[place], numeric=numeric)
+    role, name = meaning_of(heading.name)
+    if role == "unknown":
+        role, name = meaning_of_symbol(heading)
+    if not numeric:
+        kept: Role = role if role in ("group", "source") else "remark"
+        return Column(place, heading, kept, numeric=False)
+    if role == "group" or counts_rows(content) or not content:
+        return Column(place, heading, "group" if role == "group" else "remark")
+    sure = role != "unknown"
+    return Column(place, heading, role if sure else "remark", name, sure)
+
+
+def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
+    """Meaning of a single letter whose unit tells it: `d [mm]`."""
+    unit, place = SYMBOLS.get(heading.name.strip(), ("", ""))
+    if not unit or not heading.unit or heading.unit == VOLUMETRIC:
+        return "unknown", ""
+    same = parse_scale(heading.unit).kind == parse_scale(unit).kind
+    return ("condition", place) if same else ("unknown", "")
+
+
+def counts_rows(content: Sequence[str]) -> bool:
+    """Whether a column counts 1, 2, 3, ..."""
+    return len(content) > 2 and [plain_cell(cell).rstrip(".") for cell in content] == [
+        str(k + 1) for k in range(len(content))
+    ]
+
+
+def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
+    """A unit that cannot be read, or that is another quantity than the place."""
+    where = f"{cells.file}: column '{column.heading.text}'"
+    if column.role in ("observable", "condition", "sd", "se") and column.heading.unreadable:
+        try:
+            parse_scale(column.heading.unreadable)
+        except UnknownUnit as error:
+            hint = error.hint or "such as [%], [mm], [deg], [m/s], [g/(m s)]"
+            yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
+    if column.role == "condition" and column.heading.unit == VOLUMETRIC:
+        yield (
+            f"{where}: a share of the volume is no {column.name.rpartition('.')[2]}: water is counted by "
+            "mass; divide by the dry bulk density over that of water, and write [%]"
+        )
+    if column.role in ("observable", "condition") and not column.numeric:
+        yield f"{where} has no numbers; a quantity that is measured or set needs them"
+
+
+def with_partners(columns: Sequence[Column]) -> list[Column]:
+    """Scatter and repeats with their observable: the one named, else the last before them."""
+    measured = [column for column in columns if column.role == "observable"]
+    found = []
+    for column in columns:
+        if column.role in ("sd", "se", "n") and measured:
+            before = [each for each in measured if each.place < column.place]
+            words = plain_words(column.heading.name)
+            called = [each for each in measured if plain_words(each.heading.name) in words]
+            partner = (called or before[-1:] or measured[:1])[0]
+            shared = column.role == "n" and len(measured) > 1 and not called
+            column = replace(column, of=-1 if shared else partner.place)
+        found.append(column)
+    return found

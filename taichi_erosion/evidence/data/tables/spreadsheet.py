@@ -1,0 +1,213 @@
+"""Cells of a table as spreadsheets export it: text with any usual separator and code page, or a workbook.
+
+What the export leaves open is found out: the code page (UTF-8, else by `charset_normalizer`), the separator
+(semicolon, tab or comma), the decimal mark, and the row of the heading, above which titles may stand.
+"""
+
+import csv
+import io
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.tables.cell_numbers import has_decimal_comma
+
+LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
+SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+WESTERN = frozenset("°µ±²³·–—…„“”‘’«»×½¼€§ÄÖÜäöüßÀÂÇÈÉÊËÎÏÔÙÛàâçèéêëîïôùûÁÍÑÓÚáíñóúÃÕãõÅÆØåæøÌÒìò¿¡ºª´\u00a0")
+CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb18030", "big5", "shift_jis"]
+WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
+MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # of an encoding
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A table of cells without surrounding blanks; rows without any content are left out."""
+
+    file: str
+    rows: tuple[tuple[int, tuple[str, ...]], ...]  # row in the file from 1, cells; the heading first
+    decimal_comma: bool = False
+    form: str = ""  # how the file was read, in words
+    separator: str = ""  # of a text
+
+    @property
+    def heading(self) -> tuple[str, ...]:
+        return self.rows[0][1]
+
+    @property
+    def lines(self) -> tuple[tuple[int, tuple[str, ...]], ...]:
+        """Rows below the heading."""
+        return self.rows[1:]
+
+
+def read_cells(path: Path, name: str) -> Cells:
+    """Cells of a file; raises BadInput with all rows that do not fit."""
+    content = file_bytes(path, name)
+    if content.startswith(OLD_WORKBOOK) or path.suffix.lower() in (".xls", ".ods", ".numbers"):
+        raise BadInput(f"{name}: this kind of workbook is not read; save it as .xlsx or .csv")
+    if content.startswith(WORKBOOK):
+        return workbook_cells(content, name)
+    if path.suffix.lower() in (".xlsx", ".xlsm"):
+        raise BadInput(f"{name}: is no workbook; save it again as .xlsx or .csv")
+    text, encoding = decoded(content, name)
+    separator = separator_of(text)
+    rows = list(text_rows(text, separator, name))
+    comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
+    mark = "decimal commas" if comma else "decimal points"
+    form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
+    return Cells(name, tuple(rectangular(rows, name, separator)), comma, form, separator)
+
+
+def file_bytes(path: Path, name: str) -> bytes:
+    """Content of a regular file of reasonable size."""
+    try:
+        if not path.is_file():
+            raise BadInput(f"{name}: {'is not a file' if path.exists() else 'no such file'}")
+        if path.stat().st_size > LARGEST_FILE:
+            raise BadInput(f"{name}: {path.stat().st_size} bytes are too many; at most {LARGEST_FILE}")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{name}: cannot be read: {str(error).splitlines()[0]}") from None
+
+
+def decoded(content: bytes, name: str) -> tuple[str, str]:
+    """Text of a file and the name of its encoding."""
+    marked = next((code for mark, code in MARKS.items() if content.startswith(mark)), None)
+    for encoding in (marked or "utf-8", "cp1252"):
+        try:
+            text = content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        foreign = {sign for sign in text if ord(sign) > 127}
+        if "\0" not in text and (encoding != "cp1252" or foreign <= WESTERN):
+            return text, encoding.removesuffix("-sig")
+    from charset_normalizer import from_bytes
+
+    best = from_bytes(content, cp_isolation=CODE_PAGES).best()
+    if best is None or "\0" in str(best) or b"\0" in content:
+        raise BadInput(f"{name}: is no text in any usual code page; save it as 'CSV UTF-8' or .xlsx")
+    return str(best), best.encoding
+
+
+def separator_of(text: str) -> str:
+    """Separator that makes the most rows as wide as the widest of the first ones."""
+    lines = [line for line in text.splitlines()[:200] if line.strip(" ;,\t")]
+    declared = lines[0].strip() if lines else ""
+    if declared.lower().startswith("sep=") and declared[4:5] in SEPARATORS:
+        return declared[4]
+
+    def even_rows(separator: str) -> tuple[int, int]:
+        widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
+        commonest = max(widths, key=widths.count, default=1)
+        return (widths.count(commonest) if commonest > 1 else 0), commonest
+
+    try:
+        found = {separator: even_rows(separator) for separator in SEPARATORS}
+    except csv.Error:
+        return ","
+    wide = [separator for separator in SEPARATORS if found[separator][0]]
+    return max(wide, key=lambda s: (found[s][0] > 0.5 * len(lines), s != ",", found[s]), default=",")
+
+
+def text_rows(text: str, separator: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    """(row in the file, cells) of every row with content, from the heading on."""
+    reader = csv.reader(
+        io.StringIO(text.removeprefix("\ufeff"), newline=""), delimiter=separator, strict=True
+    )
+    rows, before = [], 0
+    try:
+        for cells in reader:
+            stripped = [" ".join(cell.split()) for cell in cells]
+            if any(stripped) and not stripped[0].lower().startswith("sep="):
+                rows.append((before + 1, stripped))
+            before = reader.line_num
+    except csv.Error as error:
+        raise BadInput(
+            f"{name}: row {before + 1}: not a table of cells: {error}; look for a lone quote"
+        ) from None
+    return below_titles(rows)
+
+
+def below_titles(rows: Sequence[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
+    """The rows from the heading on: the first row with two cells that have content."""
+    start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)
+    yield from rows[start:]
+
+
+def rectangular(
+    rows: Sequence[tuple[int, list[str]]], name: str, separator: str
+) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Rows as wide as the heading; empty columns behind the last heading are cut off."""
+    if not rows:
+        return
+    heading = rows[0][1]
+    width = max((k + 1 for k, cell in enumerate(heading) if cell), default=0)
+    hint = "; put text with commas into quotes, write decimals with a point" if separator == "," else ""
+    faults = []
+    for line, cells in rows:
+        filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
+        if filled > width or (len(cells) < width and len(cells) < len(heading)):
+            count = max(filled, len(cells)) if filled > width else len(cells)
+            faults.append(f"{name}: row {line} has {count} cells, the heading {width}{hint}")
+    if faults:
+        raise BadInput(*faults)
+    for line, cells in rows:
+        yield line, tuple(cells[:width])
+
+
+def workbook_cells(content: bytes, name: str) -> Cells:
+    """Cells of the first sheet with content of a workbook."""
+    sheets = [(title, rows) for title, rows in sheets_of(content, name) if rows]
+    if not sheets:
+        raise BadInput(f"{name}: its sheets are empty")
+    title, rows = sheets[0]
+    texts = [value for _, values in rows for value in values if isinstance(value, str)]
+    comma = has_decimal_comma(texts, "")
+    mark = "," if comma else "."
+    shown = [(line, [cell_text(value, mark) for value in values]) for line, values in rows]
+    form = f"workbook, sheet '{title}'"
+    if len(sheets) > 1:
+        form += f" (not read: {', '.join(repr(other) for other, _ in sheets[1:])})"
+    return Cells(name, tuple(rectangular(list(below_titles(shown)), name, "")), comma, form)
+
+
+def sheets_of(content: bytes, name: str) -> list[tuple[str, list[tuple[int, list[Any]]]]]:
+    """Title and rows with content of every visible sheet; percentages as text with their sign."""
+    import openpyxl
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of styles and checks that no value depends on
+            book = openpyxl.load_workbook(io.BytesIO(content), data_only=True)
+    except Exception as error:
+        raise BadInput(
+            f"{name}: cannot be read as a workbook ({type(error).__name__}); save it again"
+        ) from None
+    found = []
+    for sheet in book.worksheets:
+        rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
+        if sheet.sheet_state == "visible":
+            found.append(
+                (sheet.title, [(k, row) for k, row in rows if any(v not in (None, "") for v in row)])
+            )
+    return found
+
+
+def cell_value(cell: Any) -> Any:
+    """Value of a cell; a number that is shown as a percentage is text."""
+    value = cell.value
+    if isinstance(value, int | float) and not isinstance(value, bool) and "%" in str(cell.number_format):
+        return f"{100.0 * value:.12g} %"
+    return " ".join(value.split()) if isinstance(value, str) else value
+
+
+def cell_text(value: Any, mark: str) -> str:
+    """Text of a cell's value."""
+    if value is None:
+        return ""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return f"{value:.12g}".replace(".", mark)
+    return str(value)

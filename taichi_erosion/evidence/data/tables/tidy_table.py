@@ -1,0 +1,296 @@
+"""The tidy form of a table of measurements: one row for every mean of repeats.
+
+Columns: observable, value, sd, n, unit, group, source, and one for every condition. A condition's unit may
+stand in its heading, `slope [rad]`: its numbers are converted to the unit of the place that it sets, in a
+scene that of the entry, in a model function SI. Without one they are in that unit already. `value` is the
+mean of `n` repeats and `sd` the standard deviation of single repeats. An empty value, `no transport` or `<x`
+is censored: the instrument saw nothing, or less than x. Rows that repeat observable, group, source and
+conditions are repeats of one another.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from math import isfinite, nan
+from typing import Any, TypeVar
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells
+from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale, parse_unit
+
+Found = TypeVar("Found")
+REQUIRED = ("observable", "value", "unit")
+OPTIONAL = ("sd", "n", "group", "source")
+REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
+CENSORED = ("", "no transport")  # values of a censored row
+HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,3})?")
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+MOST_REPEATS = 10**9
+LONGEST_SHOWN = 40  # characters of a cell that a message repeats
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table; NaN where a number was left out."""
+
+    line: int  # in the file, the heading being row 1
+    observable: str
+    value: float  # mean, or the limit below which a censored value lies; NaN: the study's floor
+    censored: bool
+    sd: float  # of single repeats
+    n: int | None
+    unit: str
+    group: str
+    source: str
+    conditions: tuple[float, ...]  # as written, in the order of the table's conditions
+
+
+@dataclass(frozen=True)
+class Table:
+    """A measurement file as read: `conditions` names the columns behind every row's conditions."""
+
+    file: str
+    conditions: tuple[str, ...]
+    units: tuple[str | None, ...]  # of the conditions, as their headings have them; None: none is stated
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...] = ()  # about rows that are left out
+
+
+@dataclass(frozen=True)
+class Column:
+    """Place, name and unit of a column."""
+
+    place: int
+    name: str
+    unit: str | None = None
+
+
+def tidy_table(cells: Cells) -> Table:
+    """Rows of a tidy table, every cell checked; raises BadInput with all its faults."""
+    name, faults = cells.file, Faults()
+    if not cells.rows:
+        raise BadInput(f"{name}: is empty; the first row names the columns: {', '.join(REQUIRED)}, ...")
+    columns = read_heading(cells.heading, name)
+    fixed = {column.name: column.place for column in columns if column.name in REQUIRED + OPTIONAL}
+    lines, notes = without_lower_limits(cells, fixed["value"])
+    conditions = condition_columns(columns, lines, name, faults)
+    rows = [read_row(line, row, fixed, conditions, name, faults) for line, row in lines]
+    if not cells.lines:
+        faults.append(f"{name}: has a heading but no measurement")
+    faults.of(refuse_copies, lines, columns, name)
+    faults.tell()
+    names, units = tuple(c.name for c in conditions), tuple(c.unit for c in conditions)
+    return Table(name, names, units, tuple(rows), tuple(notes))
+
+
+class Faults(list[str]):
+    """Faults of a file, one line each, in the order in which they are found."""
+
+    def of(self, reader: Callable[..., Found], *arguments: Any) -> Found | None:
+        """Result of a reader; None where it refuses, which is one fault more."""
+        try:
+            return reader(*arguments)
+        except BadInput as error:
+            self.extend(error.faults)
+            return None
+
+    def tell(self) -> None:
+        """Raise BadInput where there is a fault."""
+        if self:
+            raise BadInput(*dict.fromkeys(self))
+
+
+def is_tidy(heading: Sequence[str]) -> bool:
+    """Whether a heading is that of a tidy table: it has a column 'observable', if under another spelling."""
+    names = [cell.partition("[")[0].strip().lower() for cell in heading]
+    return bool(get_close_matches("observable", names, n=1, cutoff=0.85))
+
+
+def without_lower_limits(cells: Cells, value: int) -> tuple[list[tuple[int, tuple[str, ...]]], list[str]]:
+    """Rows that a comparison can use, and a sentence about every other one.
+
+    A value of which only a lower limit is known, `>40`, enters no likelihood here: it would count as equal.
+    """
+    left_out = [(line, row) for line, row in cells.lines if row[value].startswith(">")]
+    kept = [(line, row) for line, row in cells.lines if not row[value].startswith(">")]
+    told = "is a lower limit; the comparison knows upper limits only, so that the row is left out"
+    return kept, [f"{cells.file}: row {line}, value = {quoted(row[value])} {told}." for line, row in left_out]
+
+
+def pointed(cells: Cells) -> Cells:
+    """Cells with decimal points in numbers that have commas."""
+    if not cells.decimal_comma:
+        return cells
+    rows = [(line, tuple(map(pointed_cell, row))) for line, row in cells.lines]
+    return replace(cells, rows=(cells.rows[0], *rows), decimal_comma=False)
+
+
+def pointed_cell(cell: str) -> str:
+    """A number with a decimal point; any other cell as it stands."""
+    limit, number = (cell[0], cell[1:].strip()) if cell[:1] in ("<", ">") else ("", cell)
+    return limit + number.replace(",", ".") if COMMA_NUMBER.fullmatch(number) else cell
+
+
+def read_heading(cells: Sequence[str], name: str) -> list[Column]:
+    """Columns in their order; raises BadInput with all faults of the heading."""
+    columns: list[Column] = []
+    faults = Faults()
+    for place, cell in enumerate(cells):
+        match = HEADING.fullmatch(cell)
+        if match is None or not NAME.fullmatch(match["name"]):
+            faults.append(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _")
+            continue
+        if match["name"] in [column.name for column in columns]:
+            faults.append(f"{name}: column '{match['name']}' stands in the heading twice")
+        columns.append(Column(place, match["name"], faults.of(heading_unit, match, name)))
+    for wanted in (*REQUIRED, *OPTIONAL):
+        faults.of(refuse_misspelt, wanted, [column.name for column in columns], name)
+    faults.tell()
+    return columns
+
+
+def heading_unit(match: re.Match[str], name: str) -> str | None:
+    """Unit in a heading, once it is known to be one; None where there is none."""
+    if match["unit"] is None:
+        return None
+    if match["name"] in REQUIRED + OPTIONAL:
+        raise BadInput(f"{name}: heading {quoted(match[0])}: the unit of values stands in column 'unit'")
+    try:
+        parse_scale(match["unit"])
+    except UnknownUnit as error:
+        told = error.hint or f"allowed: {EXAMPLES}"
+        raise BadInput(f"{name}: heading {quoted(match[0])}: unknown unit; {told}") from None
+    return match["unit"].strip()
+
+
+def refuse_misspelt(wanted: str, names: Sequence[str], name: str) -> None:
+    """Refuse a table where a column of the format is missing, or seems to be there under another spelling."""
+    if wanted in names:
+        return
+    near = get_close_matches(wanted, [n for n in names if n not in REQUIRED + OPTIONAL], n=1, cutoff=0.75)
+    if near:
+        raise BadInput(f"{name}: column '{near[0]}' is unknown; did you mean '{wanted}'?")
+    if wanted in REQUIRED:
+        raise BadInput(f"{name}: column '{wanted}' is missing; there are: {', '.join(names)}")
+
+
+def condition_columns(
+    columns: Sequence[Column], lines: Sequence[tuple[int, Sequence[str]]], name: str, faults: Faults
+) -> list[Column]:
+    """Columns of numbers that are neither of the format nor remarks."""
+    found = [column for column in columns if column.name not in REQUIRED + OPTIONAL + REMARKS]
+    for line, cells in lines:
+        for column in found:
+            if cells[column.place] and not NUMBER.fullmatch(cells[column.place]):
+                faults.append(
+                    f"{name}: row {line}, {column.name} = {quoted(cells[column.place])} must be a number: "
+                    f"any other column is a condition; words belong into 'source' or 'note'"
+                )
+    return found
+
+
+def read_row(
+    line: int,
+    cells: Sequence[str],
+    fixed: Mapping[str, int],
+    conditions: Sequence[Column],
+    name: str,
+    faults: Faults,
+) -> Row:
+    """One row, every cell checked; what is wrong is NaN and a fault."""
+    where = f"{name}: row {line}"
+
+    def cell(column: str) -> str:
+        return cells[fixed[column]] if column in fixed else ""
+
+    def stated(column: Column) -> float:
+        text = cells[column.place]
+        found = faults.of(number, text, f"{where}, {column.name}") if NUMBER.fullmatch(text) else nan
+        return nan if found is None else found
+
+    if not NAME.fullmatch(cell("observable")):
+        faults.append(f"{where}, observable = {quoted(cell('observable'))} must be a name")
+    value, censored = faults.of(read_value, cell("value"), where) or (nan, False)
+    sd = faults.of(read_sd, cell("sd"), where)
+    return Row(
+        line=line,
+        observable=cell("observable"),
+        value=value,
+        censored=censored,
+        sd=nan if sd is None else sd,
+        n=faults.of(read_count, cell("n"), where),
+        unit=faults.of(read_unit, cell("unit"), where) or "1",
+        group=cell("group"),
+        source=cell("source"),
+        conditions=tuple(stated(column) for column in conditions),
+    )
+
+
+def read_value(text: str, where: str) -> tuple[float, bool]:
+    """Value and whether it is censored; NaN where no limit is stated."""
+    if text.lower() in CENSORED:
+        return nan, True
+    limit = text.removeprefix("<").strip()
+    if not NUMBER.fullmatch(limit):
+        raise BadInput(
+            f"{where}, value = {quoted(text)} must be a number, '<' and a number, or empty for 'no transport'"
+        )
+    return number(limit, f"{where}, value"), text.startswith("<")
+
+
+def read_sd(text: str, where: str) -> float:
+    """Standard deviation of single repeats, NaN where none is given."""
+    sd = number(text, f"{where}, sd")
+    if sd <= 0.0:
+        raise BadInput(f"{where}, sd = {quoted(text)} must be above 0; leave it empty where it is not known")
+    return sd
+
+
+def read_count(text: str, where: str) -> int | None:
+    """Number of repeats, None where none is given."""
+    if not text:
+        return None
+    count = number(text, f"{where}, n")
+    if count != int(count) or not 1 <= count <= MOST_REPEATS:
+        raise BadInput(f"{where}, n = {quoted(text)} must be a whole number from 1 to {MOST_REPEATS:g}")
+    return int(count)
+
+
+def read_unit(text: str, where: str) -> str:
+    """Unit as it stands, once it is known to be one."""
+    try:
+        parse_unit(text)
+    except UnknownUnit as error:
+        told = error.hint or f"allowed: {EXAMPLES}"
+        raise BadInput(f"{where}, unit = {quoted(text)} is not known; {told}") from None
+    return text or "1"
+
+
+def number(text: str, where: str) -> float:
+    """A finite number, NaN for an empty cell."""
+    if not text:
+        return nan
+    value = float(text) if NUMBER.fullmatch(text) else nan
+    if not isfinite(value):
+        raise BadInput(f"{where} = {quoted(text)} must be a finite number")
+    return value
+
+
+def quoted(text: str) -> str:
+    """A cell on one line, shortened."""
+    clean = "".join(c if c.isprintable() else "?" for c in text[: LONGEST_SHOWN + 1])
+    return f"'{clean}'" if len(clean) <= LONGEST_SHOWN else f"'{clean[: LONGEST_SHOWN - 3]}...'"
+
+
+def refuse_copies(lines: Sequence[tuple[int, Sequence[str]]], columns: Sequence[Column], name: str) -> None:
+    """Refuse a row that stands twice; equal single values may be two repeats, equal means with sd may not."""
+    places = {column.name: column.place for column in columns}
+    telling = [places[c] for c in ("sd", "replicate", "repeat") if c in places]
+    seen: dict[tuple[str, ...], int] = {}
+    for line, cells in lines:
+        first = seen.setdefault(tuple(cells), line)
+        if first != line and any(cells[place] for place in telling):
+            raise BadInput(f"{name}: row {line} repeats row {first} cell by cell; remove one of them")
