@@ -202,7 +202,8 @@ def answers(found: Results) -> list[str]:
     discovery, adoption = found.discovery, found.adoption
     if discovery is None:
         return []
-    sentences = list(discovery["sentences"])
+    told = failures({"where": found.where})
+    sentences = [sentence for sentence in discovery["sentences"] if sentence not in told]
     if (
         adoption
         and adoption["base"]["vault_chi2"] is not None

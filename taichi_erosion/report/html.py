@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from taichi_erosion.report.plain_words import effect_words
 
+LEAST_SHARE = 1e-3  # that is printed
 MEDIA_TYPES = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
 
 
@@ -40,6 +41,8 @@ def percent(value: float | None) -> str:
     """Share in percent; "-" for None."""
     if value is None:
         return "-"
+    if 0.0 < value < LEAST_SHARE:
+        return f"< {100.0 * LEAST_SHARE:g} %"
     return f"{100.0 * value:.0f} %" if value >= 0.1 else f"{100.0 * value:.1f} %"
 
 

@@ -1,5 +1,6 @@
 """The page of a study at every stage of the loop: its first screen, and that a browser shows all of it."""
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -70,3 +71,19 @@ def test_an_answer_to_an_older_table_is_left_out_and_told(stages, tmp_path):
     page = write_report(study).read_text("utf-8")
     assert "the answer of `adopt` rests on another version of the table" in page
     assert "With liquid bridge the error" not in page
+
+
+def test_the_cost_of_an_answer_stays_that_of_the_first_time(stages, tmp_path):
+    study = shutil.copytree(stages["adopt"].parent, tmp_path / "study") / "heap.toml"
+    stored = study.parent / "heap-results" / "heap.compare.json"
+    first = json.loads(stored.read_text("utf-8"))
+    stored.write_text(json.dumps(first | {"runs": 12345, "wall_s": 6789.0}), "utf-8")
+    assert main(["compare", str(study)]) == 0
+    again = json.loads(stored.read_text("utf-8"))
+    assert (again["runs"], again["wall_s"]) == (12345, 6789.0)
+
+
+def test_an_interval_that_holds_the_textbook_strength_excludes_nothing(stages):
+    found = json.loads((stages["adopt"].parent / "heap-results" / "heap.discover.json").read_text("utf-8"))
+    for name, effect in found["effects"].items():
+        assert effect["status"] != "excluded" or effect["strength_high"] < 1.0, name

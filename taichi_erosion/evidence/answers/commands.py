@@ -30,6 +30,9 @@ from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, StudyOptions, load_study
 
+COST = ("runs", "wall_s")
+CIRCUMSTANCES = ("vault", "notes", "warnings", "versions", "study")  # may change while the answer stays
+
 
 @contextmanager
 def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study]:
@@ -134,8 +137,18 @@ def stored(study: Study, command: Command, document: Document, start: float) -> 
     document |= {"set_up": sentences([SetUpFault(**each) for each in document["faults"]])}
     if study.simulations is not None:
         document |= {"runs": study.simulations, "wall_s": perf_counter() - start}
+    document |= first_cost(documents.read_answer(study.results, study.path.stem, command), document)
     documents.write_document(documents.document_file(study.results, study.path.stem, command), document)
     return document
+
+
+def first_cost(earlier: Document | None, document: Document) -> Document:
+    """Cost of an answer when it was first given; to read it again from stored runs costs next to nothing."""
+    told = document.keys() - {*COST, *CIRCUMSTANCES}
+    if earlier is None or any(earlier.get(key) != document[key] for key in told):
+        return {}
+    known = {key: (earlier.get(key), document.get(key)) for key in COST}
+    return {key: max(pair) for key, pair in known.items() if None not in pair}
 
 
 def names_of(study: Study) -> list[str]:

@@ -46,6 +46,7 @@ from taichi_erosion.evidence.inference.screen import Signature
 from taichi_erosion.evidence.inference.verdict import Decision
 
 MOST_PLAUSIBLE = 6
+TEXTBOOK = 1.0  # strength of an effect as its source states it [1]
 
 
 def discover(problem: Problem, seed: int, budget: Budget, progress: Progress) -> Discovery:
@@ -194,6 +195,8 @@ def effect_finding(
         status = "present" if name in decision.named else "not_testable"
     if strength is None or not (acts or name in decision.accepted):
         strength = rest.strength
+    if status == "excluded" and strength.high >= TEXTBOOK:
+        status = "not_testable"  # an interval that holds the textbook value excludes nothing
     gain = found.gains.get(name, ScoreGain())
     return EffectFinding(
         status=status,
@@ -229,6 +232,13 @@ def effect_reason(
         return f"explains the misfit, but is not distinguished from {others}"
     if status == "excluded":
         return f"excluded above strength {strength.high:.2g}"
+    return untestable_reason(signature, strength, absorption)
+
+
+def untestable_reason(signature: Signature, strength: Estimate, absorption: float) -> str:
+    """Why these measurements do not tell whether a candidate acts."""
+    if strength.high >= TEXTBOOK and signature.norm > levels.SEPARATION and absorption <= levels.ABSORBED:
+        return f"not excluded: strengths up to {strength.high:.2g} remain possible"
     if not np.any(signature.raw):
         return "cannot act in any measured condition"
     if signature.noise > levels.NOISE_LIMIT and signature.norm <= 1.0:
