@@ -38,7 +38,9 @@ ROWS = {  # whose features, whose tuning
 }
 STICKY = 0.05  # surface energy of the bed with JKR [J m-2]
 PRECISIONS: tuple[Precision, ...] = ("f32", "f64")
-CASES = {f"{law} {precision}": (law, precision) for law in ("Hertz", "JKR") for precision in PRECISIONS}
+CASES: dict[str, tuple[str, Precision]] = {
+    f"{law} {precision}": (law, precision) for law in ("Hertz", "JKR") for precision in PRECISIONS
+}
 TURNS, STEPS = 9, 500
 
 
