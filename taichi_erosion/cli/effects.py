@@ -4,8 +4,6 @@ Measured shifts and known answers are the tables in `effects/measured/`, which s
 """
 
 import csv
-import json
-import re
 from contextlib import suppress
 from dataclasses import fields
 from importlib.resources import files
@@ -13,23 +11,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from jinja2 import Environment
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
+from taichi_erosion.cli.new_effect import NEW, write_effect_file
 from taichi_erosion.cli.output import AsJson, EffectFiles
 from taichi_erosion.core.errors import BadInput, ExitCode
-from taichi_erosion.core.files import read_text_file
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Check, Effect, Probe
 
 Row = dict[str, str]  # of a table of measured shifts or known answers
 
-NEW = "new"  # first word that requests a new file; no effect has this name
-FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
-FACTOR = re.compile(r"\((?P<name>\w+) / (?P<typical>[-+.\deE]+)\)\^(?P<power>[-+.\deE]+)")
-WIDEST = 10.0  # range of a coefficient over its fitted value [1]
 SIGNIFICANT = 2.0  # shift over its standard error from which it is listed [1]
 SHIFTS = ("signatures.csv", "beds.csv")
 SIGNS = {1: "up", -1: "down"}
@@ -44,8 +37,8 @@ Discovery = Annotated[
     Path | None,
     typer.Option(
         "--from-discovery",
-        metavar="FILE",
-        help="Start the new file from the law in the result of a discovery (STUDY.discover.json).",
+        metavar="STUDY",
+        help="Start the new file from the law that `discover STUDY` proposed; or its STUDY.discover.json.",
     ),
 ]
 WithMemory = Annotated[
@@ -70,7 +63,9 @@ def effects(
         raise BadInput("effects --with-memory: needs new NAME; --from-discovery excludes it")
     match words or []:
         case ["new", name]:
-            typer.echo(str(write_effect_file(name, discovery, with_memory)))
+            path = write_effect_file(name, discovery, with_memory)
+            typer.echo(str(path))
+            typer.echo(f"next: effects {name} --effect {path} shows and checks it", err=True)
         case []:
             show_library(list(load_library(effect or ()).values()), as_json)
         case [name]:
@@ -255,66 +250,3 @@ def shift_text(row: Row) -> str:
     shift, error = float(row["shift"]), float(row["standard_error"])
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     return f"{row['observable']} {shift:+.2g} \N{PLUS-MINUS SIGN} {error:.1g}{unit}"
-
-
-def write_effect_file(name: str, discovery: Path | None = None, memory: bool = False) -> Path:
-    """Write a new effect file that fulfils the contract of effects; returns its path."""
-    from taichi_erosion.effects import load_library
-
-    path = Path(f"{name}.py")
-    if not FILE_NAME.fullmatch(name) or name == NEW or name in load_library():
-        raise BadInput(f"effects new {name}: a new name has lower-case letters, digits and _")
-    if path.exists():
-        raise BadInput(f"{path}: exists already")
-    blank = scaffold("stateful_effect" if memory else "effect").replace("NAME", name)
-    path.write_text(law_file(name, discovery) if discovery else blank)
-    return path
-
-
-def scaffold(kind: str) -> str:
-    """Template of a new effect file."""
-    return (files("taichi_erosion.cli") / "scaffold" / f"{kind}.txt").read_text(encoding="utf-8")
-
-
-def law_file(name: str, discovery: Path) -> str:
-    """Effect file of the law in a discovery's result; raises BadInput where there is none."""
-    law = proposed_law(discovery)
-    environment = Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    page = environment.from_string(scaffold("law"))
-    title = name.replace("_", " ").capitalize()
-    return page.render(**law_fields(law), name=name, title=title, source=discovery.name)
-
-
-def proposed_law(discovery: Path) -> dict[str, Any]:
-    """Law of the worst misfit in a discovery's result. Raises BadInput where there is none."""
-    try:
-        clues = json.loads(read_text_file(discovery))["clues"]
-    except (OSError, ValueError, KeyError, TypeError):
-        raise BadInput(f"{discovery}: is not a result of discover (STUDY.discover.json)") from None
-    laws = [clue["law"] for clue in clues if clue["law"] is not None]
-    if not laws:
-        raise BadInput(
-            f"{discovery}: no law; discover fits one only where no effect of the library explains a misfit"
-        )
-    return laws[0]
-
-
-def law_fields(law: dict[str, Any]) -> dict[str, Any]:
-    """Template fields of a law. Raises BadInput for a condition that is not one of a scene."""
-    from taichi_erosion.scene.schema.conditions import Conditions
-
-    typical = {found["name"]: float(found["typical"]) for found in FACTOR.finditer(law["expression"])}
-    for name in typical:
-        if name not in Conditions.model_fields:
-            raise BadInput(f"the law reads '{name}', which is not a condition of scenes")
-    logarithm = f"ln {law['observable']}" in law["expression"]
-    return {
-        "observable": law["observable"],
-        "formula": law["expression"].partition(" = ")[2],
-        "logarithm": logarithm,
-        "unit": "1" if logarithm else "unit of the observable",
-        "share": f"{law['held_out_share']:.0%}",
-        "typical": typical,
-        "terms": list(zip(law["terms"], law["coefficients"], strict=True)),
-        "widest": WIDEST,
-    }

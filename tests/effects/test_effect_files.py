@@ -105,10 +105,18 @@ def test_a_wrong_word_gets_one_line(words, sentence, capsys):
 def test_a_discovery_without_a_law_begins_no_file(here, capsys):
     assert main(["effects", "new", "found", "--from-discovery", discovery(here, None)]) == 2
     assert "no law" in capsys.readouterr().err
-    strange = LAW | {"expression": "change of ln y = +1 (colour / 2)^1"}
-    assert main(["effects", "new", "found", "--from-discovery", discovery(here, strange)]) == 2
-    assert "reads 'colour'" in capsys.readouterr().err
     assert not (here / "found.py").exists()
+
+
+def test_a_law_may_read_a_condition_that_only_its_study_has(here, bench):
+    strange = LAW | {
+        "expression": "change of ln y = +0.5 (colour / 2)^1",
+        "terms": [{"colour": 1.0}],
+        "coefficients": [0.5],
+    }
+    assert main(["effects", "new", "found", "--from-discovery", discovery(here, strange)]) == 0
+    effect = load_library([here / "found.py"])["found"]
+    assert (effect.reads, breaches(effect, bench)) == (("colour",), [])
 
 
 def test_the_library_is_listed_with_what_was_measured_of_each_effect(capsys):

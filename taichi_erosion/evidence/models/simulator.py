@@ -140,7 +140,7 @@ class Simulator:
         for path, column in columns.items():
             name = condition_name(path)
             if name is not None and bool(np.isfinite(column).any()):
-                values = column * (stated.extra[name].factor if name in stated.extra else 1.0)
+                values = stated.extra[name].in_si(column) if name in stated.extra else column
                 known[name] = np.where(np.isfinite(column), values, known.get(name, np.nan))
         return known
 

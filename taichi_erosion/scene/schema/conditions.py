@@ -5,7 +5,7 @@ from typing import Any
 from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
 
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number, unit_of, unknown_key
-from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_unit
+from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale
 
 LARGEST = 1e30  # values beyond it are taken for a slip
 DECLARE = '; a condition of your own: [conditions.extra] NAME = { unit = "...", value = ... }'
@@ -25,15 +25,16 @@ class ExtraCondition(Section):
     @classmethod
     def _is_a_unit(cls, unit: str) -> str:
         try:
-            parse_unit(unit)
-        except UnknownUnit:
-            raise contradiction(f"'{unit}' is not a known unit; allowed: {EXAMPLES}") from None
+            parse_scale(unit)
+        except UnknownUnit as error:
+            hint = error.hint or f"allowed: {EXAMPLES}"
+            raise contradiction(f"'{unit}' is not a known unit; {hint}") from None
         return unit
 
-    @property
-    def factor(self) -> float:
-        """Factor from its unit to SI."""
-        return parse_unit(self.unit).factor
+    def in_si(self, value: Any) -> Any:
+        """A value, or an array of values, in SI units."""
+        scale = parse_scale(self.unit)
+        return scale.origin + scale.factor * value
 
 
 class Conditions(Section):
@@ -98,7 +99,7 @@ class Conditions(Section):
 
     def stated(self) -> dict[str, float]:
         """Conditions that have a value, by name; those of [conditions.extra] in SI units."""
-        own = {name: e.value * e.factor for name, e in self.extra.items() if e.value is not None}
+        own = {name: e.in_si(e.value) for name, e in self.extra.items() if e.value is not None}
         table = {name: getattr(self, name) for name in type(self).model_fields if name != "extra"}
         return {name: float(value) for name, value in table.items() if value is not None} | own
 

@@ -1,0 +1,97 @@
+"""The walk of docs/write_an_effect.md: from an empty file to a falling error, with a laboratory of its own.
+
+The laboratory is another process with another law of roots, time step and friction. Everything after it is
+what the page tells a reader to type and to write.
+"""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.evidence.answers.documents import read_answer
+from taichi_erosion.scene.load import toml_table
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "write_an_effect.md").read_text(encoding="utf-8")
+FILE = r"<!-- file: (?P<file>\S+) -->\n```\w+\n(?P<text>.*?)```"
+STEP = re.compile(rf"{FILE}|```sh\n(?P<commands>.*?)```", re.DOTALL)
+NAME, STUDY = "root_pull", "doe/own_effect/roots.toml"
+ONE_WORKER = ("--workers", "1")  # a second one would compile the same kernels again
+pytestmark = pytest.mark.docs
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what the page reads, whose table another process has just made."""
+    folder = tmp_path_factory.mktemp("reader")
+    for name in ("own_effect", "measured"):
+        shutil.copytree(
+            ROOT / "doe" / name, folder / "doe" / name, ignore=shutil.ignore_patterns("*-results")
+        )
+    for file in ROOT.glob("doe/my_lab*"):
+        shutil.copy(file, folder / "doe")
+    table = folder / "doe" / "own_effect" / "roots.csv"
+    table.unlink()
+    words = [sys.executable, "-m", "doe.own_effect.laboratory", str(table)]
+    subprocess.run(words, cwd=ROOT, check=True, timeout=600.0)
+    return folder
+
+
+def steps() -> list[tuple[str, str]]:
+    """(file to write, its text), or ("", command line), in the order of the page."""
+    found = []
+    for step in STEP.finditer(PAGE):
+        if step["file"]:
+            found.append((step["file"], step["text"]))
+        else:
+            found += [("", line.removeprefix("./erosion ")) for line in step["commands"].splitlines()]
+    return found
+
+
+def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypatch):
+    monkeypatch.chdir(reader)
+    for file, text in steps():
+        if file:
+            Path(file).parent.mkdir(exist_ok=True)
+            Path(file).write_text(text, encoding="utf-8")
+        else:
+            words = [*shlex.split(text), *(ONE_WORKER if STUDY in text else ())]
+            assert main(words) == 0, text
+    results = Path("doe/own_effect/roots-results")
+    discovered, adopted = (read_answer(results, "roots", command) for command in ("discover", "adopt"))
+    assert discovered is not None
+    assert (discovered["verdict"], discovered["named"]) == ("present", [NAME])
+    assert adopted is not None
+    assert adopted["vault"]["chi2_after"] < 0.5 * adopted["vault"]["chi2_before"]
+    assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
+    for section, file in (("scene", "heap"), ("study", "roots")):
+        written = toml_table(f"doe/own_effect/{file}_with_{NAME}.toml")
+        assert written[section]["effect_files"] == ["../../root_pull.py"]
+    law = read_answer(Path("doe/my_lab_short_list-results"), "my_lab_short_list", "adopt")
+    assert law is not None
+    assert law["vault"]["chi2_after"] < 0.1 * law["vault"]["chi2_before"]
+
+
+def test_the_package_that_the_page_shows_offers_its_effect(tmp_path, monkeypatch):
+    from zipfile import ZipFile
+
+    from hatchling.builders.wheel import WheelBuilder
+
+    from taichi_erosion.effects import load_library
+
+    package = tmp_path / "package"
+    package.mkdir()
+    for file, text in (step for step in steps() if step[0]):
+        (package / Path(file).name).write_text(text, encoding="utf-8")
+    (wheel,) = WheelBuilder(str(package)).build(directory=str(tmp_path))
+    with ZipFile(wheel) as packed:
+        packed.extractall(tmp_path / "installed")
+    assert NAME not in load_library()
+    monkeypatch.syspath_prepend(tmp_path / "installed")
+    assert load_library()[NAME].reads == ("root_density",)
