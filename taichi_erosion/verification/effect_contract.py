@@ -19,7 +19,7 @@ from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
-from taichi_erosion.scene.schema.conditions import Conditions
+from taichi_erosion.scene.schema.conditions import OF_SCENE, Conditions
 
 LEAST_CHECKS = 3
 LIKE = 0.8  # likeness of names from which one is taken for a misspelling of the other [1]
@@ -36,7 +36,6 @@ CONDITIONS = {  # a laboratory that states every condition
     "friction_velocity": 0.35,
 }
 WIND = {"length": 0.02, "width": 0.01, "height": 0.05}
-OF_THE_SCENE = ("grain_diameter", "bed_height")  # that effects on the device read beside the conditions
 ENDS = ("low", "high")  # of the range of a parameter
 RESTING = TYPICAL["grain"] | {"velocity": (0.0, 0.0, 0.0), "spin": (0.0, 0.0, 0.0), "interval": 1.0}
 READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux", "pile_height")
@@ -175,7 +174,7 @@ def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
         effect.act(params, 1.0, known, name, 0.3)
     if known.walked or row.walked:
         return
-    for name in sorted((known.read | row.read) - {*effect.reads, *OF_THE_SCENE}):
+    for name in sorted((known.read | row.read) - {*effect.reads, *OF_SCENE}):
         yield f"it reads the condition '{name}', which its entry reads = (...) does not name"
 
 

@@ -9,7 +9,7 @@ from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale
 
 LARGEST = 1e30  # values beyond it are taken for a slip
 DECLARE = '; a condition of your own: [conditions.extra] NAME = { unit = "...", value = ... }'
-ON_DEVICE = ("grain_diameter", "bed_height")  # names that effects on the device read beside the conditions
+OF_SCENE = ("grain_diameter", "bed_height", "density_ratio")  # that effects read beside the conditions
 
 
 class ExtraCondition(Section):
@@ -86,7 +86,7 @@ class Conditions(Section):
             if name in cls.model_fields:
                 unit = unit_of(cls.model_fields[name])
                 raise contradiction(f"{name} is among [conditions] already, in {unit}; state it there")
-            if name in ON_DEVICE:
+            if name in OF_SCENE:
                 raise contradiction(f"{name} is a number that effects get from the scene; take another name")
         return extra
 
