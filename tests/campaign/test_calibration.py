@@ -19,6 +19,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.design_table import Factor, read_design
 from taichi_erosion.report import write_report
 from taichi_erosion.report.calibration_page import publish
+from taichi_erosion.run.checks import read_scene
+from tests.report.browser import assert_readable
 
 TARGET = 31.0  # deg
 STUDY = {
@@ -181,8 +183,13 @@ def test_a_step_called_again_runs_nothing_and_says_the_same(found, folder, monke
     }
 
 
-def test_the_page_holds_every_step_and_its_pictures(found, folder):
-    text = publish(found).read_text(encoding="utf-8")
+@pytest.fixture(scope="module")
+def page(found):
+    return publish(found)
+
+
+def test_the_page_holds_every_step_and_its_pictures(page, folder):
+    text = page.read_text(encoding="utf-8")
     for part in ("Screening", "Steepest ascent", "Response surface", "Optimum", "Confirmation"):
         assert f"## {part}" in text
     pictures = re.findall(r"\]\(([^)]+)\)", text)
@@ -242,12 +249,35 @@ def test_sections_of_the_evidence_commands_are_left_to_them(tmp_path):
     assert read_calibration_study(path).study.targets["repose_angle"].value == TARGET
 
 
-def test_the_report_is_the_page_with_its_pictures_inside(found):
-    publish(found)
-    page = write_report(found.file.path).read_text(encoding="utf-8")
-    assert page.count("data:image/png;base64,") == len(list((found.file.folder / "pictures").glob("*.png")))
-    assert "<table>" in page
-    assert 'src="pictures' not in page
+def test_the_report_is_the_page_with_its_pictures_inside(found, page):
+    text = write_report(found.file.path).read_text(encoding="utf-8")
+    assert text.count("data:image/png;base64,") == len(list((page.parent / "pictures").glob("*.png")))
+    assert "<table>" in text
+    assert 'src="pictures' not in text
+
+
+def test_a_browser_shows_the_page_on_a_desk_and_on_a_phone(found, page, tmp_path):
+    assert_readable({"calibration": write_report(found.file.path, tmp_path / "calibration.html")}, tmp_path)
+
+
+def test_the_page_answers_yes_or_no_with_power_and_names_the_design_of_its_surface(page):
+    text = page.read_text(encoding="utf-8")
+    told = r"^\*\*(Yes|No)\.\*\* .* with a power of 0\.8, and one of 0\.50\d deg"
+    assert re.search(told, text, re.MULTILINE)
+    assert text.rindex("**Yes.**") > text.index("## Confirmation")
+    assert "Box-Behnken design of 17 runs, 5 of them at the centre." in text
+    assert "-0.00" not in text
+
+
+def test_the_calibrated_scene_runs_with_the_numbers_of_the_confirmation_runs(found):
+    (written,) = map(Path, found.document["calibrated_scenes"])
+    assert written == found.file.folder / "few_calibrated.toml"
+    scene = read_scene(written, ())
+    for path, value in found.confirmed.optimum.settings.items():
+        _, pair, name = path.split(".")
+        assert getattr(scene.contact[pair], name) == pytest.approx(value, rel=1e-5)
+    centre = STUDY["parameters"]["materials.soil.shear_modulus"]
+    assert scene.materials["soil"].shear_modulus == 0.5 * (centre["low"] + centre["high"])
 
 
 def test_a_report_before_the_calibration_is_refused(tmp_path):

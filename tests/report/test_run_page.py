@@ -2,8 +2,6 @@
 
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -12,9 +10,16 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.report import write_report
+from tests.report.browser import assert_readable, look_at
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 OUTSIDE = re.compile(r"""(?:src|href)=["'](?!data:|#)""")
+
+
+BAD = """<!doctype html><html><head></head>
+<body style="margin: 0"><div style="width: 1500px; height: 900px"></div>
+<figure><svg width="300" height="90" viewBox="0 0 300 90"><text x="9" y="40" font-size="30">one</text>
+<text x="30" y="42" font-size="30">two</text><text x="200" y="80" font-size="4">no</text></svg></figure>
+<script>missing();</script></body></html>"""
 
 
 def measure(value: float | None, sd: float | None, count: int) -> dict:
@@ -97,18 +102,17 @@ def test_a_file_that_is_not_there_is_told(name: str, tmp_path):
         write_report(tmp_path / name)
 
 
-def test_a_browser_opens_the_page_without_a_complaint(tmp_path):
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        pytest.skip("no browser is installed")
+def test_a_browser_shows_the_page_on_a_desk_and_on_a_phone(tmp_path):
     page = write_report(written(tmp_path))
-    options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
-    told = subprocess.run(
-        [browser, *options, "--enable-logging=stderr", "--dump-dom", page.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
-    assert "<h1>A heap</h1>" in told.stdout
-    assert "CONSOLE" not in told.stderr  # how it reports errors of a page
+    assert "<h1>A heap</h1>" in page.read_text("utf-8")
+    assert_readable({"run": page}, tmp_path)
+
+
+def test_a_page_that_is_too_wide_or_whose_texts_collide_is_noticed(tmp_path):
+    (tmp_path / "bad.html").write_text(BAD, "utf-8")
+    for key, found in look_at({"bad": tmp_path / "bad.html"}, tmp_path).items():
+        assert found["scroll"] > 0, key
+        assert found["overlaps"] == ["one | two"], key
+        assert found["bottom"] > 900.0, key
+        assert found["letters"] < 9.0, key
+        assert "missing is not defined" in found["errors"][0], key

@@ -18,7 +18,7 @@ def stages(tmp_path_factory) -> dict[str, Path]:
     """Pages of one study after compare, discover, adopt, and after adopt alone."""
     study = write_study(tmp_path_factory.mktemp("stages"), {"liquid_bridge": 1.0})
     pages = {}
-    for words in (["compare"], ["discover"], ["adopt", "liquid_bridge"]):
+    for words in (["compare"], ["discover", "--budget", "quick"], ["adopt", "liquid_bridge"]):
         assert main([words[0], str(study), *words[1:]]) == 0
         pages[words[0]] = write_report(study, study.with_name(f"after_{words[0]}.html"))
     alone = shutil.copytree(study.parent, tmp_path_factory.mktemp("alone") / "study")

@@ -147,8 +147,8 @@ def first_cost(earlier: Document | None, document: Document) -> Document:
     told = document.keys() - {*COST, *CIRCUMSTANCES}
     if earlier is None or any(earlier.get(key) != document[key] for key in told):
         return {}
-    known = {key: (earlier.get(key), document.get(key)) for key in COST}
-    return {key: max(pair) for key, pair in known.items() if None not in pair}
+    known = [key for key in COST if earlier.get(key) is not None and document.get(key) is not None]
+    return {key: max(earlier[key], document[key]) for key in known}
 
 
 def names_of(study: Study) -> list[str]:
