@@ -20,6 +20,7 @@ from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
 from taichi_erosion.cli.output import AsJson, EffectFiles, Force
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.core.errors import BadInput, ExitCode
+from taichi_erosion.core.files import REMEDY, check_writable, refuse_foreign
 
 if TYPE_CHECKING:
     from taichi_erosion.verification.claim import Claim
@@ -232,7 +233,6 @@ def snapshot(
     force: Force = False,
 ) -> None:
     """Draw one moment of a run, or a study, without a screen."""
-    from taichi_erosion.core.files import refuse_foreign
     from taichi_erosion.recording.viewer import render_picture
 
     picture_file = to or file.with_suffix(".snapshot.png")
@@ -271,13 +271,26 @@ def repose(
     background: Annotated[
         Literal["auto", "dark", "light"] | None, typer.Option(help="Brightness behind the heap.")
     ] = None,
+    to: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="PNG", help="Picture of the detection; default: IMAGE.detected.png."
+        ),
+    ] = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the angle of repose of a heap in a photograph."""
+    """Measure the angle of repose of a heap in a photograph, and draw what was detected over it."""
     from taichi_erosion.measures.photograph import measure_photograph
 
+    picture = to or image.with_suffix(".detected.png")
+    refuse_foreign(picture, image, force)
+    check_writable(picture)
     options = given(crop=None if crop is None else rectangle(crop), background=background)
     record = measure_photograph(image, **options)
+    from taichi_erosion.report.photograph_figure import draw_detection
+
+    record |= {"picture": str(draw_detection(image, record, picture))}
     output.print_result(record, as_json, output.print_measurement)
 
 
@@ -331,7 +344,6 @@ def schema(
     force: Force = False,
 ) -> None:
     """Write the JSON schema of scene files, for completion and checks in editors."""
-    from taichi_erosion.core.files import REMEDY
     from taichi_erosion.scene import write_schema
     from taichi_erosion.scene.paths import is_schema
 

@@ -98,6 +98,8 @@ def print_measurement(record: Record) -> None:
     typer.echo(f"{record['name']} = {spread(record)} {record['unit']}")
     for note in record["notes"]:
         typer.echo(f"note: {note}")
+    if "picture" in record:
+        typer.echo(f"what was detected: {record['picture']}")
 
 
 def print_claims(document: Record) -> None:

@@ -1,7 +1,7 @@
 """Photographs drawn here, of heaps whose angle is known."""
 
 import json
-from math import cos, degrees, radians, tan
+from math import atan, cos, degrees, radians, sin, tan
 
 import imageio.v3 as imageio
 import numpy as np
@@ -13,6 +13,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.photograph import measure_photograph
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.measures.silhouette import PIXELS_PER_GRAIN, draw_silhouette
+from taichi_erosion.report.photograph_figure import WIDTH, draw_detection
 from tests.measures.heaps import DIAMETER, cone, snapshot_of
 
 ROWS, COLUMNS, BASE, HALF_WIDTH = 420, 640, 360, 240  # px
@@ -103,6 +104,85 @@ def test_a_telephone_held_sideways_is_turned_upright(tmp_path):
 def test_a_camera_tilted_about_its_line_of_sight_keeps_the_mean_of_the_flanks(tmp_path):
     record = measure_photograph(photograph(tmp_path / "heap.png", 30.0 + 1.5, 30.0 - 1.5))
     assert record["value"] == pytest.approx(30.0, abs=pixel_error(30.0))
+
+
+def taken(path, angle=34.0, tilt=0.0, noise=0.0, light=0.0, shadow=0.0, half=200.0):
+    """Photograph by a tilted camera, in light that falls off to the right, with a shadow."""
+    row, column = np.mgrid[0:ROWS, 0:COLUMNS] + 0.5
+    c, s = cos(radians(tilt)), sin(radians(tilt))
+    across = (column - COLUMNS / 2) * c + (row - BASE + 30) * s
+    up = (column - COLUMNS / 2) * s - (row - BASE + 30) * c
+    top = half * tan(radians(angle))
+    heap = (up > 0.0) & (up < tan(radians(angle)) * (half - np.abs(across)))
+    grey = np.where(heap | (up <= 0.0), 0.25, 0.8)
+    cast = (across > 0.0) & (up > 0.0) & (up < top - tan(radians(12.0)) * across) & ~heap
+    grey = gaussian_filter(np.where(cast, grey - shadow, grey) + light * (0.5 - column / COLUMNS), 0.8)
+    grey = grey + np.random.default_rng(4).normal(0.0, noise, grey.shape) if noise else grey
+    imageio.imwrite(path, (np.clip(grey, 0.0, 1.0) * 255).astype(np.uint8))
+    return path
+
+
+@pytest.mark.parametrize(("angle", "tilt"), [(34.0, -8.0), (34.0, 1.0), (18.0, 4.0)])
+@pytest.mark.parametrize(
+    ("noise", "light"), [(0.0, 0.0), (0.08, 0.4)], ids=["clean", "noise and uneven light"]
+)
+def test_a_tilted_photograph_is_turned_and_says_so(tmp_path, angle, tilt, noise, light):
+    record = measure_photograph(taken(tmp_path / "heap.png", angle, tilt, noise, light))
+    # a pixel at one end of the flanks, and of the base line across the picture
+    assert record["value"] == pytest.approx(angle, abs=pixel_error(angle, 1.5))
+    assert record["details"]["tilt"] == pytest.approx(tilt, abs=0.3)
+    assert f"the base line falls by {abs(record['details']['tilt']):.1f} deg" in record["notes"][0]
+    assert record["sd"] < 0.5
+
+
+def test_a_small_heap_in_a_tilted_picture_is_no_flat_one(tmp_path):
+    record = measure_photograph(taken(tmp_path / "heap.png", 34.0, tilt=3.0, half=60.0))
+    assert record["value"] == pytest.approx(34.0, abs=3.0 * pixel_error(34.0))
+
+
+def test_uneven_light_is_divided_out(tmp_path):
+    record = measure_photograph(taken(tmp_path / "heap.png", 34.0, light=0.7))
+    assert record["value"] == pytest.approx(34.0, abs=pixel_error(34.0))
+    assert "cut_by_frame" not in record["details"]["flags"]
+
+
+def flat_heap(path):
+    taken(path, angle=4.0)
+
+
+def shadowed_heap(path):
+    taken(path, shadow=0.45)
+
+
+def steep_camera(path):
+    taken(path, tilt=28.0)
+
+
+@pytest.mark.parametrize(
+    ("draw", "reason"),
+    [
+        (flat_heap, "no heap|flatter than any heap"),
+        (shadowed_heap, "the flanks differ, 34 and 12 deg: a shadow, or another object"),
+        (steep_camera, "not certain"),
+    ],
+)
+def test_an_uncertain_detection_is_refused_with_the_reason(tmp_path, draw, reason):
+    draw(tmp_path / "picture.png")
+    with pytest.raises(BadInput, match=reason):
+        measure_photograph(tmp_path / "picture.png")
+
+
+def test_what_was_detected_is_drawn_over_the_photograph(tmp_path):
+    path = taken(tmp_path / "heap.png", 34.0, tilt=4.0)
+    record = measure_photograph(path)
+    drawn = record["details"]["drawing"]
+    (x0, y0), (x1, y1) = drawn["base"]
+    assert degrees(atan((y1 - y0) / (x1 - x0))) == pytest.approx(4.0, abs=0.2)
+    (x0, y0), (x1, y1) = drawn["left"]
+    assert degrees(atan((y1 - y0) / (x1 - x0))) == pytest.approx(4.0 - 34.0, abs=0.5)
+    picture = imageio.imread(draw_detection(path, record, tmp_path / "heap.detected.png"))
+    assert picture.shape[1] == WIDTH
+    assert np.ptp(picture[..., :3].astype(int), axis=2).max() > 150, "lines in colour over a grey photograph"
 
 
 def test_a_crop_keeps_a_label_beside_the_heap_out(tmp_path):
