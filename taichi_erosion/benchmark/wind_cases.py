@@ -9,7 +9,6 @@ as many steps.
 
 import time
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, build_setup, laws, load_scene, parse_scene
 from taichi_erosion.scene.build.air import build_air
 from taichi_erosion.scene.load import load_air_scene, toml_table
+from taichi_erosion.scene.shipped import SCENES
 from taichi_erosion.simulation import (
     Simulation,
     advance,
@@ -38,8 +38,6 @@ from taichi_erosion.simulation import (
     spin_up_wind,
 )
 
-INSTALLED, SOURCE = Path(__file__).parent / "scenes", Path(__file__).parents[2] / "scenes"
-SCENES = INSTALLED if INSTALLED.is_dir() else SOURCE
 BOX_SIDE, FINEST, ROUGHNESS, FRICTION = 0.4, 2e-3, 1e-4, 0.3  # of the box of wind: m, m, m, m s-1
 BOX_LAYERS, BOX_COLUMNS = 32, (16, 32, 64)
 AIR_UNTIMED, AIR_STEPS = 2, 5  # steps before the clock starts, and timed ones

@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.load import file_text, first_line, summary, with_tuples
+from taichi_erosion.scene.load import file_text, first_line, with_tuples
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
 from taichi_erosion.scene.validation_messages import problem_lines
 
@@ -338,11 +338,12 @@ def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) 
         file = StudyFile.model_validate(table)
     except ValidationError as error:
         lines = problem_lines(error, table, {})
-        raise BadInput(f"{name}: {summary(lines).replace('candidates.tables.', 'candidates.')}") from None
+        lines = [line.replace("candidates.tables.", "candidates.") for line in lines]
+        raise BadInput(*(f"{name}: {line}" for line in lines)) from None
     except (OverflowError, RecursionError) as error:
         raise BadInput(f"{name}: cannot be used: {first_line(error)}") from None
     if found := list(problems(file)):
-        raise BadInput(f"{name}: {summary(found)}")
+        raise BadInput(*(f"{name}: {line}" for line in found))
     return file
 
 

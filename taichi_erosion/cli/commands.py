@@ -19,6 +19,7 @@ from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
 from taichi_erosion.cli.output import AsJson, EffectFiles, Force
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
+from taichi_erosion.cli.study import study
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import REMEDY, check_writable, refuse_foreign
 
@@ -34,6 +35,7 @@ app = typer.Typer(
 measure = typer.Typer(help="Measure a photograph in the same way as a simulation.", no_args_is_help=True)
 app.add_typer(measure, name="measure", rich_help_panel=SIMULATE)
 app.add_typer(doe, name="doe", rich_help_panel=EXPLAIN)
+app.add_typer(study, name="study", rich_help_panel=EXPLAIN)
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 Override = Annotated[

@@ -9,7 +9,7 @@ PANELS = {
     SIMULATE: ("run", "live", "view", "snapshot", "export"),
     EXPLAIN: ("compare", "discover", "adopt", "next", "report", "effects"),
     CHECK: ("audit", "verify", "bench", "schema"),
-    "": ("measure repose", *(f"doe {step}" for step in DOE_STEPS)),
+    "": ("measure repose", "study new", "study check", *(f"doe {step}" for step in DOE_STEPS)),
 }
 EXAMPLES = """
 run scenes/funnel_repose.toml
@@ -38,6 +38,10 @@ doe calibrate doe/first_calibration.toml
 doe calibrate STUDY --scheduler tcp://127.0.0.1:8786
 audit doe/hao2022/table_4.csv
 audit TABLE --response angle --json
+study new TABLE
+study new TABLE --yes --closed-form --out my_study
+study new TABLE --observable "Winkel=repose_angle" --condition "w=conditions.moisture"
+study check doe/impact_threshold_reduced.toml
 compare doe/impact_threshold_reduced.toml
 discover doe/impact_threshold_reduced.toml
 discover STUDY --budget quick

@@ -4,7 +4,9 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -132,17 +134,41 @@ def cached_schema() -> dict[str, Any]:
     return scene_schema()
 
 
-def unit_of_path(path: str) -> str | None:
-    """Unit of the number that a dotted path sets; None where no scene has the path, or it is no number.
+@dataclass(frozen=True)
+class NumberEntry:
+    """A number of a scene: its unit and its range, inclusive."""
 
-    A component has the unit of its vector. What is counted in nominal diameters is a pure number.
+    unit: str
+    low: float = -inf
+    high: float = inf
+
+
+@cache
+def number_at(path: str) -> NumberEntry | None:
+    """The number that a dotted path sets; None where no scene has the path, or it is no number.
+
+    A component has unit and range of its vector. What is counted in nominal diameters is a pure number.
     """
     schema = cached_schema()
-    nodes, unit = list(options(schema, schema)), None
+    nodes, found = list(options(schema, schema)), None
     for key in path.split("."):
         nodes = [below for node in nodes for below in entries_below(schema, node, key)]
-        unit = next((str(node["unit"]) for node in nodes if "unit" in node), unit if nodes else None)
-    return "1" if unit == NOMINAL_DIAMETER else unit
+        found = next(filter(None, map(number_entry, nodes)), found) if nodes else None
+    return found
+
+
+def number_entry(node: dict[str, Any]) -> NumberEntry | None:
+    """Unit and range of a node of the schema, None for what is no number."""
+    if "unit" not in node:
+        return None
+    unit = "1" if node["unit"] == NOMINAL_DIAMETER else str(node["unit"])
+    return NumberEntry(unit, float(node.get("minimum", -inf)), float(node.get("maximum", inf)))
+
+
+def unit_of_path(path: str) -> str | None:
+    """Unit of the number that a dotted path sets; None where there is none."""
+    found = number_at(path)
+    return None if found is None else found.unit
 
 
 def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from taichi_erosion.benchmark import wind_cases
 from taichi_erosion.benchmark.wind_cases import SCENES, WINDS, threshold_scene
 from taichi_erosion.scene import load_scene
+from taichi_erosion.scene.shipped import INSTALLED
 
 ROOT = Path(__file__).parents[2]
 SECTIONS = ("grains", "materials", "laws", "contact", "geometry", "wind", "fill", "threshold", "stages")
@@ -14,7 +14,7 @@ SECTIONS = ("grains", "materials", "laws", "contact", "geometry", "wind", "fill"
 
 def test_scenes_are_read_from_the_source_tree_where_there_is_one():
     assert SCENES == ROOT / "scenes"
-    assert wind_cases.INSTALLED == ROOT / "taichi_erosion" / "benchmark" / "scenes"  # as in pyproject.toml
+    assert INSTALLED == ROOT / "taichi_erosion" / "scene" / "shipped"  # as in pyproject.toml
 
 
 @pytest.mark.parametrize("section", SECTIONS)

@@ -1,0 +1,136 @@
+"""Commands on studies themselves: `study new` from a laboratory's table, `study check` without a run."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from taichi_erosion.cli import output
+from taichi_erosion.cli.help import help_of
+from taichi_erosion.cli.output import AsJson, Record, print_table
+from taichi_erosion.core.errors import BadInput
+
+study = typer.Typer(help="Make a study of a table, or validate one.", no_args_is_help=True)
+
+Pairs = list[str] | None
+TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")]
+StudyPath = Annotated[Path, typer.Argument(metavar="STUDY", help="Study (TOML).")]
+Observables = Annotated[
+    Pairs,
+    typer.Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated."),
+]
+Conditions = Annotated[
+    Pairs,
+    typer.Option("--condition", metavar="COLUMN=PATH", help="Place that a column sets; may be repeated."),
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name."),
+]
+Apparatus = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
+]
+ClosedForm = Annotated[
+    bool, typer.Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Take every guess; ask nothing.")]
+
+
+@study.command("new", **help_of("study new"))
+def new(
+    table: TableFile,
+    out: Folder = None,
+    yes: Yes = False,
+    observable: Observables = None,
+    condition: Conditions = None,
+    apparatus: Apparatus = None,
+    closed_form: ClosedForm = False,
+    as_json: AsJson = False,
+) -> None:
+    """Read a table as a spreadsheet exports it, and write a study and a scene for it."""
+    from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+    from taichi_erosion.evidence.data.tables.column_roles import Told
+
+    told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"))
+    wishes = Wishes(told, out, apparatus, closed_form)
+    document = new_study(table, wishes, guessed if yes or as_json else asked)
+    output.print_result(document, as_json, print_new_study)
+
+
+@study.command("check", **help_of("study check"))
+def check(study: StudyPath, as_json: AsJson = False) -> None:
+    """Validate a study, its table, scenes and model; run nothing."""
+    from taichi_erosion.evidence.answers.check_study import check_study
+
+    output.print_result(check_study(study), as_json, print_check)
+
+
+def pairs(stated: Pairs, option: str) -> Mapping[str, str]:
+    """Columns with what they are, from COLUMN=NAME."""
+    found = {}
+    for pair in stated or ():
+        column, equals, name = pair.rpartition("=")
+        if not equals or not column.strip() or not name.strip():
+            raise BadInput(f"{option} {pair}: write it as COLUMN=NAME, in quotes where it has spaces")
+        found[column.strip()] = name.strip()
+    return found
+
+
+def asked(question: str, guess: str) -> str:
+    """Answer of the user; Enter takes the guess."""
+    try:
+        return str(typer.prompt(question, default=guess, err=True))
+    except typer.Abort:
+        raise BadInput(f"no answer to: {question} (--yes takes every guess)") from None
+
+
+def guessed(_question: str, guess: str) -> str:
+    """The guess."""
+    return guess
+
+
+def print_new_study(document: Record) -> None:
+    """Print what was understood, what was assumed, what was written, and what an answer costs."""
+    typer.echo(f"{document['table']}: {document['form']}")
+    if document["columns"]:
+        rows = ((c["column"], c["unit"], c["told"]) for c in document["columns"])
+        print_table("columns", ("column", "unit", "understood as"), rows)
+    for words in document["assumed"]:
+        typer.echo(f"assumed: {words}")
+    print_content(document)
+    for path in document["written"]:
+        typer.echo(f"written: {path}")
+    typer.echo(f"next: ./erosion compare {document['written'][0]}")
+
+
+def print_check(document: Record) -> None:
+    """Print that a study is valid, what it holds, and what an answer costs."""
+    typer.echo(f"{document['study']}: valid; nothing was run")
+    if document["kind"] == "evidence":
+        print_content(document)
+
+
+def print_content(document: Record) -> None:
+    """Print rows, conditions, candidates and cost."""
+    rows = ", ".join(f"{name} ({count} rows)" for name, count in document["observables"].items())
+    typer.echo(f"measured: {rows}; {document['held_out']} rows are held out until an effect is adopted")
+    for name, told in document["conditions"].items():
+        typer.echo(f"condition {name}: {told}")
+    typer.echo(f"calibrated: {', '.join(document['parameters']) or 'nothing'}")
+    typer.echo(f"candidates: {', '.join(document['candidates']) or 'none'}")
+    for note in document["notes"]:
+        typer.echo(f"note: {note}")
+    for name, cost in document["cost"].items():
+        typer.echo(cost_line(name, cost))
+
+
+def cost_line(name: str, cost: Record) -> str:
+    """What an answer costs, in one line."""
+    if not cost["runs"]:
+        return f"cost with --budget {name}: seconds; a function answers"
+    return (
+        f"cost with --budget {name}: {cost['runs']} runs, {cost['core_minutes']:.0f} core-minutes, about "
+        f"{cost['minutes_here']:.0f} minutes here, and rounds about the answer"
+    )

@@ -1,0 +1,172 @@
+"""Validation of a study without a run: its file, its table, its scenes or model, and what an answer costs.
+
+All faults are told at once, each in one line; parts that rest on a faulty one are left out.
+"""
+
+from collections.abc import Iterator, Mapping
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.campaign.study_file import (
+    ALL,
+    StudyFile,
+    calibration_problems,
+    evidence_problems,
+    read_study_file,
+)
+from taichi_erosion.core.effect_file import EffectFile
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.study_cost import study_cost
+from taichi_erosion.evidence.data.measured import read_table, study_measurements
+from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table
+from taichi_erosion.evidence.emulator.training_runs import inactive_reason, study_scenes
+from taichi_erosion.evidence.models.column_units import place_units
+from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, load_study, study_effect_files
+from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.scene.paths import number_at
+from taichi_erosion.scene.schema.units import parse_unit, scale_between
+
+Document = dict[str, Any]
+
+
+def check_study(path: Path) -> Document:
+    """What a valid study holds, and what an answer costs; raises BadInput with all faults."""
+    file, faults = read_any_study(path), Faults()
+    if file.targets and not file.study.measurements:
+        scenes = {name: path.parent / str(entry.scene) for name, entry in file.observables.items()}
+        for scene in dict.fromkeys(scenes.values()):
+            faults.of(read_scene, scene, ())
+        faults.tell()
+        return {"study": str(path), "kind": "calibration", "observables": list(file.observables)}
+    files = faults.of(study_effect_files, path, file, NO_OPTIONS) or ()
+    table = checked_table(path, file, files, faults)
+    for place, fault in scene_faults(path, file, files):
+        faults.append(f"{path}: {place}: {fault}")
+    faults.extend(candidate_faults(path, file, files))
+    faults.tell()
+    assert table is not None
+    return study_document(load_study(path), table)
+
+
+def read_any_study(path: Path) -> StudyFile:
+    """A study file of either kind; raises BadInput with all its faults."""
+
+    def problems(file: StudyFile) -> Iterator[str]:
+        designed = bool(file.targets) and not file.study.measurements
+        yield from (calibration_problems if designed else evidence_problems)(file)
+
+    return read_study_file(path, problems)
+
+
+def checked_table(path: Path, file: StudyFile, files: tuple[EffectFile, ...], faults: Faults) -> Table | None:
+    """The table of a study, with its units and ranges looked at."""
+    table = faults.of(read_table, path.parent / file.study.measurements, file.study.measurements, file)
+    places = faults.of(place_units, file, path, files)
+    if table is not None and places is not None:
+        if faults.of(study_measurements, table, file, str(path), places) is not None and places:
+            faults.extend(range_faults(table, file.conditions))
+    return table
+
+
+def range_faults(table: Table, conditions: Mapping[str, str]) -> Iterator[str]:
+    """Conditions of rows that lie outside what a scene takes, which is a wrong unit more often than not."""
+    for name, paths in conditions.items():
+        number = number_at(dotted_paths(paths)[0])
+        if number is None or name not in table.conditions:
+            continue
+        place = table.conditions.index(name)
+        written = table.units[place]
+        scale = scale_between(written or number.unit, parse_unit(number.unit))
+        if scale is None:
+            continue
+        allowed = f"outside [{number.low:g}, {number.high:g}]; check number and unit"
+        for row in table.rows:
+            value = row.conditions[place]
+            used = scale.used(value)
+            if isfinite(value) and not number.low <= used <= number.high:
+                stated = f"{value:g} {written}" if written else f"{value:g} (no unit: {number.unit})"
+                where = f"{table.file}: row {row.line}, {name} = {stated}"
+                yield f"{where} is {used:g} {number.unit}, {allowed}"
+
+
+def scene_faults(path: Path, file: StudyFile, files: tuple[EffectFile, ...]) -> Iterator[tuple[str, str]]:
+    """Scenes that cannot be read, or do not measure what they should."""
+    for name, entry in file.observables.items():
+        if entry.scene is None:
+            continue
+        try:
+            scene = read_scene((path.parent / entry.scene).resolve(), (), files)
+        except BadInput as error:
+            yield from ((f"observables.{name}.scene", fault) for fault in error.faults)
+            continue
+        measure = entry.measure or name
+        if measure not in scene.measure:
+            there = ", ".join(scene.measure) or "nothing"
+            yield f"observables.{name}", f"{entry.scene} measures {there}, not {measure}"
+
+
+def candidate_faults(path: Path, file: StudyFile, files: tuple[EffectFile, ...]) -> Iterator[str]:
+    """Candidates that the library has not."""
+    if file.study.model is not None:
+        return
+    from taichi_erosion.effects import load_library
+
+    library = load_library(files)
+    for name in dict.fromkeys((*file.candidates.effects, *file.candidates.tables, *file.adopted)):
+        if name not in library and name != ALL:
+            yield f"{path}: candidates.{name} is not in the library: {', '.join(library)}"
+
+
+def study_document(study: Study, table: Table) -> Document:
+    """What was found, as a document."""
+    measurements, file = study.problem.measurements, study.file
+    return {
+        "study": str(study.path),
+        "kind": "evidence",
+        "rows": measurements.size,
+        "held_out": len(study.problem.vault.rows),
+        "observables": {name: measurements.observable.count(name) for name in file.observables},
+        "conditions": {name: told_range(table, name) for name in file.conditions},
+        "parameters": [parameter.path for parameter in study.problem.parameters],
+        "candidates": [candidate.name for candidate in study.problem.candidates],
+        "notes": list(study.notes),
+        "cost": study_cost(study),
+    }
+
+
+def told_range(table: Table, name: str) -> str:
+    """Range of a condition as the table has it."""
+    place = table.conditions.index(name)
+    values = [row.conditions[place] for row in table.rows if isfinite(row.conditions[place])]
+    unit = table.units[place] or ""
+    return f"{min(values):g} to {max(values):g} {unit}".strip() if values else "not stated"
+
+
+def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
+    """Effects of the library that can change what is measured here, and why the others cannot.
+
+    Where the literature does not say which observables an effect changes, it is a candidate if the table
+    holds a condition that it reads.
+    """
+    simulator = study.problem.model.model  # pyright: ignore[reportAttributeAccessIssue]
+    assert isinstance(simulator, Simulator)
+    scenes = study_scenes(study, simulator)
+    varied = {
+        path.removeprefix("conditions.")
+        for paths in study.file.conditions.values()
+        for path in dotted_paths(paths)
+    }
+    known = {*study.file.observables, *varied}
+    acting, inactive = [], {}
+    for candidate in study.problem.candidates:
+        effect = simulator.library[candidate.name]
+        reasons = [inactive_reason(scene, candidate) for scene in scenes]
+        if all(reason is not None for reason in reasons):
+            inactive[candidate.name] = str(reasons[0])
+        elif set(effect.expected or effect.reads) & known:
+            acting.append(candidate.name)
+        else:
+            inactive[candidate.name] = "the literature expects none of these observables to change with it"
+    return acting, inactive

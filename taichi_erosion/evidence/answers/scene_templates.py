@@ -1,0 +1,242 @@
+"""Scenes from which `study new` makes that of a table: one of the program's own for every kind of apparatus.
+
+A template says what it measures, which grains and lengths it is given, which numbers of its contacts are
+calibrated, and which places a column sets. Lengths and times count in grain diameters, so that a table may
+hold many diameters.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER
+from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
+from taichi_erosion.scene.shipped import SCENES
+
+FLATTER = 0.8  # of the smallest measured angle, down to which a heap is large enough for its measure [1]
+USUAL_HEAP, USUAL_SAND = 2e-3, 2.5e-4  # grain diameters where the table states none [m]
+WIND_COLUMN = "conditions.friction_velocity"
+Changes = Mapping[str, Any]  # dotted path -> value; None: the entry is left out
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A number that is calibrated: its prior is lognormal around `start`, cut at `low` and `high`."""
+
+    path: str
+    start: float
+    low: float
+    high: float
+    sd_log: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Template:
+    """One apparatus."""
+
+    scene: str  # name among the program's scenes
+    words: str
+    observables: tuple[str, ...]
+    changes: Callable[[float, int], Changes]  # grain diameter [m], grains
+    parameters: tuple[Calibrated, ...]
+    grains: int  # of the program's scene
+    diameter: float  # where the table states none [m]
+    varies: bool = True  # whether a column may set the diameter of its grains
+    rows: float = 0.0  # rows of grains on the flank that its angle needs; 0: it measures none
+    wind: tuple[str, ...] = ()  # places that a column of friction velocities sets beside its condition
+
+
+def contact(pair: str, sliding: float, rolling: float | None) -> tuple[Calibrated, ...]:
+    """Friction of grain on grain, which a laboratory seldom knows."""
+    found = [Calibrated(f"contact.{pair}.friction_sliding", sliding, 0.1, 1.2, 0.3, "grain on grain")]
+    if rolling is not None:
+        path = f"contact.{pair}.friction_rolling"
+        found.append(
+            Calibrated(path, rolling, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling")
+        )
+    return tuple(found)
+
+
+def lifted_cylinder(diameter: float, grains: int) -> Changes:
+    """Tube, plate and lift that grow with the heap."""
+    size = (grains / 1500) ** (1.0 / 3.0)
+    return {
+        "grains.count": grains,
+        "grains.size": {"law": "monodisperse", "diameter": diameter},
+        "geometry.plate.radius": None,
+        "geometry.plate.radius_d": round(40.0 * size, 1),
+        "geometry.tube.radius_d": round(8.0 * size, 2),
+        "geometry.tube.length_d": round(30.0 * size, 1),
+        "fill.radius_d": round(8.0 * size - 0.7, 2),
+        "stages.1.duration_min": None,
+        "stages.1.duration_max": None,
+        "stages.1.duration_min_d": round(500.0 * size, 1),
+        "stages.1.duration_max_d": round(830.0 * size, 1),
+        "stages.0.duration_min": None,
+        "stages.0.duration_max": None,
+        "stages.0.duration_min_d": 17.0,
+        "stages.0.duration_max_d": round(200.0 * size, 1),
+    }
+
+
+def collapsed_column(diameter: float, grains: int) -> Changes:
+    """Tube that grows with the heap; all else counts in diameters already."""
+    size = (grains / 1800) ** (1.0 / 3.0)
+    return {
+        "grains.count": grains,
+        "grains.size": {"law": "monodisperse", "diameter": diameter},
+        "geometry.tube.radius_d": round(9.0 * size, 2),
+        "geometry.tube.length_d": round(30.0 * size, 1),
+        "fill.radius_d": round(9.0 * size - 0.6, 2),
+        "conditions": None,
+    }
+
+
+def funnel(diameter: float, grains: int) -> Changes:
+    """The funnel as it is, higher for a larger heap."""
+    size = (grains / 3000) ** (1.0 / 3.0)
+    return {
+        "grains.count": grains,
+        "geometry.funnel.outlet": [0.0, 0.0, round(0.032 * size, 4)],
+        "fill.centre": [0.0, 0.0, round(0.032 * size + 0.065, 4)],
+        "conditions": None,
+    }
+
+
+def threshold_patch(diameter: float, grains: int) -> Changes:
+    """Grains of one size; the stiffness grows with their weight."""
+    return {
+        "grains.size": {"law": "monodisperse", "diameter": diameter},
+        "materials.soil.shear_modulus": float(f"{6e4 * max(diameter / 2.8e-4, 1.0):.2g}"),
+        "threshold.first": None,
+    }
+
+
+def blown_patch(diameter: float, grains: int) -> Changes:
+    """Grains of one size; the stiffness grows with their weight."""
+    return {
+        "grains.size": {"law": "monodisperse", "diameter": diameter},
+        "materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}"),
+    }
+
+
+HEAP = ("centroid_height", "pile_height", "radius_90", "column_height")
+TEMPLATES = {
+    "cylinder": Template(
+        *("lifting_cylinder", "a cylinder that is lifted slowly", ("repose_angle", *HEAP), lifted_cylinder),
+        *(contact("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
+        rows=LEAST_ROWS,
+    ),
+    "collapse": Template(
+        "column_collapse",
+        "a column whose tube vanishes",
+        ("angle_of_repose", "runout_radius", *HEAP),
+        collapsed_column,
+        *(contact("grain-grain", 0.5, 0.1), 1800, USUAL_HEAP),
+        rows=LEAST_ROWS,
+    ),
+    "funnel": Template(
+        *("funnel_repose", "a funnel", ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"), funnel),
+        *(contact("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
+        varies=False,
+        rows=POURED_LEAST,
+    ),
+    "drum": Template(
+        "rotating_drum",
+        "a drum that turns slowly",
+        ("dynamic_angle",),
+        lambda diameter, grains: {},
+        *(contact("soil-soil", 0.5, 0.1), 1000, 3e-3),
+        varies=False,
+    ),
+    "threshold": Template(
+        "wind_threshold",
+        "a patch of bed under a wind that grows",
+        ("threshold_u_star", "threshold_wind_speed", "rolling_onset"),
+        threshold_patch,
+        *(contact("soil-soil", 0.5, 0.1), 900, USUAL_SAND),
+    ),
+    "impact": Template(
+        "impact_threshold",
+        "a patch of bed under a wind that falls",
+        ("impact_threshold", "impact_threshold_linear"),
+        lambda diameter, grains: {"grains.size": {"law": "monodisperse", "diameter": diameter}},
+        *(contact("sand-sand", 0.5, None), 800, USUAL_SAND),
+    ),
+    "saltation": Template(
+        "saltation",
+        "a patch of bed under steady wind",
+        ("flux", "flux_height"),
+        blown_patch,
+        (
+            *contact("sand-sand", 0.5, None),
+            Calibrated("contact.sand-sand.restitution", 0.7, 0.3, 0.95, 0.15, "grain on grain"),
+        ),
+        *(800, USUAL_SAND),
+        wind=tuple(f"stages.{stage}.friction_velocity" for stage in range(2, 7)),
+    ),
+}
+
+
+def templates_for(observable: str) -> list[str]:
+    """Apparatus that measure an observable, the usual one first."""
+    return [name for name, template in TEMPLATES.items() if observable in template.observables]
+
+
+def safe_grains(template: Template, angles: Sequence[float]) -> int:
+    """Grains that a heap needs for its measure, down to somewhat flatter than the flattest measured one."""
+    if not template.rows or not angles:
+        return template.grains
+    return max(template.grains, grains_for(template.rows, FLATTER * min(angles)))
+
+
+def scene_text(template: Template, head: Mapping[str, str], diameter: float, grains: int) -> str:
+    """The scene of a table; comments of what stays are kept."""
+    import tomlkit
+
+    document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
+    measured = document.pop("measured", None)
+    del measured  # another laboratory's values
+    changes = {**template.changes(diameter, grains), **{f"scene.{key}": text for key, text in head.items()}}
+    for path, value in changes.items():
+        set_entry(document, path.split("."), value)
+    document.get("run", {}).pop("replicas", None)
+    if "run" in document and not document["run"]:
+        document.pop("run")
+    lines = tomlkit.dumps(document).splitlines()
+    kept = [line for k, line in enumerate(lines) if not (line.startswith("#") and k < first_section(lines))]
+    return "\n".join(kept).strip() + "\n"
+
+
+def first_section(lines: Sequence[str]) -> int:
+    """Line of the first section: comments above it describe the program's own scene."""
+    return next(k for k, line in enumerate(lines) if line.startswith("["))
+
+
+def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
+    """Set one entry of a parsed scene; None removes it."""
+    import tomlkit
+
+    *above, last = path
+    holder = document
+    for key in above:
+        holder = holder[int(key)] if key.isdigit() else holder.setdefault(key, tomlkit.table())
+    if value is None:
+        holder.pop(last, None)
+        return
+    if isinstance(value, dict):
+        inline = tomlkit.inline_table()
+        inline.update(value)
+        value = inline
+    holder[last] = value
+    holder[last].trivia.comment, holder[last].trivia.comment_ws = "", ""
+
+
+def places_of(template: Template, place: str) -> str:
+    """Places of the scene that a column sets, given the one that its heading means."""
+    if place == DIAMETER and not template.varies:
+        return "conditions.diameter"
+    if place == WIND_COLUMN and template.wind:
+        return ", ".join((WIND_COLUMN, *template.wind))
+    return place
