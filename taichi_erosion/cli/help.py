@@ -19,6 +19,7 @@ run scenes/rotating_drum.toml --checkpoint drum.npz --every 0.5
 live scenes/column_collapse.toml
 live scenes/column_collapse.toml --set grains.count=300 --web
 live scenes/column_collapse.toml < SCRIPT
+live SCENE --effect my_pull.py
 view recordings/sample.rrd
 view recordings/sample.rrd --web
 view STUDY
@@ -45,7 +46,9 @@ study check doe/impact_threshold_reduced.toml
 compare doe/impact_threshold_reduced.toml
 discover doe/impact_threshold_reduced.toml
 discover STUDY --budget quick
+discover STUDY --effect my_pull.py
 adopt doe/impact_threshold_reduced.toml dry_cohesion
+adopt STUDY my_pull --effect my_pull.py
 next doe/impact_threshold_reduced.toml
 report doe/impact_threshold_reduced.toml
 report doe/funnel_soil.toml -o funnel.html
@@ -53,6 +56,7 @@ report recordings/FILE.rrd
 effects
 effects liquid_bridge
 effects new my_pull
+effects new my_law --from-discovery STUDY
 effects my_pull --effect my_pull.py
 verify V02 V05
 verify --json

@@ -73,7 +73,7 @@ def executed(file: EffectFile) -> ModuleType:
     module = sys.modules[name] = ModuleType(name)  # dataclasses look their module up by name
     module.__file__ = str(file.path)
     try:
-        exec(compile(file.text, source, "exec"), module.__dict__)
+        exec(compile(file.text, source, "exec", dont_inherit=True), module.__dict__)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise BadInput(f"{file}: {failure(error, source)}") from None

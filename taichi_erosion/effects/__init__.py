@@ -7,7 +7,7 @@ as a file that a scene, a study or the command line names. A file is executed on
 import inspect
 import sys
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -76,6 +76,7 @@ def source_digest(effect: Effect) -> str:
     return sha256(file.read_bytes()).hexdigest()[:DIGITS]
 
 
-def shipped() -> list[str]:
+@cache
+def shipped() -> tuple[str, ...]:
     """Names of the files of this folder."""
-    return sorted(module.name for module in iter_modules(__path__))
+    return tuple(sorted(module.name for module in iter_modules(__path__)))

@@ -92,7 +92,10 @@ def adopt_study(
     with open_study(path, options) as study:
         names, seed = names_of(study), study.file.study.seed
         if effect not in names:
-            raise BadInput(f"{path}: {effect} is no candidate; there are: {', '.join(names) or 'none'}")
+            own = "one of your own: --effect FILE, or effect_files under [study]"
+            raise BadInput(
+                f"{path}: {effect} is no candidate; there are: {', '.join(names) or 'none'}; {own}"
+            )
         refuse_foreign_files(study, (effect,), force)
 
         def answer(ready: Study) -> Adoption:

@@ -1,0 +1,86 @@
+"""Effect files: each that cannot be used is told in one line with its place and its remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.core.effect_file import read_effect_file, read_effect_files
+from taichi_erosion.core.effect_loading import effect_in
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.effects import load_library
+
+PULL = (Path(__file__).parents[1] / "effects" / "constant_pull.py").read_text(encoding="utf-8")
+REMEDY = "`effects new NAME` writes a file of the present interface"
+BROKEN = {  # change of a good file -> what is told of it
+    ("EFFECT = ", "OTHER = "): "holds no EFFECT = Effect(...)",
+    ("act=pull", "force=pull"): "Effect has no entry 'force'; it has name, title",
+    ("place=", "plce="): "Effect has no entry 'plce'; did you mean 'place'?",
+    ("    checks=checks,\n", ""): "Effect lacks 'checks'",
+    ("core.effect import", "core.quantity import"): "line 14: No module named 'taichi_erosion.core.quantity'",
+    ("import Check, ", "import Chek, "): "effects import from taichi_erosion.core.effect",
+    ("def pull(constants, pair)", "def pull(pair)"): "act must take (constants, pair)",
+    ("@ti.func\n", ""): "act must be a ti.func for place 'pair'",
+    ('place="pair"', 'place="wall"'): "place = 'wall' is not one of pair, first_contact",
+    ("    constants=constants,\n", ""): "needs constants(params, strength, conditions)",
+    ("strength: float, cond", "cond"): "constants must take (params, strength, conditions)",
+    ("params=Params", "params=dict"): "params is not a dataclass",
+    ("    constants=", '    reads=("moisture"),\n    constants='): "reads must be a tuple of names",
+    ("@dataclass(frozen=True)", "1 / 0"): "ZeroDivisionError: division by zero",
+    ("@dataclass(frozen=True)", "raise SystemExit(0)"): "SystemExit: 0",
+    ("EFFECT = Effect(", "EFFECT = Effect("[:-1]): "is not Python",
+}
+
+
+@pytest.mark.parametrize(("old", "new"), BROKEN)
+def test_a_file_of_another_interface_gets_one_line(old, new, tmp_path, monkeypatch, capsys):
+    assert old in PULL
+    monkeypatch.chdir(tmp_path)
+    Path("glue.py").write_text(PULL.replace(old, new), encoding="utf-8")
+    assert main(["effects", "--effect", "glue.py"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("glue.py: ")
+    assert told.count("\n") == 1
+    assert BROKEN[old, new] in told
+
+
+@pytest.mark.parametrize("name", ["glue.toml", "nothing.py", "folder.py"])
+def test_what_is_no_python_file_is_refused(name, tmp_path):
+    (tmp_path / "folder.py").mkdir()
+    (tmp_path / "glue.toml").write_text("a = 1", encoding="utf-8")
+    with pytest.raises(BadInput, match=name):
+        read_effect_file(tmp_path / name)
+
+
+def test_a_file_may_not_take_the_name_of_a_listed_effect(tmp_path):
+    file = tmp_path / "glue.py"
+    file.write_text(PULL.replace('"constant_pull"', '"dry_adhesion"'), encoding="utf-8")
+    with pytest.raises(BadInput, match=r"effect 'dry_adhesion' exists already in the library; give it"):
+        load_library([file])
+
+
+def test_two_files_may_not_share_a_name_but_one_may_be_named_twice(tmp_path):
+    one, other = tmp_path / "one.py", tmp_path / "other.py"
+    one.write_text(PULL, encoding="utf-8")
+    other.write_text(f"{PULL}\n", encoding="utf-8")
+    assert "constant_pull" in load_library(read_effect_files([one, tmp_path / "." / "one.py"]))
+    with pytest.raises(BadInput, match="exists already in another file"):
+        load_library([one, other])
+
+
+def test_an_edited_file_is_another_effect_in_the_same_process(tmp_path):
+    file = tmp_path / "glue.py"
+    file.write_text(PULL, encoding="utf-8")
+    before = read_effect_file(file)
+    file.write_text(PULL.replace("1e-7", "3e-7"), encoding="utf-8")
+    after = read_effect_file(file)
+    assert before.digest != after.digest
+    assert [effect_in(each).params().pull_off for each in (before, after)] == [1e-7, 3e-7]
+
+
+def test_annotations_may_be_postponed_in_a_file_of_the_host(tmp_path):
+    shipped = Path(__file__).parents[2] / "taichi_erosion" / "effects" / "repose_method.py"
+    text = f"from __future__ import annotations\n{shipped.read_text('utf-8')}"
+    file = tmp_path / "method.py"
+    file.write_text(text.replace('name="repose_method"', 'name="my_method"'), encoding="utf-8")
+    assert effect_in(read_effect_file(file)).name == "my_method"

@@ -1,0 +1,92 @@
+"""Effects of the user's own in scenes and runs: known by their content, carried to workers as text."""
+
+from pathlib import Path
+
+import pytest
+from small_scene import write_scene
+
+from taichi_erosion.campaign.request import request_of, simulating
+from taichi_erosion.core.effect_file import read_effect_files
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.run import ensemble
+from taichi_erosion.run.checks import check_scene, library_of, read_scene
+from taichi_erosion.scene import scene_hash
+from taichi_erosion.simulation import effective_scene, prepare
+
+PULL = (Path(__file__).parents[1] / "effects" / "constant_pull.py").read_text(encoding="utf-8")
+ON = ("effects.constant_pull.strength=1.0",)
+ROOTED = PULL.replace('"pull": strength', '"pull": conditions["root_density"] * strength').replace(
+    "    constants=", '    reads=("root_density",),\n    constants='
+)
+DECLARED = 'conditions.extra.root_density={unit="g/cm3"}'
+
+
+@pytest.fixture
+def scene(tmp_path) -> Path:
+    """A scene that names an effect file beside it."""
+    path = write_scene(tmp_path)
+    text = path.read_text(encoding="utf-8")
+    assert "[scene]\n" in text
+    path.write_text(text.replace("[scene]\n", '[scene]\neffect_files = ["glue.py"]\n'), encoding="utf-8")
+    (tmp_path / "glue.py").write_text(PULL, encoding="utf-8")
+    return path
+
+
+def test_a_scene_knows_the_effects_of_the_files_that_it_names(scene, monkeypatch):
+    monkeypatch.chdir("/")  # paths start at the folder of the scene
+    assert check_scene(scene, ON)["resolved"]["effects"] == {"constant_pull": {"strength": 1.0}}
+
+
+def test_a_file_changes_the_hash_where_its_effect_is_named_and_nowhere_else(scene):
+    bare, pulled = scene_hash(read_scene(scene, ())), scene_hash(read_scene(scene, ON))
+    (scene.parent / "glue.py").write_text(f"{PULL}\n# edited\n", encoding="utf-8")
+    assert scene_hash(read_scene(scene, ())) == bare
+    assert scene_hash(read_scene(scene, ON)) != pulled
+    named = scene.read_text("utf-8").replace('effect_files = ["glue.py"]\n', "")
+    scene.write_text(named, encoding="utf-8")
+    assert scene_hash(read_scene(scene, ())) == bare, "a file that is not used does not count"
+
+
+def test_a_worker_without_the_file_runs_the_text_that_was_hashed(scene, monkeypatch):
+    asked = request_of(read_scene(scene, ON), 3)
+    hashed = scene_hash(read_scene(scene, ON))
+    (scene.parent / "glue.py").unlink()
+    received = []
+    monkeypatch.setattr(ensemble, "run_replicas_after", lambda _, parts, *rest: received.extend(parts))
+    with simulating() as run:
+        run([asked.payload], lambda place, record: None, lambda share: None)
+    (part,) = received
+    assert asked.key.startswith(scene_hash(part.scene))
+    assert scene_hash(part.scene) == hashed
+    (acting,) = prepare(part.scene, 3, library_of(part.scene)).effects
+    assert acting.effect.name == "constant_pull"
+
+
+def test_a_bare_run_carries_no_file(scene):
+    assert request_of(read_scene(scene, ()), 3).payload["effect_files"] == []
+
+
+def test_an_effect_reads_a_declared_condition_in_si_units(tmp_path):
+    scene, file = write_scene(tmp_path), tmp_path / "roots.py"
+    file.write_text(ROOTED, encoding="utf-8")
+    files = read_effect_files([file])
+    found = read_scene(scene, (DECLARED, "conditions.root_density=0.002", *ON), files)
+    (acting,) = prepare(found, 1, library_of(found)).effects
+    assert acting.constants["pull"] == pytest.approx(1e-7 * 2.0)
+
+
+def test_a_condition_that_is_not_stated_is_told_with_its_declaration(tmp_path):
+    scene, file = write_scene(tmp_path), tmp_path / "roots.py"
+    file.write_text(ROOTED, encoding="utf-8")
+    found = read_scene(scene, ON, read_effect_files([file]))
+    with pytest.raises(BadInput, match=r"reads 'root_density', which the scene does not state .*extra\]"):
+        prepare(found, 1, library_of(found))
+
+
+def test_an_error_in_an_effect_is_told_in_one_line(tmp_path):
+    scene, file = write_scene(tmp_path), tmp_path / "slip.py"
+    file.write_text(PULL.replace("strength * params", "strength / 0.0 * params"), encoding="utf-8")
+    found = read_scene(scene, ON, read_effect_files([file]))
+    assert effective_scene(found, library_of(found)) is found
+    with pytest.raises(BadInput, match="its constants failed: ZeroDivisionError: float division"):
+        prepare(found, 1, library_of(found))
