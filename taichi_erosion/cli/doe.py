@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taichi_erosion.cli import output
+from taichi_erosion.cli import next_steps, output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import AsJson, Force
 from taichi_erosion.cli.progress import KEPT, interruptible
@@ -118,11 +118,15 @@ def calibrate(
 ) -> None:
     """Make all steps, and write a page with their tables and figures."""
     found = run_steps("confirm", study, Places(workers, scheduler, force), as_json)
-    from taichi_erosion.report.calibration_page import publish
+    from taichi_erosion.report.calibration_page import publish, verdict
 
-    page = publish(found)
+    page, targets = publish(found), found.file.study.targets
     if not as_json:
+        for name, test in found.document["confirm"]["tests"].items():
+            typer.echo(verdict(test, name, targets[name].unit))
         typer.echo(f"page: {page}")
+        for sentence in next_steps.after_calibration(found.document):
+            typer.echo(sentence)
 
 
 @dataclass(frozen=True)

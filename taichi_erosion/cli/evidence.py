@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from taichi_erosion.cli import output
+from taichi_erosion.cli import next_steps, output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
 from taichi_erosion.cli.progress import KEPT, interruptible
@@ -127,6 +127,8 @@ def report(source: ReportSource, to: PageFile = None, force: Force = False, as_j
 
     page = str(write_report(source, to, force))
     output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
+    if not as_json:
+        typer.echo(next_steps.after_report(page), err=True)
 
 
 def options_of(
@@ -175,6 +177,7 @@ def print_comparison(document: Record) -> None:
     print_table("calibrated model against measurement", ("observable", "rows", *keys), rows)
     print_parameters(document["parameters"])
     print_limits(document)
+    print_lines(next_steps.after_comparison(document))
 
 
 def agreement(document: Record) -> str:
@@ -201,6 +204,7 @@ def print_discovery(document: Record) -> None:
     print_lines((clue["sentence"] for clue in document["clues"]), "clue: ")
     print_lines((experiment["sentence"] for experiment in document["next_experiments"]), "next: ")
     print_limits(document)
+    print_lines(next_steps.after_discovery(document))
 
 
 def candidate_rows(effects: Record) -> Iterator[tuple[str, ...]]:
@@ -239,6 +243,7 @@ def print_adoption(document: Record) -> None:
     for file in document["files"]:
         typer.echo(f"written: {file}")
     typer.echo(cost(document))
+    print_lines(next_steps.after_adoption(document))
 
 
 def print_experiments(document: Record) -> None:
@@ -249,6 +254,7 @@ def print_experiments(document: Record) -> None:
     for rank, experiment in enumerate(experiments, 1):
         typer.echo(f"{rank}. {experiment['sentence']}")
     print_lines(document["notes"], "note: ")
+    print_lines(next_steps.after_next(document))
 
 
 def print_parameters(parameters: Record) -> None:

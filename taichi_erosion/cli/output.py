@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from taichi_erosion.cli.next_steps import after_run
 from taichi_erosion.cli.progress import LOG
 
 Record = Mapping[str, Any]
@@ -58,6 +59,8 @@ def print_run(document: Record) -> None:
     typer.echo(
         f"{replicas} replica(s) in {seconds:.1f} s, {speed:.3g} {kind}-steps/s, scene {document['hash']}"
     )
+    for sentence in after_run(document):
+        typer.echo(sentence)
 
 
 def log_run(document: Record) -> None:

@@ -107,7 +107,8 @@ class Turn:
             return grey
         middle = 0.5 * (np.array(self.shape) - 1.0)
         offset = middle - self.matrix @ middle
-        return np.asarray(affine_transform(grey, self.matrix, offset, order=1, mode="nearest"))
+        turned = affine_transform(grey, self.matrix, offset.tolist(), order=1, mode="nearest")  # pyright: ignore[reportArgumentType]
+        return np.asarray(turned)
 
     def back(self, points: Floats) -> Floats:
         """Points (column, row) of the picture from points of the turned one [..., 2]."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.patches import Rectangle
 
 from taichi_erosion.core.files import marked_png, write_atomic
 from taichi_erosion.measures.photograph import read_grey
@@ -34,9 +35,7 @@ def draw_detection(photograph: Path, record: Mapping[str, Any], to: Path) -> Pat
             axes.plot(*np.transpose(drawn[side]), color=FLANK, lw=2.6, label=label)
     left, top, right, bottom = details["crop"]
     if (left, top, right, bottom) != (0, 0, columns, rows):
-        axes.add_patch(
-            plt.Rectangle((left, top), right - left, bottom - top, fill=False, ls=":", color="white")
-        )
+        axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, ls=":", color="white"))
     axes.set(xlim=(0.0, columns), ylim=(rows, 0.0))
     axes.axis("off")
     sd = "" if record["sd"] is None else f" \N{PLUS-MINUS SIGN} {record['sd']:.1f}"

@@ -265,6 +265,8 @@ def test_repose_of_a_photograph_is_measured_within_the_crop(room, capsys, tmp_pa
         "notes": ["left flank only"],
     }
     calls = room("taichi_erosion.measures.photograph", "measure_photograph", record)
+    picture = tmp_path / "heap.detected.png"
+    room("taichi_erosion.report.photograph_figure", "draw_detection", picture)
     assert main(["measure", "repose", str(image), "--crop", "0,10,200,100", "--background", "dark"]) == 0
     assert calls == [((image,), {"crop": (0, 10, 200, 100), "background": "dark"})]
     assert capsys.readouterr().out == "repose_angle = 31.00 ± 0.40 (n = 1) deg\nnote: left flank only\n"

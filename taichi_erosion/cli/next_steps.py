@@ -1,0 +1,175 @@
+"""Last lines of a command: what the result means, and which command comes next."""
+
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from math import hypot, isfinite, sqrt
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.evidence.inference.levels import HELD_OUT_SHARE, fails
+
+Record = Mapping[str, Any]
+
+NAME_SWITCH = "TAICHI_EROSION_NAME"  # environment variable: set by the launcher
+FAR = 3.0  # scatters of both sides together, from which a difference is far outside [1]
+ERRORS = 2.0  # standard errors, from which a difference is more than chance [1]
+ANGLES = {"repose_angle", "angle_of_repose", "cone_angle", "envelope_angle"}  # of a heap
+STUDY_FOLDERS = (".", "../doe", "../studies")  # beside a scene, where its studies are looked for
+
+
+def program() -> str:
+    """How the user called the program."""
+    return "./erosion" if NAME_SWITCH in os.environ else "taichi-erosion"
+
+
+def after_run(document: Record) -> Iterator[str]:
+    """What the measures of a run mean beside the measured values, and the studies of its scene."""
+    compared = list(comparisons(document))
+    yield from (sentence for _, sentence in compared)
+    differs = any(is_off for is_off, _ in compared)
+    scene = Path(str(document["scene"]))
+    for kind, study in studies_of(scene).items() if differs or not compared else ():
+        if kind == "evidence":
+            yield f"`{program()} compare {study}` says where the model fails."
+        else:
+            yield f"`{program()} doe calibrate {study}` calibrates it."
+    if document.get("recording"):
+        recording = document["recording"]
+        yield f"`{program()} view {recording}` shows the run."
+        yield f"`{program()} report {recording}` makes a page of it."
+    if not document["measured"] and document["measures"]:
+        yield "The scene states no measured value: [measured] in the scene file prints one beside it."
+
+
+def comparisons(document: Record) -> Iterator[tuple[bool, str]]:
+    """One sentence for every measured value, and whether the two differ."""
+    for name, wanted in document["measured"].items():
+        found = document["measures"].get(name, {})
+        value = found.get("value")
+        if value is None or not isfinite(value):
+            continue
+        gap = value - wanted["value"]
+        scatters = hypot(*(known(side.get("sd")) for side in (found, wanted)))
+        errors = hypot(*(known(side.get("sd")) / sqrt(side.get("n") or 1) for side in (found, wanted)))
+        unit = found.get("unit", "")
+        size = f"{abs(gap):.2g} {unit if unit != '1' else ''}".rstrip()
+        words = f"{subject(name)} is {size} {direction(name, gap)} than measured"
+        if scatters <= 0.0:
+            yield bool(gap), f"{words}; no scatter is known."
+        elif abs(gap) > FAR * scatters:
+            yield True, f"{words}, far outside both scatters."
+        elif abs(gap) > ERRORS * errors:
+            yield True, f"{words}, {abs(gap) / errors:.1f} standard errors."
+        else:
+            yield False, f"{subject(name)} agrees with the measured value within its scatter."
+
+
+def known(sd: float | None) -> float:
+    """A standard deviation, 0 where it is unknown."""
+    return sd if sd is not None and isfinite(sd) else 0.0
+
+
+def subject(name: str) -> str:
+    """Subject of a sentence on a measure."""
+    return "The heap" if name in ANGLES else f"`{name}`"
+
+
+def direction(name: str, gap: float) -> str:
+    """Comparative of a difference."""
+    if name in ANGLES:
+        return "steeper" if gap > 0.0 else "flatter"
+    return "higher" if gap > 0.0 else "lower"
+
+
+def studies_of(scene: Path) -> dict[str, Path]:
+    """A study of each kind that names a scene, looked for beside the scene: evidence, calibration."""
+    found: dict[str, Path] = {}
+    for folder in STUDY_FOLDERS:
+        place = scene.parent / folder if folder != "." else scene.parent
+        for path in sorted(place.glob("*.toml")) if place.is_dir() else ():
+            kind = kind_of_study(path, scene)
+            if kind is not None:
+                found.setdefault(kind, Path(os.path.relpath(path)))
+    return found
+
+
+def kind_of_study(path: Path, scene: Path) -> str | None:
+    """Kind of a study that names a scene; None for any other file."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        named = {str(entry.get("scene")) for entry in table["observables"].values()}
+        is_named = any((path.parent / name).resolve() == scene.resolve() for name in named)
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):
+        return None
+    if not is_named:
+        return None
+    return "calibration" if "targets" in table else "evidence" if "study" in table else None
+
+
+def after_comparison(document: Record) -> Iterator[str]:
+    """What a comparison asks for."""
+    study = document["study"]
+    if document["p"] is None:
+        yield "With sd or repeats in the table the size of the misfit can be judged."
+    elif fails(document["p"]) or any(fails(place["p"]) for place in document["where"]):
+        yield f"`{program()} discover {study}` asks which effect is missing."
+    else:
+        yield "These measurements leave nothing to explain; other conditions test the model harder."
+    yield f"`{program()} report {study}` draws model and measurements on one page."
+
+
+def after_discovery(document: Record) -> Iterator[str]:
+    """What a discovery asks for, by its verdict."""
+    study, verdict, named = document["study"], document["verdict"], document["named"]
+    if verdict in ("present", "group") and named:
+        words = f"`{program()} adopt {study} {' '.join(named)}` adds {' and '.join(named)} and tests it"
+        held = document["rows_hidden"]
+        yield f"{words} on {held} held-out rows." if held else f"{words}; no row is held out."
+    if verdict == "outside_library":
+        law = next((clue["law"] for clue in document["clues"] if clue["law"] is not None), None)
+        results = Path(study).with_name(f"{Path(study).stem}-results") / f"{Path(study).stem}.discover.json"
+        source = (
+            f" --from-discovery {results}` starts an effect with the law above" if law else "` starts one"
+        )
+        yield f"An effect of your own may explain it: `{program()} effects new NAME{source}."
+    if verdict == "unstable":
+        yield f"More seeds decide: `{program()} discover {study} --budget full`."
+    yield f"`{program()} next {study}` proposes the measurements that would decide."
+    yield f"`{program()} report {study}` makes the page."
+
+
+def after_adoption(document: Record) -> Iterator[str]:
+    """What the held-out rows said, and the study to go on with."""
+    before, after, new = document["base"]["vault_chi2"], document["added"]["vault_chi2"], document["written"]
+    if after is None or before is None:
+        yield "No held-out row tests the effect: measure under further conditions before you trust it."
+    elif after <= HELD_OUT_SHARE * before:
+        yield "The error falls on rows that no fit has seen."
+    else:
+        yield "The rows that no fit has seen do not support it: go on with the old study."
+        yield f"`{program()} next {document['study']}` proposes the measurements that would decide."
+        return
+    yield f"`{program()} compare {new}` shows what is left."
+    yield f"`{program()} report {document['study']}` makes the page."
+
+
+def after_next(document: Record) -> Iterator[str]:
+    """What to do with proposed experiments."""
+    if document["next_experiments"]:
+        table, study = document["measurements"], document["study"]
+        yield f"Add the new rows to {table}, and give `{program()} discover {study}` again."
+
+
+def after_calibration(document: Record) -> Iterator[str]:
+    """Where the calibrated scene and the page are."""
+    study = document["study"]
+    for scene in document.get("calibrated_scenes", ()):
+        yield f"`{program()} run {scene}` runs the calibrated scene."
+    yield f"`{program()} report {study}` makes one HTML page."
+    yield f"`{program()} view {study}` shows tables, figures and heaps."
+
+
+def after_report(page: str) -> str:
+    """How to look at a page."""
+    return f"Open {page} in a browser; it needs no server, prints, and can be mailed."

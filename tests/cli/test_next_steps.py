@@ -1,0 +1,95 @@
+"""Last lines of the commands: what the result means, and the command that comes next."""
+
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.cli import next_steps
+from taichi_erosion.cli.next_steps import (
+    after_adoption,
+    after_comparison,
+    after_discovery,
+    after_next,
+    after_run,
+    studies_of,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def launched(monkeypatch):
+    monkeypatch.setenv(next_steps.NAME_SWITCH, "erosion")
+
+
+def run_document(value: float, sd: float = 0.5, name: str = "repose_angle", unit: str = "deg") -> dict:
+    return {
+        "scene": str(ROOT / "scenes" / "funnel_repose.toml"),
+        "measures": {name: {"value": value, "sd": sd, "unit": unit, "n": 3}},
+        "measured": {name: {"value": 33.5, "sd": 0.7, "n": 10}},
+        "recording": "recordings/a.rrd",
+    }
+
+
+def test_a_heap_far_off_is_told_with_the_studies_of_its_scene(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    lines = list(after_run(run_document(28.7)))
+    assert lines[0] == "The heap is 4.8 deg flatter than measured, far outside both scatters."
+    assert "`./erosion doe calibrate doe/funnel_soil.toml` calibrates it." in lines
+    assert any("report recordings/a.rrd" in line for line in lines)
+
+
+def test_a_difference_is_judged_by_scatter_and_by_standard_errors():
+    assert "steeper" in next(after_run(run_document(38.5)))
+    assert next(after_run(run_document(34.5))).endswith("2.7 standard errors.")
+    assert (
+        next(after_run(run_document(33.6))) == "The heap agrees with the measured value within its scatter."
+    )
+    other = next(after_run(run_document(20.0, name="flux", unit="kg/(m s)")))
+    assert other == "`flux` is 14 kg/(m s) lower than measured, far outside both scatters."
+
+
+def test_studies_are_found_by_the_scene_that_they_name():
+    found = studies_of(ROOT / "scenes" / "funnel_repose.toml")
+    assert found["calibration"].name == "funnel_soil.toml"
+    assert studies_of(ROOT / "scenes" / "nothing.toml") == {}
+
+
+def test_a_comparison_that_fails_leads_to_discover_and_one_that_holds_does_not():
+    failing = list(after_comparison({"study": "a.toml", "p": 1e-6, "where": []}))
+    assert failing[0] == "`./erosion discover a.toml` asks which effect is missing."
+    holding = list(after_comparison({"study": "a.toml", "p": 0.4, "where": [{"p": 0.3}]}))
+    assert not any("discover" in line for line in holding)
+
+
+def test_a_discovery_leads_on_by_its_verdict():
+    found = {"study": "a.toml", "verdict": "present", "named": ["x", "y"], "rows_hidden": 5, "clues": []}
+    assert next(after_discovery(found)).startswith(
+        "`./erosion adopt a.toml x y` adds x and y and tests it on 5 held-out"
+    )
+    outside = found | {"verdict": "outside_library", "named": [], "clues": [{"law": {}}]}
+    assert "--from-discovery a-results/a.discover.json" in next(after_discovery(outside))
+    silent = list(after_discovery(found | {"verdict": "none_detected", "named": []}))
+    assert not any("adopt" in line for line in silent)
+    assert any("next a.toml" in line for line in silent)
+
+
+def adoption(before: float | None, after: float | None) -> dict:
+    fits = {"base": {"vault_chi2": before}, "added": {"vault_chi2": after}}
+    return fits | {"written": "a_with_x.toml", "study": "a.toml"}
+
+
+def test_an_adoption_says_what_the_held_out_rows_said():
+    assert "The error falls" in next(after_adoption(adoption(40.0, 3.0)))
+    refuted = list(after_adoption(adoption(40.0, 38.0)))
+    assert "do not support it" in refuted[0]
+    assert not any("a_with_x" in line for line in refuted)
+    assert "No held-out row" in next(after_adoption(adoption(None, None)))
+
+
+def test_proposed_experiments_lead_back_to_the_table():
+    document = {"study": "a.toml", "measurements": "a.csv", "next_experiments": [{}]}
+    assert (
+        next(after_next(document)) == "Add the new rows to a.csv, and give `./erosion discover a.toml` again."
+    )
+    assert list(after_next(document | {"next_experiments": []})) == []
