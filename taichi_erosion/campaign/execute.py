@@ -11,7 +11,7 @@ Reference: Polychronopoulos & Kuck (1987), IEEE Trans. Comput. C-36, 1425.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -32,7 +32,6 @@ HEARTBEAT = ledgers.LEASE / 6.0  # s between two renewals of the leases
 POLL = 0.2  # s that a poll of the workers takes at most
 CONNECT = 20.0  # s until a scheduler that does not answer is an error
 QUEUE = 2  # batches in flight per Dask worker: one runs, one waits beside it
-GAIN_LEAST = 0.02  # share of the work done before the time left is worth printing [1]
 
 
 def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: int) -> list[RunRequest]:
@@ -56,8 +55,7 @@ class Campaign:
     ledger: Ledger
     pool: Pool
     progress: Report | None
-    begun_with: int  # runs that stood in the ledger
-    started: float = field(default_factory=time.monotonic)
+    work: float  # grain-steps of the runs that did not stand in the ledger
     renewed: float = field(default_factory=time.monotonic)  # time of the last heartbeat
     shares: dict[str, float] = field(default_factory=dict)  # of runs under way here [1]
     reported: float = 0.0  # largest share reported; a batch that ends between two polls does not take it back
@@ -84,7 +82,8 @@ def execute(
     if left:
         most = min(len(left), workers or usable_cores())
         pool = DaskPool.connect(scheduler, function) if scheduler else start_pool(function, most)
-        campaign = Campaign(wanted, ledger, pool, progress, len(wanted) - len(left))
+        work = sum(wanted[key].work for key in left)
+        campaign = Campaign(wanted, ledger, pool, progress, work)
         try:
             run_all(campaign)
         finally:
@@ -104,7 +103,7 @@ def run_all(campaign: Campaign) -> None:
             campaign.renewed = time.monotonic()
             ledgers.renew_leases(campaign.ledger)
             ledgers.release_stale_leases(campaign.ledger)
-        report_progress(campaign, len(left))
+        report_progress(campaign, left)
 
 
 def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:
@@ -140,25 +139,15 @@ def handle_event(campaign: Campaign, event: Event) -> None:
         ledgers.record_worker_death(ledger, without_record, event.reason or "it gave no result")
 
 
-def report_progress(campaign: Campaign, left: int) -> None:
-    """Report how many runs have ended and how long the others will take at this pace."""
+def report_progress(campaign: Campaign, left: Iterable[str]) -> None:
+    """Report how many runs have ended, and the share of the work that is done since the start."""
     if campaign.progress is None:
         return
+    rest = {key: campaign.requests[key].work * (1.0 - campaign.shares.get(key, 0.0)) for key in left}
+    done = 1.0 - sum(rest.values()) / campaign.work if campaign.work else 1.0
+    campaign.reported = max(campaign.reported, done)
     total = len(campaign.requests)
-    done = total - left
-    share = campaign.reported = max(campaign.reported, (done + sum(campaign.shares.values())) / total)
-    gained, elapsed = share - campaign.begun_with / total, time.monotonic() - campaign.started
-    words = f"{done} of {total} runs"
-    if gained > GAIN_LEAST:
-        words += f", {duration((1.0 - share) / gained * elapsed)} left"
-    campaign.progress(share, words)
-
-
-def duration(seconds: float) -> str:
-    """A time span in words: two digits are as much as an estimate deserves."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+    campaign.progress(campaign.reported, f"{total - len(rest)} of {total} runs")
 
 
 def run_on_dask(function: str, payloads: Payloads) -> list[tuple[int, dict[str, Any]]]:

@@ -241,6 +241,13 @@ def unfinished(ledger: Ledger, keys: Sequence[str]) -> dict[str, tuple[str, int]
     return {key: unended[key] for key in keys if key in unended}
 
 
+def finished_runs(ledger: Ledger, keys: Sequence[str]) -> dict[str, float]:
+    """Wall time [s] of those runs that have ended."""
+    query = "SELECT key, wall_s FROM run WHERE state IN ('done', 'failed')"
+    ended = {key: wall_s or 0.0 for key, wall_s in ledger.database.rows(query)}
+    return {key: ended[key] for key in keys if key in ended}
+
+
 def read_results(ledger: Ledger, keys: Sequence[str]) -> list[RunResult]:
     """Results of runs that have ended, in the order of the keys."""
     query = "SELECT record, failure, wall_s FROM run WHERE key = ? AND state IN ('done', 'failed')"

@@ -146,11 +146,9 @@ class VaultEntry(Section):
 
 
 class BudgetEntry(Section):
-    """Largest number of runs."""
+    """Largest number of runs; one run is one set-up with one seed."""
 
-    runs: int | None = number(
-        None, "1", "runs: one seed at one setting of the model, over all conditions", 1, 10**9
-    )
+    runs: int | None = number(None, "1", "most runs: of scenes over all commands, else of one", 1, 10**9)
 
 
 class LaboratoryEntry(Section):

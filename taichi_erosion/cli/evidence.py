@@ -12,7 +12,7 @@ import typer
 from taichi_erosion.cli import next_steps, output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
-from taichi_erosion.cli.progress import KEPT, interruptible
+from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.inference.levels import CONSISTENT_MISFIT, fails
 
@@ -137,11 +137,12 @@ def options_of(
     """What the command line states of a study; raises BadInput for a budget that is none."""
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
+    files = tuple(own or ())
     if budget is None or budget in ("quick", "full"):
-        return StudyOptions(cast(Any, budget), None, workers, seed, tuple(own or ()))
+        return StudyOptions(cast(Any, budget), None, workers, seed, files, announce)
     if not (budget.isascii() and budget.isdigit() and int(budget) > 0):
         raise BadInput(f"--budget {budget}: give quick, full, or the most runs, a whole number above 0")
-    return StudyOptions(None, int(budget), workers, seed, tuple(own or ()))
+    return StudyOptions(None, int(budget), workers, seed, files, announce)
 
 
 def answer(

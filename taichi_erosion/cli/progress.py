@@ -4,12 +4,13 @@ import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from taichi_erosion.core.errors import BadInput, ExitCode
 
@@ -50,7 +51,10 @@ def close_log() -> None:
 LINE_INTERVAL = 10.0  # s between two lines
 ESTIMATE_AFTER = 5.0  # s before the remaining time is estimated
 ESTIMATE_FROM = 0.02  # share done from which it is [1]
-MINUTE = 60.0  # s
+ESTIMATE_INTERVAL = 2.0  # s between two estimates
+SETTLED = 0.1  # share done from which an estimate is at most `JUMP` times the one before, or 1 / `JUMP`
+JUMP = 2.0
+MINUTE, HOUR = 60.0, 3600.0  # s
 
 KEPT = "finished runs are kept, the same command continues"  # after Ctrl-C
 
@@ -66,13 +70,20 @@ def reporting(title: str) -> Iterator[Report]:
             title, lambda line: console.print(line, markup=False, highlight=False, soft_wrap=True)
         )
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[left]}"),
+    )
+    countdown = Countdown(monotonic())
     log = report_by_lines(title, lambda _: None)
     with Progress(*columns, console=console, transient=True, redirect_stdout=False) as bar:
-        task = bar.add_task(title, total=1.0)
+        task = bar.add_task(title, total=1.0, left="")
 
         def report(share: float, words: str) -> None:
-            bar.update(task, completed=share, description=f"{title}: {words}")
+            left = left_words(countdown.seconds(share, monotonic()))
+            bar.update(task, completed=share, description=f"{title}: {words}", left=left)
             log(share, words)
 
         yield report
@@ -90,27 +101,66 @@ def interruptible(title: str, kept: str = "") -> Iterator[Report]:
         raise typer.Exit(ExitCode.INTERRUPTED) from None
 
 
+def announce(line: str) -> None:
+    """Print a line before the work on stderr and write it to the log."""
+    LOG.info(line)
+    typer.echo(line, err=True)
+
+
 def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
     """Progress function that shows and logs a line every LINE_INTERVAL seconds."""
-    began = last = monotonic()
+    last = monotonic()
+    countdown = Countdown(last)
 
     def report(share: float, words: str) -> None:
         nonlocal last
         now = monotonic()
+        left = left_words(countdown.seconds(share, now))
         if now - last >= LINE_INTERVAL:
             last = now
-            # a campaign gives its own estimate, from the cost of its runs
-            rest = "" if words.endswith(" left") else time_left(share, now - began)
-            line = f"{title}: {share:.0%}, {words}{rest}"
+            line = f"{title}: {share:.0%}, {words}" + (f", {left}" if left else "")
             LOG.info(line)
             show(line)
 
     return report
 
 
-def time_left(share: float, elapsed: float) -> str:
-    """Remaining time at the rate so far,  t (1 - s) / s;  "" before the estimate is reliable."""
-    if share < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER:
+@dataclass
+class Countdown:
+    """Remaining time of work whose share is reported, from the pace since its first report.
+
+        t (1 - s) / (s - s_0)
+
+    with t the time since the first report, s the share done and s_0 the share that was done then. From
+    `SETTLED` on, an estimate is at most twice the one before, and at least half of it.
+    """
+
+    began: float  # s, by a steady clock
+    first: float | None = None  # share that was done at the first report
+    made: float = 0.0  # s, when the last estimate was made
+    estimate: float | None = None  # s
+
+    def seconds(self, share: float, now: float) -> float | None:
+        """Remaining time [s]; None before it can be told."""
+        if self.first is None:
+            self.began, self.first = now, share
+        gained, elapsed = share - self.first, now - self.began
+        if gained < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER:
+            return None
+        if self.estimate is None or now - self.made >= ESTIMATE_INTERVAL:
+            found = elapsed * max(1.0 - share, 0.0) / gained
+            if self.estimate is not None and share > SETTLED:
+                found = min(max(found, self.estimate / JUMP), self.estimate * JUMP)
+            self.made, self.estimate = now, found
+        return self.estimate
+
+
+def left_words(seconds: float | None) -> str:
+    """A remaining time in words; "" where it is not known."""
+    if seconds is None:
         return ""
-    left = elapsed * (1.0 - share) / share
-    return f", about {left:.0f} s left" if left < MINUTE else f", about {left / MINUTE:.0f} min left"
+    if seconds < 1.5 * MINUTE:
+        return f"about {seconds:.0f} s left"
+    if seconds < 1.5 * HOUR:
+        return f"about {seconds / MINUTE:.0f} min left"
+    return f"about {seconds / HOUR:.1f} h left"

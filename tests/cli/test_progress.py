@@ -1,6 +1,7 @@
 """Log file and progress of commands."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -38,11 +39,54 @@ def test_a_log_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, cap
 @pytest.mark.parametrize(
     ("share", "elapsed", "said"),
     [
-        (0.25, 10.0, ", about 30 s left"),
-        (0.5, 600.0, ", about 10 min left"),
+        (0.25, 10.0, "about 30 s left"),
+        (0.5, 600.0, "about 10 min left"),
+        (0.5, 7200.0, "about 2.0 h left"),
         (0.001, 60.0, ""),  # too little is done to tell
         (0.5, 1.0, ""),
     ],
 )
 def test_the_time_that_is_left_is_told_once_the_pace_is_known(share: float, elapsed: float, said: str):
-    assert progress.time_left(share, elapsed) == said
+    countdown = progress.Countdown(0.0)
+    assert countdown.seconds(0.0, 100.0) is None
+    assert progress.left_words(countdown.seconds(share, 100.0 + elapsed)) == said
+
+
+def test_what_was_done_before_does_not_count_as_pace():
+    countdown = progress.Countdown(0.0)
+    countdown.seconds(0.8, 0.0)
+    assert countdown.seconds(0.9, 60.0) == pytest.approx(60.0)
+
+
+def phases(pace: list[float], plan: list[float]) -> list[tuple[float, float]]:
+    """Time and share of work in phases that take `pace` seconds where `plan` expected others."""
+    total, now, done, told = sum(plan), 0.0, 0.0, [(0.0, 0.0)]
+    for took, expected in zip(pace, plan, strict=True):
+        steps = max(int(took), 1)
+        for step in range(1, steps + 1):
+            told.append((now + took * step / steps, (done + expected * step / steps) / total))
+        now, done = now + took, done + expected
+    return told
+
+
+@pytest.mark.parametrize(
+    "pace",
+    [
+        [300.0, 20.0, 100.0, 20.0],  # as planned
+        [600.0, 20.0, 100.0, 40.0],  # the first runs are slower
+        [150.0, 60.0, 100.0, 60.0],  # the first runs are faster, the statistics slower
+        [300.0, 20.0, 1.0, 1.0],  # the round was not needed
+    ],
+)
+def test_the_time_that_is_left_never_jumps_after_the_first_tenth(pace: list[float]):
+    plan = [300.0, 20.0, 100.0, 20.0]
+    countdown = progress.Countdown(0.0)
+    told = phases(pace, plan)
+    found = [(time, share, countdown.seconds(share, time)) for time, share in told]
+    later = [(time, left) for time, share, left in found if share > 0.1 and left]
+    for (_, before), (_, after) in pairwise(later):
+        assert 0.499 < after / before < 2.001
+    factors = [took / expected for took, expected in zip(pace, plan, strict=True)]
+    if max(factors) <= 2.0 * min(factors):  # then the estimate is as good as the plan
+        end = told[-1][0]
+        assert all(0.49 < left / (end - time) < 2.01 for time, left in later if end - time > 60.0)

@@ -54,7 +54,7 @@ effects = ["liquid_bridge", "dry_adhesion", "restitution_speed"]
 [vault]
 fraction = 0.3
 [budget]
-runs = 5
+runs = 25
 """
 GRAIN = """
 [study]
@@ -75,7 +75,7 @@ effects = ["air_density", "grain_density", "bed_slope"]
 [vault]
 fraction = 0.3
 [budget]
-runs = 5
+runs = 30
 """
 STUDIES = {"heap_moist": HEAP, "heap_plain": HEAP, "grain_high": GRAIN}
 HIDDEN = {"heap_moist": "liquid_bridge", "heap_plain": None, "grain_high": "air_density"}

@@ -25,7 +25,7 @@ from taichi_erosion.evidence.answers.rounds import (
     required_points,
 )
 from taichi_erosion.evidence.answers.set_up import WAITS, blocked, discovery, sentences, set_up_faults
-from taichi_erosion.evidence.data.findings import Adoption, Discovery, HypothesisFit, SetUpFault
+from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, HypothesisFit, SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, StudyOptions, load_study
@@ -54,9 +54,11 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     start = perf_counter()
     with open_study(path, options) as study:
         seed = study.file.study.seed
-        question = Question(
-            "compare", lambda ready: compare(ready.problem, progress, seed), comparison_points
-        )
+
+        def answer(ready: Study, progress: Progress) -> Comparison:
+            return compare(ready.problem, progress, seed)
+
+        question = Question("compare", answer, comparison_points, most=1)
         found, ready = answered(study, last_budget(study), question, progress)
         faults = set_up_faults(ready, found.rows, found.parameters, found.warnings)
         return stored(ready, "compare", documents.record(replace(found, faults=faults)), start)
@@ -68,7 +70,7 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
     with open_study(path, options) as study:
         seed, spent = study.file.study.seed, study.problem.budget.name
 
-        def answer(ready: Study) -> Discovery:
+        def answer(ready: Study, progress: Progress) -> Discovery:
             return discovery(ready, seed, progress)
 
         question = Question("discover", answer, discovery_points, names_of(study), required=required_points)
@@ -98,10 +100,10 @@ def adopt_study(
             )
         refuse_foreign_files(study, (effect,), force)
 
-        def answer(ready: Study) -> Adoption:
+        def answer(ready: Study, progress: Progress) -> Adoption:
             return adopt(ready.problem, effect, seed, progress)
 
-        question = Question(f"adopt {effect}", answer, adoption_points, names)
+        question = Question(f"adopt {effect}", answer, adoption_points, names, most=4)
         found, ready = answered(study, last_budget(study), question, progress)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
@@ -123,7 +125,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     with open_study(path, options) as study:
         seed, budget = study.file.study.seed, last_budget(study)
 
-        def answer(ready: Study) -> Discovery:
+        def answer(ready: Study, progress: Progress) -> Discovery:
             return with_experiments(ready, discovery(ready, seed, progress))
 
         question = Question("next", answer, discovery_points, names_of(study), ahead=True)

@@ -11,11 +11,14 @@ from hashlib import sha256
 from typing import Generic, TypeVar
 
 from taichi_erosion.evidence.answers import documents
+from taichi_erosion.evidence.answers.start_values import evaluations_sentence
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Estimate
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.emulator.plan_cost import plan_cost, shares
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.scene.load import file_text
 
@@ -24,6 +27,8 @@ MOST_REQUIRED = 2  # rounds beyond the planned ones, about points that an answer
 Found = TypeVar("Found")
 Points = list[RefinementPoint]
 Rounds = dict[str, list[Points]]  # command and budget -> its rounds
+Acting = set[frozenset[str]]  # sets of effects about which runs were made
+FRESH = "seed "  # first word of the names of rounds with other seeds than the study's
 
 
 @dataclass(frozen=True)
@@ -31,9 +36,10 @@ class Question(Generic[Found]):
     """A function of the study, and the points about which its answer needs simulations."""
 
     name: str
-    answer: Callable[[Study], Found]
+    answer: Callable[[Study, Progress], Found]
     points: Callable[[Found], Points]
     effects: Sequence[str] = ()  # that it needs
+    most: int = MOST_POINTS  # points of a round
     ahead: bool = False  # whether it needs conditions that were not measured but could be
     required: Callable[[Found], Points] = lambda _: []  # to be simulated about before the answer counts
 
@@ -44,32 +50,69 @@ def answered(
     """The answer, and the study as it was when it was given.
 
     Scenes are simulated about the plausible and the required points of each answer, and then the question is
-    answered again.
+    answered again. What that costs at most is announced before the first run.
     """
-    runs = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
-    if runs is None:
-        return question.answer(study), study
-    past, key = read_rounds(study), f"{study.fresh}{question.name} {budget}"
-    own = past.pop(key, [])
-    for name, rounds in [*past.items(), (key, own)]:
-        for number, points in enumerate(rounds):
-            runs = training_runs.refined_training_runs(runs, points, f"{name}|{number}")
-    alike = [rounds for name, rounds in past.items() if name.endswith(budget)]
-    earlier = {acting(point) for rounds in alike for points in rounds for point in points}
+    first = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
+    if first is None:
+        study.options.announce(evaluations_sentence(study, budget == "quick"))
+        return question.answer(study, progress), study
+    rounds = read_rounds(study)
+    runs, own, key, earlier = replayed(first, rounds, question, budget)
+    cost = plan_cost(runs, runs.plan_size.rounds - len(own), question.most)
+    study.options.announce(cost.sentence)
+    phase = 0
     while True:
-        ready = training_runs.emulated_study(runs, progress)
-        found = question.answer(ready)
-        if len(own) < runs.plan_size.rounds:
-            points = [point for point in question.points(found) if acting(point) not in earlier]
-        else:
-            known = earlier | {acting(point) for points in own for point in points}
-            points = [point for point in question.required(found) if acting(point) not in known]
-            done = len(own) >= runs.plan_size.rounds + MOST_REQUIRED
-            if done or not points or not training_runs.within_budget(runs, points):
-                return found, ready
+        ready = training_runs.emulated_study(runs, part_of(progress, cost.phases, phase))
+        found = question.answer(ready, part_of(progress, cost.phases, phase + 1))
+        phase += 2
+        while (points := next_points(runs, question, found, own, earlier)) == []:
+            own.append([])  # a round about nothing new changes no answer
+        if points is None:
+            write_rounds(study, {**rounds, key: own})
+            return found, ready
         runs = training_runs.refined_training_runs(runs, points, f"{key}|{len(own)}")
         own.append(points)
-        write_rounds(study, {**past, key: own})
+        write_rounds(study, {**rounds, key: own})
+
+
+def replayed(
+    runs: TrainingRuns, rounds: Rounds, question: Question[Found], budget: BudgetName
+) -> tuple[TrainingRuns, list[Points], str, Acting]:
+    """Runs with those of earlier rounds; rounds of this question, their key, effects of other questions."""
+    study = runs.study
+    key = f"{study.fresh}{question.name} {budget}"
+    past = {name: made for name, made in rounds.items() if name != key and is_of(study, name)}
+    own = list(rounds.get(key, []))
+    for name, made in [*past.items(), (key, own)]:
+        for number, points in enumerate(made):
+            spent = name.rpartition(" ")[2]
+            runs = training_runs.refined_training_runs(runs, points, f"{name}|{number}", spent)
+    alike = [made for name, made in past.items() if name.endswith(budget)]
+    return runs, own, key, {acting(point) for made in alike for points in made for point in points}
+
+
+def next_points(
+    runs: TrainingRuns, question: Question[Found], found: Found, own: list[Points], earlier: Acting
+) -> Points | None:
+    """Points of the next round, none where the cap has no room for it; None where the answer counts."""
+    if len(own) < runs.plan_size.rounds:
+        points = [point for point in question.points(found) if acting(point) not in earlier]
+        return points if training_runs.within_budget(runs, points) else []
+    known = earlier | {acting(point) for points in own for point in points}
+    points = [point for point in question.required(found) if acting(point) not in known]
+    done = len(own) >= runs.plan_size.rounds + MOST_REQUIRED
+    return None if done or not points or not training_runs.within_budget(runs, points) else points
+
+
+def part_of(progress: Progress, phases: Sequence[float], phase: int) -> Progress:
+    """Progress of one phase as part of the whole plan."""
+    before, own = shares(phases, phase)
+    return lambda words, share: progress(words, before + own * share)
+
+
+def is_of(study: Study, name: str) -> bool:
+    """Whether rounds of this name belong to the seeds that a study uses."""
+    return name.startswith(study.fresh) if study.fresh else not name.startswith(FRESH)
 
 
 def acting(point: RefinementPoint) -> frozenset[str]:

@@ -12,6 +12,7 @@ from math import log
 import numpy as np
 
 from taichi_erosion.evidence.answers.discover import discover, nameless_discovery
+from taichi_erosion.evidence.answers.start_values import model_at_start
 from taichi_erosion.evidence.data.findings import Discovery, Estimate, Rows, SetUpFault
 from taichi_erosion.evidence.data.problem import Bools, Floats, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
@@ -67,16 +68,12 @@ def set_up_faults(
 
 def values_at_start(study: Study, rows: Rows) -> Floats:
     """What the model says of every row at the start values; NaN where it says nothing."""
-    problem, file = study.problem, study.file
-    parameters = {parameter.path: parameter.start for parameter in problem.parameters}
-    effects = {candidate.name: 0.0 for candidate in problem.candidates}
-    effects |= {candidate.name: file.adopted[candidate.name].strength for candidate in problem.adopted}
-    seeds = np.arange(file.study.seed, file.study.seed + SEEDS, dtype=np.int64)
-    found = np.full(len(rows.observable), np.nan)
+    first = study.file.study.seed
+    seeds, found = np.arange(first, first + SEEDS, dtype=np.int64), np.full(len(rows.observable), np.nan)
     for name in dict.fromkeys(rows.observable):
         chosen = np.array([each == name for each in rows.observable])
         conditions = {key: np.array(column[chosen]) for key, column in rows.conditions.items()}
-        found[chosen] = seed_mean(np.asarray(problem.model(name, conditions, parameters, effects, seeds)))
+        found[chosen] = seed_mean(model_at_start(study, name, conditions, seeds))
     return found
 
 

@@ -16,6 +16,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
+USUAL_SETTINGS = 2000.0  # of the model that an analysis may evaluate where no budget is stated
+
 Transform = Literal["identity", "log", "log_floor"]
 Conditions = dict[str, Floats]  # one value per row, in the unit of what it sets; of a model function SI
 Numbers = dict[str, float]  # parameters by path, or strengths by effect
@@ -145,10 +147,14 @@ def expected_strength(candidate: Candidate) -> float:
 
 @dataclass(frozen=True)
 class Budget:
-    """Largest number of runs. One run = one seed at one setting of the model, over all conditions."""
+    """How much an answer may cost. One run is one set-up (numbers, effects, conditions) with one seed."""
 
     name: Literal["quick", "full"] = "full"
-    runs: int = 2000
+    runs: int | None = None  # at most; None: as many as 2000 settings of all rows
+
+    def settings(self, rows: int) -> float:
+        """Settings of the model, each over all rows and with one seed, that may be evaluated."""
+        return USUAL_SETTINGS if self.runs is None else self.runs / max(rows, 1)
 
 
 @dataclass(frozen=True)

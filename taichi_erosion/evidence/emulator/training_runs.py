@@ -47,6 +47,7 @@ from taichi_erosion.simulation.scene_setup import circumstances_of, effective_sc
 
 LEVELS = 3  # of every condition that could be set
 LEAST_BARE, LEAST_EFFECT = 4, 4  # runs that a small budget leaves, per number and of every effect
+LARGEST = "full"  # budget whose plan contains those of the others
 RESERVED = 0.2  # of a small budget, for a closer look before something outside the list is blamed
 SURE = 3.0  # sd of a left-out value beyond which it counts as missed
 
@@ -59,7 +60,9 @@ class TrainingRuns:
     simulator: Simulator
     scenes: tuple[StudyScene, ...]
     plan_size: PlanSize
+    ahead_size: PlanSize | None = None  # of the runs at conditions that could be measured; None: no room
     runs: tuple[TrainingRun, ...] = ()
+    elsewhere: int = 0  # planned for other questions of the study
 
 
 def initial_training_runs(
@@ -74,13 +77,56 @@ def initial_training_runs(
     if not isinstance(simulator, Simulator):
         return None
     scenes = study_scenes(study, simulator)
-    if proposed:
-        scenes = tuple(replace(scene, proposed=proposed_rows(study, scene)) for scene in scenes)
-    start = TrainingRuns(study, simulator, scenes, design.PLAN_SIZES[budget])
-    whole, most = len(first_runs(start, list(known_effects(study.problem)))), run_budget(start)
-    if whole > most:  # every question of a study has the same bare runs, whatever effects it asks for
-        start = replace(start, plan_size=scaled_down(start.plan_size, (1.0 - RESERVED) * most / whole))
-    return replace(start, runs=tuple(first_runs(start, effects)))
+    wider = tuple(replace(scene, proposed=proposed_rows(study, scene)) for scene in scenes)
+    largest = affordable(TrainingRuns(study, simulator, wider, design.PLAN_SIZES[LARGEST]))
+    every = list(known_effects(study.problem))
+    whole = len(first_runs(largest, every)) + len(ahead_runs(largest, every))
+    start = within(largest, design.PLAN_SIZES[budget])
+    proposed = proposed and start.ahead_size is not None
+    runs = first_runs(start, effects) + (ahead_runs(start, effects) if proposed else [])
+    start = replace(start, scenes=wider if proposed else scenes)
+    return replace(start, runs=tuple(runs), elsewhere=whole - len(runs))
+
+
+def affordable(training: TrainingRuns) -> TrainingRuns:
+    """The plan within the study's cap: every question of a study has the same bare runs. Raises BadInput."""
+    size, most = training.plan_size, run_cap(training.study)
+    every = list(known_effects(training.study.problem))
+    whole = len(first_runs(training, every))
+    if whole > most:
+        training = replace(training, plan_size=scaled_down(size, (1.0 - RESERVED) * most / whole))
+        whole = len(first_runs(training, every))
+    if whole > most:
+        raise BadInput(
+            f"{training.study.path}: a budget of {most} runs is too small; the study needs at least {whole}: "
+            "raise it, or list fewer candidates"
+        )
+    wider = replace(training, ahead_size=training.plan_size)
+    planned = len(ahead_runs(wider, every))
+    if whole + planned > most:
+        share = (1.0 - RESERVED) * (most - whole) / planned
+        wider = replace(training, ahead_size=scaled_down(training.plan_size, share))
+        planned = len(ahead_runs(wider, every))
+    return wider if whole + planned <= most else training
+
+
+def within(largest: TrainingRuns, size: PlanSize) -> TrainingRuns:
+    """A plan whose runs are among those of the largest one: runs of all budgets together keep the cap."""
+    ahead = largest.ahead_size
+    return replace(
+        largest,
+        plan_size=smaller(size, largest.plan_size),
+        ahead_size=None if ahead is None else smaller(size, ahead),
+    )
+
+
+def smaller(size: PlanSize, limit: PlanSize) -> PlanSize:
+    """The plan with no number above those of a limit; without rounds where it has less than it wants."""
+    numbers = {
+        name: min(getattr(size, name), getattr(limit, name)) for name in ("bare", "effect", "condition")
+    }
+    whole = all(getattr(size, name) == number for name, number in numbers.items())
+    return replace(size, **numbers, rounds=size.rounds if whole else 0)
 
 
 def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
@@ -120,10 +166,10 @@ def proposed_rows(study: Study, scene: StudyScene) -> tuple[Row, ...]:
     )
 
 
-def run_budget(training: TrainingRuns) -> int:
-    """Single simulations within the study's budget; one run there is all conditions at one setting."""
-    runs = training.study.file.budget.runs
-    return 10**9 if runs is None else runs * sum(len(scene.rows) for scene in training.scenes)
+def run_cap(study: Study) -> int:
+    """Most runs that the study may make, over all its commands; one run is one set-up with one seed."""
+    runs = study.file.budget.runs
+    return 10**9 if runs is None else runs
 
 
 def scaled_down(size: PlanSize, share: float) -> PlanSize:
@@ -144,20 +190,30 @@ def known_effects(problem: Problem) -> dict[str, Candidate]:
 
 def first_runs(training: TrainingRuns, effects: Sequence[str]) -> list[TrainingRun]:
     """Runs of the bare model and of every effect, of adopted ones too."""
-    problem, size = training.study.problem, training.plan_size
+    size, tag = training.plan_size, training.study.fresh
+    return [run for scene in training.scenes for run in spread_over(training, scene, effects, size, tag)]
+
+
+def ahead_runs(training: TrainingRuns, effects: Sequence[str]) -> list[TrainingRun]:
+    """The same at conditions that the laboratory could measure."""
+    size, tag = training.ahead_size, f"{training.study.fresh}ahead"
+    if size is None:
+        return []
+    wider = [replace(scene, rows=scene.proposed, proposed=()) for scene in training.scenes if scene.proposed]
+    return [run for scene in wider for run in spread_over(training, scene, effects, size, tag)]
+
+
+def spread_over(
+    training: TrainingRuns, scene: StudyScene, effects: Sequence[str], size: PlanSize, tag: str
+) -> list[TrainingRun]:
+    """Runs of one scene, of the bare model and of every effect."""
+    problem = training.study.problem
     known = known_effects(problem)
     names = dict.fromkeys([*effects, *(candidate.name for candidate in problem.adopted)])
-    runs: list[TrainingRun] = []
-    for scene in training.scenes:
-        fresh = training.study.fresh
-        wider = (
-            [(replace(scene, rows=scene.proposed, proposed=()), f"{fresh}ahead")] if scene.proposed else []
-        )
-        for there, tag in [(scene, fresh), *wider]:
-            runs += design.base_runs(there, size, tag)
-            for name in names:
-                if inactive_reason(there, known[name]) is None:
-                    runs += design.effect_runs(there, known[name], size, tag)
+    runs = design.base_runs(scene, size, tag)
+    for name in names:
+        if inactive_reason(scene, known[name]) is None:
+            runs += design.effect_runs(scene, known[name], size, tag)
     return runs
 
 
@@ -190,9 +246,15 @@ def leaves_readings(scene: StudyScene, candidate: Candidate, row: Row) -> bool:
     return all(reading == 1.0 for reading in readings)
 
 
-def refined_training_runs(training: TrainingRuns, about: Sequence[RefinementPoint], key: str) -> TrainingRuns:
-    """The runs with a further round about some explanations; rounds of other keys have other seeds."""
-    known, count = known_effects(training.study.problem), training.plan_size.round
+def refined_training_runs(
+    training: TrainingRuns, about: Sequence[RefinementPoint], key: str, budget: str | None = None
+) -> TrainingRuns:
+    """The runs with a further round about some explanations; rounds of other keys have other seeds.
+
+    `budget`: that of the command which made the round.
+    """
+    known = known_effects(training.study.problem)
+    count = (training.plan_size if budget is None else design.PLAN_SIZES[budget]).round
     more: list[TrainingRun] = []
     for scene in training.scenes:
         for number, point in enumerate(about):
@@ -201,9 +263,9 @@ def refined_training_runs(training: TrainingRuns, about: Sequence[RefinementPoin
 
 
 def within_budget(training: TrainingRuns, about: Sequence[RefinementPoint]) -> bool:
-    """Whether the study's budget has room for a further round."""
+    """Whether the study's cap has room for a further round."""
     more = training.plan_size.round * len(about) * len(training.scenes)
-    return len(training.runs) + more <= run_budget(training)
+    return len(training.runs) + training.elsewhere + more <= run_cap(training.study)
 
 
 def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
@@ -279,7 +341,7 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
         return emulator.uncertainty(observable, mapped.known(conditions), parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal
-    return replace(problem, model=mapped, uncertainty=uncertainty, budget=Budget("full", 10**6))
+    return replace(problem, model=mapped, uncertainty=uncertainty, budget=Budget("full"))
 
 
 def run_note(requests: Sequence[RunRequest]) -> str:

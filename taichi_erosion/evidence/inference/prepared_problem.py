@@ -229,6 +229,6 @@ def seed_counts(
     known, count = rows.known, PROBE_SEEDS
     if known.any():
         share = float(np.nanmedian(variance[known] / np.maximum(rows.variance[known], UNKNOWN_NOISE)))
-        most = max(2, min(problem.budget.runs / settings, MOST_FITTING))
+        most = max(2, min(problem.budget.settings(rows.size) / settings, MOST_FITTING))
         count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, most))
     return count, count, count * (SCORING_FACTOR_QUICK if quick else SCORING_FACTOR)

@@ -1,6 +1,6 @@
 """Loading of a study: from a study file and all that it names to a problem for the statistics."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -49,6 +49,7 @@ class StudyOptions:
     workers: int | None = None
     seed: int | None = None
     effect_files: tuple[Path, ...] = ()  # beside those that the study names; their effects are candidates
+    announce: Callable[[str], None] = lambda _: None  # is told the cost of a plan before its first run
 
 
 NO_OPTIONS = StudyOptions()
@@ -150,7 +151,7 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     own = {name: instrument_candidate(effect, file.conditions) for name, effect in read.items()}
     adopted = tuple(candidate_of(name, entry, own.get(name)) for name, entry in file.adopted.items())
     candidates = candidates_of(file, str(path), own)
-    cached = CachedModel(plugin, identity, store)
+    cached = CachedModel(plugin, identity, store, file.budget.runs)
     model = InstrumentedModel(cached, read) if read else cached
     named = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
     return StudyModel(model, named, candidates, adopted, plugin=plugin)

@@ -41,7 +41,7 @@ LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken
 class ModelCost:
     """Cost of a model so far."""
 
-    runs: int = 0  # seeds times settings, each over all conditions
+    runs: int = 0  # a run is one set-up, evaluated with one seed
     failures: int = 0  # values that could not be computed
 
 
@@ -107,7 +107,7 @@ class Predictor:
         for observable, rows, chosen in self.requests:
             answer = self.model(observable.name, dict(chosen), dict(parameters), dict(effects), seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
-        self.cost.runs += int(seeds.size)
+        self.cost.runs += int(seeds.size * self.which.size)
         failed = ~np.isfinite(result)
         if failed.any():
             self.cost.failures += int(failed.sum())

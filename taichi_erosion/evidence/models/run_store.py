@@ -13,7 +13,8 @@ from time import monotonic
 import numpy as np
 
 from taichi_erosion.campaign.ledger import Database, open_database
-from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Model, Numbers
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Model, Numbers, row_count
 
 FILE = "runs.sqlite"
 COMMIT_INTERVAL = 1.0  # s; what a kill may lose
@@ -65,6 +66,8 @@ class CachedModel:
     model: Model
     identity: str  # model and version
     store: RunStore
+    cap: int | None = None  # runs that one command may ask for; None: any number
+    asked: dict[bytes, int] = field(default_factory=dict)  # runs behind every key
 
     def __call__(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
@@ -72,6 +75,7 @@ class CachedModel:
         """Values [seed, row]."""
         request = request_digest(self.identity, observable, conditions, parameters, effects)
         keys = [sha256(request + int(seed).to_bytes(8, "little", signed=True)).digest() for seed in seeds]
+        self.count(keys, row_count(conditions))
         known = {k: values for k, key in enumerate(keys) if (values := self.store.get(key)) is not None}
         missing = [k for k in range(len(keys)) if k not in known]
         if missing:
@@ -80,6 +84,15 @@ class CachedModel:
                 known[k] = values
                 self.store.put(keys[k], values)
         return np.array([known[k] for k in range(len(keys))])
+
+    def count(self, keys: list[bytes], rows: int) -> None:
+        """Count the runs behind new keys: one a row. Raises BadInput before the cap is passed."""
+        self.asked.update(dict.fromkeys(keys, rows))
+        if self.cap is not None and (total := sum(self.asked.values())) > self.cap:
+            raise BadInput(
+                f"the budget of {self.cap:,} runs is used up: {total:,} and more are needed; those that were "
+                "made are kept. Raise budget.runs, or ask for --budget quick"
+            )
 
 
 def request_digest(

@@ -1,6 +1,7 @@
 """The loop on scenes, its campaign replaced by a stand-in: rounds of runs, shared and never made twice."""
 
 import json
+import re
 import tomllib
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -193,14 +194,48 @@ def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked
     assert set(asked[0]) <= keys(loop.runs["discover"]), "a plan never follows from a measured value"
 
 
-def test_a_small_budget_is_kept(tmp_path, asked):
-    ask("compare", str(write(tmp_path, 1.5, text=STUDY + "[budget]\nruns = 2\n")))
-    assert keys(asked)
-    assert len(keys(asked)) <= 2 * len(ANGULARITIES) * len(DIAMETERS)
+RANGES = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n"
+
+
+@pytest.mark.parametrize("most", [24, 60, 150])
+def test_no_command_and_not_all_of_them_together_pass_the_budget(tmp_path, asked, most):
+    path = str(write(tmp_path, 1.5, text=f"{STUDY}{RANGES}[budget]\nruns = {most}\n"))
+    for words in (["compare"], ["discover"], ["adopt", "rolling_resistance"], ["next"]):
+        ask(words[0], path, *words[1:])
+        assert 0 < len(keys(asked)) <= most
+    assert len(keys(asked)) > 0.6 * most or most == 150, "most of what may be spent is spent"
+
+
+def test_a_budget_that_is_too_small_is_refused_before_the_first_run(tmp_path, asked, capsys):
+    assert main(["discover", str(write(tmp_path, 1.5)), "--budget", "10"]) == 2
+    assert "a budget of 10 runs is too small; the study needs at least 20" in capsys.readouterr().err
+    assert not asked
+
+
+def test_the_cost_is_told_before_the_first_run_and_is_an_upper_bound(tmp_path, asked, capsys):
+    assert main(["discover", str(write(tmp_path, 1.5)), "--budget", "quick"]) == 0
+    told = capsys.readouterr().err.splitlines()[0]
+    first, later = (int(number) for number in re.findall(r"(\d+) (?:runs to make|in 1 round)", told))
+    assert first == len(set(asked[0]))
+    assert len(keys(asked)) <= first + later
+    assert re.search(r"at most about [\d.]+ (s|min|h) on \d+ process", told)
+
+
+def test_another_seed_makes_other_runs_and_the_study_keeps_its_own(tmp_path, asked):
+    path = str(write(tmp_path, 1.5))
+    plain = ask("compare", path, "--budget", "quick")
+    own = keys(asked)
+    asked.clear()
+    other = ask("compare", path, "--budget", "quick", "--seed", "5")
+    assert not own & keys(asked)
+    assert (plain["seed"], other["seed"]) == (1, 5)
+    asked.clear()
+    assert ask("compare", path, "--budget", "quick")["chi2"] == plain["chi2"]
+    assert keys(asked) == own
 
 
 def test_an_effect_that_a_scene_cannot_show_costs_no_run_and_is_told_why(tmp_path, asked):
-    text = STUDY.replace('"restitution_speed"', '"trap_efficiency"') + "[budget]\nruns = 3\n"
+    text = STUDY.replace('"restitution_speed"', '"trap_efficiency"') + "[budget]\nruns = 36\n"
     found = ask("discover", str(write(tmp_path, 1.5, text=text)), "--budget", "quick")
     assert found["effects"]["trap_efficiency"]["status"] == "not_testable"
     told = [note for note in found["notes"] if note.startswith("trap_efficiency was not simulated")]

@@ -3,9 +3,20 @@
 import numpy as np
 import pytest
 
+from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.models.run_store import CachedModel, RunStore
+from tests.evidence.small_study import study_text, write_study
 
+COUNTING_LAB = """
+from pathlib import Path
+from taichi_erosion.evidence.models.reduced import predict as fast
+
+def predict(observable, conditions, parameters, effects, seeds):
+    with Path(__file__).with_name("calls.txt").open("a") as log:
+        log.write(f"{len(seeds) * conditions['moisture'].size}\\n")
+    return fast(observable, conditions, parameters, effects, seeds)
+"""
 ROWS = {"moisture": np.array([0.0, 0.01])}
 
 
@@ -94,3 +105,29 @@ def test_a_file_that_is_no_store_is_told(tmp_path, counted):
     (tmp_path / "runs.sqlite").write_text("not a store, whatever its name says", encoding="utf-8")
     with pytest.raises(BadInput, match="the store of runs cannot be used"):
         ask(counted()[0])
+
+
+def test_a_cap_on_runs_holds_and_counts_every_seed_of_every_row_once(tmp_path):
+    made = []
+
+    def model(observable, conditions, parameters, effects, seeds):
+        made.append(len(seeds) * conditions["moisture"].size)
+        return np.zeros((len(seeds), conditions["moisture"].size))
+
+    capped = CachedModel(model, "m 1", RunStore(tmp_path / "runs.sqlite"), cap=9)
+    for _ in range(3):
+        ask(capped, seeds=(1, 2))  # 4 runs, once
+    ask(capped, seeds=(1, 2, 3, 4))  # 4 more
+    with pytest.raises(BadInput, match="the budget of 9 runs is used up: 10 and more are needed"):
+        ask(capped, seeds=(5,))
+    assert sum(made) == 8
+
+
+def test_no_answer_of_a_function_passes_its_budget(tmp_path, capsys):
+    lab = tmp_path / "counting_lab.py"
+    lab.write_text(COUNTING_LAB, encoding="utf-8")
+    text = study_text(model="counting_lab:predict") + "[budget]\nruns = 3000\n"
+    path = write_study(tmp_path, {"liquid_bridge": 1.0}, study=text)
+    assert main(["compare", str(path)]) == 2
+    assert "the budget of 3,000 runs is used up" in capsys.readouterr().err
+    assert 1000 < sum(map(int, (tmp_path / "calls.txt").read_text("utf-8").split())) <= 3000

@@ -1,0 +1,35 @@
+"""The model of a study at its start values, before anything is calibrated."""
+
+from time import perf_counter
+
+import numpy as np
+
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
+from taichi_erosion.evidence.emulator.plan_cost import span
+from taichi_erosion.evidence.models.load_study import Study
+
+SETTINGS = 3000  # that an answer of a function takes at most: 96 to 2,750 in the studies of doe/
+SETTINGS_QUICK = 1000
+
+
+def model_at_start(study: Study, name: str, conditions: Conditions, seeds: Integers) -> Floats:
+    """Values [seed, row] of an observable at the start values, with none of the candidates."""
+    problem, file = study.problem, study.file
+    parameters = {parameter.path: parameter.start for parameter in problem.parameters}
+    effects = {candidate.name: 0.0 for candidate in problem.candidates}
+    effects |= {candidate.name: file.adopted[candidate.name].strength for candidate in problem.adopted}
+    return np.asarray(problem.model(name, conditions, parameters, effects, seeds))
+
+
+def evaluations_sentence(study: Study, quick: bool) -> str:
+    """What an answer costs where a function is the model, from the time that one setting takes."""
+    table, seed = study.problem.visible(), np.array([study.file.study.seed])
+    settings, begin = SETTINGS_QUICK if quick else SETTINGS, perf_counter()
+    for name in dict.fromkeys(table.observable):
+        chosen = np.array([each == name for each in table.observable])
+        model_at_start(study, name, {key: column[chosen] for key, column in table.conditions.items()}, seed)
+    seconds = settings * (perf_counter() - begin)
+    return (
+        f"{study.model.partition(' ')[0]} answers: at most about {settings * table.size:,} runs "
+        f"({settings:,} settings of {table.size} rows), {span(seconds)}; those made before are kept."
+    )

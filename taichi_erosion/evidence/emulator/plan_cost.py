@@ -1,0 +1,94 @@
+"""What a plan of runs costs: how many are to be made, and how long they take here, told before the first."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from taichi_erosion.campaign.ledger import finished_runs
+from taichi_erosion.campaign.request import WORTH_A_START, RunRequest
+from taichi_erosion.core.device import usable_cores
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, run_cap
+
+START = 4.0  # s of one core that an ensemble takes to start, as long as WORTH_A_START of its work
+ANSWER = 0.05  # s of statistics per run behind an answer
+MINUTE, HOUR = 60.0, 3600.0  # s
+
+
+@dataclass(frozen=True)
+class PlanCost:
+    """Runs of a plan, and seconds of wall time that they take here."""
+
+    kept: int  # in the ledger
+    first: int  # to be made at once
+    later: int  # at most, in rounds about the answers
+    rounds: int
+    first_s: float
+    round_s: float  # of one round
+    answer_s: float  # of the statistics after each
+    workers: int
+
+    @property
+    def seconds(self) -> float:
+        """All of it."""
+        return self.first_s + self.rounds * self.round_s + (self.rounds + 1) * self.answer_s
+
+    @property
+    def phases(self) -> list[float]:
+        """Expected seconds of runs and statistics in turn."""
+        return [self.first_s, self.answer_s, *[self.round_s, self.answer_s] * self.rounds]
+
+    @property
+    def sentence(self) -> str:
+        """One line for people."""
+        if not self.first + self.later:
+            return f"No run is to be made: all {self.kept} are kept from before."
+        kept = f"; {self.kept} more are kept from before" if self.kept else ""
+        rounds = "1 round" if self.rounds == 1 else f"{self.rounds} rounds"
+        later = f", then at most {self.later} in {rounds} about the answer" if self.later else ""
+        cores = "1 process" if self.workers == 1 else f"{self.workers} processes"
+        return f"{self.first} runs to make{later}: at most about {span(self.seconds)} on {cores}{kept}."
+
+
+def plan_cost(training: TrainingRuns, rounds: int, points: int) -> PlanCost:
+    """Cost of the planned runs and of `rounds` more about so many points each."""
+    _, requests, _ = requested(training)
+    wanted = {request.key: request for request in requests}
+    done = finished_runs(training.simulator.opened(), list(wanted))
+    left = [request for key, request in wanted.items() if key not in done]
+    workers = training.study.file.campaign.workers or usable_cores()
+    second = pace(wanted, done) / workers
+    room = max(run_cap(training.study) - len(training.runs) - training.elsewhere, 0)
+    size = training.plan_size.round * points * len(training.scenes)
+    rounds = min(rounds, room // size) if size else 0
+    mean = sum(request.work for request in wanted.values()) / max(len(wanted), 1)
+    return PlanCost(
+        kept=len(done),
+        first=len(left),
+        later=rounds * size,
+        rounds=rounds,
+        first_s=second * sum(request.work for request in left) + (START if left else 0.0),
+        round_s=second * mean * size + START,
+        answer_s=ANSWER * len(wanted),
+        workers=min(workers, max(len(left), size, 1)),
+    )
+
+
+def pace(wanted: dict[str, RunRequest], done: dict[str, float]) -> float:
+    """Seconds of one worker per unit of work, of runs that ended here; without any as fast as usual."""
+    work = sum(wanted[key].work for key in done)
+    spent = sum(done.values())
+    return spent / work if work > 0.0 and spent > 0.0 else START / WORTH_A_START
+
+
+def span(seconds: float) -> str:
+    """A time span in words."""
+    if seconds < 1.5 * MINUTE:
+        return f"{max(seconds, 1.0):.0f} s"
+    return f"{seconds / MINUTE:.0f} min" if seconds < 1.5 * HOUR else f"{seconds / HOUR:.1f} h"
+
+
+def shares(phases: Sequence[float], phase: int) -> tuple[float, float]:
+    """Share of the whole before a phase, and that of the phase itself; 1 and 0 beyond the plan."""
+    total = sum(phases) or 1.0
+    if phase >= len(phases):
+        return 1.0, 0.0
+    return sum(phases[:phase]) / total, phases[phase] / total
