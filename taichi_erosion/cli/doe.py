@@ -123,7 +123,7 @@ def calibrate(
     page, targets = publish(found), found.file.study.targets
     if not as_json:
         for name, test in found.document["confirm"]["tests"].items():
-            typer.echo(verdict(test, name, targets[name].unit))
+            typer.echo(verdict(test, name, targets[name].unit).replace("**", ""))
         typer.echo(f"page: {page}")
         for sentence in next_steps.after_calibration(found.document):
             typer.echo(sentence)

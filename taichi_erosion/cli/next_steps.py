@@ -129,10 +129,8 @@ def after_discovery(document: Record) -> Iterator[str]:
     if verdict == "outside_library":
         law = next((clue["law"] for clue in document["clues"] if clue["law"] is not None), None)
         results = Path(study).with_name(f"{Path(study).stem}-results") / f"{Path(study).stem}.discover.json"
-        source = (
-            f" --from-discovery {results}` starts an effect with the law above" if law else "` starts one"
-        )
-        yield f"An effect of your own may explain it: `{program()} effects new NAME{source}."
+        law_of = "`" if law is None else f" --from-discovery {results}`, with the law above"
+        yield f"An effect of your own may explain it: `{program()} effects new NAME{law_of}."
     if verdict == "unstable":
         yield f"More seeds decide: `{program()} discover {study} --budget full`."
     yield f"`{program()} next {study}` proposes the measurements that would decide."

@@ -269,7 +269,9 @@ def test_repose_of_a_photograph_is_measured_within_the_crop(room, capsys, tmp_pa
     room("taichi_erosion.report.photograph_figure", "draw_detection", picture)
     assert main(["measure", "repose", str(image), "--crop", "0,10,200,100", "--background", "dark"]) == 0
     assert calls == [((image,), {"crop": (0, 10, 200, 100), "background": "dark"})]
-    assert capsys.readouterr().out == "repose_angle = 31.00 ± 0.40 (n = 1) deg\nnote: left flank only\n"
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["repose_angle = 31.00 ± 0.40 (n = 1) deg", "note: left flank only"]
+    assert lines[2] == f"what was detected: {picture}"
 
 
 def test_the_schema_of_scenes_is_written_where_it_was_asked_for(room, capsys, tmp_path):
