@@ -106,10 +106,13 @@ def fill_velocity_ghosts(
     Writes `air_out`: velocities, velocity_z.
     """
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
+    ti.loop_config(serialize=air_out.serial)
     for r, j, k in ti.ndrange(air_out.count, ny, nz):
         fill_velocity_ghosts_across(air_out, 0, r, j, k)
+    ti.loop_config(serialize=air_out.serial)
     for r, i, k in ti.ndrange(air_out.count, nx + 2, nz):
         fill_velocity_ghosts_across(air_out, 1, r, i - 1, k)
+    ti.loop_config(serialize=air_out.serial)
     for r, i, j in ti.ndrange(air_out.count, nx + 2, ny + 2):
         fill_velocity_ghosts_z(air_out, r, i - 1, j - 1)
 
@@ -174,10 +177,13 @@ def fill_cell_ghosts(
 ):
     """Ghosts of a cell quantity; `outlet_sign` -1 makes it vanish on an outlet, as pressure does."""
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
+    ti.loop_config(serialize=air.serial)
     for r, j, k in ti.ndrange(air.count, ny, nz):
         fill_cell_ghosts_across(air, values_out, outlet_sign, 0, r, j, k)
+    ti.loop_config(serialize=air.serial)
     for r, i, k in ti.ndrange(air.count, nx + 2, nz):
         fill_cell_ghosts_across(air, values_out, outlet_sign, 1, r, i - 1, k)
+    ti.loop_config(serialize=air.serial)
     for r, i, j in ti.ndrange(air.count, nx + 2, ny + 2):
         fill_cell_ghosts_z(air, values_out, outlet_sign, r, i - 1, j - 1)
 
@@ -227,9 +233,11 @@ def fill_wall_viscosity(
     Writes `air_out`: eddy_cell.
     """
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
+    ti.loop_config(serialize=air_out.serial)
     for r, j, k in ti.ndrange(air_out.count, ny, nz):
         for upper in ti.static(range(2)):
             fill_wall_ghost(air_out, 0, upper, r, j, k)
+    ti.loop_config(serialize=air_out.serial)
     for r, i, k in ti.ndrange(air_out.count, nx, nz):
         for upper in ti.static(range(2)):
             fill_wall_ghost(air_out, 1, upper, r, i, k)

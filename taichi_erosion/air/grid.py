@@ -22,10 +22,11 @@ import numpy as np
 from taichi_erosion.air.inlet_turbulence import InletWaves, allocate_waves
 from taichi_erosion.air.pressure.multigrid import MultigridLevels, allocate_levels
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup
+from taichi_erosion.core.device import is_serial
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, upload, write
+from taichi_erosion.core.transfer import device_record, is_host, upload, write
 
 real = ti.f64
 
@@ -85,6 +86,8 @@ class Air:
     cells: tuple[int, int, int]
     model: AirModel
     kinds: dict[str, str]  # kind of each side
+    serial: bool  # whether loops over cells run on the calling thread, see `is_serial`
+    serial_replicas: bool  # the same of loops over replicas
     numbers: AirNumbers
     face: Any  # z of the lower face of cell k, and of the lid [m] by replica and k = 0 ... nz
     centre: Any  # z of the centre of cell k [m], k = -1 ... nz; ghosts lie on the outer faces
@@ -191,6 +194,8 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         cells=cells,
         model=first.model,
         kinds={name: first.sides[name].kind for name in SIDES},
+        serial=is_serial(count * cells[0] * cells[1]),
+        serial_replicas=is_host(),
         numbers=allocate_numbers(count),
         inlet_fluctuation=ghosted(cells[1:], count, vector=True),
         active=ti.field(ti.i32, shape=count),
@@ -331,6 +336,7 @@ def parallel_columns(
 
     Writes `air_out`: what `task` writes.
     """
+    ti.loop_config(serialize=air_out.serial)
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
         task(air_out, r, i, j)
 
@@ -347,5 +353,6 @@ def parallel_stage_columns(
 
     Writes `air_out`: what `task` writes.
     """
+    ti.loop_config(serialize=air_out.serial)
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
         task(air_out, r, i, j, share)

@@ -94,5 +94,6 @@ def predict(
 
     Writes `air_out`: elimination, velocities.
     """
+    ti.loop_config(serialize=air_out.serial)
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
         predict_column(air_out, r, i, j, axis, share, now, before)

@@ -89,6 +89,7 @@ def update_inlet_fluctuation(
     Writes `air_out`: inlet_fluctuation.
     """
     (waves,) = ti.static((air_out.waves,))
+    ti.loop_config(serialize=air_out.serial)
     for r, j, k in ti.ndrange(air_out.count, air_out.cells[1], air_out.cells[2]):
         y = (j + 0.5) * air_out.numbers.width[r][1]
         x = -waves.mean_speed[r] * (air_out.numbers.time[r] + air_out.numbers.time_step[r])

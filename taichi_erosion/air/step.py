@@ -90,9 +90,11 @@ def extrapolate_outlets(
     """
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     if ti.static(air_out.kinds["x_high"] == "outlet"):
+        ti.loop_config(serialize=air_out.serial)
         for r, j, k in ti.ndrange(air_out.count, ny, nz):
             air_out.velocity_x[r, nx, j, k] = air_out.velocity_x[r, nx - 1, j, k]
     if ti.static(air_out.kinds["z_high"] == "outlet"):
+        ti.loop_config(serialize=air_out.serial)
         for r, i, j in ti.ndrange(air_out.count, nx, ny):
             air_out.velocity_z[r, i, j, nz] = air_out.velocity_z[r, i, j, nz - 1]
 

@@ -12,9 +12,11 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import cache_root
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import impl, ti
+from taichi_erosion.core.transfer import is_host
 
 LOCK = "ticache.lock"  # Taichi's own, held while it reads or writes the index of the cache
 LOCK_SECONDS = 30.0  # age from which a lock counts as left behind
+SERIAL_LINES = 1024  # two blocks of 512 iterations, of which Taichi gives one to a thread
 CACHE_BYTES = 1 << 30  # of compiled kernels, 2 MB a kind of run; beyond it the oldest are dropped
 
 
@@ -87,6 +89,14 @@ def refuse_fallback(arch: str) -> None:
     wanted = {ti.x64, ti.arm64} if arch == "cpu" else {getattr(ti, arch)}
     if started not in wanted:
         raise BadInput(f"--arch {arch}: no such device on this machine; use --arch cpu")
+
+
+def is_serial(lines: int) -> bool:
+    """Whether a loop over so many lines of cells runs on the thread that launches it.
+
+    To wake other threads takes a CPU as long as some hundred lines, and much longer beside other programs.
+    """
+    return is_host() and lines <= SERIAL_LINES
 
 
 def stop_device() -> None:

@@ -130,6 +130,7 @@ def parallel_replicas(
 
     Writes `air_out`: what `task` writes.
     """
+    ti.loop_config(serialize=air_out.serial_replicas)
     for r in range(air_out.count):
         task(air_out, r)
 

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.air_setup import AirSetup
+from taichi_erosion.core.device import is_serial
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, write
+from taichi_erosion.core.transfer import device_record, is_host, write
 
 real = ti.f64
 
@@ -35,6 +36,8 @@ class MultigridLevels:
     """Conductances of low faces, right-hand sides and solutions by replica, column and layer."""
 
     number: int  # of levels
+    serial: tuple[bool, ...]  # whether loops over the lines of a level run on the calling thread
+    serial_replicas: bool  # the same of loops over replicas
     columns: tuple[int, ...]  # cells along the longer of x and y of every level
     periodic_x: bool
     periodic_y: bool
@@ -84,6 +87,8 @@ def allocate_levels(setup: AirSetup, replicas: int) -> MultigridLevels:
     names = ("conductance_x", "conductance_y", "outlet_conductance", "inverse_pivot")
     levels = MultigridLevels(
         number=len(shapes),
+        serial=tuple(is_serial(replicas * int(size)) for size in sizes),
+        serial_replicas=is_host(),
         columns=tuple(int(n) for n in shapes[:, :2].max(axis=1)),
         periodic_x=setup.sides["x_low"].kind == "periodic",
         periodic_y=setup.sides["y_low"].kind == "periodic",
@@ -345,6 +350,7 @@ def cycle_replica(levels_out: ti.template(), r):
 def parallel_lines(
     # parameters
     task: ti.template(),
+    serial: ti.template(),
     level: ti.i32,
     # out
     levels_out: ti.template(),
@@ -354,6 +360,7 @@ def parallel_lines(
     Writes `levels_out`: what `task` writes.
     """
     nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
+    ti.loop_config(serialize=serial)
     for r, i, j in ti.ndrange(levels_out.right_side.shape[0], nx, ny):
         task(levels_out, level, r, i, j)
 
@@ -361,6 +368,7 @@ def parallel_lines(
 @ti.kernel
 def parallel_relax(
     # parameters
+    serial: ti.template(),
     level: ti.i32,
     first: ti.i32,
     # out
@@ -371,8 +379,10 @@ def parallel_relax(
     Writes `levels_out`: solution.
     """
     replicas, nx, ny = levels_out.right_side.shape[0], levels_out.shape[level, 1], levels_out.shape[level, 2]
+    ti.loop_config(serialize=serial)
     for r, i, j in ti.ndrange(replicas, nx, ny):
         relax_colour(levels_out, level, first, r, i, j)
+    ti.loop_config(serialize=serial)
     for r, i, j in ti.ndrange(replicas, nx, ny):
         relax_colour(levels_out, level, 1 - first, r, i, j)
 
@@ -389,6 +399,7 @@ def sweep_coarsest(
 
     Writes `levels_out`: solution.
     """
+    ti.loop_config(serialize=levels_out.serial_replicas)
     for r in range(levels_out.right_side.shape[0]):
         sweep_symmetrically(levels_out, level, sweeps, r)
 
@@ -397,12 +408,12 @@ def cycle(levels: MultigridLevels) -> None:
     """One V-cycle of all replicas in parallel, from a zero solution."""
     last = levels.number - 1
     for level in range(last):
-        parallel_lines(clear_line, level, levels)
-        parallel_relax(level, 0, levels)
-        parallel_lines(set_residual, level, levels)
-        parallel_lines(restrict_line, level + 1, levels)
-    parallel_lines(clear_line, last, levels)
+        parallel_lines(clear_line, levels.serial[level], level, levels)
+        parallel_relax(levels.serial[level], level, 0, levels)
+        parallel_lines(set_residual, levels.serial[level], level, levels)
+        parallel_lines(restrict_line, levels.serial[level + 1], level + 1, levels)
+    parallel_lines(clear_line, levels.serial[last], last, levels)
     sweep_coarsest(last, coarsest_sweeps(levels), levels)
     for level in reversed(range(last)):
-        parallel_lines(prolong_line, level, levels)
-        parallel_relax(level, 1, levels)
+        parallel_lines(prolong_line, levels.serial[level], level, levels)
+        parallel_relax(levels.serial[level], level, 1, levels)

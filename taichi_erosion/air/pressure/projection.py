@@ -97,9 +97,9 @@ def set_conductances(air: Air, share: float) -> None:
     """Conductances of all levels of all replicas for a stage, in parallel."""
     parallel_stage_columns(set_finest_conductances, share, air)
     for level in range(1, air.levels.number):
-        parallel_lines(coarsen_conductances, level, air.levels)
+        parallel_lines(coarsen_conductances, air.levels.serial[level], level, air.levels)
     for level in range(air.levels.number):
-        parallel_lines(factor_line, level, air.levels)
+        parallel_lines(factor_line, air.levels.serial[level], level, air.levels)
 
 
 @ti.func
