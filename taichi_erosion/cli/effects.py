@@ -14,7 +14,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.new_effect import NEW, write_effect_file
+from taichi_erosion.cli.new_effect import NEW, ScaffoldPlace, write_effect_file
 from taichi_erosion.cli.output import AsJson, EffectFiles
 from taichi_erosion.core.errors import BadInput, ExitCode
 
@@ -41,6 +41,10 @@ Discovery = Annotated[
         help="Start the new file from the law that `discover STUDY` proposed; or its STUDY.discover.json.",
     ),
 ]
+PlaceOf = Annotated[
+    ScaffoldPlace | None,
+    typer.Option("--place", help="Where the new effect acts; default: pair, a force between two grains."),
+]
 WithMemory = Annotated[
     bool, typer.Option("--with-memory", help="Start the new file from an effect with state per grain.")
 ]
@@ -51,6 +55,7 @@ def effects(
     words: Words = None,
     effect: EffectFiles = None,
     discovery: Discovery = None,
+    place: PlaceOf = None,
     with_memory: WithMemory = False,
     as_json: AsJson = False,
 ) -> None:
@@ -61,9 +66,11 @@ def effects(
         raise BadInput("effects --from-discovery: needs new NAME")
     if with_memory and (discovery is not None or (words or [""])[0] != NEW):
         raise BadInput("effects --with-memory: needs new NAME; --from-discovery excludes it")
+    if place is not None and (discovery is not None or with_memory or (words or [""])[0] != NEW):
+        raise BadInput("effects --place: needs new NAME; --from-discovery and --with-memory exclude it")
     match words or []:
         case ["new", name]:
-            path = write_effect_file(name, discovery, with_memory)
+            path = write_effect_file(name, discovery, with_memory, place or "pair")
             typer.echo(str(path))
             typer.echo(f"next: effects {name} --effect {path} shows and checks it", err=True)
         case []:

@@ -56,6 +56,7 @@ report recordings/FILE.rrd
 effects
 effects liquid_bridge
 effects new my_pull
+effects new my_push --place grain
 effects new my_law --from-discovery STUDY
 effects my_pull --effect my_pull.py
 verify V02 V05

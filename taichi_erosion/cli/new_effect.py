@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import Environment
 
@@ -24,6 +24,7 @@ NEW = "new"  # first word that requests a new file; no effect has this name
 FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
 FACTOR = re.compile(r"\((?P<name>\w+) / (?P<typical>[-+.\deE]+)\)\^(?P<power>[-+.\deE]+)")
 WIDEST = 10.0  # range of a coefficient over its fitted value [1]
+ScaffoldPlace = Literal["pair", "grain", "scene", "instrument"]  # places with a scaffold
 RESULT = ".discover.json"  # end of the name of a discovery's result
 
 
@@ -36,7 +37,9 @@ class NamesOfStudy:
     observables: Mapping[str, str] = field(default_factory=dict)  # observable -> measure of the model
 
 
-def write_effect_file(name: str, discovery: Path | None = None, memory: bool = False) -> Path:
+def write_effect_file(
+    name: str, discovery: Path | None = None, memory: bool = False, place: ScaffoldPlace = "pair"
+) -> Path:
     """Write a new effect file that fulfils the contract of effects; returns its path."""
     from taichi_erosion.effects import load_library
 
@@ -45,7 +48,7 @@ def write_effect_file(name: str, discovery: Path | None = None, memory: bool = F
         raise BadInput(f"effects new {name}: a new name has lower-case letters, digits and _")
     if path.exists():
         raise BadInput(f"{path}: exists already")
-    blank = scaffold("stateful_effect" if memory else "effect").replace("NAME", name)
+    blank = scaffold("stateful_effect" if memory else f"{place}_effect").replace("NAME", name)
     path.write_text(law_file(name, discovery) if discovery else blank, encoding="utf-8")
     return path
 

@@ -48,6 +48,13 @@ def test_the_scaffold_keeps_the_contract_as_it_is(here, bench, capsys):
     assert breaches(load_library([here / "my_pull.py"])["my_pull"], bench) == []
 
 
+@pytest.mark.parametrize("place", ["pair", "grain", "scene", "instrument"])
+def test_the_scaffold_of_every_place_keeps_the_contract_as_it_is(place, here, bench):
+    assert main(["effects", "new", "mine", "--place", place]) == 0
+    effect = load_library([here / "mine.py"])["mine"]
+    assert (effect.place, breaches(effect, bench)) == (place, [])
+
+
 def test_the_scaffold_with_a_memory_keeps_the_contract_as_it_is(here, bench):
     assert main(["effects", "new", "my_memory", "--with-memory"]) == 0
     effect = load_library([here / "my_memory.py"])["my_memory"]
@@ -94,6 +101,7 @@ def test_a_discovered_law_gives_what_the_discovery_wrote(here):
         (["new"], "is not in the library"),
         (["dry_adhesion", "--from-discovery", "x.json"], "needs new NAME"),
         (["dry_adhesion", "--with-memory"], "needs new NAME"),
+        (["dry_adhesion", "--place", "grain"], "needs new NAME"),
         (["new", "found", "--from-discovery", "x.json"], "is not a result of discover"),
     ],
 )
