@@ -14,13 +14,14 @@ from pathlib import Path
 from taichi_erosion.cli.main import main as run_command
 
 DOCS = Path(__file__).resolve().parent
-PAGES = (DOCS / "discover.md", DOCS / "threshold.md")
+PAGES = (DOCS / "discover.md", DOCS / "threshold.md", DOCS / "your_table.md")
 INPUTS = (
     "measured/*.csv",
     "impact_threshold*.toml",
     "hao2022*_reduced.toml",
     "wind/answers.py",
     "wind/saturated.csv",
+    "windkanal.csv",
 )
 COMMAND = r"```sh\n\./erosion (?P<words>[^\n]+)\n```\n\n<!-- output: (?P<lines>\d+) -->\n```text\n"
 STEP = re.compile(rf"(?P<command>{COMMAND}).*?```", re.DOTALL)

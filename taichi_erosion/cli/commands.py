@@ -19,9 +19,9 @@ from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
 from taichi_erosion.cli.output import AsJson, EffectFiles, Force
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
-from taichi_erosion.cli.study import study
+from taichi_erosion.cli.study import study as study_commands
 from taichi_erosion.core.errors import BadInput, ExitCode
-from taichi_erosion.core.files import REMEDY, check_writable, refuse_foreign
+from taichi_erosion.core.files import check_writable, refuse_foreign
 
 if TYPE_CHECKING:
     from taichi_erosion.verification.claim import Claim
@@ -35,7 +35,7 @@ app = typer.Typer(
 measure = typer.Typer(help="Measure a photograph in the same way as a simulation.", no_args_is_help=True)
 app.add_typer(measure, name="measure", rich_help_panel=SIMULATE)
 app.add_typer(doe, name="doe", rich_help_panel=EXPLAIN)
-app.add_typer(study, name="study", rich_help_panel=EXPLAIN)
+app.add_typer(study_commands, name="study", rich_help_panel=EXPLAIN)
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 Override = Annotated[
@@ -342,16 +342,19 @@ def bench(as_json: AsJson = False) -> None:
 
 @app.command(**help_of("schema"))
 def schema(
-    to: Annotated[Path, typer.Option("-o", "--output", metavar="FILE")] = Path("scenes/scene.schema.json"),
-    force: Force = False,
+    to: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")
+    ] = None,
+    study: Annotated[
+        bool, typer.Option("--study", help="Of study files; default: doe/study.schema.json.")
+    ] = False,
 ) -> None:
-    """Write the JSON schema of scene files, for completion and checks in editors."""
+    """Write the JSON schema of scene or study files, for completion and checks in editors."""
+    from taichi_erosion.campaign.study_schema import write_study_schema
     from taichi_erosion.scene import write_schema
-    from taichi_erosion.scene.paths import is_schema
 
-    if not to.parent.is_dir():
-        raise BadInput(f"{to}: no folder {to.parent}; name the file with -o")
-    if to.exists() and not force and not is_schema(to):
-        raise BadInput(f"{to}: exists, and is no schema of scenes; {REMEDY}")
-    write_schema(to)
-    typer.echo(str(to))
+    target = to or Path("doe/study.schema.json" if study else "scenes/scene.schema.json")
+    if not target.parent.is_dir():
+        raise BadInput(f"{target}: no folder {target.parent}; name the file with -o")
+    (write_study_schema if study else write_schema)(target)
+    typer.echo(str(target))

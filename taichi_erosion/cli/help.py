@@ -65,6 +65,7 @@ bench
 bench --json
 schema
 schema -o my_scenes/scene.schema.json
+schema --study
 """
 
 
