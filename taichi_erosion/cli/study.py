@@ -128,9 +128,6 @@ def print_content(document: Record) -> None:
 
 def cost_line(name: str, cost: Record) -> str:
     """What an answer costs, in one line."""
-    if not cost["runs"]:
-        return f"cost with --budget {name}: seconds; a function answers"
-    return (
-        f"cost with --budget {name}: {cost['runs']} runs, {cost['core_minutes']:.0f} core-minutes, about "
-        f"{cost['minutes_here']:.0f} minutes here, and rounds about the answer"
-    )
+    minutes = cost.get("core_minutes")
+    cores = "" if minutes is None else f" ({minutes:.0f} core-minutes)"
+    return f"cost with --budget {name}: {cost['sentence'].rstrip('.')}{cores}"

@@ -21,7 +21,18 @@ INLINE = re.compile(r"`\./erosion ([^`]+)`")
 pytestmark = pytest.mark.docs
 LAUNCHER_WORDS = {"test"}  # what the launcher does by itself
 PLACEHOLDER = re.compile(r"^[A-Z][A-Z=]*$")
-EXECUTED = {"audit", "compare", "discover", "adopt", "next", "report", "effects", "measure", "schema"}
+EXECUTED = {
+    "study",
+    "audit",
+    "compare",
+    "discover",
+    "adopt",
+    "next",
+    "report",
+    "effects",
+    "measure",
+    "schema",
+}
 SMALLER = (
     ("count = 1800", "count = 200"),
     ("radius_d = 9.0", "radius_d = 4.4"),
@@ -88,6 +99,8 @@ def test_the_commands_of_a_page_run_one_after_another(
     page: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines = [line for name, line in fenced_commands() if name == name_of(page) and OF_A_RUN not in line]
+    if page.read_text(encoding="utf-8").count("<!-- output:") == len(lines) > 0:
+        pytest.skip("test_printed_output.py runs every command of this page")
     monkeypatch.chdir(copy)
     for line in lines:
         words = ["IMAGE.png" if word == "IMAGE" else word for word in shlex.split(line, comments=True)]
