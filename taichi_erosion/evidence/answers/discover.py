@@ -41,7 +41,7 @@ from taichi_erosion.evidence.inference.posterior import (
 )
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
-from taichi_erosion.evidence.inference.residual_structure import residual_trends
+from taichi_erosion.evidence.inference.residual_structure import residual_trends, varying_number
 from taichi_erosion.evidence.inference.screen import Signature
 from taichi_erosion.evidence.inference.verdict import Decision
 
@@ -76,6 +76,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         effects=effect_findings(found, strengths),
         where=found.places,
         clues=residual_trends(prepared, base, found.places) if outside else (),
+        varying=varying_number(prepared, base) if outside else None,
         p=found.test.p,
         p_misfit=found.p_misfit,
         p_misfit_after=found.p_misfit_after,

@@ -64,6 +64,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
         place.sentence for place in found.where if levels.fails(place.p) and not found.range_suffices
     ]
     sentences += [trend.sentence for trend in found.clues]
+    sentences += [found.varying.sentence] if found.varying else []
     sentences += found.noise.sentences
     if found.decoy_rank == 1 and found.named:
         sentences.append(RED_FLAG)

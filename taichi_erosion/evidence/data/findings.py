@@ -217,6 +217,16 @@ class ResidualTrend:
 
 
 @dataclass(frozen=True)
+class VaryingNumber:
+    """A calibrated number that would have to vary with a condition, where no effect of the list suffices."""
+
+    parameter: str
+    condition: str
+    share: float  # of the misfit beyond chance that would go [1]
+    sentence: str
+
+
+@dataclass(frozen=True)
 class Experiment:
     """A measurement that decides between the remaining explanations; an answer of `next`."""
 
@@ -286,6 +296,7 @@ class Discovery:
     next_experiments: tuple[Experiment, ...] = ()
     next_sentence: str = ""  # what these decide together, or why there are none
     clues: tuple[ResidualTrend, ...] = ()
+    varying: VaryingNumber | None = None
     p: float = 1.0  # family-wise, of the strongest candidate by chance
     p_misfit: float = nan  # of the calibrated base model
     p_misfit_stated: float = nan  # the same with the declared shared errors alone, where levels are free

@@ -10,7 +10,7 @@ the eigenvalues lambda_j; probabilities are adjusted by Holm's method over all a
 Reference: Imhof (1961), Biometrika 48, 419 (three-moment approximation of the null).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -39,7 +39,10 @@ from taichi_erosion.evidence.models.predictor import standard_axis
 LENGTH = 0.7  # of the kernel, in sd of a condition
 PROMISE, PROMISE_NOISY = 2.0, 4.0  # misfit [1]; without noise, and per number of a model with noise
 LEAST_OWN = 0.2  # of a row, that calibration leaves free: below, its residual says little [1]
-BINS = 4  # along an axis, of equal numbers of rows
+BINS = 4  # along an axis, of about equal numbers of rows
+MOST_LEVELS_TOLD = 6  # levels of a condition up to which each is a bin of its own
+TREND_END = 1.5  # mean residual at either end, in its standard errors, from which both ends are told
+CLEAR = 1.0  # the same of a neighbouring bin that belongs to the range that is told
 LEVEL_AXIS = "level"
 ASK_REPEATS = (
     "Neither an sd nor repeated measurements are given, so no effect can be named. Repeat at least 4 "
@@ -108,7 +111,7 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
             found.append((observable.name, LEVEL_AXIS, p, f"too {'low' if low else 'high'} as a whole"))
         for name, column in prepared.rows.conditions.items():
             axis = standard_axis(column[rows])
-            if axis is None or np.unique(axis).size < 3:
+            if axis is None:
                 continue
             values, vectors = np.linalg.eigh(np.exp(-0.5 * squared_distance(axis, LENGTH)))
             factor = np.zeros((prepared.rows.size, axis.size))
@@ -132,21 +135,78 @@ def holm(p: list[float]) -> list[float]:
     return adjusted
 
 
+@dataclass(frozen=True)
+class AxisBin:
+    """Rows of one level of a condition, or of neighbouring levels; rows of one value are never parted."""
+
+    low: float
+    high: float
+    count: int
+    mean: float  # of the residual, in sd
+
+    @property
+    def size(self) -> float:
+        """Mean over its standard error."""
+        return float(self.mean * np.sqrt(self.count))
+
+
+def axis_bins(column: Floats, free: Floats) -> list[AxisBin]:
+    """Residual along a condition: level by level, or in BINS bins of about as many rows for many levels."""
+    known = np.isfinite(column)
+    values, inverse, counts = np.unique(column[known], return_inverse=True, return_counts=True)
+    number = np.arange(values.size)
+    if values.size > MOST_LEVELS_TOLD:
+        middle = np.cumsum(counts) - 0.5 * counts
+        number = np.minimum((BINS * middle / counts.sum()).astype(int), BINS - 1)
+    found = []
+    for k in np.unique(number):
+        own, inside = values[number == k], free[known][number[inverse] == k]
+        found.append(AxisBin(float(own[0]), float(own[-1]), inside.size, float(inside.mean())))
+    return found
+
+
 def failing_range(axis: str, column: Floats, free: Floats) -> str:
-    """The end or middle of an axis where the residual is largest, and its direction."""
-    order = np.argsort(column)
-    parts = [part for part in np.array_split(order, min(BINS, max(2, np.unique(column).size))) if part.size]
-    means = [float(free[part].sum() / np.sqrt(part.size)) for part in parts]
-    worst = int(np.argmax(np.abs(means)))
-    direction = "too low" if means[worst] > 0.0 else "too high"
-    low, high = column[parts[worst]].min(), column[parts[worst]].max()
-    if worst == 0:
-        return f"{direction} up to {axis} = {high:.3g}"
-    if worst == len(parts) - 1:
-        return f"{direction} from {axis} = {low:.3g}"
+    """Where along an axis the model fails, and in which direction: a trend, or one range."""
+    bins = axis_bins(column, free)
+    first, last = bins[0].size, bins[-1].size
+    opposite = first * last < 0.0 and max(abs(first), abs(last)) > 2.0 * TREND_END
+    if opposite and min(abs(first), abs(last)) > TREND_END:
+        ends = [f"{direction(first)} {range_words(axis, bins, run_from(bins, 0))}"]
+        ends.append(f"{direction(last)} {range_words(axis, bins, run_from(bins, len(bins) - 1))}")
+        way = "rises" if last > 0.0 else "falls"
+        return f"{' and '.join(ends)}: measured {way} with {axis}, and the model does not follow"
+    worst = int(np.argmax([abs(each.size) for each in bins]))
+    return f"{direction(bins[worst].size)} {range_words(axis, bins, run_from(bins, worst))}"
+
+
+def direction(residual: float) -> str:
+    """Direction of the model's error."""
+    return "too low" if residual > 0.0 else "too high"
+
+
+def run_from(bins: list[AxisBin], start: int) -> tuple[int, int]:
+    """First and last of the neighbouring bins around one in which the model errs clearly in its direction."""
+    sign = np.sign(bins[start].size)
+    low = high = start
+    while low > 0 and sign * bins[low - 1].size > CLEAR:
+        low -= 1
+    while high < len(bins) - 1 and sign * bins[high + 1].size > CLEAR:
+        high += 1
+    return low, high
+
+
+def range_words(axis: str, bins: list[AxisBin], run: tuple[int, int]) -> str:
+    """A range of bins in words."""
+    low, high = bins[run[0]].low, bins[run[1]].high
+    if run == (0, len(bins) - 1):
+        return f"at every {axis}"
     if low == high:
-        return f"{direction} at {axis} = {high:.3g}"
-    return f"{direction} for {axis} between {low:.3g} and {high:.3g}"
+        return f"at {axis} = {high:.3g}"
+    if run[0] == 0:
+        return f"up to {axis} = {high:.3g}"
+    if run[1] == len(bins) - 1:
+        return f"from {axis} = {low:.3g}"
+    return f"for {axis} between {low:.3g} and {high:.3g}"
 
 
 def place_sentence(observable: str, axis: str, words: str, p: float) -> str:

@@ -24,7 +24,8 @@ from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
 
 GRID = 33  # strengths at which a single effect is integrated
-PAIR_GRID = 13  # per effect of a pair
+PAIR_GRID = 21  # per effect of a pair
+NEAR = 3.0  # posterior sd about the best strength within which nodes of a noisy path count in full
 WIDTH = 4.0  # posterior sd that the fine part of the grid spans to either side
 BOUND = 1e-3  # of a prior sd, or of the maximum of a strength: closer to an end a number is called bound
 UNDERCUT, UNDERCUT_NOISY = 0.5, 2.0  # misfit by which an expansion may lie below the fit it starts from [1]
@@ -215,14 +216,23 @@ def path_of(prepared: PreparedProblem, fit: Fit, index: int, spread: float, ridg
     fine = np.linspace(max(low, best - WIDTH * spread), min(high, best + WIDTH * spread), (2 * count) // 3)
     grid = np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [best]]))
     shift = np.clip(fit.x + np.outer(grid - best, ridge), prepared.low, prepared.high) - fit.x
-    smooth = smooth_path(prepared, nodes, change, best, grid)
+    smooth = smooth_path(prepared, nodes, change, best, grid, NEAR * spread)
     return Path(grid, smooth, shift, log_prior(grid, candidate.prior_scale))
 
 
 def smooth_path(
-    prepared: PreparedProblem, nodes: Floats, change: Floats, best: float, grid: Floats
+    prepared: PreparedProblem,
+    nodes: Floats,
+    change: Floats,
+    best: float,
+    grid: Floats,
+    near: float | None = None,
 ) -> Floats:
-    """Path between nodes: monotone cubic without noise, else a polynomial through the best fit."""
+    """Path between nodes: monotone cubic without noise, else a polynomial through the best fit.
+
+    Nodes farther than `near` from the best strength count less, so that the ends of the range do not bend the
+    path where the likelihood is.
+    """
     if nodes.size < 2:
         return np.zeros((grid.size, change.shape[1]))
     if not prepared.noisy or nodes.size < 4:
@@ -230,7 +240,9 @@ def smooth_path(
     scale = max(float(np.ptp(nodes)), 1e-300)
     powers = np.arange(1, min(3, nodes.size - 2) + 1)
     basis = ((nodes - best) / scale)[:, np.newaxis] ** powers
-    coefficients = np.linalg.lstsq(basis, change, rcond=None)[0]
+    weight = np.ones(nodes.size) if near is None else 1.0 / np.hypot(1.0, (nodes - best) / max(near, 1e-300))
+    weighted = weight[:, np.newaxis]
+    coefficients = np.linalg.lstsq(weighted * basis, weighted * change, rcond=None)[0]
     return ((grid - best) / scale)[:, np.newaxis] ** powers @ coefficients
 
 

@@ -12,21 +12,26 @@ from itertools import combinations, product
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.data.findings import Law, MisfitPlace, ResidualTrend
+from taichi_erosion.evidence.data.findings import Law, MisfitPlace, ResidualTrend, VaryingNumber
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
+from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
-from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS
+from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS, axis_bins, freedom
 from taichi_erosion.evidence.inference.levels import SECOND_TERM, fails
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     Expansion,
     ProjectedResidual,
     projected_residual,
 )
+from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 POWERS = (-2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0)  # of a condition in a term
 EXPONENTS = np.linspace(-4.0, 4.0, 161)  # at which the scaling is profiled
 FALL = float(stats.chi2.ppf(0.9, 1))  # misfit above the best at the ends of a 90 % interval
+LEAST_POWER = 0.1  # of an exponent that is told
+LEAST_BINS = 4  # levels or bins of a condition from which an extremum is looked for
+CLEAR_TURN = 3.0  # sd by which an extremum differs from both ends
 MOST_AXES = 4  # conditions from which a law is built
 FIRST_TERMS = 12  # single terms that are tried with a second one
 
@@ -62,10 +67,50 @@ def residual_trend(
     upper = left.free[rows][order][-max(2, int(rows.sum()) // 3) :]
     sign = 1 if upper.sum() > 0.0 else -1
     exponent, low, high = scaling(prepared, left, rows, column)
-    words = f"{place.observable}: measured {'above' if sign > 0 else 'below'} predicted at large {place.axis}"
-    if np.isfinite(exponent):
-        words += f", scaling like {place.axis}^{exponent:.2g} ({low:.2g} to {high:.2g})"
+    words = f"{place.observable}: measured minus predicted "
+    turn = extremum(column[rows], left.free[rows])
+    if turn:
+        words += f"{turn} of {place.axis}"
+    else:
+        words += f"{'rises' if sign > 0 else 'falls'} with {place.axis}"
+        if np.isfinite(exponent):
+            words += f", scaling like {place.axis}^{exponent:.2g} ({low:.2g} to {high:.2g})"
     return ResidualTrend(place.observable, place.axis, sign, exponent, low, high, words + told, law)
+
+
+def extremum(column: Floats, free: Floats) -> str:
+    """Where the residual has its extremum, if both ends lie clearly to the same side of it; else nothing."""
+    bins = axis_bins(column, free)
+    if len(bins) < LEAST_BINS:
+        return ""
+    for sign, words in ((1.0, "has a bump at"), (-1.0, "has a dip at")):
+        top = max(range(len(bins)), key=lambda k: sign * bins[k].mean)
+        ends = (bins[0], bins[-1])
+        gaps = [
+            sign * (bins[top].mean - end.mean) / np.sqrt(1.0 / bins[top].count + 1.0 / end.count)
+            for end in ends
+        ]
+        if 0 < top < len(bins) - 1 and min(gaps) > CLEAR_TURN:
+            return f"{words} {0.5 * (bins[top].low + bins[top].high):.3g}"
+    return ""
+
+
+def varying_number(prepared: PreparedProblem, base: Expansion) -> VaryingNumber | None:
+    """The calibrated number and condition for which a number that varies along it takes most misfit away."""
+    left = projected_residual(prepared, base)
+    excess = float(left.free @ left.free) - freedom(left)
+    best: VaryingNumber | None = None
+    for name, axis in condition_axes(prepared).items():
+        columns = base.jacobian * axis[:, np.newaxis] * left.scale[:, np.newaxis]
+        falls = misfit_fall(left, columns)
+        for j, fall in enumerate(falls):
+            share = min(float(fall) / max(excess, 1.0), 1.0)
+            if share > max(levels.NUMBER_SHARE, 0.0 if best is None else best.share):
+                number = prepared.axes[j].name
+                way = "rose" if float(columns[:, j] @ left.free) > 0.0 else "fell"
+                sentence = f"{share:.0%} of the misfit would go if {number} {way} with {name}."
+                best = VaryingNumber(number, name, share, sentence)
+    return best
 
 
 def misfit_fall(left: ProjectedResidual, white: Floats) -> Floats:
@@ -77,7 +122,11 @@ def misfit_fall(left: ProjectedResidual, white: Floats) -> Floats:
 def scaling(
     prepared: PreparedProblem, left: ProjectedResidual, rows: Bools, column: Floats
 ) -> tuple[float, float, float]:
-    """Exponent b of c x^b with its 90 % interval; NaN where the condition is not positive everywhere."""
+    """Exponent b of c x^b with its 90 % interval.
+
+    NaN where the condition is not positive everywhere, where an end of the interval lies beyond the exponents
+    that are tried, and for a power that hardly differs from a level.
+    """
     values = column[rows]
     if not np.all(values > 0.0) or np.ptp(values) == 0.0:
         return np.nan, np.nan, np.nan
@@ -87,6 +136,12 @@ def scaling(
     shape[rows] = np.exp(np.outer(logs, exponents))
     fall = misfit_fall(left, shape / prepared.sd[:, np.newaxis])
     kept = EXPONENTS[fall > fall.max() - FALL]
+    if (
+        kept[0] <= EXPONENTS[0]
+        or kept[-1] >= EXPONENTS[-1]
+        or abs(EXPONENTS[int(np.argmax(fall))]) < LEAST_POWER
+    ):
+        return np.nan, np.nan, np.nan
     return float(EXPONENTS[int(np.argmax(fall))]), float(kept.min()), float(kept.max())
 
 
@@ -146,7 +201,7 @@ def best_law(prepared: PreparedProblem, left: ProjectedResidual, rows: Bools, ob
         if value > limit:
             limit = share = value
             chosen = pair
-    if share <= 0.0:
+    if share < levels.LAW_SHARE:
         return None
     solved = np.linalg.lstsq(left.project(white[:, chosen]), left.free, rcond=None)[0]
     coefficients = tuple(float(value) for value in solved)
