@@ -24,7 +24,11 @@ Progress = Callable[[str, float], None]  # (text, share done [1])
 ANSWERS = 6  # printed probabilities
 CANDIDATE_COLUMNS = ("effect", "status", "strength", "90 % interval", "probability")
 CANDIDATE_COLUMNS += ("ln Bayes factor", "power", "absorbed")
-CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
+CONTROLS = {
+    "with_all": "with all that was named",
+    "best_wrong": "control: best other effect",
+    "random_wrong": "control: effect drawn at random",
+}
 
 app = typer.Typer()
 
@@ -32,7 +36,10 @@ StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Evidence study
 ReportSource = Annotated[
     Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
 ]
-EffectName = Annotated[str, typer.Argument(metavar="EFFECT", help="Candidate of the study.")]
+EffectNames = Annotated[
+    list[str],
+    typer.Argument(metavar="EFFECT...", help="Candidates of the study; a named pair is adopted as one."),
+]
 Budget = Annotated[
     str | None,
     typer.Option(
@@ -85,7 +92,7 @@ def discover(
 @app.command(**help_of("adopt"))
 def adopt(
     study: StudyFile,
-    effect: EffectName,
+    effects: EffectNames,
     budget: Budget = None,
     workers: Workers = None,
     seed: Seed = None,
@@ -93,13 +100,13 @@ def adopt(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Add an effect, calibrate again, and show the error on held-out measurements."""
+    """Add one or more effects, calibrate again, and show the error on held-out measurements."""
     from taichi_erosion.evidence.answers.commands import adopt_study
 
     options = options_of(budget, workers, seed, own)
 
     def compute(progress: Progress) -> dict[str, Any]:
-        return adopt_study(study, effect, progress, options, force)
+        return adopt_study(study, effects, progress, options, force)
 
     answer("adopting", compute, print_adoption, as_json)
 
@@ -230,10 +237,14 @@ def print_adoption(document: Record) -> None:
     print_lines(document["set_up"], "set-up: ")
     typer.echo(document["sentence"])
     rows = []
-    for key, label in {"base": "before", "added": f"with {document['effect']}", **CONTROLS}.items():
-        fit = document[key]
+    rungs = document.get("ladder") or []
+    if rungs and rungs[0]["effects"] != document["adopted"]:
+        rows.append(("as it was", number(rungs[0]["chi2_fitted"]), number(rungs[0]["chi2_held_out"])))
+    labels = {"base": "before", "added": f"with {listed(document['added'])}", **CONTROLS}
+    for key, label in labels.items():
+        fit = document.get(key)
         if fit is not None:
-            effects = f" ({', '.join(fit['effects'])})" if key in CONTROLS else ""
+            effects = f" ({listed(fit)})" if key in CONTROLS else ""
             rows.append((label + effects, number(fit["chi2"]), number(fit["vault_chi2"])))
     print_table("chi2 per row", ("model", "fitted rows", "held-out rows"), rows)
     print_parameters(document["added"]["strengths"] | document["added"]["parameters"])
@@ -245,6 +256,11 @@ def print_adoption(document: Record) -> None:
         typer.echo(f"written: {file}")
     typer.echo(cost(document))
     print_lines(next_steps.after_adoption(document))
+
+
+def listed(fit: Record) -> str:
+    """Effects of a fitted model."""
+    return ", ".join(fit["effects"])
 
 
 def print_experiments(document: Record) -> None:

@@ -207,7 +207,7 @@ def answers(found: Results) -> list[str]:
     if (
         adoption
         and adoption["base"]["vault_chi2"] is not None
-        and is_refuted(adoption["base"], adoption["added"])
+        and is_refuted(adoption["base"], adoption.get("with_all") or adoption["added"])
     ):
         names = " and ".join(effect_words(name) for name in adoption["added"]["effects"])
         verdict = (

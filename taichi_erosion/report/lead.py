@@ -116,7 +116,8 @@ def error_sentence(adoption: Document) -> str:
         )
     count = len((base["vault_rows"] or {"observable": ()})["observable"])
     seen = f"{count} measurement{'s' if count != 1 else ''} that no fit has seen"
-    end = ": they do not confirm it." if is_refuted(base, added) else "."
+    judged = adoption.get("with_all") or added
+    end = ": they do not confirm it." if is_refuted(base, judged) else "."
     return f"With {names} the error on {seen} {change_words(base, added, adoption['units'])}{end}"
 
 

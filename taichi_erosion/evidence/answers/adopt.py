@@ -1,11 +1,12 @@
-"""Adoption of an effect: everything is calibrated anew, and the vault is opened once.
+"""Adoption of effects: everything is calibrated anew, and the vault is opened once.
 
-Beside the effect stand two controls, fitted in the same way: the best of the other candidates and one drawn
+Beside them stand two controls, fitted in the same way: the best of the other candidates and one drawn
 at random. A falling error on held-out rows is supporting evidence; in one case in ten it is luck.
 `adopted_files.py` writes the study in which the effect belongs to the model.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import nan
 from time import perf_counter
 
@@ -17,52 +18,66 @@ from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.answers.effect_action import effect_actions
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
-from taichi_erosion.evidence.data.linear_algebra import projection
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress, expected_strength
 from taichi_erosion.evidence.inference.familywise_test import familywise_test
 from taichi_erosion.evidence.inference.goodness_of_fit import (
     calibration_covariance,
     chi_square,
+    misfit_p,
     misfit_places,
     rows_table,
 )
+from taichi_erosion.evidence.inference.levels import LEVEL_ODDS, fails
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score, slopes_of
+from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
 
 
-def adopt(problem: Problem, effect: str, seed: int, progress: Progress = no_progress) -> Adoption:
-    """Errors before and after one effect is added, on fitted and on held-out rows, with both controls."""
+def adopt(
+    problem: Problem,
+    effects: Sequence[str],
+    seed: int,
+    progress: Progress = no_progress,
+    others: Sequence[str] = (),
+) -> Adoption:
+    """Errors before and after effects are added, on fitted and on held-out rows, with both controls.
+
+    `others` were named with them and are not adopted: what the model does with all of them is fitted too.
+    """
     start = perf_counter()
-    if effect not in [candidate.name for candidate in problem.candidates]:
-        raise BadInput(f"adopt: {effect} is not among the candidates")
+    order = [candidate.name for candidate in problem.candidates]
+    if missing := [name for name in effects if name not in order]:
+        raise BadInput(f"adopt: {missing[0]} is not among the candidates")
+    chosen, every = (tuple(sorted(names, key=order.index)) for names in (effects, {*effects, *others}))
     prepared = prepare(problem, problem.visible(), seed)
     if prepared.rows.size == 0:
         raise BadInput("adopt: no row has a known scatter; give sd or repeats")
     progress("calibrating the bare model", 0.1)
-    prepared, base, _ = fit_base(prepared)
-    expansion = expand(prepared, base)
-    screened = screen(prepared, expansion)
-    names = (effect, *controls(prepared, screened, effect, seed))
-    held = held_out_problem(prepared, base)
-    fits: list[HypothesisFit | None] = [evaluated(prepared, base, held)]
-    for index, name in enumerate(names):
-        progress(f"recalibrating with {name}", 0.25 * (index + 1))
-        best = None if name is None else added_fit(prepared, screened, name)
+    ready = account_of(prepared, every)
+    prepared, screened = ready.prepared, ready.screened
+    held = held_out_problem(prepared, ready.base)
+    fits: list[HypothesisFit | None] = [evaluated(prepared, ready.base, held)]
+    wrong = [() if name is None else (name,) for name in controls(prepared, screened, every, seed)]
+    for index, names in enumerate((chosen, *wrong, every if every != chosen else ())):
+        progress(f"recalibrating with {' and '.join(names)}", 0.2 * (index + 1))
+        best = added_fit(prepared, screened, names) if names else None
         fits.append(None if best is None else evaluated(prepared, best, held))
-    bare, added, best_wrong, random_wrong = on_common_rows(fits)
+    bare, added, best_wrong, random_wrong, with_all = on_common_rows(fits)
     assert bare is not None
     assert added is not None
     found = Adoption(
-        effect=effect,
+        effect="+".join(chosen),
         base=bare,
         added=added,
         best_wrong=best_wrong,
         random_wrong=random_wrong,
+        with_all=with_all,
         held_out=held.rows.size if held else 0,
-        where=misfit_places(prepared, expansion),
+        where=misfit_places(prepared, screened.base),
         vault_opened=problem.vault.opened + (1 if held else 0),
         runs=prepared.predictor.cost.runs + (held.predictor.cost.runs if held else 0),
         wall_s=perf_counter() - start,
@@ -70,24 +85,57 @@ def adopt(problem: Problem, effect: str, seed: int, progress: Progress = no_prog
     return replace(found, sentence=adoption_sentence(found))
 
 
+@dataclass(frozen=True)
+class BareAccount:
+    """The calibrated bare model with its screen, on one account of the errors that rows share."""
+
+    prepared: PreparedProblem
+    base: Fit
+    screened: Screen
+
+
+def account_of(prepared: PreparedProblem, names: tuple[str, ...]) -> BareAccount:
+    """The bare model with stated errors, or with free levels where the effects fit better so."""
+    prepared, base, _ = fit_base(prepared)
+    stated = BareAccount(prepared, base, screen(prepared, expand(prepared, base)))
+    if not fails(misfit_p(prepared, stated.screened.base)) or not enough_for_levels(prepared):
+        return stated
+    free = prepared.with_free_levels(prepared.level_widths(stated.screened.base.mean))
+    free, best, _ = fit_base(free, weighted=True)
+    freed = BareAccount(free, best, screen(free, expand(free, best)))
+    share = level_share(log_evidence(stated, names), log_evidence(freed, names))
+    return freed if share > LEVEL_ODDS else stated
+
+
+def log_evidence(account: BareAccount, names: tuple[str, ...]) -> float:
+    """Ln evidence of the model with some effects, or of the bare one where that is larger."""
+    prepared, best = account.prepared, added_fit(account.prepared, account.screened, names)
+    scores = [score(prepared, expansion) for expansion in (account.screened.base, expand(prepared, best))]
+    return max(float(log_sum_exp(prepared.doubt.log_weight + each.log_evidence)) for each in scores)
+
+
 def controls(
-    prepared: PreparedProblem, screened: Screen, effect: str, seed: int
+    prepared: PreparedProblem, screened: Screen, effects: Sequence[str], seed: int
 ) -> tuple[str | None, str | None]:
     """Names of the best other candidate in the screen and of one more, drawn by the seed."""
     test = familywise_test(prepared, screened, np.ones(1), seed)
     order = [screened.signatures[int(i)] for i in np.argsort(-test.observed)]
-    others = [each.name for each in order if each.name != effect and each.resolved]
+    others = [each.name for each in order if each.name not in effects and each.resolved]
     if not others:
         return None, None
     rest = sorted(others[1:])
     return others[0], str(np.random.default_rng(seed).choice(rest)) if rest else None
 
 
-def added_fit(prepared: PreparedProblem, screened: Screen, name: str) -> Fit:
-    """Best calibration with one more effect, from the bare model's best and from the prior mean."""
-    strength = screened.signature(name).likely_strength(screened.residual)
-    middle = np.append(prepared.prior_mean, expected_strength(prepared.candidate(name)))
-    return fit(prepared, (name,), [np.append(screened.base.fit.x, strength), middle])
+def added_fit(prepared: PreparedProblem, screened: Screen, names: tuple[str, ...]) -> Fit:
+    """Best calibration with more effects, from the bare model's best, the prior mean, and one by one."""
+    likely = [screened.signature(name).likely_strength(screened.residual) for name in names]
+    expected = [expected_strength(prepared.candidate(name)) for name in names]
+    starts = [np.append(screened.base.fit.x, likely), np.append(prepared.prior_mean, expected)]
+    if len(names) > 1:
+        first = fit(prepared, names[:1], [start[: len(prepared.axes) + 1] for start in starts])
+        starts.append(np.concatenate([first.x, first.psi, expected[1:]]))
+    return fit(prepared, names, starts)
 
 
 def held_out_problem(prepared: PreparedProblem, base: Fit) -> PreparedProblem | None:
@@ -114,7 +162,11 @@ def held_out_problem(prepared: PreparedProblem, base: Fit) -> PreparedProblem | 
     predictor = bound_predictor(problem, rows)
     own = predictor.model_errors(base.x, base.acting())
     total = rows.variance + simulated + np.sum(own**2, axis=1)
-    return replace(prepared, rows=rows, predictor=predictor, variance=total)
+    held = replace(prepared, rows=rows, predictor=predictor, variance=total, levels=())
+    if not prepared.levels:
+        return held
+    widths = {name: float(np.max(prepared.rows.shared[:, k])) for k, name in enumerate(prepared.levels)}
+    return held.with_free_levels(widths)
 
 
 def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None) -> HypothesisFit:

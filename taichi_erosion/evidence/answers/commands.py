@@ -1,6 +1,6 @@
 """Commands of the evidence loop: a study file in, a document out, which is stored in the results folder."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -84,30 +84,31 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
 
 
 def adopt_study(
-    path: Path, effect: str, progress: Progress, options: StudyOptions = NO_OPTIONS, force: bool = False
+    path: Path,
+    effects: Sequence[str],
+    progress: Progress,
+    options: StudyOptions = NO_OPTIONS,
+    force: bool = False,
 ) -> Document:
-    """The error before and after an effect is added, on data that no fit has seen; writes the new study.
+    """The error before and after effects are added, on data that no fit has seen; writes the new study.
 
     `force` replaces files that this study did not write.
     """
     start = perf_counter()
     with open_study(path, options) as study:
         names, seed = names_of(study), study.file.study.seed
-        if effect not in names:
-            own = "one of your own: --effect FILE, or effect_files under [study]"
-            raise BadInput(
-                f"{path}: {effect} is no candidate; there are: {', '.join(names) or 'none'}; {own}"
-            )
-        refuse_foreign_files(study, (effect,), force)
+        effects = known_effects(effects, names, path)
+        refuse_foreign_files(study, effects, force)
+        others = named_beside(study, effects)
 
         def answer(ready: Study, progress: Progress) -> Adoption:
-            return adopt(ready.problem, effect, seed, progress)
+            return adopt(ready.problem, effects, seed, progress, others)
 
-        question = Question(f"adopt {effect}", answer, adoption_points, names, most=4)
+        question = Question(f"adopt {' '.join(effects)}", answer, adoption_points, names, most=5)
         found, ready = answered(study, last_budget(study), question, progress)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
-            count = record_opening(study.results, study.digest, effect)
+            count = record_opening(study.results, study.digest, "+".join(effects))
         written = write_adopted_files(study, found, force)
         document = documents.adopt_document(found, count, [str(file) for file in written])
         faults = set_up_faults(ready, found.base.rows, found.base.parameters, ())
@@ -115,8 +116,25 @@ def adopt_study(
         before = list(study.file.adopted)
         if not documents.ladder(study.results):
             documents.extend_ladder(study.results, rung(before, found.base))
-        documents.extend_ladder(study.results, rung([*before, effect], found.added))
+        documents.extend_ladder(study.results, rung([*before, *effects], found.added))
+        document |= {"ladder": documents.ladder(study.results)}
         return stored(ready, "adopt", document, start)
+
+
+def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
+    """Effects to adopt in the order of the candidates, each once; raises BadInput for one that is none."""
+    if missing := [effect for effect in effects if effect not in names]:
+        own = "one of your own: --effect FILE, or effect_files under [study]"
+        known = ", ".join(names) or "none"
+        raise BadInput(f"{path}: {missing[0]} is no candidate; there are: {known}; {own}")
+    return tuple(name for name in names if name in effects)
+
+
+def named_beside(study: Study, effects: Sequence[str]) -> list[str]:
+    """Effects that the last discovery named together with those to be adopted."""
+    last = documents.read_answer(study.results, study.path.stem, "discover")
+    named = last["named"] if last is not None and last.get("digest") == study.digest[:12] else []
+    return [name for name in named if name not in effects] if set(effects) & set(named) else []
 
 
 def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Document:

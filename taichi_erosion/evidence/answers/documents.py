@@ -228,7 +228,7 @@ def told(found: Discovery, key: str) -> bool:
 
 def adoption_sentence(found: Adoption) -> str:
     """Errors of the held-out rows before and after, with the controls."""
-    effect, base, added = found.effect, found.base, found.added
+    effect, base, added = " and ".join(found.effect.split("+")), found.base, found.added
     if isnan(added.vault_chi2):
         return (
             f"With {effect} the misfit per fitted row goes from {base.chi2:.3g} to {added.chi2:.3g}; "
@@ -242,12 +242,19 @@ def adoption_sentence(found: Adoption) -> str:
         f"{fit.vault_chi2:.3g} with {what} ({fit.effects[0]})" for fit, what in controls if fit is not None
     ]
     words += f"; for comparison {', '.join(told)}." if told else "."
-    if (
-        base.vault_chi2 > levels.HELD_OUT_MISFIT
-        and added.vault_chi2 > levels.HELD_OUT_SHARE * base.vault_chi2
-    ):
-        words += f" What was held out does not bear {effect} out."
+    if found.with_all is not None:
+        names = " and ".join(found.with_all.effects)
+        after = found.with_all.vault_chi2
+        words += f" With all that was named ({names}) it goes to {after:.3g}: adopt these together."
+    judged = found.with_all or added
+    if refuted(base.vault_chi2, judged.vault_chi2):
+        words += f" What was held out does not bear {' and '.join(judged.effects)} out."
     return words + missing_sentence(found)
+
+
+def refuted(before: float, after: float) -> bool:
+    """Whether held-out rows contradict what was adopted: they failed before, and hardly less after."""
+    return before > levels.HELD_OUT_MISFIT and after > levels.HELD_OUT_SHARE * before
 
 
 def missing_sentence(found: Adoption) -> str:

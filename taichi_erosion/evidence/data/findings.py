@@ -347,11 +347,12 @@ class HypothesisFit:
 class Adoption:
     """Answer of `adopt`: errors before and after an effect is added, beside effects that should not help."""
 
-    effect: str
+    effect: str  # several: a+b
     base: HypothesisFit
     added: HypothesisFit
     best_wrong: HypothesisFit | None = None
     random_wrong: HypothesisFit | None = None
+    with_all: HypothesisFit | None = None  # with the effects that were named beside those adopted
     held_out: int = 0  # rows in the vault, with and without a value of the model
     vault_opened: int = 0
     where: tuple[MisfitPlace, ...] = ()  # of the bare model
@@ -362,5 +363,5 @@ class Adoption:
     @property
     def fits(self) -> list[HypothesisFit]:
         """The model before and after, and the controls."""
-        fits = (self.base, self.added, self.best_wrong, self.random_wrong)
+        fits = (self.base, self.added, self.best_wrong, self.random_wrong, self.with_all)
         return [fit for fit in fits if fit is not None]
