@@ -95,7 +95,7 @@ def verdict_sentence(found: Discovery) -> str:
 
 def level_sentences(found: Discovery) -> list[str]:
     """Levels that are off, and whether anything is missing along the conditions of these observables."""
-    if found.level_probability <= levels.LEVEL_ODDS:
+    if found.level_probability <= levels.LEVEL_ODDS or found.range_suffices:
         return []
     if not found.levels:
         return [

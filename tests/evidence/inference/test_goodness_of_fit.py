@@ -7,10 +7,12 @@ from scipy import stats
 from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference.goodness_of_fit import (
+    axis_bins,
     failing_range,
     holm,
     place_sentence,
     quadratic_form_p,
+    run_from,
 )
 
 
@@ -41,3 +43,37 @@ def test_a_flux_of_which_only_rounding_is_left_is_none():
     flux = Observable("flux", "log_floor", floor=2e-4)
     assert from_scale(flux, to_scale(flux, np.array([0.0, 1e-12]))) == pytest.approx([0.0, 1e-12], rel=1e-3)
     assert np.all(from_scale(flux, np.log([2e-4 * (1.0 - 1e-15)])) == 0.0)
+
+
+def test_rows_of_one_value_are_in_one_bin():
+    column = np.repeat([0.0, 0.005, 0.01], [3, 4, 3])
+    free = np.array([-1.0] * 3 + [5.0] * 4 + [6.0] * 3)
+    bins = axis_bins(column, free)
+    assert [(each.low, each.high, each.count) for each in bins] == [
+        (0, 0, 3),
+        (0.005, 0.005, 4),
+        (0.01, 0.01, 3),
+    ]
+    assert failing_range("moisture", column, free) == (
+        "too high at moisture = 0 and too low from moisture = 0.005: "
+        "measured rises with moisture, and the model does not follow"
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_told_of_a_range_is_true_at_every_level_inside(seed):
+    random = np.random.default_rng(seed)
+    column = np.sort(random.integers(0, 12, 40) / 10.0)
+    free = 3.0 * np.sin(4.0 * column + seed) + 0.1 * random.standard_normal(40)
+    bins = axis_bins(column, free)
+    worst = int(np.argmax([abs(each.size) for each in bins]))
+    low, high = run_from(bins, worst)
+    inside = (column >= bins[low].low) & (column <= bins[high].high)
+    assert np.sign(free[inside].mean()) == np.sign(bins[worst].mean)
+    assert all(np.sign(each.mean) == np.sign(bins[worst].mean) for each in bins[low : high + 1])
+
+
+def test_two_levels_are_judged():
+    column, free = np.repeat([1.0, 2.0], 6), np.repeat([-2.0, 2.0], 6)
+    words = failing_range("diameter", column, free)
+    assert words.startswith("too high at diameter = 1 and too low at diameter = 2")

@@ -7,7 +7,7 @@ from scipy import stats
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE
 from taichi_erosion.evidence.inference.levels import PRIOR_NONE, PRIOR_OUTSIDE, PRIOR_PAIRS, PRIOR_REMAINDER
 from taichi_erosion.evidence.inference.map_fit import fit, fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
+from taichi_erosion.evidence.inference.marginal_likelihood import cell_width, expand, score
 from taichi_erosion.evidence.inference.posterior import (
     Hypothesis,
     log_prior_of,
@@ -58,6 +58,12 @@ def test_a_quantile_is_linear_within_cells_and_the_upper_bound_is_that_of_a_half
     assert quantile(grid, np.ones(201), 0.25) == pytest.approx(0.5, abs=0.01)
     dense = np.linspace(0.0, 8.0, 4001)
     assert upper_strength(dense, -0.5 * dense**2) == pytest.approx(stats.norm.ppf(0.975), abs=2e-3)
+
+
+def test_a_quantile_of_a_narrow_density_on_a_coarse_grid_is_not_too_wide():
+    coarse = np.linspace(-4.0, 4.0, 9)  # one sd apart, as the nodes of a pair once were
+    share = np.exp(-0.5 * coarse**2) * cell_width(coarse)
+    assert quantile(coarse, share, 0.95) == pytest.approx(stats.norm.ppf(0.95), abs=0.02)
 
 
 def test_the_interval_of_a_strong_effect_is_that_of_least_squares():

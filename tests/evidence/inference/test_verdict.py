@@ -9,6 +9,7 @@ from taichi_erosion.evidence.data.findings import NONE, OUTSIDE
 from taichi_erosion.evidence.inference.posterior import Posterior
 from taichi_erosion.evidence.inference.verdict import (
     Decision,
+    acting_decision,
     adequate_decision,
     best_hypothesis,
     credible_group,
@@ -50,6 +51,18 @@ def test_an_effect_that_fits_as_well_makes_a_group_however_unlikely_it_was_befor
 def test_two_halves_of_the_probability_make_a_group():
     found = verdict(posterior(a=0.5, b=0.45), fitted("a", 10.0), fitted("b", 11.0))
     assert (found.verdict, found.group) == ("group", ("a", "b"))
+    assert found.named == (), "a tie names nobody"
+
+
+def test_a_rival_that_nobody_believes_makes_no_group():
+    found = verdict(posterior(a=0.995, b=0.001), fitted("a", 10.0), fitted("b", 12.9))
+    assert found == Decision("present", ("a",))
+
+
+def test_a_name_of_strength_zero_is_withdrawn():
+    idle = SimpleNamespace(fit=SimpleNamespace(acting=lambda: {"a": 0.0, "b": 1.2}))
+    assert acting_decision(Decision("present", ("a", "b")), idle) == Decision("present", ("b",))
+    assert acting_decision(Decision("present", ("a",)), idle) == Decision("outside_library")
 
 
 def test_a_likely_pair_is_named_as_two():
