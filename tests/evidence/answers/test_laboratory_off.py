@@ -139,7 +139,7 @@ def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
 
 
 def test_residuals_are_those_of_the_misfit():
-    """Per observable and row by row the residuals after errors that rows share, as in the misfit as a whole."""
+    """By observable and row by row: residuals after errors that rows share, as in the misfit itself."""
     found = compare(declared(heap_problem({}, offset=OFFSET), 10.0, 0.05))
     parts = sum(each.chi2 for each in found.observables.values())
     assert parts == pytest.approx(found.chi2, rel=0.1)  # the shared errors themselves are the difference
