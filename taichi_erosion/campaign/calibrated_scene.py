@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from taichi_erosion.campaign.design_runs import complete_settings
-from taichi_erosion.campaign.study_file import CalibrationStudy
+from taichi_erosion.campaign.study_file import CalibrationStudy, set_comment
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.run.checks import read_scene
@@ -63,6 +64,7 @@ def calibrated_text(scene: Path, overrides: Sequence[str], wanted: Scene) -> str
     try:
         for override in overrides:
             apply_override(document, override)
+            drop_comment(document, override.partition("=")[0].strip().split("."))
         text = tomlkit.dumps(document)
         again = parse_scene(tomlkit.parse(text).unwrap(), str(scene), scene.parent)
         if scene_hash(again) == scene_hash(wanted):
@@ -70,3 +72,15 @@ def calibrated_text(scene: Path, overrides: Sequence[str], wanted: Scene) -> str
     except (TOMLKitError, TypeError, ValueError, BadInput):
         pass
     return tomlkit.dumps(resolved(wanted))
+
+
+def drop_comment(document: Any, keys: Sequence[str]) -> None:
+    """Remove the comment beside a changed entry, which spoke of another value."""
+    from tomlkit.items import InlineTable
+
+    holder = document
+    for key in keys[:-1]:
+        holder = holder[int(key)] if isinstance(holder, list) else holder.get(key, {})
+    item = holder.get(keys[-1]) if isinstance(holder, dict) else None
+    if hasattr(item, "trivia") and not isinstance(holder, InlineTable):
+        set_comment(item, "")

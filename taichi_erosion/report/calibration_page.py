@@ -113,10 +113,18 @@ def effect_table(found: Calibration, name: str) -> str:
         entry = found.file.study.parameters[effect["name"]]
         label = f"{labels(found)[effect['name']]} {entry.symbol}".strip()
         limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
-        value = with_scatter_of(effect["value"], screened["quality"]["sd"], signed=True)
+        value = with_scatter_of(
+            effect["value"], standard_error(effect, screened["quality"]["sd"]), signed=True
+        )
         rows.append((label, limits, value, f"{effect['p']:.2g}", *([entry.published] if published else [])))
     header = ("parameter", "range", f"effect [{target.unit}]", "p", *(["published"] if published else []))
     return markdown_table(header, rows)
+
+
+def standard_error(effect: Mapping[str, float], scatter: float) -> float:
+    """Standard error of an effect; the scatter of single runs where the screening has no t."""
+    t = effect["t"]
+    return abs(effect["value"] / t) if t == t and t != 0.0 else scatter
 
 
 def surface_design_words(found: Calibration) -> str:
