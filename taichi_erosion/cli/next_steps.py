@@ -13,6 +13,7 @@ Record = Mapping[str, Any]
 
 NAME_SWITCH = "TAICHI_EROSION_NAME"  # environment variable: set by the launcher
 FAR = 3.0  # scatters of both sides together, from which a difference is far outside [1]
+SETTLE = "Mend the set-up first, then give the same command again."
 ERRORS = 2.0  # standard errors, from which a difference is more than chance [1]
 ANGLES = {"repose_angle", "angle_of_repose", "cone_angle", "envelope_angle"}  # of a heap
 STUDY_FOLDERS = (".", "../doe", "../studies")  # beside a scene, where its studies are looked for
@@ -46,7 +47,10 @@ def comparisons(document: Record) -> Iterator[tuple[bool, str]]:
     """One sentence for every measured value, and whether the two differ."""
     for name, wanted in document["measured"].items():
         found = document["measures"].get(name, {})
-        value = found.get("value")
+        value, lacking = found.get("value"), found.get("shortfalls", ())
+        if any(each["blocks"] for each in lacking):
+            yield False, f"`{name}` cannot be compared: {lacking[0]['sentence']}."
+            continue
         if value is None or not isfinite(value):
             continue
         gap = value - wanted["value"]
@@ -55,6 +59,7 @@ def comparisons(document: Record) -> Iterator[tuple[bool, str]]:
         unit = found.get("unit", "")
         size = f"{abs(gap):.2g} {unit if unit != '1' else ''}".rstrip()
         words = f"{subject(name)} is {size} {direction(name, gap)} than measured"
+        words += f" ({lacking[0]['sentence'].partition(':')[0]})" if lacking else ""
         if scatters <= 0.0:
             yield bool(gap), f"{words}; no scatter is known."
         elif abs(gap) > FAR * scatters:
@@ -107,9 +112,17 @@ def kind_of_study(path: Path, scene: Path) -> str | None:
     return "calibration" if "targets" in table else "evidence" if "study" in table else None
 
 
+def waits(document: Record) -> bool:
+    """Whether a fault of the set-up comes before any verdict on physics."""
+    return any(fault["blocks"] for fault in document.get("faults", ()))
+
+
 def after_comparison(document: Record) -> Iterator[str]:
     """What a comparison asks for."""
     study = document["study"]
+    if waits(document):
+        yield SETTLE
+        return
     if document["p"] is None:
         yield "With sd or repeats in the table the size of the misfit can be judged."
     elif fails(document["p"]) or any(fails(place["p"]) for place in document["where"]):
@@ -122,6 +135,9 @@ def after_comparison(document: Record) -> Iterator[str]:
 def after_discovery(document: Record) -> Iterator[str]:
     """What a discovery asks for, by its verdict."""
     study, verdict, named = document["study"], document["verdict"], document["named"]
+    if waits(document):
+        yield SETTLE
+        return
     if verdict in ("present", "group") and named:
         words = f"`{program()} adopt {study} {' '.join(named)}` adds {' and '.join(named)} and tests it"
         held = document["rows_hidden"]

@@ -7,8 +7,9 @@ A heap needs a flank. Between the ends of a fitted line lie
 rows of grains, with H the height of the heap and d the grain diameter [m]: a number of the heap's geometry,
 whatever its soil. With fewer than `LEAST_ROWS` an angle says nothing: poured heaps of 1.3 rows read 5 and 11
 deg where those of 10 rows of the same grains read 36, and outlines of collapsed columns of 1.2 rows read 17
-instead of 24 deg with a scatter of 3. Angles of poured heaps go on growing up to the largest that was
-simulated: 28, 30 and 36 deg at 5, 7 and 10 rows; those of columns change by 2 deg at most beyond 2 rows.
+instead of 23 deg with a scatter of 3. Beyond, angles of poured heaps go on growing up to the largest that was
+simulated: 28, 30 and 36 deg at 5, 7 and 10 rows; those of collapsed columns of three soils fall by 2 to 3 deg
+from 3.5 to 7 rows, and by no more than 1.2 deg from 5 rows on.
 The grains of a heap of slope t and height H are at most
 
     N = c (H / d)^3 / tan(t)^2,    c = 2.4,
@@ -27,6 +28,8 @@ from taichi_erosion.measures.silhouette import FOOT_GRAINS, FOOT_SHARE, SHOULDER
 LEAST_ROWS = 3.0  # of grains on a flank, below which there is no angle [1]
 POURED_LEAST = 5.0  # of a poured heap, from which 3,000 grains read 28 to 30 deg [1]
 POURED_ROWS = 10.0  # up to which the angle of a poured heap grows in doe/repose_sensitivity [1]
+COLUMN_ROWS = 5.0  # from which the angle of any other heap stays within 1.2 deg in doe/heap_size [1]
+COLUMN_TEXT = "angles of such heaps fall by 2 to 3 deg from 3.5 to 7 rows"
 POURED_TEXT = "angles of poured heaps grow with their size: 28, 30 and 36 deg at 5, 7 and 10 rows"
 HEAP_FACTOR = 2.4  # c above [1]
 USUAL_ANGLE = 30.0  # deg, where neither a measured nor a simulated one is known
@@ -61,19 +64,18 @@ def heap_shortfalls(
 ) -> Iterator[Shortfall]:
     """Shortfalls of an angle of repose; `angle` [deg] is the one to be reached, NaN where it is unknown."""
     wanted = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
-    if rows >= (POURED_ROWS if poured else LEAST_ROWS):
-        return
+    settled = POURED_ROWS if poured else COLUMN_ROWS
     small = rows < LEAST_ROWS
-    least = LEAST_ROWS if not poured else POURED_LEAST if small else POURED_ROWS
-    enough = max(grains_for(least, wanted), grains + 1)
+    enough = max(grains_for(POURED_LEAST if small else settled, wanted), grains + 1)
     told = f"{rows:.1f} rows of grains on its flank"
     advice = f"use at least {enough:,} grains ({grains:,} now)"
     if small:
         words = f"the heap is too small for its angle: {told}, {LEAST_ROWS:g} are needed; {advice}"
         yield Shortfall("small_heap", words, rows, LEAST_ROWS, True, enough)
-        return
-    words = f"the angle has not converged: {told}, and {POURED_TEXT}; {advice}"
-    yield Shortfall("growing_angle", words, rows, POURED_ROWS, False, enough)
+    elif rows < settled:
+        moving = POURED_TEXT if poured else COLUMN_TEXT
+        words = f"the angle has not converged: {told}, and {moving}; {advice}"
+        yield Shortfall("growing_angle", words, rows, settled, False, enough)
 
 
 def hop_shortfalls(hops: int) -> Iterator[Shortfall]:

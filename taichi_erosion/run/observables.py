@@ -124,12 +124,11 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
 
 def heap_shortfalls(given: MeasureInput, found: Measurement) -> Iterable[Shortfall]:
     """Whether the heap is large enough for an angle."""
-    state = given.end
-    if heap.defect(state):
+    state, measured = given.end, given.scene.measured.get(found.name)
+    if heap.defect(state) or (measured is not None and measured.same_size):
         return ()
     height = found.details.get("height") or heap.pile_height(state, given.base_height).value
     rows = shortfalls.flank_rows(height, heap.grain_diameter(state))
-    measured = given.scene.measured.get(found.name)
     wanted = nan if measured is None else measured.value
     poured = given.scene.fill.law == "pour"
     return shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, found.value)

@@ -83,9 +83,8 @@ def small_heap_words(study: Study, name: str, measure: SceneMeasure, values: Flo
     chosen = np.array([each == name for each in table.observable]) & ~table.censored
     wanted, got = table.value[chosen], values[np.isfinite(values)]
     flattest = float(wanted.min()) if wanted.size and measure.unit == "deg" else nan
-    rows = shortfalls.POURED_LEAST if scene.fill.law == "pour" else shortfalls.LEAST_ROWS
     count = scene.grains.count
-    enough = max(shortfalls.grains_for(rows, flattest), count + 1)
+    enough = max(shortfalls.grains_for(shortfalls.POURED_LEAST, flattest), count + 1)
     simulated = f"{median(got):.3g} {measure.unit} simulated" if got.size else "no angle simulated"
     return (
         f"the heap is too small for its angle: {simulated} against {interval(wanted)} measured; "

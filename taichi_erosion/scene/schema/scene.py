@@ -171,6 +171,7 @@ class Measured(Section):
     sd: float | None = number(None, "unit of the observable", "standard deviation of single repeats", 0.0)
     n: int | None = number(None, "1", "number of repeats", 1, 10**9)
     source: str = Field(default="", max_length=500, description="where it was published")
+    same_size: bool = Field(default=False, description="measured on a heap of as many grains as the scene's")
 
 
 class Record(Section):

@@ -1,0 +1,59 @@
+"""Angle of similar heaps of different size: simulates columns that collapse, writes results.csv.
+
+python -m doe.heap_size.run             all cases
+python -m doe.heap_size.run SOIL...     the heaps of some soils
+python -m doe.heap_size.run --page      only the table of the README, from results.csv
+"""
+
+from pathlib import Path
+
+from doe.common.cases import Case, perform, settings
+from doe.common.command import words
+from doe.heap_size.page import publish
+
+SCENE = "scenes/column_collapse.toml"
+TABLE = Path(__file__).with_name("results.csv")
+
+COUNT, TUBE, GAP, LENGTH = 1800, 9.0, 0.6, 30.0  # of the scene: grains; lengths in diameters
+SHORTEST, SETTLE, COLLAPSE = 50.0, 350.0, 430.0  # s m-1, durations of the scene over the diameter
+SEEDS = {225: 6, 600: 6, 1800: 4, 5000: 2, 12_000: 1}  # by number of grains
+
+SOILS = {
+    "round": (),  # as the scene has them: rolling friction 0.12
+    "rough": ("contact.grain-grain.friction_rolling=0.5", "contact.grain-grain.friction_sliding=0.8"),
+    "sticky": ("effects.dry_adhesion.strength=1.0", "effects.dry_adhesion.beta=0.03"),  # a weight per contact
+}
+
+
+def column(count: int) -> tuple[str, ...]:
+    """Settings of a similar column: lengths grow as N^(1/3), times with the root of the lengths."""
+    size = (count / COUNT) ** (1.0 / 3.0)
+    root = size**0.5
+    return (
+        f"grains.count={count}",
+        f"geometry.tube.radius_d={TUBE * size:.4g}",
+        f"geometry.tube.length_d={LENGTH * size:.4g}",
+        f"fill.radius_d={TUBE * size - GAP:.4g}",
+        f"stages.0.duration_min_d={SHORTEST * root:.4g}",
+        f"stages.0.duration_max_d={SETTLE * root:.4g}",
+        f"stages.1.duration_max_d={COLLAPSE * root:.4g}",
+        "measure.repose_angle.plate=plate",
+    )
+
+
+CASES = [
+    Case(soil, f"{count} grains", settings(*column(count), *orders), seeds)
+    for count, seeds in SEEDS.items()
+    for soil, orders in SOILS.items()
+]  # small heaps first: a study may be cut short
+
+
+def main(asked: list[str]) -> None:
+    """Simulate what was asked for, then publish the table."""
+    if asked != ["--page"]:
+        perform(SCENE, [case for case in CASES if not asked or case.group in asked], TABLE)
+    publish(TABLE)
+
+
+if __name__ == "__main__":
+    main(words(__doc__))
