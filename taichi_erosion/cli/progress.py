@@ -145,7 +145,7 @@ class Countdown:
         if self.first is None:
             self.began, self.first = now, share
         gained, elapsed = share - self.first, now - self.began
-        if gained < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER:
+        if gained < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER or share >= 1.0:
             return None
         if self.estimate is None or now - self.made >= ESTIMATE_INTERVAL:
             found = elapsed * max(1.0 - share, 0.0) / gained

@@ -57,7 +57,8 @@ def set_up_faults(
     found = list(study.faults)
     start = values_at_start(study, rows)
     strained = any(number.at_bound or moved_far(study, path, number) for path, number in parameters.items())
-    for name in dict.fromkeys(rows.observable):
+    useless = {fault.place for fault in study.faults if fault.blocks}
+    for name in dict.fromkeys(each for each in rows.observable if each not in useless):
         chosen = np.array([each == name for each in rows.observable])
         units = list(unit_faults(study, name, rows, start, chosen, strained))
         found += units or offset_faults(name, rows, chosen)

@@ -16,7 +16,7 @@ from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.emulator.design import StudyScene, TrainingRun
 from taichi_erosion.evidence.models.load_study import Study
-from taichi_erosion.evidence.models.simulator import SceneMeasure, cached_scene, value_in_unit
+from taichi_erosion.evidence.models.simulator import value_in_unit
 from taichi_erosion.measures import shortfalls
 
 Trained = Sequence[tuple[TrainingRun, RunResult]]
@@ -30,7 +30,7 @@ def run_faults(study: Study, scene: StudyScene, trained: Trained) -> Iterator[Se
     bare = [result for run, result in trained if not run.effects] or [result for _, result in trained]
     ended = [result for result in bare if not result.failure]
     for name in scene.observables:
-        yield from measure_faults(study, name, scene.simulator.measures[name], ended)
+        yield from measure_faults(study, scene, name, ended)
 
 
 def stopped_runs(scene: StudyScene, results: Sequence[RunResult]) -> Iterator[SetUpFault]:
@@ -43,9 +43,10 @@ def stopped_runs(scene: StudyScene, results: Sequence[RunResult]) -> Iterator[Se
 
 
 def measure_faults(
-    study: Study, name: str, measure: SceneMeasure, ended: Sequence[RunResult]
+    study: Study, scene: StudyScene, name: str, ended: Sequence[RunResult]
 ) -> Iterator[SetUpFault]:
     """What most runs lack for one observable, or why most have no value."""
+    measure = scene.simulator.measures[name]
     records = [result.record.get("measures", {}).get(measure.measure, {}) for result in ended]
     by_flag: dict[str, list[Any]] = {}
     for each in (each for record in records for each in record.get("shortfalls", ())):
@@ -54,7 +55,7 @@ def measure_faults(
     values = np.array([value_in_unit(result, measure) for result in ended])
     for flag, found in common.items():
         if flag not in SIZE_FLAGS or not study.file.observables[name].same_size:
-            yield shortfall_fault(study, name, measure, found, values)
+            yield shortfall_fault(study, scene, name, found, values)
     missing = int(np.sum(~np.isfinite(values)))
     if missing > COMMON * len(records) and not any(each["blocks"] for f in common.values() for each in f):
         reasons = [
@@ -67,23 +68,23 @@ def measure_faults(
 
 
 def shortfall_fault(
-    study: Study, name: str, measure: SceneMeasure, found: Sequence[Any], values: Floats
+    study: Study, scene: StudyScene, name: str, found: Sequence[Any], values: Floats
 ) -> SetUpFault:
     """A common shortfall in the words of the run in the middle; a small heap beside the measured angles."""
     middle = sorted(found, key=lambda each: each["found"])[(len(found) - 1) // 2]
     sentence, blocks = f"{name}: {middle['sentence']}", bool(middle["blocks"])
     if middle["flag"] == "small_heap":
-        sentence = f"{name}: {small_heap_words(study, name, measure, values)}"
+        sentence = f"{name}: {small_heap_words(study, scene, name, values)}"
     return SetUpFault("too_small" if blocks else "not_converged", name, sentence, blocks)
 
 
-def small_heap_words(study: Study, name: str, measure: SceneMeasure, values: Floats) -> str:
+def small_heap_words(study: Study, scene: StudyScene, name: str, values: Floats) -> str:
     """Simulated and measured angles, and how many grains are enough for the flattest measured one."""
-    table, scene = study.problem.visible(), cached_scene(measure.scene, ())
+    table, measure = study.problem.visible(), scene.simulator.measures[name]
     chosen = np.array([each == name for each in table.observable]) & ~table.censored
     wanted, got = table.value[chosen], values[np.isfinite(values)]
     flattest = float(wanted.min()) if wanted.size and measure.unit == "deg" else nan
-    count = scene.grains.count
+    count = scene.simulator.scene(measure.scene, ()).grains.count
     enough = max(shortfalls.grains_for(shortfalls.POURED_LEAST, flattest), count + 1)
     simulated = f"{median(got):.3g} {measure.unit} simulated" if got.size else "no angle simulated"
     return (

@@ -1,0 +1,110 @@
+"""Faults of a set-up in its training runs, the campaign replaced by a stand-in."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_erosion.campaign.request import RunResult
+from taichi_erosion.cli.main import main
+from taichi_erosion.evidence.emulator import training_runs
+from taichi_erosion.measures import shortfalls
+
+SCENE = Path(__file__).parents[3] / "scenes" / "column_collapse.toml"
+STUDY = """
+[study]
+measurements = "heap.csv"
+[observables.angle_of_repose]
+scene = "column_collapse.toml"
+{more}
+[conditions]
+angularity = "conditions.angularity"
+[parameters."contact.grain-grain.friction_rolling"]
+start = 0.15
+low = 0.02
+high = 0.6
+[candidates]
+effects = ["rolling_resistance", "dry_adhesion"]
+[vault]
+fraction = 0.0
+"""
+MEASURED = (31.0, 33.0, 35.0, 38.0, 41.0, 43.0)
+LACKING = {
+    "flag": "small_heap",
+    "sentence": "small",
+    "found": 1.2,
+    "needed": 3.0,
+    "blocks": True,
+    "grains": 900,
+}
+
+
+def record(place: int, kind: str) -> tuple[dict, str | None]:
+    """Record of a run and its failure: of a small heap, of one without an angle, of a run that stops."""
+    measure: dict = {"value": 3.6 + 0.01 * (place % 7), "unit": "deg", "shortfalls": [LACKING]}
+    if kind == "fine":
+        measure = {"value": 22.0 + 0.1 * (place % 7), "unit": "deg", "shortfalls": []}
+    if kind == "bare of angle" and place % 4:
+        measure = {"value": None, "unit": "deg", "notes": ["no flank of 3 diameters"], "shortfalls": []}
+    if kind == "stops" and place % 4 == 0:
+        return {}, "grains overlap"
+    return {"measures": {"angle_of_repose": measure}}, None
+
+
+@pytest.fixture
+def ask(tmp_path, monkeypatch, capsys):
+    """The answer of a command where all runs are of one kind."""
+
+    def answer(kind: str, command: str = "compare", more: str = "") -> dict:
+        def execute(wanted, store, **options):
+            found = [(request.key, *record(place, kind)) for place, request in enumerate(wanted)]
+            return [RunResult(key, told, failure) for key, told, failure in found]
+
+        monkeypatch.setattr(training_runs, "execute", execute)
+        lines = ["observable,value,sd,n,unit,group,angularity,source"]
+        for angularity, angle in zip(np.linspace(0.0, 1.0, len(MEASURED)), MEASURED, strict=True):
+            lines.append(f"angle_of_repose,{angle},0.5,5,deg,a{angularity:g},{angularity:g},made")
+        (tmp_path / "heap.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (tmp_path / SCENE.name).write_text(SCENE.read_text("utf-8"), encoding="utf-8")
+        (tmp_path / "heap.toml").write_text(STUDY.format(more=more), encoding="utf-8")
+        capsys.readouterr()
+        assert main([command, str(tmp_path / "heap.toml"), "--budget", "quick", "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    return answer
+
+
+def test_a_heap_that_is_too_small_is_told_before_any_effect(ask):
+    found = ask("small", "discover")
+    enough = shortfalls.grains_for(shortfalls.POURED_LEAST, min(MEASURED))
+    told = re.sub(r"3\.6\d", "3.6", found["set_up"][0])
+    assert told == (
+        "angle_of_repose: the heap is too small for its angle: 3.6 deg simulated against 31 to 43 measured; "
+        f"use at least {max(enough, 1801):,} grains (1,800 now)"
+    )
+    assert (found["verdict"], found["named"]) == ("not_testable", [])
+    assert found["sentences"][0] == "Nothing is named: the set-up comes first."
+    assert {effect["status"] for effect in found["effects"].values()} == {"not_testable"}
+
+
+def test_a_laboratory_with_as_small_a_heap_is_no_fault(ask):
+    found = ask("small", more="same_size = true")
+    assert not [fault for fault in found["faults"] if fault["kind"] == "too_small"]
+
+
+def test_runs_that_stop_are_told(ask):
+    found = ask("stops", more="same_size = true")
+    told = next(fault for fault in found["faults"] if fault["kind"] == "failed_runs")
+    assert "runs stopped and are left out; the first: grains overlap" in told["sentence"]
+    assert not told["blocks"]
+
+
+def test_runs_without_a_value_are_told_with_their_reason(ask):
+    told = ask("bare of angle")["set_up"]
+    assert "runs have no value; the first: no flank of 3 diameters" in told[0]
+
+
+def test_a_level_that_is_off_throughout_is_told_with_fine_runs(ask):
+    assert "all 6 rows lie above the calibrated model" in " ".join(ask("fine")["set_up"])
