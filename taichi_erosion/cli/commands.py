@@ -45,7 +45,9 @@ Override = Annotated[
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the first replica.")]
 Replicas = Annotated[int | None, typer.Option(min=1, help="Number of repeats; default: that of the scene.")]
 Arch = Annotated[Literal["cpu", "cuda"] | None, typer.Option(help="Device; default: cpu.")]
-Threads = Annotated[int | None, typer.Option(min=1, max=1024, help="CPU threads; default: all cores.")]
+Threads = Annotated[
+    int | None, typer.Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
+]
 Precision = Annotated[Literal["f32", "f64"] | None, typer.Option(help="Floating-point type.")]
 RecordTo = Annotated[Path | None, typer.Option("--record", metavar="FILE", help="Recording to write (.rrd).")]
 NoRecord = Annotated[bool, typer.Option("--no-record", help="Write no recording.")]

@@ -13,7 +13,8 @@
     grain_steps     released grains times steps; `cell_steps` for air alone
     wall_s          wall time [s]
     recording       path of the recording or null; where they were made also `silhouettes` and `film`
-    numerics        arch, threads, precision; `time_step` for air alone
+    numerics        arch, threads, precision; `threads_mean`, the mean number at work, where threads shared
+                    replicas; `time_step` for air alone
     limits          time-step limits and softening numbers (grains only), as `run --check` prints them
     restitution     {pair: {stated, found}}, of the first impacts (grains only)
     convention      of the surface energy (grains only)

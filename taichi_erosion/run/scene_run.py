@@ -41,6 +41,7 @@ from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.scene import Scene, explain, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
+from taichi_erosion.simulation.team import mean_threads
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SURFACE_ENERGY_CONVENTION = "energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"
@@ -197,7 +198,8 @@ def run_with_outputs(
 
 def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: float) -> dict[str, Any]:
     """The result document of a scene of grains."""
-    numerics = ensemble.sim.numerics
+    sim = ensemble.sim
+    numerics = {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision}
     measured = [state.measurements for state in ensemble.states]
     names = dict.fromkeys(name for measurements in measured for name in measurements)
     pooled = {name: pool_beds([found[name] for found in measured if name in found]) for name in names}
@@ -211,7 +213,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
         recording=None,
-        numerics={"arch": numerics.arch, "threads": ensemble.sim.workers, "precision": numerics.precision},
+        numerics=numerics | mean_threads(sim.team),
         limits=explain(scene),
         restitution={i.pair: {"stated": i.stated, "found": i.found} for i in impacts},
         convention=SURFACE_ENERGY_CONVENTION,

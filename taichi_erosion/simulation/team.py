@@ -80,6 +80,11 @@ class Team:
     seconds: float = 0.0  # of all launches
 
 
+def mean_threads(team: Team) -> dict[str, float]:
+    """Mean number of workers of all teams, by its name in a result; nothing where no team could run."""
+    return {"threads_mean": round(team.worker_seconds / team.seconds, 2)} if team.seconds else {}
+
+
 def team_size(team: Team, most: int) -> int:
     """Workers of a team of the coming launch, of which there are at most `most`."""
     return max(most - team.left_out, 1)

@@ -88,6 +88,13 @@ def test_where_idle_cores_are_not_seen_larger_teams_are_tried_less_and_less_ofte
     assert machine.team.left_out == 0
 
 
+def test_a_result_says_how_many_threads_were_at_work(monkeypatch):
+    machine = Machine(monkeypatch)
+    assert module.mean_threads(machine.team) == {}
+    machine.launches(4 * LAUNCH, free=1.0)
+    assert module.mean_threads(machine.team) == {"threads_mean": 1.25}  # two in the first of four launches
+
+
 def test_a_partner_is_late_after_a_millisecond_or_half_a_step():
     assert spins_most(0.0) == spins_most(1e4) == module.SPINS
     assert spins_most(10.0) == pytest.approx(0.05 / module.SPIN_SECONDS)
