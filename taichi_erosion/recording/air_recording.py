@@ -83,7 +83,12 @@ def speed_slice(state: AirSnapshot) -> Image:
     heights = state.faces_z[0] + height * (np.arange(rows)[::-1] + 0.5) / rows
     up = np.clip(np.searchsorted(state.faces_z, heights) - 1, 0, speed.shape[1] - 1)
     fastest = max(float(speed.max()), np.finfo(float).tiny)
-    return wind_colours(speed[across[None, :], up[:, None]] / fastest)
+    image = wind_colours(speed[across[None, :], up[:, None]] / fastest)
+    legend = (pictures.MARGIN, pictures.MARGIN)
+    if min(image.shape[0] // 4, image.shape[1] // 2) > pictures.COLOUR_BAR[1]:
+        bar = wind_colours(np.linspace(0.0, 1.0, pictures.COLOUR_BAR[0]))
+        pictures.draw_colour_bar(image, legend, bar, (0.0, fastest))
+    return image
 
 
 def wind_colours(share: Floats) -> Image:

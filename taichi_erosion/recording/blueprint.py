@@ -22,6 +22,7 @@ VIEW_DIRECTION = (0.30, -1.0, 0.34)  # from the middle towards the eye
 HEAP_KINDS = frozenset({"repose", "collapse", "lifting"})
 WIND_KINDS = frozenset({"threshold", "saltation"})
 SILHOUETTES = "Silhouettes at the end"
+LEGEND = "Colour: speed of moving grains; sand: at rest"
 MAGNIFICATION = 1e3  # world units are m, drawn as mm: the viewer hides what is within millimetres of the eye
 TIMELINE = "sim_time"  # of every recording [s]
 FRAMES_PER_SECOND = 30.0  # of the viewer's playback
@@ -83,7 +84,8 @@ def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
             active_tab="Scene",
         ),
     )
-    return with_time_panel(rrb.Horizontal(grain_view(focus), right, column_shares=[5, 3]))
+    left = rrb.Vertical(grain_view(focus), image_view(LEGEND, "/legend"), row_shares=[8, 1])
+    return with_time_panel(rrb.Horizontal(left, right, column_shares=[5, 3]))
 
 
 def kind_views(kind: str) -> "list[rrb.View]":
@@ -120,13 +122,15 @@ def curve_view(name: str, origin: str, *entries: str) -> "rrb.TimeSeriesView":
     return rrb.TimeSeriesView(name=name, origin=origin, contents=contents, plot_legend=rrb.Corner2D.LeftTop)
 
 
-def grain_view(focus: Focus, name: str = "Grains", below: str = "/world") -> "rrb.Spatial3DView":
+def grain_view(
+    focus: Focus, name: str = "Grains", below: str = "/world", distance: float = DISTANCE
+) -> "rrb.Spatial3DView":
     """Grains and walls of an entity from the front, a little from above and from the right."""
     import rerun.blueprint as rrb
 
     towards_eye = np.array(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
     centre = MAGNIFICATION * np.array(focus.centre)
-    eye = centre + MAGNIFICATION * DISTANCE * focus.radius * towards_eye
+    eye = centre + MAGNIFICATION * distance * focus.radius * towards_eye
     return rrb.Spatial3DView(
         name=name,
         origin="/",

@@ -40,7 +40,7 @@ TINT_TURN = 0.6180339887498949  # golden ratio - 1: neighbouring numbers fall fa
 LETTERS = {
     **{"0": "75557", "1": "26227", "2": "71747", "3": "71717", "4": "55711", "5": "74717", "6": "74757"},
     **{"7": "71222", "8": "75757", "9": "75717", ".": "00002", "-": "00700", "+": "02720", " ": "00000"},
-    **{"°": "25200", "s": "03617", "m": "00775", "u": "05567", "/": "11244", "=": "07070"},
+    **{"e": "07747", "°": "25200", "s": "03617", "m": "00775", "u": "05567", "/": "11244", "=": "07070"},
 }
 LETTER_WIDTH = 3
 LETTER_HEIGHT = 5
@@ -57,6 +57,8 @@ MARGIN = 10  # px around lettering
 GAP = 6  # px between the silhouettes of a grid
 HEADROOM = 24  # px of sky above a silhouette, for its caption
 CAPTION_CORNER = (8, 8)  # px
+COLOUR_BAR = (150, 8)  # px, width and height of the colours of a legend
+TICKS = 4  # numbers below a colour bar
 FAINT = 0.35  # opacity of a flank line beyond the fitted columns [1]
 
 SHADES = " .:-=+*#%@"  # of a terminal, from dark to bright
@@ -240,15 +242,50 @@ def brightness(offset: Floats) -> tuple[Floats, Floats]:
 
 def draw_scale_bar(image_out: Image, view: SideView) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten, its length above it in mm, in the lower right corner."""
-    longest = 1e3 * BAR_SHARE * view.size[0] / view.scale
-    power = 10.0 ** floor(log10(longest))
-    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest)
+    length = scale_length(1e3 * BAR_SHARE * view.size[0] / view.scale)
     right, row = view.size[0] - MARGIN, view.size[1] - MARGIN
     left = right - 1e-3 * length * view.scale
     draw_line(image_out, np.array([[left, row], [right, row]]), CHALK)
     text = f"{length:g} mm"
     middle = round(0.5 * (left + right)) - len(text) * (LETTER_WIDTH + 1)
     draw_text(image_out, text, (middle, row - 2 * LETTER_HEIGHT - MARGIN // 2), CHALK)
+
+
+def scale_length(longest: float) -> float:
+    """Longest of 1, 2 or 5 times a power of ten up to a length, in its unit."""
+    power = 10.0 ** floor(log10(longest))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest * (1.0 + 1e-9))
+
+
+def draw_colour_bar(
+    image_out: Image, corner: tuple[int, int], colours: Image, numbers: Sequence[float], size: int = 1
+) -> None:
+    """Draw colours [k, 3] as a bar with evenly spaced numbers below, in m/s; `corner` is its upper left."""
+    (column, row), (width, height) = corner, (size * COLOUR_BAR[0], size * COLOUR_BAR[1])
+    across = np.linspace(0, len(colours) - 1, width).round().astype(int)
+    image_out[row : row + height, column : column + width] = colours[across]
+    for tick, number in enumerate(numbers):
+        unit = " m/s" if tick == len(numbers) - 1 else ""
+        text = f"{number:.2g}{unit}"
+        left = column + round(tick / (len(numbers) - 1) * (width - 1))
+        shift = 0 if tick == 0 else size * 2 * len(text.removesuffix(unit))
+        draw_text(image_out, text, (left - shift, row + height + 3 * size), CHALK, size)
+
+
+def draw_speed_bar(
+    image_out: Image, corner: tuple[int, int], speeds: tuple[float, float], size: int = 1
+) -> None:
+    """Draw the colours of moving grains. Sand also is the colour of grains slower than the first number."""
+    colours = interpolate_colours(np.linspace(0.0, 1.0, COLOUR_BAR[0]), SPEED_COLOURS)
+    draw_colour_bar(image_out, corner, colours, np.geomspace(*speeds, TICKS).tolist(), size)
+
+
+def colour_legend(speeds: tuple[float, float]) -> Image:
+    """Picture of the colour bar alone, for a viewer."""
+    size = 4
+    image = blank((size * (COLOUR_BAR[0] + 40), size * (COLOUR_BAR[1] + 20)), NIGHT, NIGHT)
+    draw_speed_bar(image, (size * 10, size * 4), speeds, size)
+    return image
 
 
 def silhouette_picture(mask: Mask, flanks: Floats, caption: str = "") -> Image:
@@ -297,10 +334,11 @@ def side_picture(
 def film_frame(
     snapshot: Snapshot, view: SideView, walls: Sequence[WallMesh], speeds: tuple[float, float]
 ) -> Image:
-    """One picture of a film: grains from the side, the time and a scale bar."""
+    """One picture of a film: grains from the side, the time, the colours of speeds and a scale bar."""
     image = side_picture(snapshot, view, walls, speeds)
     draw_text(image, f"{snapshot.time:.2f} s", CAPTION_CORNER, CHALK)
     draw_scale_bar(image, view)
+    draw_speed_bar(image, (image.shape[1] - COLOUR_BAR[0] - 3 * MARGIN, MARGIN), speeds)
     return image
 
 

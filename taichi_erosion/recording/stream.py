@@ -21,7 +21,14 @@ from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.core.snapshot import Ledger, Snapshot
 from taichi_erosion.recording import pictures
-from taichi_erosion.recording.blueprint import MAGNIFICATION, TIMELINE, WIND_KINDS, blueprint, choose_focus
+from taichi_erosion.recording.blueprint import (
+    MAGNIFICATION,
+    TIMELINE,
+    WIND_KINDS,
+    Focus,
+    blueprint,
+    choose_focus,
+)
 from taichi_erosion.recording.disk_space import abandon_writer, lock_part_file
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -52,6 +59,8 @@ TRANSPORT = {  # curves of grains under wind
     "flying": ("share of the grains above the bed", pictures.EMBER),
     "friction_velocity": ("friction velocity, m/s", (120, 220, 255)),
 }
+SCALE_SHARE = 0.8  # longest scale bar over the radius of what the camera frames [1]
+SCALE_WIDTH = 0.008  # half width of the scale bar over that radius [1]
 REWRITE_INTERVAL = 20  # frames after which the resting grains are chosen and written anew [1]
 CREEP = 0.02  # displacement of a resting grain that is not worth writing, over its radius [1]
 
@@ -128,7 +137,8 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
     import rerun as rr
 
-    layout = blueprint(header.kind, choose_focus(header.kind, header.radii, header.walls))
+    focus = choose_focus(header.kind, header.radii, header.walls)
+    layout = blueprint(header.kind, focus)
     recording = open_stream(path, header.name, layout, header.recording_id, viewer=viewer)
     recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
@@ -139,8 +149,32 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     set_time(recording, 0.0, 0)
     for wall in header.walls:
         log_wall(recording, wall)
+    log_scale(recording, "world/scale", focus)
     flush(recording)
     return recording
+
+
+def log_scale(recording: Recording, entity: str, focus: Focus) -> None:
+    """Write a scale bar with its length, on the ground in front of what the camera frames; static."""
+    import rerun as rr
+
+    length = 1e-3 * pictures.scale_length(1e3 * SCALE_SHARE * focus.radius)
+    x, y, z = focus.centre[0], focus.centre[1] - focus.radius, max(focus.centre[2] - focus.radius, 0.0)
+    ends = [[x - 0.5 * length, y, z], [x + 0.5 * length, y, z]]
+    bar = rr.LineStrips3D(
+        [ends],
+        radii=SCALE_WIDTH * focus.radius,
+        colors=[pictures.CHALK],
+        labels=[f"{1e3 * length:g} mm"],
+        show_labels=True,
+    )
+    recording.stream.log(entity, bar, static=True)
+
+
+def log_colours(recording: Recording, moving_speed: float) -> None:
+    """Write the legend of colours: grains are drawn as moving from a speed [m s-1] on; static."""
+    speeds = (moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
+    log_image(recording, "legend", pictures.colour_legend(speeds), timeless=True)
 
 
 def log_scene(recording: Recording, name: str, text: str) -> None:

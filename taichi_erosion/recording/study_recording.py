@@ -11,14 +11,15 @@ import numpy as np
 from taichi_erosion.recording import blueprint, pictures
 from taichi_erosion.recording.blueprint import Focus
 from taichi_erosion.recording.readback import GrainFrame, read_grains
-from taichi_erosion.recording.stream import close, open_stream, set_properties
+from taichi_erosion.recording.stream import close, log_scale, open_stream, set_properties
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 APPLICATION = "taichi_erosion_study"  # apart from single runs, which have another layout
 MOST_FRAMES = 40  # of each run, evenly spread
-FIGURE_COLUMNS = 2  # figures side by side
+MOST_BESIDE = 4  # runs side by side
+RUN_DISTANCE = 1.35  # of the eye, over the radius that it frames: heaps are low and views wide [1]
 
 Films = Mapping[str, list[GrainFrame]]  # frames by run
 
@@ -61,6 +62,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
         stream.log(figure_entity(name), rr.EncodedImage(contents=content, media_type="image/png"))
     set_properties(recording, "study", page.properties or {})
     for run in page.runs:
+        log_scale(recording, f"runs/{run.name}/scale", common_focus(films))
         set_properties(recording, run.name, run.properties)
         for frame in films[run.name]:
             stream.set_time(blueprint.TIMELINE, duration=frame.time)
@@ -85,13 +87,23 @@ def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
     )
     figures = [rrb.Spatial2DView(name=name, origin=f"/{figure_entity(name)}") for name in page.figures]
     if not films:
-        grid = rrb.Grid(*figures, grid_columns=FIGURE_COLUMNS)
-        return blueprint.with_time_panel(rrb.Horizontal(grid, texts, column_shares=[2, 1]))
+        return blueprint.with_time_panel(rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[3, 2]))
     focus = common_focus(films)
-    views = [blueprint.grain_view(focus, run.caption, f"/runs/{run.name}") for run in page.runs]
-    grid = rrb.Grid(*views, grid_columns=ceil(sqrt(len(views))))
     below = rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[1, 1])
-    return blueprint.with_time_panel(rrb.Vertical(grid, below, row_shares=[3, 2]))
+    return blueprint.with_time_panel(rrb.Vertical(run_views(page, focus), below, row_shares=[3, 2]))
+
+
+def run_views(page: StudyPage, focus: Focus) -> "rrb.Container":
+    """Runs side by side, few enough at once to be read on a small screen; the others in further tabs."""
+    import rerun.blueprint as rrb
+
+    views = [blueprint.grain_view(focus, run.caption, f"/runs/{run.name}", RUN_DISTANCE) for run in page.runs]
+    parts = [views[k : k + MOST_BESIDE] for k in range(0, len(views), MOST_BESIDE)]
+    grids = [
+        rrb.Grid(*part, grid_columns=ceil(sqrt(len(part))), name=f"runs {number * MOST_BESIDE + 1} on")
+        for number, part in enumerate(parts)
+    ]
+    return grids[0] if len(grids) == 1 else rrb.Tabs(*grids)
 
 
 def common_focus(films: Films) -> Focus:

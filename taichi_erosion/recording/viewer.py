@@ -3,6 +3,7 @@
 import os
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -25,6 +26,7 @@ LOAD_LIMIT = 60.0  # s until a recording is loaded
 POLL = 0.1  # s between two questions
 DRAW_TIME = 1.5  # s for the software renderer to finish a view after the time was set
 SHOTS = 5  # calls for a picture before it is given up
+ROUNDING = 1e-6  # of a time that the viewer counts in nanoseconds [1]
 END_LIMIT = 5.0  # s in which a viewer that has lost its connection ends
 STOP_LIMIT = 10.0  # s until a viewer that was asked to end is killed
 NO_RENDERER = (
@@ -65,9 +67,20 @@ def viewer_process(port: int, *options: str | Path) -> Iterator[subprocess.Popen
             process.wait()
 
 
+def has_screen() -> bool:
+    """Whether a window can be opened: on Linux a display server must be named."""
+    return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
 def open_viewer(path: Path) -> int:
-    """Show a recording in a window until the user closes it; returns the viewer's exit code."""
+    """Show a recording in a window until the user closes it; returns the viewer's exit code.
+
+    Raises BadInput without a screen.
+    """
     with readable(path) as whole:
+        if not has_screen():
+            others = f"`view {path} --web` serves it to a browser, `snapshot {path} -o PNG` draws it"
+            raise BadInput(f"{path}: no screen here; {others}")
         command = viewer_command(free_port(), whole.resolve())
         return subprocess.run(command, env=quiet_environment(), check=False).returncode
 
@@ -125,7 +138,10 @@ def render_picture(
     which the picture is marked.
     """
     with headless_viewer(path, size) as client:
-        wanted = last_moment(client) if moment is None else moment
+        end = last_moment(client)
+        wanted = end if moment is None else moment
+        if not 0.0 <= wanted <= end * (1.0 + ROUNDING):
+            raise BadInput(f"--time {wanted:g}: {path} runs from 0 to {end:.6g} s")
         client.set_time(TIMELINE, duration=wanted, play_state="paused")
         time.sleep(DRAW_TIME)
         views = {shown.name: shown.view_id for shown in client.get_state().views}

@@ -73,6 +73,7 @@ def open_recorder(
     walls = WallRecording(meshes_of(scene, setup))
     header = stream.RunHeader(path.stem, title, scene.scene.kind, text, setup.grains.radius, walls.walls)
     recording = stream.open_recording(path, header, viewer)
+    stream.log_colours(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)
 
 

@@ -150,3 +150,21 @@ def test_a_line_far_outside_leaves_the_image_alone():
 def test_no_two_letters_look_alike():
     stamps = {lettering(letter).tobytes() for letter in "0123456789.-+ °smu/="}
     assert len(stamps) == 20
+
+
+def test_a_colour_bar_shows_every_colour_above_its_numbers():
+    image = pictures.blank((260, 40), pictures.NIGHT, pictures.NIGHT)
+    pictures.draw_speed_bar(image, (10, 4), (0.01, 2.0))
+    bar = image[6, 10 : 10 + pictures.COLOUR_BAR[0]]
+    assert tuple(bar[0]) == pictures.SAND
+    assert tuple(bar[-1]) == tuple(pictures.SPEED_COLOURS[-1])
+    below = image[4 + pictures.COLOUR_BAR[1] :]
+    lettered = np.flatnonzero((below == pictures.CHALK).all(axis=2).any(axis=0))
+    # first and last number stand below the ends of the bar
+    assert lettered.min() == pytest.approx(10, abs=2)
+    assert lettered.max() > 10 + pictures.COLOUR_BAR[0]
+
+
+@pytest.mark.parametrize(("longest", "length"), [(9.9, 5.0), (10.0, 10.0), (0.3, 0.2), (1.0, 1.0)])
+def test_a_scale_bar_has_a_round_length(longest, length):
+    assert pictures.scale_length(longest) == pytest.approx(length)

@@ -12,7 +12,15 @@ from taichi_erosion.recording import pictures, viewer
 from taichi_erosion.recording.air_recording import log_profile
 from taichi_erosion.recording.blueprint import WIND_KINDS
 from taichi_erosion.recording.pictures import silhouette_picture
-from taichi_erosion.recording.stream import Recording, log_frame, log_image, log_ledger, log_text, log_values
+from taichi_erosion.recording.stream import (
+    Recording,
+    log_colours,
+    log_frame,
+    log_image,
+    log_ledger,
+    log_text,
+    log_values,
+)
 
 pytestmark = pytest.mark.viewer
 Colour = tuple[int, int, int]
@@ -25,6 +33,7 @@ def record(path: Path, kind: str = "repose") -> Iterator[Recording]:
     with recorded(path, header(kind)) as recording:
         for frame in range(10):
             log_frame(recording, heap_snapshot(frame), MOVING)
+            log_colours(recording, MOVING)
             log_ledger(recording, ledger(frame))
             if kind in WIND_KINDS:
                 log_profile(recording, np.linspace(0.0, 8.0, 12), np.linspace(0.0, 0.06, 13))
@@ -85,7 +94,8 @@ def test_the_picture_has_the_size_asked_for_and_the_heap_in_its_middle(heap: Pat
     image = imageio.imread(heap.with_suffix(".png"))
     assert image.shape[1::-1] == SIZE
     left = image[:, : 5 * image.shape[1] // 8]
-    middle = left[left.shape[0] // 3 : -left.shape[0] // 6, left.shape[1] // 4 : -left.shape[1] // 4]
+    # the legend of colours has the lowest ninth
+    middle = left[left.shape[0] // 3 : -left.shape[0] // 4, left.shape[1] // 4 : -left.shape[1] // 4]
     assert share_like(middle, pictures.SAND) > 0.2
 
 
@@ -114,6 +124,21 @@ def test_a_picture_that_cannot_be_drawn_is_reported(heap: Path, tmp_path: Path):
     reports = " ".join(view_reports(path))
     assert "Grains: 2D visualizers" in reports
     assert "image/png" in reports
+
+
+@pytest.mark.parametrize("moment", [-1.0, 1e4])
+def test_a_time_that_the_recording_does_not_have_is_refused_with_its_range(heap, tmp_path, moment):
+    with pytest.raises(BadInput, match=r"--time .* runs from 0 to [\d.]+ s"):
+        viewer.render_picture(heap, moment, tmp_path / "never.png")
+    assert not (tmp_path / "never.png").exists()
+
+
+def test_without_a_screen_the_viewer_names_what_works_there(heap, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(viewer.sys, "platform", "linux")
+    with pytest.raises(BadInput, match=r"no screen here; `view .* --web` .*, `snapshot .* -o PNG`"):
+        viewer.open_viewer(heap)
 
 
 def test_an_unknown_view_is_answered_with_the_known_ones(heap: Path, tmp_path: Path):
