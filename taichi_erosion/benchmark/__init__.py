@@ -6,7 +6,6 @@ Times are wall times of one sitting: only ratios taken side by side carry over t
 import os
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import version
 from typing import Any
 
 from taichi_erosion import __version__
@@ -14,6 +13,7 @@ from taichi_erosion.benchmark.grain_cases import grain_case, standard_grain_case
 from taichi_erosion.benchmark.shared_machine import shared_cases
 from taichi_erosion.benchmark.wind_cases import air_case, standard_air_cases, threshold_case
 from taichi_erosion.core.compiler_target import compiler_target
+from taichi_erosion.core.engine.choice import engine_name, engine_version
 
 __all__ = ["run_benchmarks"]
 
@@ -34,5 +34,8 @@ def run_benchmarks(progress: Callable[[float, str], None] | None = None) -> dict
             progress(index / len(runs), name)
         found = run()
         cases.extend(found if isinstance(found, list) else [found])
-    versions = {"taichi_erosion": __version__, "taichi": version("taichi")}
-    return {"cases": cases, "versions": versions, "cores": cores, "target": compiler_target()}
+    versions = {"taichi_erosion": __version__, engine_name(): engine_version()}
+    return {"cases": cases, "versions": versions, "cores": cores} | {
+        "engine": engine_name(),
+        "target": compiler_target(),
+    }

@@ -128,7 +128,9 @@ def print_cases(document: Record) -> None:
     cases = document["cases"]
     keys = tuple(dict.fromkeys(key for case in cases for key in case))
     print_table("speed", keys, ([cell(case.get(key)) for key in keys] for case in cases))
-    typer.echo(f"Kernels compiled for {document['target']}; {document['cores']} cores.")
+    typer.echo(
+        f"Kernels compiled by {document['engine']} for {document['target']}; {document['cores']} cores."
+    )
 
 
 def cell(value: Any) -> str:

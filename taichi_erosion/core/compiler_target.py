@@ -16,6 +16,8 @@ All of it is checked first: Linux on x86-64, this version of Taichi, the size of
 LLVM itself gives to the processor, and the processor's features. Where a check fails, nothing is changed.
 The environment variable TAICHI_EROSION_KEEP_TARGET switches the remedy off.
 
+quadrants compiles with LLVM 22, which knows these processors; nothing is changed there.
+
 The library has a hundred megabytes and its symbols are not indexed: where they stand is kept beside the
 compiled kernels, for a library of the same size and age.
 """
@@ -35,6 +37,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taichi_erosion.core.engine.choice import engine_name
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import cache_root, write_atomic
 from taichi_erosion.core.ti import ti
@@ -161,6 +164,13 @@ def processor_entries() -> dict[str, str]:
     return {name.strip(): value.strip() for name, _, value in rows}
 
 
+def processor_name() -> str:
+    """Kind of processor by maker, family and model, where the compiler's own name for it is not to be had."""
+    entries = processor_entries() if sys.platform == "linux" else {}
+    parts = [entries[key] for key in ("vendor_id", "cpu family", "model") if key in entries]
+    return "-".join([platform.machine(), *parts])
+
+
 def processor_flags() -> set[str]:
     """Features of this processor as Linux names them."""
     return set(processor_entries().get("flags", "").split())
@@ -186,6 +196,8 @@ def widest_rows() -> tuple[str, str] | None:
 @cache
 def compiler_target() -> str:
     """Name of the processor that kernels are compiled for, once it is the widest that can be had."""
+    if engine_name() != "taichi":
+        return processor_name()
     if sys.platform != "linux" or platform.machine() != "x86_64" or ti.__version__ != TAICHI:
         return platform.machine()
     try:

@@ -8,24 +8,25 @@ import time
 from pathlib import Path
 
 from taichi_erosion.core.compiler_target import compiler_target
+from taichi_erosion.core.engine.choice import ENGINES, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import cache_root
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.core.ti import impl, ti
+from taichi_erosion.core.ti import LOCK, OPTIONS, impl, ti
 from taichi_erosion.core.transfer import is_host
 
-LOCK = "ticache.lock"  # Taichi's own, held while it reads or writes the index of the cache
-LOCK_SECONDS = 30.0  # age from which a lock counts as left behind
+LOCK_SECONDS = 30.0  # age from which the lock of a cache counts as left behind
 SERIAL_LINES = 1024  # two blocks of 512 iterations, of which Taichi gives one to a thread
 CACHE_BYTES = 1 << 30  # of compiled kernels, 2 MB a kind of run; beyond it the oldest are dropped
 
 
 def cache_folder() -> Path:
-    """Folder of compiled kernels, shared by all runs of this user on processors of one name.
+    """Folder of compiled kernels, shared by all runs of this user with one engine on processors of one name.
 
-    Taichi's key of a kernel knows no processor, and its loops are laid out for one before it is kept.
+    The key of a kernel knows no processor, and its loops are laid out for one before it is kept.
     """
-    return cache_root() / "kernels" / compiler_target()
+    engine = "" if engine_name() == ENGINES[0] else f"{engine_name()}-{engine_version()}-"
+    return cache_root() / "kernels" / f"{engine}{compiler_target()}"
 
 
 def is_writable(folder: Path) -> bool:
@@ -78,6 +79,7 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
             offline_cache=offline,
             offline_cache_file_path=str(folder),
             offline_cache_max_size_of_files=CACHE_BYTES,
+            **OPTIONS,
         )
     refuse_fallback(numerics.arch)
     return threads

@@ -20,6 +20,7 @@
     convention      of the surface energy (grains only)
     resolved        the scene with all defaults
     effect_digests  {effect: digest of its file}: effects that are not of this package (grains only)
+    engine          what compiled the kernels: taichi or quadrants
     versions        of this package, Python and the libraries that a result depends on
 
 Numbers are SI; NaN and infinity become null. Exit codes: `core.errors.ExitCode`.
@@ -37,6 +38,7 @@ from typing import Any
 
 from taichi_erosion import __version__
 from taichi_erosion.core.effect_loading import failures_of
+from taichi_erosion.core.engine.choice import engine_name
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.result import Measurement, as_record, without_nan
@@ -98,6 +100,7 @@ def run_document(
         "measures": {name: as_record(measurement) for name, measurement in pooled.items()},
         "measured": {name: m.model_dump() for name, m in scene.measured.items()},
         **entries,
+        "engine": engine_name(),
         "versions": versions(),
     }
 
@@ -106,7 +109,7 @@ def run_document(
 def versions() -> dict[str, str]:
     """Versions that a result depends on."""
     return {"taichi_erosion": __version__, "python": platform.python_version()} | {
-        name: version(name) for name in ("taichi", "numpy", "scipy", "rerun-sdk")
+        name: version(name) for name in (engine_name(), "numpy", "scipy", "rerun-sdk")
     }
 
 
