@@ -15,11 +15,22 @@ os.environ.setdefault("RERUN_STRICT", "1")  # a wrong argument raises instead of
 import pytest
 from hypothesis import settings
 
+from taichi_erosion.core.engine.choice import ENGINES, SWITCH
 from taichi_erosion.core.setup import Numerics
 
 # no deadline: the cores are shared; the same cases each time: a red test can be repeated
 settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=False)
 settings.load_profile("repeatable")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--engine", choices=ENGINES, help="engine that compiles the kernels")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Name the engine before anything imports it; commands that tests start inherit it."""
+    if config.getoption("--engine"):
+        os.environ[SWITCH] = config.getoption("--engine")
 
 
 @pytest.fixture

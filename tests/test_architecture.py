@@ -198,8 +198,29 @@ def test_annotations_of_kernels_are_types_and_not_text(path):
 def test_libraries_are_spoken_where_they_belong(path):
     place = path.relative_to(ROOT).as_posix()
     spoken = {module.partition(".")[0] for module in imported_modules(TREES[path])}
-    assert "taichi" not in spoken or place == "taichi_erosion/core/ti.py"
+    assert not spoken & {"taichi", "quadrants"} or place == "taichi_erosion/core/ti.py"
     assert not spoken & {"rerun", "rerun_cli"} or place.startswith("taichi_erosion/recording/")
+
+
+@each_file
+def test_the_engine_and_its_internals_are_reached_through_one_module(path):
+    if path.parent.name == "engine" or path.name == "ti.py":
+        return
+    assert "taichi_erosion.core.engine.shortcuts" not in imported_modules(TREES[path])
+    named = {ast.unparse(node) for node in ast.walk(TREES[path]) if isinstance(node, ast.Attribute)}
+    assert not {name for name in named if name.startswith("ti.lang")}
+
+
+@pytest.mark.parametrize("room", ["air", "coupling", "grains"])
+def test_records_of_fields_are_no_dataclasses(room):
+    records = [
+        node.name
+        for path, tree in TREES.items()
+        for node in ast.walk(tree)
+        if room in path.parts and isinstance(node, ast.ClassDef) and "dataclass" in decorators(node)
+        if any(isinstance(e, ast.AnnAssign) and ast.unparse(e.annotation) == "Any" for e in node.body)
+    ]
+    assert records == [], "kernels take these; use core.transfer.device_record"
 
 
 @each_file

@@ -4,6 +4,8 @@ Imports stand inside the commands: help appears at once, and validation needs no
 not given is not passed on: its default is defined where it is used.
 """
 
+import os
+import platform
 import shlex
 import threading
 from contextlib import nullcontext
@@ -20,6 +22,7 @@ from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
 from taichi_erosion.cli.output import AsJson, EffectFiles, Force
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.cli.study import study as study_commands
+from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
 
@@ -74,18 +77,33 @@ def given(**options: Any) -> dict[str, Any]:
 
 
 def print_version(wanted: bool) -> None:
-    """Print the version and exit."""
+    """Print the version, then those of the engine and of Python, and exit."""
     if wanted:
         typer.echo(__version__)
+        typer.echo(f"engine {engine_name()} {engine_version()}, Python {platform.python_version()}")
         raise typer.Exit
+
+
+def take_engine(name: str | None) -> str | None:
+    """Compile with this engine, here and in workers."""
+    if name:
+        os.environ[SWITCH] = name
+        engine_name.cache_clear()
+    return name
 
 
 @app.callback()
 def program(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the versions.")
     ] = False,
+    engine: Annotated[
+        Literal["taichi", "quadrants"] | None,
+        typer.Option(
+            callback=take_engine, is_eager=True, help="Compiler of the kernels, if installed; before COMMAND."
+        ),
+    ] = None,
     log: Annotated[
         Path | None,
         typer.Option(

@@ -18,6 +18,7 @@ from typing import Any, get_args
 
 from taichi_erosion.core.effect import Effect, Place
 from taichi_erosion.core.effect_file import DIGITS, EffectFile
+from taichi_erosion.core.engine.choice import is_device_function
 from taichi_erosion.core.errors import BadInput
 
 MEMBER = "EFFECT"  # name of the record in an effect's file
@@ -123,11 +124,6 @@ def interface_problem(effect: Effect) -> str | None:
     if isinstance(effect.reads, str) or not all(isinstance(name, str) for name in effect.reads):
         return "reads must be a tuple of names of conditions, such as ('moisture',)"
     return next(argument_problems(effect), None)
-
-
-def is_device_function(function: Any) -> bool:
-    """Whether a function was decorated with ti.func."""
-    return bool(getattr(function, "_is_taichi_function", False))
 
 
 def argument_problems(effect: Effect) -> Iterator[str]:

@@ -1,13 +1,14 @@
-"""What Taichi is told about the source of device functions: read once, and named where something is wrong."""
+"""What the engine is told about the source of device functions: read once, named where something is wrong."""
 
 import inspect
 
 import pytest
 
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.core.ti import ti
+from taichi_erosion.core.ti import CompilationError, ti
 
 CALLS = 20
+pytestmark = pytest.mark.engine
 
 
 @ti.func
@@ -49,7 +50,7 @@ def test_a_function_that_is_inlined_many_times_is_read_once(start_device, monkey
 
 def test_an_error_in_a_device_function_is_told_with_its_place_and_source(start_device):
     start_device(Numerics("cpu", 1))
-    with pytest.raises(ti.TaichiCompilationError) as told:
+    with pytest.raises(CompilationError) as told:
         fail()
     line = inspect.getsourcelines(unknown_number)[1] + 2
     assert f'{__file__}", line {line}, in unknown_number' in str(told.value)

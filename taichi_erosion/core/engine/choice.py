@@ -8,6 +8,7 @@ import os
 from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
+from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 
@@ -30,3 +31,8 @@ def engine_name() -> str:
 def engine_version() -> str:
     """Version of the engine of this process."""
     return version(engine_name())
+
+
+def is_device_function(function: Any) -> bool:
+    """Whether a function was decorated with ti.func, which leaves the name of the engine on it."""
+    return bool(getattr(function, f"_is_{engine_name()}_function", False))

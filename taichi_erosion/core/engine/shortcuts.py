@@ -4,7 +4,7 @@ Both engines inline every device function where it is called, and on each call r
 Taichi also describes every source position each time. quadrants builds every kernel twice, first to find the
 members of dataclasses that nothing uses, and searches every syntax tree for them; kernels take no dataclass
 here. So sources, syntax trees and descriptions are cached, the first building and the search are skipped, and
-so is the inspection of the stack for classes around device functions and for places where fields are declared.
+so is the inspection of the stack for classes around device functions and for declarations of fields.
 
 All of it replaces internals of two versions; `docs/speed.md` says what each saves.
 """
@@ -13,12 +13,25 @@ import ast
 import inspect
 import sys
 import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
 OWNER = "source"  # attribute of a tree: the Source whose cache it returns to, or None
+
+
+@contextmanager
+def frames_without_source() -> Iterator[None]:
+    """Frame information without source lines, which an engine that is imported reads to look for classes."""
+    describe_frame = inspect.getframeinfo
+    setattr(inspect, "getframeinfo", lambda frame, context=1: describe_frame(frame, context=0))  # noqa: B010
+    try:
+        yield
+    finally:
+        setattr(inspect, "getframeinfo", describe_frame)  # noqa: B010
 
 
 def take_shortcuts(engine: str) -> None:
