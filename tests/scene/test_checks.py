@@ -16,9 +16,9 @@ from taichi_erosion.scene.load import parse_air_scene
 def test_an_unknown_effect_or_observable_is_told_with_those_that_exist():
     line = complaint(good_table(), effects={"lift": ("strength",), "drag": ()})
     assert line.startswith(
-        "scenes/bad.toml: effects.plain_pull is unknown; known effects: drag, lift; one of"
+        "scenes/bad.toml: effects.plain_pull is unknown; an effect of your own needs --effect"
     )
-    assert "--effect FILE, or effect_files under [scene] or [study]" in line
+    assert line.endswith("known effects: drag, lift")
     line = complaint(good_table(), effects={"plain_pul": ("strength",), "drag": ()})
     assert "effects.plain_pull is unknown; did you mean 'plain_pul'?" in line
     line = complaint(good_table(), effects={"plain_pull": ("force",)})

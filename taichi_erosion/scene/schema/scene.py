@@ -314,9 +314,12 @@ def effect_problems(scene: Scene, known: Known | None) -> Iterator[str]:
 def effect_hint(name: str, known: Known) -> str:
     """What to do about an effect that is not there."""
     near = get_close_matches(name, known, n=1, cutoff=0.75)
-    own = "one of your own: --effect FILE, or effect_files under [scene] or [study]"
-    meant = f"did you mean '{near[0]}'?" if near else f"known effects: {', '.join(sorted(known)) or 'none'}"
-    return f"{meant}; {own}"
+    own = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
+    return (
+        f"did you mean '{near[0]}'?"
+        if near
+        else f"{own}; known effects: {', '.join(sorted(known)) or 'none'}"
+    )
 
 
 def observable_problems(measures: Iterable[str], known: Collection[str] | None) -> Iterator[str]:
