@@ -70,7 +70,7 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
     assert adopted is not None
     assert adopted["vault"]["chi2_after"] < 0.5 * adopted["vault"]["chi2_before"]
     assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
-    for section, file in (("scene", "heap"), ("study", "roots")):
+    for section, file in (("scene", "heap_roots"), ("study", "roots")):
         written = toml_table(f"doe/own_effect/{file}_with_{NAME}.toml")
         assert written[section]["effect_files"] == ["../../root_pull.py"]
     law = read_answer(Path("doe/my_lab_short_list-results"), "my_lab_short_list", "adopt")
