@@ -78,6 +78,8 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     cells = read_cells(table, table.name)
     if not cells.rows:
         raise BadInput(f"{table.name}: is empty; the first row names the columns")
+    if not cells.lines:
+        raise BadInput(f"{table.name}: has a heading but no measured value")
     interview = Interview(ask)
     tidy, columns = understood(cells, wishes.told, interview)
     measured = tidy_table(pointed(tidy))

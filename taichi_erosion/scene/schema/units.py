@@ -50,6 +50,7 @@ AMBIGUOUS = {
     "F": "degrees Fahrenheit are written degF, farads farad",
     "grad": "degrees are written deg, hundredths of a right angle gon",
     "Grad": "degrees are written deg, hundredths of a right angle gon",
+    "grade": "degrees are written deg, hundredths of a right angle gon",
     "gr": "grams are written g, grains of weight are no unit here",
 }
 SINGLE_LETTERS = frozenset("gmshdtlLNKJWVAC")  # others are constants of nature, or units that no table has

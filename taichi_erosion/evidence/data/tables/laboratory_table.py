@@ -3,7 +3,7 @@
 Every cell keeps the row of the file it comes from, so that messages point into the laboratory's file.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Literal
@@ -40,7 +40,7 @@ def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices) -> Cel
     conditions = [column for column in columns if column.role == "condition"]
     table = LaboratoryTable(cells, columns, choices)
     headings = [condition_heading(column, choices, table.cell_unit(column)) for column in conditions]
-    faults: list[str] = []
+    faults = list(copy_faults(cells, columns))
     rows = []
     for line, row in cells.lines:
         summary = next((cell for cell in row if is_summary(cell)), None)
@@ -59,6 +59,16 @@ def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices) -> Cel
         raise BadInput(*faults)
     heading = (cells.rows[0][0], (*FORMAT, *headings, "source"))
     return Cells(cells.file, (heading, *rows), False, cells.form, ",")
+
+
+def copy_faults(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
+    """Rows that stand twice; equal single values may be two repeats, equal means with their scatter not."""
+    telling = any(column.role in ("sd", "se", "n") for column in columns)
+    seen: dict[tuple[str, ...], int] = {}
+    for line, row in cells.lines if telling else ():
+        first = seen.setdefault(row, line)
+        if first != line:
+            yield f"{cells.file}: row {line} repeats row {first} cell by cell; remove one of them"
 
 
 def condition_heading(column: Column, choices: Choices, unit: str) -> str:

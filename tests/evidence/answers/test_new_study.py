@@ -1,0 +1,261 @@
+"""A stranger's table becomes a study; whatever is wrong with it is told in one line with place and remedy."""
+
+import io
+from pathlib import Path
+
+import openpyxl
+import pytest
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+from taichi_erosion.evidence.answers.scene_templates import TEMPLATES, safe_grains, scene_text
+from taichi_erosion.evidence.data.tables.column_roles import Told
+from taichi_erosion.evidence.models.load_study import load_study
+from taichi_erosion.run.checks import read_scene
+
+ROOT = Path(__file__).parents[3]
+HEAD = "Probe;Korngröße [µm];Feuchte in %;Böschungswinkel (°);SD [°];n\n"
+ROWS = ("A;250;1,6;33,5;0,7;5\n", "B;500;0;31,2;0,8;5\n", "C;800;3,1;34,4;0,6;5\n")
+GOOD = HEAD + "".join(ROWS)
+
+
+def guess(_question: str, answer: str) -> str:
+    return answer
+
+
+def changed(old: str, new: str) -> bytes:
+    assert old in GOOD
+    return GOOD.replace(old, new, 1).encode("cp1252")
+
+
+def workbook(*rows: tuple) -> bytes:
+    book, content = openpyxl.Workbook(), io.BytesIO()
+    for row in rows:
+        book.active.append(row)
+    book.save(content)
+    return content.getvalue()
+
+
+def faults_of(
+    folder: Path, content: bytes, name: str = "heap.csv", wishes: Wishes | None = None
+) -> tuple[str, ...]:
+    (folder / name).write_bytes(content)
+    with pytest.raises(BadInput) as caught:
+        new_study(folder / name, wishes or Wishes(closed_form=True), guess)
+    return caught.value.faults
+
+
+# content of the file -> place of the fault, its remedy
+WRONG_FILES = {
+    "nothing in it": (b"", "heap.csv", "the first row names the columns"),
+    "a heading alone": (HEAD.encode("cp1252"), "heap.csv", "no measured value"),
+    "an old workbook": (b"\xd0\xcf\x11\xe0" + bytes(600), "heap.csv", "save it as .xlsx or .csv"),
+    "a broken workbook": (b"PK\x03\x04" + bytes(600), "heap.csv", "save it again"),
+    "an empty workbook": (workbook(), "heap.csv", "its sheets are empty"),
+    "a picture": (
+        b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 4,
+        "heap.csv",
+        "save it as 'CSV UTF-8' or .xlsx",
+    ),
+    "a cell too many": (changed("0,7;5", "0,7;5;7"), "row 2 has 7 cells", "the heading 6"),
+    "a cell too few": (changed("33,5;0,7;5", "33,5;0,7"), "row 2 has 5 cells", "the heading 6"),
+    "a lone quote": (changed("A;250", '"A;250'), "row 2", "look for a lone quote"),
+    "numbers under no heading": (changed(";Korngröße [µm];", ";;"), "column 2 has no heading", "name it"),
+    "a heading twice": (
+        changed("Feuchte in %", "Korngröße [µm]"),
+        "'Korngröße [µm]'",
+        "give each its own name",
+    ),
+    "no unit in brackets": (changed("[µm]", "[fein]"), "'Korngröße [fein]'", "such as [%], [mm]"),
+    "an ambiguous unit": (changed("[µm]", "[grad]"), "'Korngröße [grad]'", "degrees are written deg"),
+    "a unit in capitals": (changed("[µm]", "[MM]"), "'Korngröße [MM]'", "did you mean 'mm'?"),
+    "a slope in percent": (changed("Feuchte in %", "Neigung in %"), "'Neigung in %'", "write its angle"),
+    "a moisture in degrees": (
+        changed("Feuchte in %", "Feuchte (°)"),
+        "'Feuchte (°)'",
+        "give it in that unit",
+    ),
+    "water by volume": (
+        changed("Feuchte in %", "Feuchte [vol%]"),
+        "'Feuchte [vol%]'",
+        "divide by the dry bulk density",
+    ),
+    "a diameter without unit": (changed(" [µm]", ""), "row 2, diameter = 250", "check number and unit"),
+    "too much water": (changed("1,6", "160"), "row 2, moisture = 160 %", "check number and unit"),
+    "colder than nothing": (
+        changed("Feuchte in %", "Temperatur (°C)").replace(b"1,6", b"-300"),
+        "row 2, temperature = -300 °C",
+        "check number and unit",
+    ),
+    "a point among commas": (
+        changed("33,5", "33.5"),
+        "row 2, Böschungswinkel (°) = '33.5'",
+        "decimal commas",
+    ),
+    "a sign between thousands": (
+        changed("250", "1.250"),
+        "row 2, Korngröße [µm] = '1.250'",
+        "no sign between thousands",
+    ),
+    "a date": (
+        changed("33,5", "12. Mrz"),
+        "row 2, Böschungswinkel (°) = '12. Mrz'",
+        "set the column to text",
+    ),
+    "an error of the spreadsheet": (
+        changed("33,5", "#DIV/0!"),
+        "row 2, Böschungswinkel",
+        "correct its formula",
+    ),
+    "not detected": (changed("33,5", "n.n."), "row 2, Böschungswinkel", "write '<' and the least value"),
+    "a range": (changed("33,5", "32-35"), "row 2, Böschungswinkel", "write its middle"),
+    "a scatter in brackets": (changed("33,5", "33,5 (0,7)"), "row 2, Böschungswinkel", "behind '±'"),
+    "a word for a number": (changed("33,5", "steil"), "row 2, Böschungswinkel", "a column of their own"),
+    "a condition below a limit": (changed("1,6", "<2"), "row 2, Feuchte in % = '<2'", "write the likeliest"),
+    "a cell in another unit": (changed("250", "250 mg"), "row 2, Korngröße [µm]", "a column in µm"),
+    "a cell in an unknown unit": (
+        changed("33,5", "33,5 grade"),
+        "row 2, Böschungswinkel",
+        "degrees are written deg",
+    ),
+    "no scatter at all": (changed("0,7", "0"), "row 2, sd = '0'", "leave it empty where it is not known"),
+    "a negative scatter": (changed("0,7", "-0,7"), "row 2, sd = '-0.7'", "leave it empty"),
+    "half a repeat": (changed("0,7;5", "0,7;2,5"), "row 2, n = '2.5'", "a whole number"),
+    "no repeat": (changed("0,7;5", "0,7;0"), "row 2, n = '0'", "a whole number from 1"),
+    "a row of means": (GOOD.encode("cp1252") + b"Mittelwert;;;33,0;;\n", "row 5, 'Mittelwert'", "remove it"),
+    "nothing measured": (changed("Böschungswinkel", "Dings"), "heap.csv", "--observable 'COLUMN=NAME'"),
+    "two columns for one place": (
+        changed("Probe", "d50 [mm]").replace(b"A;", b"1;").replace(b"B;", b"3;"),
+        "'Korngröße [µm]'",
+        "--condition",
+    ),
+    "a scatter in percent": (changed("SD [°]", "SD [%]"), "row 2, SD [%]", "give it in °"),
+    "a standard error alone": (
+        changed("SD [°];n", "s.e. [°];x").replace(b";5\n", b";\n"),
+        "row 2, Böschungswinkel",
+        "needs the number of repeats",
+    ),
+    "a row twice": (
+        (GOOD + ROWS[0]).replace("A;", "B;").encode("cp1252"),
+        "row 5 repeats row 2",
+        "remove one",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_FILES)
+def test_what_is_wrong_with_a_strangers_table_is_told_with_its_place_and_remedy(tmp_path, name):
+    content, place, remedy = WRONG_FILES[name]
+    faults = faults_of(tmp_path, content)
+    assert all(fault.startswith("heap.csv") and "\n" not in fault for fault in faults)
+    assert any(place in fault and remedy in fault for fault in faults), faults
+    assert [path.name for path in tmp_path.iterdir()] == ["heap.csv"], "nothing is written"
+
+
+WRONG_WORDS = {
+    "a column that is not there": (
+        ("--observable", "Winkle=repose_angle"),
+        "--observable Winkle",
+        "there are: Probe",
+    ),
+    "a column by half its name": (
+        ("--condition", "Feucht=conditions.moisture"),
+        "Feucht=",
+        "did you mean 'Feuchte in %'?",
+    ),
+    "a quantity that nothing measures": (("--observable", "SD=beauty"), "'SD [°]'", "known: repose_angle"),
+    "a place that no scene has": (("--condition", "Feuchte=conditions.wetness"), "'Feuchte in %'", "known: "),
+    "no equals sign": (("--observable", "Winkel"), "--observable Winkel", "write it as COLUMN=NAME"),
+    "an apparatus that is none": (
+        ("--apparatus", "bucket"),
+        "--apparatus bucket",
+        "one of cylinder, collapse",
+    ),
+    "no such file": (("other.csv",), "other.csv", "no such file"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_WORDS)
+def test_a_wrong_word_on_the_command_line_is_told_with_what_is_allowed(tmp_path, monkeypatch, capsys, name):
+    words, place, remedy = WRONG_WORDS[name]
+    (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
+    monkeypatch.chdir(tmp_path)
+    table = [] if words[0].endswith(".csv") else ["heap.csv"]
+    assert main(["study", "new", *table, "--yes", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert place in line
+    assert remedy in line
+
+
+def test_a_stranger_was_wrong_in_forty_ways_and_more():
+    assert len(WRONG_FILES) + len(WRONG_WORDS) >= 40
+
+
+def test_all_faults_of_a_table_are_told_at_once_and_in_lines_of_their_own(tmp_path, capsys):
+    bad = GOOD.replace("33,5", "steil").replace("0,8", "0.8").replace("3,1", "<3")
+    (tmp_path / "heap.csv").write_bytes(bad.encode("cp1252"))
+    assert main(["study", "new", str(tmp_path / "heap.csv"), "--yes"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split(",")[0] for line in lines] == [f"heap.csv: row {row}" for row in (2, 3, 4)]
+
+
+def test_a_study_that_is_there_is_not_written_over(tmp_path):
+    (tmp_path / "heap").mkdir()
+    (tmp_path / "heap" / "heap.toml").write_text("mine", encoding="utf-8")
+    assert "name another folder with --out" in faults_of(tmp_path, GOOD.encode("cp1252"))[0]
+    assert (tmp_path / "heap" / "heap.toml").read_text("utf-8") == "mine"
+
+
+def test_the_same_table_means_the_same_as_text_and_as_a_workbook(tmp_path):
+    rows = [tuple(line.split(";")) for line in GOOD.replace(",", ".").splitlines()]
+    numbers = [(first, *map(float, rest)) for first, *rest in rows[1:]]
+    (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
+    (tmp_path / "sheet.xlsx").write_bytes(workbook(rows[0], (), *numbers))
+    tidy = []
+    for table in ("heap.csv", "sheet.xlsx"):
+        new_study(tmp_path / table, Wishes(closed_form=True), guess)
+        stem = Path(table).stem
+        text = (tmp_path / stem / f"{stem}_tidy.csv").read_text("utf-8")
+        tidy.append([line.rpartition(",")[0].rpartition(",")[0].rstrip('"') for line in text.splitlines()])
+    assert tidy[0] == tidy[1]
+
+
+def test_answers_take_the_place_of_guesses(tmp_path):
+    (tmp_path / "t.csv").write_text("d [mm],W1\n1,30.5 ± 1\n2,31.0 ± 1\n", encoding="utf-8")
+    asked = []
+
+    def answer(question: str, guess: str) -> str:
+        asked.append(question)
+        return {"Column 'W1'": "repose_angle", "Unit of 'W1'?": "deg"}.get(
+            question.partition(" is a")[0], guess
+        )
+
+    document = new_study(tmp_path / "t.csv", Wishes(closed_form=True), answer)
+    assert [column["told"] for column in document["columns"]] == ["sets diameter", "measured: repose_angle"]
+    assert len(asked) == 3, "what the column is, its unit, and what stands behind the sign"
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_path, name):
+    template = TEMPLATES[name]
+    grains = safe_grains(template, [26.0])
+    (tmp_path / "scene.toml").write_text(
+        scene_text(template, {"title": "t"}, template.diameter, grains), encoding="utf-8"
+    )
+    scene = read_scene(tmp_path / "scene.toml", ())
+    assert set(template.observables) <= set(scene.measure) | {"repose_angle"}
+    assert grains >= template.grains
+
+
+def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
+    (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
+    told = Told(conditions={"Feuchte in %": "conditions.moisture"})
+    document = new_study(tmp_path / "heap.csv", Wishes(told), guess)
+    study = load_study(tmp_path / "heap" / "heap.toml")
+    assert study.problem.measurements.conditions["diameter"] == pytest.approx([250e-6, 500e-6, 800e-6])
+    assert study.problem.measurements.conditions["moisture"] == pytest.approx([0.016, 0.0, 0.031])
+    assert "liquid_bridge" in document["candidates"]
+    assert "turbulent_gusts" not in document["candidates"], "no wind blows over a heap"
+    assert document["cost"]["quick"]["runs"] > 0
+    assert not (tmp_path / "heap" / "heap-results").exists(), "asking for the cost leaves nothing behind"
