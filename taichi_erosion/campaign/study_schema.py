@@ -11,8 +11,8 @@ from taichi_erosion.scene.paths import DIALECT
 
 def study_schema() -> dict[str, Any]:
     """Schema of a study file as it is written: single candidates stand beside the list of their names."""
-    schema = StudyFile.model_json_schema()
-    schema = {"$schema": DIALECT} | schema | {"title": "taichi_erosion study"}
+    schema: dict[str, Any] = {"$schema": DIALECT} | StudyFile.model_json_schema()
+    schema["title"] = "taichi_erosion study"
     candidates = schema["$defs"]["Candidates"]
     tables = candidates["properties"].pop("tables")
     names = candidates["properties"]["effects"]

@@ -39,9 +39,8 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
         columns = column_roles(cells, told)
         if not any(column.role == "observable" for column in columns):
             wanted = ", ".join(study.observables)
-            raise BadInput(
-                f'{cells.file}: no column is known as {wanted}; name it in the study: [columns] "HEADING" = NAME'
-            )
+            told = f"no column is known as {wanted}; name it in the study"
+            raise BadInput(f"{cells.file}: {told}: [columns] 'HEADING' = NAME")
         names = {c.place: study_name(c.name, c.heading.name, study) for c in columns if c.role == "condition"}
         cells = tidy_cells(cells, columns, Choices(names=names))
     return tidy_table(pointed(cells))
