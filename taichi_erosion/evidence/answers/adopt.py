@@ -29,7 +29,7 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     rows_table,
 )
 from taichi_erosion.evidence.inference.levels import LEVEL_ODDS, fails
-from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base
+from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score, slopes_of
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
@@ -100,8 +100,7 @@ def account_of(prepared: PreparedProblem, names: tuple[str, ...]) -> BareAccount
     stated = BareAccount(prepared, base, screen(prepared, expand(prepared, base)))
     if not fails(misfit_p(prepared, stated.screened.base)) or not enough_for_levels(prepared):
         return stated
-    free = prepared.with_free_levels(prepared.level_widths(stated.screened.base.mean))
-    free, best, _ = fit_base(free, weighted=True)
+    free, best = fit_free_levels(prepared, stated.screened.base.mean)
     freed = BareAccount(free, best, screen(free, expand(free, best)))
     share = level_share(log_evidence(stated, names), log_evidence(freed, names))
     return freed if share > LEVEL_ODDS else stated

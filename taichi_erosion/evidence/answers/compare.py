@@ -12,7 +12,7 @@ from taichi_erosion.evidence.data.measurement_noise import unchecked_noise_sente
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Progress
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 from taichi_erosion.evidence.inference import goodness_of_fit, levels, marginal_likelihood
-from taichi_erosion.evidence.inference.map_fit import fit_base
+from taichi_erosion.evidence.inference.map_fit import fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.posterior import level_shifts, parameter_estimates
@@ -65,8 +65,7 @@ def levels_freed(
     chances = (goodness_of_fit.misfit_p(prepared, base.expansion), *(place.p for place in places))
     if not any(map(levels.fails, chances)) or not enough_for_levels(prepared):
         return None
-    free = prepared.with_free_levels(prepared.level_widths(base.expansion.mean))
-    free, best, _ = fit_base(free, weighted=True)
+    free, best = fit_free_levels(prepared, base.expansion.mean)
     scored = marginal_likelihood.score(free, marginal_likelihood.expand(free, best))
     totals = [log_sum_exp(prepared.doubt.log_weight + each.log_evidence) for each in (base, scored)]
     return (free, scored) if level_share(*map(float, totals)) > levels.LEVEL_ODDS else None

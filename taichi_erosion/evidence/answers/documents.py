@@ -98,6 +98,8 @@ def level_sentences(found: Discovery) -> list[str]:
     if found.level_probability <= levels.LEVEL_ODDS or found.range_suffices:
         return []
     if not found.levels:
+        if found.level_probability <= levels.SURE_LEVEL:
+            return []
         return [
             "The levels of the observables do not fit together, at no calibration: an instrument, a method, "
             "the contact law or a range is off at all conditions alike; which one is open."

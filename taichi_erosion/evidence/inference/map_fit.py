@@ -30,6 +30,7 @@ STEPS, STEPS_QUICK = 25, 5  # at most; kinks at the threshold of transport make 
 SEARCH_POINTS = 10  # per calibrated number
 STARTS, MOST_STARTS = 3, 7  # of the bare model; beyond the first only while the misfit is poor
 POOR = 4.0  # misfit per row of a fit that may have gone astray, or whose model lacks much
+LEVEL_ROUNDS = 3  # in which the priors of free levels are widened, at most
 SEARCH_WIDTH = 2.0  # prior sd to either side
 NEAR = 2.0  # sd within which a fitted value may stand for the measured one
 SAME = 0.005  # relative spread of the sd below which it is called constant
@@ -251,6 +252,25 @@ def fit_base(prepared: PreparedProblem, weighted: bool = False) -> tuple[Prepare
     if not weighted:
         prepared = reweighted(prepared, Objective(prepared, (), seeds).mean(results[0][0]))
     return prepared, fit(prepared, (), [results[0][0]], 2), warnings
+
+
+def fit_free_levels(prepared: PreparedProblem, mean: Floats) -> tuple[PreparedProblem, Fit]:
+    """The bare model calibrated with the level of every observable free, from what a mean leaves.
+
+    A prior that the levels leave far behind is widened: a tension between the two is no misfit of the model.
+    """
+    widths = prepared.level_widths(mean)
+    free = prepared.with_free_levels(widths)
+    free, best, _ = fit_base(free, weighted=True)
+    for _ in range(LEVEL_ROUNDS):
+        there = prepared.predictor.mean(best.x, {}, prepared.seeds.fitting)
+        wider = prepared.level_widths(there, widths)
+        if wider == widths:
+            break
+        widths = wider
+        free = prepared.with_free_levels(widths)
+        best = fit(free, (), [best.x, free.prior_mean])
+    return free, best
 
 
 def reweighted(prepared: PreparedProblem, mean: Floats) -> PreparedProblem:

@@ -14,7 +14,7 @@ from taichi_erosion.evidence.inference.cross_validation import ScoreGain, log_sc
 from taichi_erosion.evidence.inference.familywise_test import DRAWS, FamilywiseTest, familywise_test, power
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places, stuck_numbers
 from taichi_erosion.evidence.inference.levels import UNSTABLE, too_few_rows
-from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base
+from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import kernels
 from taichi_erosion.evidence.inference.posterior import Posterior, averaged, posterior_of
@@ -112,8 +112,8 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
     freed, share = None, 0.0
     if levels_matter(stated):
         bare = stated.fitted
-        free = bare.prepared.with_free_levels(bare.prepared.level_widths(bare.base.expansion.mean))
-        freed = account(free, seed, progress, weighted=True)
+        free, best = fit_free_levels(bare.prepared, bare.base.expansion.mean)
+        freed = account(free, seed, progress, best)
         share = level_share(stated.posterior.log_total, freed.posterior.log_total)
     if freed is None:
         return with_ranges(concluded(stated, stated.posterior, seed), stated)
@@ -167,10 +167,14 @@ def level_share(stated: float, freed: float) -> float:
     return float(expit(freed - stated + np.log(prior / (1.0 - prior))))
 
 
-def account(prepared: PreparedProblem, seed: int, progress: Progress, weighted: bool = False) -> Account:
-    """Fits, tests and probabilities of all hypotheses."""
+def account(
+    prepared: PreparedProblem, seed: int, progress: Progress, calibrated: Fit | None = None
+) -> Account:
+    """Fits, tests and probabilities of all hypotheses, from the bare model where it is calibrated already."""
     progress("calibrating the bare model", 0.05)
-    prepared, best, warnings = fit_base(prepared, weighted)
+    best, warnings = calibrated, list[str]()
+    if best is None:
+        prepared, best, warnings = fit_base(prepared)
     expansion, family = expand(prepared, best), kernels(prepared)
     base = refit.scored_expansion(prepared, expansion, family)
     progress("making signatures", 0.15)

@@ -51,7 +51,7 @@ class Posterior:
     inclusion: Mapping[str, float]  # effect -> probability that it acts at all
     log_bayes: Mapping[str, float]  # effect -> ln evidence over the base
     noise_weight: Floats  # of every noise factor
-    log_total: float = 0.0  # ln evidence of all explanations together
+    log_total: float = 0.0  # ln evidence of all explanations that the measurements do not reject
 
     @property
     def named(self) -> float:
@@ -92,7 +92,9 @@ def posterior_of(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Pos
             inclusion[name] += float(share)
     alone = {h.names: log_sum_exp(doubt + h.log_evidence) for h in hypotheses if not h.outside}
     factors = {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}
-    return Posterior(probability, inclusion, factors, weight.sum(axis=0), float(total))
+    kept = np.array([not h.rejected for h in hypotheses])
+    accepted = float(log_sum_exp(joint[kept])) if kept.any() else -np.inf
+    return Posterior(probability, inclusion, factors, weight.sum(axis=0), accepted)
 
 
 def averaged(first: Posterior, other: Posterior, share: float) -> Posterior:

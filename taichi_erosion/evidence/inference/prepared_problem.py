@@ -118,15 +118,19 @@ class PreparedProblem:
         rows = replace(self.rows, shared=np.column_stack(columns))
         return replace(self, rows=rows, levels=tuple(names))
 
-    def level_widths(self, mean: Floats) -> dict[str, float]:
-        """Prior sd of every free level: the least of the scale that holds what a calibrated mean leaves."""
+    def level_widths(self, mean: Floats, least: Mapping[str, float] | None = None) -> dict[str, float]:
+        """Prior sd of every free level: the least of the scale that holds what a calibrated mean leaves.
+
+        None is smaller than in `least`.
+        """
         found = {}
         for observable, chosen in self.by_observable():
             z = self.rows.z[chosen]
             typical = max(float(np.median(np.abs(z))), float(np.std(z)), 1e-300)
             unit = typical if observable.transform == "identity" else 1.0
             gap = np.nan_to_num(np.median(z - mean[chosen])) / unit
-            widths = [w for w in LEVEL_WIDTHS if w >= LEVEL_REACH * abs(gap)] or [LEVEL_WIDTHS[-1]]
+            held = max(LEVEL_REACH * abs(gap), (least or {}).get(observable.name, 0.0) / unit)
+            widths = [w for w in LEVEL_WIDTHS if w >= held * (1.0 - 1e-9)] or [LEVEL_WIDTHS[-1]]
             found[observable.name] = widths[0] * unit
         return found
 
