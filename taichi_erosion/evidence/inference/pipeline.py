@@ -6,7 +6,7 @@ from math import nan
 import numpy as np
 from scipy.special import expit
 
-from taichi_erosion.evidence.data.findings import NONE, MisfitPlace
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, MisfitPlace
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference import levels, refit
@@ -106,7 +106,8 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
     """All stages on one prepared problem.
 
     Where the model fails, or an effect is seen, everything is weighed once more with the level of every
-    observable free: the commonest misfit is an instrument or a code that is off at all conditions alike.
+    observable free: the commonest misfit is an instrument or a code that is off at all conditions alike. Free
+    levels that leave something unexplained themselves are no answer.
     """
     stated = account(prepared, seed, progress)
     freed, share = None, 0.0
@@ -115,7 +116,7 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
         free, best = fit_free_levels(bare.prepared, bare.base.expansion.mean)
         freed = account(free, seed, progress, best)
         share = level_share(stated.posterior.log_total, freed.posterior.log_total)
-    if freed is None:
+    if freed is None or freed.posterior.probability[OUTSIDE] > levels.LEVEL_ODDS:
         return with_ranges(concluded(stated, stated.posterior, seed), stated)
     if share > levels.LEVEL_ODDS:
         posterior = averaged(freed.posterior, stated.posterior, 1.0 - share)
