@@ -206,8 +206,9 @@ def print_discovery(document: Record) -> None:
     """Print the verdict, the table of candidates, and the limits of the result."""
     print_lines(document["set_up"], "set-up: ")
     print_lines(document["sentences"])
-    print_table("candidates", CANDIDATE_COLUMNS, candidate_rows(document["effects"]))
-    typer.echo("probabilities: " + probabilities(document["probabilities"]))
+    if not next_steps.waits(document):
+        print_table("candidates", CANDIDATE_COLUMNS, candidate_rows(document["effects"]))
+        typer.echo("probabilities: " + probabilities(document["probabilities"]))
     print_parameters(document["parameters"])
     print_lines((clue["sentence"] for clue in document["clues"]), "clue: ")
     print_lines((experiment["sentence"] for experiment in document["next_experiments"]), "next: ")

@@ -24,7 +24,14 @@ from taichi_erosion.evidence.answers.rounds import (
     last_budget,
     required_points,
 )
-from taichi_erosion.evidence.answers.set_up import WAITS, blocked, discovery, sentences, set_up_faults
+from taichi_erosion.evidence.answers.set_up import (
+    WAITS,
+    blocked,
+    bound_faults,
+    discovery,
+    sentences,
+    set_up_faults,
+)
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, HypothesisFit, SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
@@ -60,7 +67,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
 
         question = Question("compare", answer, comparison_points, most=1)
         found, ready = answered(study, last_budget(study), question, progress)
-        faults = set_up_faults(ready, found.rows, found.parameters, found.warnings)
+        faults = set_up_faults(ready, found.rows, found.parameters, found.warnings, found.levels)
         return stored(ready, "compare", documents.record(replace(found, faults=faults)), start)
 
 
@@ -111,7 +118,7 @@ def adopt_study(
             count = record_opening(study.results, study.digest, "+".join(effects))
         written = write_adopted_files(study, found, force)
         document = documents.adopt_document(found, count, [str(file) for file in written])
-        faults = set_up_faults(ready, found.base.rows, found.base.parameters, ())
+        faults = (*ready.faults, *bound_faults(study, found.base.parameters))
         document |= {"faults": documents.plain([asdict(each) for each in faults])}
         before = list(study.file.adopted)
         if not documents.ladder(study.results):

@@ -7,15 +7,15 @@ blocks, nothing is named.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import log
+from math import log, pi
+from time import perf_counter
 
 import numpy as np
 
 from taichi_erosion.evidence.answers.discover import discover, nameless_discovery
 from taichi_erosion.evidence.answers.start_values import model_at_start
-from taichi_erosion.evidence.data.findings import Discovery, Estimate, Rows, SetUpFault
+from taichi_erosion.evidence.data.findings import Discovery, Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.problem import Bools, Floats, Progress
-from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.inference.levels import fails
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.predictor import seed_mean
@@ -29,10 +29,12 @@ MISFIT = 3.0  # squared residual per row from which calibration has not explaine
 MOVED = 3.0  # prior sd by which calibration has moved a number where it has explained one instead
 UNITS = {  # factors, and what they would be
     10.0: "a power of ten",
-    180.0 / np.pi: "degrees for radians",
+    180.0 / pi: "degrees for radians",
     100.0: "percent for a share",
     1000.0: "milli or kilo",
 }
+ANGULAR = (180.0 / pi,)
+SHARPEST = 2.0  # half width of the interval of a level, as a factor, from which it points at no unit
 ANGLES = ("deg", "degree", "degrees", "\N{DEGREE SIGN}", "rad", "1", "")
 FAILED = "the model fails at"  # first words of a warning on conditions without a value
 WAITS = "The verdict on physics waits until this is settled: what follows describes the set-up, not the soil."
@@ -51,18 +53,27 @@ def blocked(faults: Sequence[SetUpFault]) -> bool:
 
 
 def set_up_faults(
-    study: Study, rows: Rows, parameters: Mapping[str, Estimate], warnings: Sequence[str]
+    study: Study,
+    rows: Rows,
+    parameters: Mapping[str, Estimate],
+    warnings: Sequence[str],
+    levels: Sequence[LevelShift] = (),
 ) -> tuple[SetUpFault, ...]:
-    """All faults, from the rows and numbers of the calibrated bare model."""
-    found = list(study.faults)
+    """All faults, from the rows and numbers of the calibrated bare model.
+
+    An observable whose level the answer leaves free (`levels`) blocks nothing by its level.
+    """
+    found = [*study.faults, *(fault for shift in levels for fault in level_unit(study, shift))]
     start = values_at_start(study, rows)
     strained = any(number.at_bound or moved_far(study, path, number) for path, number in parameters.items())
     useless = {fault.place for fault in study.faults if fault.blocks}
+    useless |= {fault.place for fault in found if fault.kind == "unit"}
+    free = {shift.observable: shift for shift in levels}
     for name in dict.fromkeys(each for each in rows.observable if each not in useless):
         chosen = np.array([each == name for each in rows.observable])
         units = list(unit_faults(study, name, rows, start, chosen, strained))
-        found += units or offset_faults(name, rows, chosen)
-    found += bound_faults(parameters)
+        found += units or offset_faults(name, rows, chosen, free.get(name))
+    found += bound_faults(study, parameters)
     failed = [words for words in warnings if words.startswith(FAILED)]
     return (*found, *(SetUpFault("failed_runs", "model", words, False) for words in failed))
 
@@ -100,25 +111,29 @@ def unit_faults(
         return
     ratio = np.log(rows.measured[both] / start[both])
     middle, spread = float(np.median(ratio)), float(np.std(ratio))
-    unit = study.problem.measurements.unit[study.problem.measurements.observable.index(name)]
-    for factor, meaning in UNITS.items():
-        angle = factor not in (180.0 / np.pi,) or unit in ANGLES
-        if angle and abs(abs(middle) - log(factor)) < NEAR and spread < EVEN * log(factor):
+    for factor, meaning in unit_factors(study, name):
+        if abs(abs(middle) - log(factor)) < NEAR and spread < EVEN * log(factor):
             words = (
                 f"{name}: measured over modelled values are {ratio_words(rows.measured[both], start[both])}: "
                 f"a factor of {factor:.3g} ({meaning}) in a unit would explain them; "
-                f"the table says [{unit}]: check it there and in the study"
+                f"the table says [{unit_of(study, name)}]: check it there and in the study"
             )
             yield SetUpFault("unit", name, words, True)
             return
 
 
-def offset_faults(name: str, rows: Rows, chosen: Bools) -> Iterator[SetUpFault]:
-    """All rows of an observable lie far off on one side."""
+def offset_faults(
+    name: str, rows: Rows, chosen: Bools, shift: LevelShift | None = None
+) -> Iterator[SetUpFault]:
+    """All rows of an observable lie far off on one side; `shift`: its level, where that is left free."""
     gap = (rows.measured - rows.predicted)[chosen]
     sd = np.hypot(rows.measured_sd, np.nan_to_num(rows.predicted_sd))[chosen]
     off = gap / np.where(sd > 0.0, sd, np.nan)
     if off.size < LEAST_ROWS or not (np.all(off > FAR) or np.all(off < -FAR)):
+        return
+    if shift is not None:
+        words = f"{shift.sentence.rstrip('.')}; what follows leaves this level free"
+        yield SetUpFault("offset", name, words, False)
         return
     side = "above" if off[0] > 0.0 else "below"
     words = (
@@ -130,6 +145,35 @@ def offset_faults(name: str, rows: Rows, chosen: Bools) -> Iterator[SetUpFault]:
     yield SetUpFault("offset", name, words, False)
 
 
+def level_unit(study: Study, shift: LevelShift) -> Iterator[SetUpFault]:
+    """A unit that would explain a free level; the answer is judged beside that level and does not wait."""
+    low, high = shift.low, shift.high
+    if shift.kind != "factor" or not 0.0 < low < high < low * SHARPEST**2:
+        return
+    for factor, meaning in unit_factors(study, shift.observable):
+        if any(log(low) - NEAR < log(each) < log(high) + NEAR for each in (factor, 1.0 / factor)):
+            words = (
+                f"{shift.observable}: measured is {shift.value:.3g} ({low:.3g} to {high:.3g}) times the "
+                f"model; a factor of {factor:.3g} ({meaning}) in a unit would explain most of it: check "
+                f"[{unit_of(study, shift.observable)}] in the table. What follows leaves this level free"
+            )
+            yield SetUpFault("unit", shift.observable, words, False)
+            return
+
+
+def unit_factors(study: Study, name: str) -> Iterator[tuple[float, str]]:
+    """Factors by which the unit of an observable may be wrong: degrees for radians only of an angle."""
+    for factor, meaning in UNITS.items():
+        if factor not in ANGULAR or unit_of(study, name) in ANGLES:
+            yield factor, meaning
+
+
+def unit_of(study: Study, name: str) -> str:
+    """Unit of an observable in the table."""
+    table = study.problem.measurements
+    return table.unit[table.observable.index(name)]
+
+
 def ratio_words(measured: Floats, modelled: Floats) -> str:
     """Range of the ratios of two columns."""
     ratio = measured / np.where(modelled != 0.0, modelled, np.nan)
@@ -137,28 +181,29 @@ def ratio_words(measured: Floats, modelled: Floats) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def bound_faults(parameters: Mapping[str, Estimate]) -> Iterator[SetUpFault]:
+def bound_faults(study: Study, parameters: Mapping[str, Estimate]) -> Iterator[SetUpFault]:
     """Calibrated numbers at a bound of their range."""
+    ranges = {each.path: (each.low, each.high) for each in study.problem.parameters}
     for path, number in parameters.items():
         if number.at_bound:
-            kind = "strength" if path.startswith(EFFECTS) and path.endswith(STRENGTH) else "calibration"
+            bound = min(ranges.get(path, ()), key=lambda end: abs(end - number.value), default=number.value)
             words = (
-                f"{path}: its {kind} ends at the bound of its range ({number.value:.3g}); the answer holds "
-                "for this bound: widen the range, or ask what the number stands in for"
+                f"{path}: its calibration ends at the bound of its range ({bound:.3g}); the answer holds for "
+                "this bound: widen the range, or ask what the number stands in for"
             )
             yield SetUpFault("at_bound", path, words, False)
 
 
 def discovery(study: Study, seed: int, progress: Progress) -> Discovery:
     """The answer of `discover` with the faults of its set-up; where one blocks, nothing is named."""
-    problem, waits = study.problem, blocked(study.faults)
+    start, problem, waits = perf_counter(), study.problem, blocked(study.faults)
     if waits:
         found = nameless_discovery(problem, seed, progress)
     else:
         found = discover(problem, seed, problem.budget, progress)
-    faults = set_up_faults(study, found.rows_before, found.parameters, found.warnings)
+    faults = set_up_faults(study, found.rows_before, found.parameters, found.warnings, found.levels)
     if blocked(faults):
         found = found if waits else nameless_discovery(problem, seed, progress)
         places = [place.sentence for place in found.where if fails(place.p)]
         found = replace(found, verdict="not_testable", sentences=(NOTHING, *places))
-    return replace(found, faults=faults)
+    return replace(found, faults=faults, wall_s=perf_counter() - start)

@@ -106,20 +106,40 @@ def test_what_blocks_is_told_first():
     assert set_up.blocked((replace(small, blocks=False),)) is False
 
 
-def test_a_table_in_the_wrong_unit_is_told_and_nothing_is_named(tmp_path, capsys):
+def in_wrong_unit(folder, transform: str) -> str:
+    """A study of thresholds alone, ten times too large in the table."""
     lines = table_text({"liquid_bridge": 0.2}, 1).splitlines()
     wrong = [
         line.replace(line.split(",")[1], f"{10.0 * float(line.split(',')[1]):.6g}", 1)
         for line in lines
         if line.startswith("threshold_u_star")
     ]
-    (tmp_path / "heap.csv").write_text("\n".join([lines[0], *wrong]) + "\n", encoding="utf-8")
-    text = study_text().replace("[observables.repose_angle]\n", "")
-    (tmp_path / "heap.toml").write_text(text, encoding="utf-8")
-    assert main(["discover", str(tmp_path / "heap.toml"), "--budget", "quick", "--json"]) == 0
+    (folder / "heap.csv").write_text("\n".join([lines[0], *wrong]) + "\n", encoding="utf-8")
+    text = study_text().replace("[observables.repose_angle]\n", "").replace('"log"', f'"{transform}"')
+    (folder / "heap.toml").write_text(text, encoding="utf-8")
+    return str(folder / "heap.toml")
+
+
+def test_a_wrong_unit_is_told_first_and_the_answer_leaves_its_level_free(tmp_path, capsys):
+    study = in_wrong_unit(tmp_path, "log")
+    assert main(["discover", study, "--budget", "quick", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert "a factor of 10" in found["set_up"][0]
+    assert (
+        "a factor of 10 (a power of ten) in a unit would explain most of it: check [m/s]"
+        in found["set_up"][0]
+    )
+    assert found["set_up"][0].endswith("What follows leaves this level free")
+    assert set_up.WAITS not in found["set_up"]
+
+
+def test_a_wrong_unit_blocks_where_the_answer_cannot_leave_its_factor_free(tmp_path, capsys):
+    study = in_wrong_unit(tmp_path, "identity")
+    assert main(["discover", study, "--budget", "quick", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert "a factor of 10 (a power of ten) in a unit would explain them" in found["set_up"][0]
     assert found["set_up"][-1] == set_up.WAITS
     assert (found["verdict"], found["named"], found["group"]) == ("not_testable", [], [])
-    assert main(["compare", str(tmp_path / "heap.toml"), "--budget", "quick"]) == 0
-    assert capsys.readouterr().out.startswith("set-up: threshold_u_star: measured over modelled values are")
+    assert main(["discover", study, "--budget", "quick"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("set-up: threshold_u_star: measured over modelled values are")
+    assert "Mend the set-up first" in printed

@@ -107,4 +107,8 @@ def test_runs_without_a_value_are_told_with_their_reason(ask):
 
 
 def test_a_level_that_is_off_throughout_is_told_with_fine_runs(ask):
-    assert "all 6 rows lie above the calibrated model" in " ".join(ask("fine")["set_up"])
+    found = ask("fine")
+    told = next(fault for fault in found["faults"] if fault["kind"] == "offset")
+    assert told["place"] == "angle_of_repose"
+    assert not told["blocks"]
+    assert told["sentence"] in found["set_up"]
