@@ -5,12 +5,16 @@ import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import typer
 
+from taichi_erosion.cli.text_plot import text_plot
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import terminal_colours, terminal_shades
 from taichi_erosion.run import session as live
@@ -73,15 +77,116 @@ def get_entry(session: Session, words: list[str]) -> str:
     found: Any = resolved(session.scene)
     for key in only(words, "get").split("."):
         if not isinstance(found, dict) or key not in found:
-            entries = ", ".join(found) if isinstance(found, dict) else "none"
-            raise BadInput(f"no entry '{words[0]}'; entries there: {entries}")
+            entries = list(found) if isinstance(found, dict) else []
+            meant = did_you_mean(key, entries)
+            raise BadInput(f"no entry '{words[0]}'{meant}; entries there: {', '.join(entries) or 'none'}")
         found = found[key]
     return f"{words[0]} = {found}"
 
 
 def measure(session: Session, words: list[str]) -> str:
-    lines = [f"{m.name} = {m.value:.5g} {m.unit}" for m in live.measure_now(session).values()]
+    lines = [spoken(each) for each in live.measure_now(session).values()]
     return "\n".join(lines) or "the scene has no measures"
+
+
+def spoken(found: Measurement) -> str:
+    """A measure with its unit; without a value the reason."""
+    if isfinite(found.value):
+        return f"{found.name} = {found.value:.5g} {found.unit}"
+    return f"{found.name}: no value, {found.notes[0] if found.notes else 'the state holds none'}"
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`; did you mean X?` where a known word is close; empty otherwise."""
+    close = get_close_matches(word, list(known), n=1)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def number_now(session: Session, name: str) -> float:
+    """A number of the status, or a measure, in the present state. Raises BadInput for an unknown name."""
+    status = live.session_status(session)
+    if isinstance(status.get(name), (int, float)):
+        return float(status[name])
+    measures = live.measure_now(session)
+    if name not in measures:
+        known = numbers(session)
+        raise BadInput(f"no number '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}")
+    return measures[name].value
+
+
+def numbers(session: Session) -> list[str]:
+    """Names that can be plotted and watched."""
+    status = live.session_status(session)
+    return [name for name, value in status.items() if not isinstance(value, str)] + list(
+        session.scene.measure
+    )
+
+
+def plot(session: Session, words: list[str]) -> str:
+    """Curve of a number over the session so far, in the terminal or as PNG."""
+    if not 1 <= len(words) <= 2:
+        raise BadInput(f"usage: {COMMANDS['plot'].usage}; NAME is one of {', '.join(numbers(session))}")
+    name, *files = words
+    number_now(session, name)
+    samples = [sample for sample in session.samples if name in sample]
+    if not samples:
+        raise BadInput(f"'{name}' has no samples: `watch {name}` before the run keeps them")
+    time, value = ([float(sample[key]) for sample in samples] for key in ("time_s", name))
+    if not files:
+        return text_plot(time, value, name)
+    from taichi_erosion.report.session_figure import curve_png
+
+    return str(live.write_file(session, Path(files[0]), curve_png(time, value, name)))
+
+
+def diff(session: Session, words: list[str]) -> str:
+    """Entries that differ from the scene file, or from a saved state."""
+    if words and words[0] not in session.saved:
+        raise BadInput(f"nothing is saved as '{words[0]}'{did_you_mean(words[0], session.saved)}")
+    before = live.saved_scene(session, words[0]) if words else live.first_scene(session)
+    old, new = (dict(leaves(resolved(scene))) for scene in (before, session.scene))
+    changes = [
+        f"{path}: {old.get(path, 'not set')} -> {new.get(path, 'not set')}"
+        for path in sorted({*old, *new})
+        if old.get(path) != new.get(path)
+    ]
+    return "\n".join(changes) or "no entry was changed"
+
+
+def leaves(table: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted paths and values of all entries below a table."""
+    for key, value in table.items():
+        path = f"{above}.{key}" if above else key
+        if isinstance(value, dict):
+            yield from leaves(value, path)
+        else:
+            yield path, value
+
+
+def watch(session: Session, words: list[str]) -> str:
+    """Print numbers while the scene runs, at every check, until `watch off`."""
+    if words == ["off"]:
+        session.watched.clear()
+        return "watching nothing"
+    for name in words:
+        number_now(session, name)
+    session.watched[:] = dict.fromkeys([*session.watched, *words])
+    return f"watching {', '.join(session.watched) or 'nothing'}"
+
+
+def sample(session: Session) -> None:
+    """Keep the numbers of this check for `plot`, and print those that are watched."""
+    now: dict[str, float] = {
+        name: float(value)
+        for name, value in live.session_status(session).items()
+        if not isinstance(value, str)
+    }
+    now |= {name: number_now(session, name) for name in session.watched if name not in now}
+    session.samples[:] = [each for each in session.samples if each["time_s"] < now["time_s"]]
+    session.samples.append(now)
+    if session.watched:
+        values = "  ".join(f"{name} {now[name]:.5g}" for name in session.watched)
+        typer.echo(f"{now['time_s']:.6g} s  {values}")
 
 
 def status(session: Session) -> str:
@@ -135,6 +240,9 @@ COMMANDS = {
     "set": LiveCommand("set PATH VALUE", "change an entry of the scene during the run", set_entry),
     "get": LiveCommand("get PATH", "show an entry of the scene", get_entry),
     "measure": LiveCommand("measure", "evaluate the scene's measures now", measure),
+    "plot": LiveCommand("plot NAME [FILE]", "curve of a number so far, here or as PNG", plot),
+    "watch": LiveCommand("watch NAME... | watch off", "print numbers while the scene runs", watch),
+    "diff": LiveCommand("diff [NAME]", "entries changed since the scene file, or since a saved state", diff),
     "status": LiveCommand("status", "time, grains, energies", lambda session, words: status(session)),
     "show": LiveCommand("show", "a small picture and the numbers", show),
     "snapshot": LiveCommand(
@@ -157,7 +265,8 @@ def execute(session: Session, line: str) -> str:
     if not words:
         return ""
     if words[0] not in COMMANDS:
-        raise BadInput(f"'{words[0]}' is not a command; the commands are {', '.join(COMMANDS)}")
+        meant = did_you_mean(words[0], COMMANDS)
+        raise BadInput(f"'{words[0]}' is not a command{meant}; the commands are {', '.join(COMMANDS)}")
     text = COMMANDS[words[0]].run(session, words[1:])
     session.history.append(line.strip())
     return text
@@ -195,6 +304,8 @@ def enable_completion(session: Session) -> None:
 def read_commands(session: Session, lines: Iterable[str], is_strict: bool) -> None:
     """Run line after line and print the texts; an error ends a strict session, and is printed otherwise."""
     for line in lines:
+        if is_strict and line.strip():
+            typer.echo(f"{PROMPT}{line.strip()}")
         if line.strip() == "quit":
             return
         try:
@@ -212,6 +323,7 @@ def read_commands(session: Session, lines: Iterable[str], is_strict: bool) -> No
 def run_prompt(session: Session, path: Path, viewer: str | None) -> None:
     """Run commands to the end of the input, with a growing recording for a viewer."""
     recorder = live.record_session(session, path, viewer)
+    session.callbacks.append(sample)
     try:
         read_commands(session, input_lines(session), is_strict=not sys.stdin.isatty())
     finally:

@@ -344,9 +344,14 @@ def film_frame(
 
 def write_png(path: Path, image: Image) -> Path:
     """Write one picture; the same image gives the same bytes."""
+    return write_atomic(path, png_bytes(image))
+
+
+def png_bytes(image: Image) -> bytes:
+    """One picture as PNG."""
     import imageio.v3 as imageio
 
-    return write_atomic(path, imageio.imwrite("<bytes>", image, extension=".png"))
+    return imageio.imwrite("<bytes>", image, extension=".png")
 
 
 def write_gif(path: Path, frames: Iterable[Image], frame_duration: float = 0.05) -> Path:

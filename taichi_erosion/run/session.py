@@ -20,11 +20,12 @@ from typing import Any
 from taichi_erosion import simulation
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.files import marked_png, refuse_foreign, write_atomic
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import pictures, stream
-from taichi_erosion.recording.pictures import SideView, write_png
+from taichi_erosion.recording.pictures import SideView, png_bytes
 from taichi_erosion.run.checks import EffectFiles, library_of, named_effects, read_scene
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
@@ -67,6 +68,8 @@ class Session:
     history: list[str] = field(default_factory=list)
     saved: dict[str, tuple[dict[str, Any], float, int, tuple[str, ...]]] = field(default_factory=dict)
     callbacks: list[Callable[["Session"], None]] = field(default_factory=list)  # after each check interval
+    samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each check so far
+    watched: list[str] = field(default_factory=list)  # names of numbers that are printed at each check
     effect_files: EffectFiles = ()  # beside those that the scene names
 
     @property
@@ -251,8 +254,24 @@ def close_view(state: Snapshot) -> SideView:
 
 
 def write_picture(session: Session, path: Path) -> Path:
-    """Write the side picture as PNG."""
-    return write_png(path, side_picture(session, is_lettered=True))
+    """Write the side picture as PNG. Raises BadInput where a file of something else has the name."""
+    return write_file(session, path, png_bytes(side_picture(session, is_lettered=True)))
+
+
+def write_file(session: Session, path: Path, picture: bytes) -> Path:
+    """Write a PNG of this session; one of another scene, or a file of the user, stays."""
+    refuse_foreign(path, session.path)
+    return write_atomic(path, marked_png(path, session.path, picture))
+
+
+def first_scene(session: Session) -> Scene:
+    """The scene as its file has it."""
+    return read_scene(session.path, (), session.effect_files)
+
+
+def saved_scene(session: Session, name: str) -> Scene:
+    """The scene as it was when a state was saved."""
+    return read_scene(session.path, session.saved[name][3], session.effect_files)
 
 
 def record_session(session: Session, path: Path, viewer: str | None = None) -> Recorder:

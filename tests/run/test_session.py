@@ -217,3 +217,58 @@ def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tm
     times, recorded = read_series(close(recorder.recording), "transport/flux")
     assert recorded[-1] == recorded.max() > 0.0
     assert times[-1] == pytest.approx(0.008, abs=2.0 * session.time_step)
+
+
+def test_watched_numbers_are_printed_and_kept_for_a_plot(session, capsys, tmp_path) -> None:
+    assert prompt.execute(session, "watch kinetic_J pile_height") == "watching kinetic_J, pile_height"
+    session.callbacks.append(prompt.sample)
+    run_for(session, 3.0 * session.scene.run.check_interval)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3
+    assert "kinetic_J" in lines[0]
+    assert "pile_height" in lines[0]
+    drawn = prompt.execute(session, "plot kinetic_J")
+    assert drawn.startswith("kinetic_J")
+    assert "*" in drawn
+    assert prompt.execute(session, "watch off") == "watching nothing"
+    picture = tmp_path / "curve.png"
+    assert prompt.execute(session, f"plot kinetic_J {picture}") == str(picture)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    picture.write_text("mine")
+    with pytest.raises(BadInput, match="this program did not write it"):
+        prompt.execute(session, f"plot kinetic_J {picture}")
+
+
+def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) -> None:
+    path = "contact.grain-grain.friction_rolling"
+    assert "grains.count: " in prompt.execute(session, "diff"), "what --set changed is a difference too"
+    save(session, "before")
+    set_entry(session, path, "0.3")
+    assert prompt.execute(session, "diff before") == f"{path}: 0.12 -> 0.3"
+    with pytest.raises(BadInput, match="did you mean before"):
+        prompt.execute(session, "diff befor")
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("mesure", "did you mean measure?"),
+        ("get contact.grain-grian", "did you mean grain-grain?"),
+        ("watch kinetc_J", "did you mean kinetic_J?"),
+    ],
+)
+def test_a_typing_error_is_answered_with_the_nearest_word(session, line, meant) -> None:
+    with pytest.raises(BadInput, match=meant.replace("?", r"\?")):
+        prompt.execute(session, line)
+
+
+def test_a_measure_without_a_value_says_why(session) -> None:
+    told = prompt.execute(session, "measure")
+    assert "nan" not in told
+    assert ": no value, " in told
+
+
+def test_commands_of_a_pipe_are_echoed_and_comments_are_kept(session, capsys) -> None:
+    prompt.read_commands(session, ["# begin", "", "get grains.count", "quit"], is_strict=True)
+    out = capsys.readouterr().out.splitlines()
+    assert out == ["erosion> # begin", "erosion> get grains.count", "grains.count = 60", "erosion> quit"]
