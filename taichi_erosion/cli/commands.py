@@ -310,7 +310,7 @@ def repose(
     check_writable(picture)
     options = given(crop=None if crop is None else rectangle(crop), background=background)
     record = measure_photograph(image, **options)
-    from taichi_erosion.report.photograph_figure import draw_detection
+    from taichi_erosion.report.pictures.photograph import draw_detection
 
     record |= {"picture": str(draw_detection(image, record, picture))}
     output.print_result(record, as_json, output.print_measurement)

@@ -134,7 +134,7 @@ def plot(session: Session, words: list[str]) -> str:
     time, value = ([float(sample[key]) for sample in samples] for key in ("time_s", name))
     if not files:
         return text_plot(time, value, name)
-    from taichi_erosion.report.session_figure import curve_png
+    from taichi_erosion.report.pictures.session import curve_png
 
     return str(live.write_file(session, Path(files[0]), curve_png(time, value, name)))
 

@@ -13,7 +13,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.photograph import measure_photograph
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.measures.silhouette import PIXELS_PER_GRAIN, draw_silhouette
-from taichi_erosion.report.photograph_figure import WIDTH, draw_detection
+from taichi_erosion.report.pictures.photograph import WIDTH, draw_detection
 from tests.measures.heaps import DIAMETER, cone, snapshot_of
 
 ROWS, COLUMNS, BASE, HALF_WIDTH = 420, 640, 360, 240  # px

@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import documents
 from taichi_erosion.evidence.answers.adopt import adopt
-from taichi_erosion.evidence.answers.adopted_files import refuse_foreign_files, write_adopted_files
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.documents import Command, Document
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
@@ -35,6 +34,7 @@ from taichi_erosion.evidence.answers.set_up import (
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, HypothesisFit, SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
+from taichi_erosion.evidence.models.adopted_files import refuse_foreign_files, write_adopted_files
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, StudyOptions, load_study
 
 COST = ("runs", "wall_s")

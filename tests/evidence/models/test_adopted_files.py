@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.adopted_files import write_adopted_files
 from taichi_erosion.evidence.data.findings import Adoption, Estimate, HypothesisFit, Rows
 from taichi_erosion.evidence.data.problem import Candidate
+from taichi_erosion.evidence.models.adopted_files import write_adopted_files
 from taichi_erosion.run.checks import read_scene
 
 SCENE = Path(__file__).resolve().parents[3] / "scenes" / "column_collapse.toml"
