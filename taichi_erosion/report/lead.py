@@ -1,25 +1,21 @@
 """First sentences of the page of a study: where the model fails, what is missing, how far the error falls."""
 
-from collections.abc import Iterator, Mapping
-
-import numpy as np
+from collections.abc import Iterator, Mapping, Sequence
 
 from taichi_erosion.evidence.inference.levels import HELD_OUT_MISFIT, HELD_OUT_SHARE, fails
 from taichi_erosion.report.evidence_results import Document, Results, layers
-from taichi_erosion.report.figures import numbers
-from taichi_erosion.report.measured_table import Condition
 from taichi_erosion.report.plain_words import (
     EVERYWHERE,
-    Stretch,
+    between,
     condition_words,
     effect_words,
-    failing_stretch,
     listed,
     short,
     with_unit,
     words_of,
 )
 
+BESIDE = 1e-6  # of a level: closer numbers are one level
 LEVEL = "level"  # axis of a misfit of an observable as a whole
 AGREES = "The calibrated model agrees with the measurements."
 
@@ -39,13 +35,15 @@ def failure_sentence(found: Results) -> str:
             if fails(whole)
             else AGREES
         )
-    stretch, subject = stretch_of(found, place), EVERYWHERE
-    words = words_of(place["observable"])
-    if stretch is None:
+    words, axis = words_of(place["observable"]), place["axis"]
+    told = [
+        (stretch["sign"], subject_words(found, place["observable"], axis, stretch))
+        for stretch in place.get("stretches", ())
+    ]
+    parts = [f"{subject} {words.above if sign > 0 else words.below}" for sign, subject in told]
+    if not parts:
         return f"{place['sentence'].rstrip('.')}."
-    if place["axis"] != LEVEL:
-        subject = stretch_words(found.table.condition(place["axis"]), stretch)
-    return f"{subject} {words.above if stretch.sign > 0 else words.below}."
+    return "; ".join([parts[0], *(part[0].lower() + part[1:] for part in parts[1:])]) + "."
 
 
 def worst_place(found: Results) -> Document | None:
@@ -55,32 +53,31 @@ def worst_place(found: Results) -> Document | None:
     return next(iter(along or failing), None)
 
 
-def stretch_of(found: Results, place: Document) -> Stretch | None:
-    """Part of a condition where the model fails, in the unit of the table."""
-    rows = layers(found)[0].fitted
-    chosen = [k for k, name in enumerate(rows["observable"]) if name == place["observable"]]
-    residual = numbers([rows["residual"][k] for k in chosen])
-    if place["axis"] == LEVEL:
-        return Stretch(1 if np.nansum(residual) > 0.0 else -1, None, None)
-    condition = found.table.condition(place["axis"])
-    column = rows["conditions"].get(place["axis"])
-    return (
-        None
-        if column is None
-        else failing_stretch([condition.shown(column[k]) for k in chosen], list(residual))
-    )
-
-
-def stretch_words(condition: Condition, stretch: Stretch) -> str:
-    """`Grains finer than 0.23 mm`."""
-    words = condition_words(condition.name, condition.path)
+def subject_words(found: Results, observable: str, axis: str, stretch: Document) -> str:
+    """Samples of a stretch, such as `Grains finer than 0.23 mm`."""
+    if stretch["low"] is None and stretch["high"] is None:
+        return EVERYWHERE
+    condition, rows = found.table.condition(axis), layers(found)[0].fitted
+    column = rows["conditions"].get(axis, ())
+    pairs = zip(rows["observable"], column, strict=False)
+    levels = [condition.shown(value) for name, value in pairs if name == observable and value is not None]
     ends = {
-        key: with_unit(f"{end:.3g}", condition.unit)
-        for key, end in (("low", stretch.low), ("high", stretch.high))
-        if end is not None
+        side: with_unit(f"{boundary(condition.shown(stretch[side]), levels, side):.3g}", condition.unit)
+        for side in ("low", "high")
+        if stretch[side] is not None
     }
+    words = condition_words(condition.name, condition.path)
     form = words.middle if len(ends) == 2 else words.high if "low" in ends else words.low
     return form.format(**ends)
+
+
+def boundary(end: float, levels: Sequence[float], side: str) -> float:
+    """Short number between the end of a stretch and the next measured level beyond it."""
+    slack = BESIDE * abs(end)
+    beyond = [level for level in levels if (level < end - slack if side == "low" else level > end + slack)]
+    if not beyond:
+        return end
+    return between(end, max(beyond) if side == "low" else min(beyond))
 
 
 def answer_sentences(found: Results) -> Iterator[str]:

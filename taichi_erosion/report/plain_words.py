@@ -1,11 +1,9 @@
 """Words of a laboratory for observables, conditions, effects and numbers."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, isfinite, log10
 from typing import Any
-
-import numpy as np
 
 Record = Mapping[str, Any]
 
@@ -26,15 +24,6 @@ class ConditionWords:
     low: str
     high: str
     middle: str
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Part of a condition in which measured values lie to one side of the model; an open end is None."""
-
-    sign: int  # +1: measured above the model
-    low: float | None
-    high: float | None
 
 
 WIND = ObservableWords(
@@ -71,8 +60,6 @@ CONDITIONS = {
 }
 EVERYWHERE = "The samples"
 ROUNDING = 1e-12  # of a middle that lies on a half digit
-MOST_LEVELS = 60  # of a condition, up to which a stretch in its middle is looked for
-RESOLVED = 1.0  # sd by which the mean of one level may lie to the other side within a stretch
 
 
 def words_of(observable: str) -> ObservableWords:
@@ -117,40 +104,6 @@ def short(value: float, digits: int = 2) -> str:
 def with_unit(text: str, unit: str) -> str:
     """Number and unit; a pure number stands alone."""
     return text if unit in ("", "1", "-") else f"{text} {unit}"
-
-
-def failing_stretch(levels: Sequence[float], residuals: Sequence[float]) -> Stretch | None:
-    """Stretch of a condition that holds most of the misfit, None where no stretch lies to one side.
-
-    The mean residual of the stretch, in standard errors, is largest; none of its levels lies clearly to the
-    other side.
-    """
-    x, residual = np.asarray(levels, dtype=float), np.asarray(residuals, dtype=float)
-    known = np.isfinite(x) & np.isfinite(residual)
-    order, which = np.unique(x[known], return_inverse=True)
-    total = np.bincount(which, residual[known], minlength=order.size)
-    count = np.bincount(which, minlength=order.size)
-    best, found = 0.0, None
-    for first, last in stretches(order.size):
-        part = slice(first, last + 1)
-        score = float(total[part].sum() / np.sqrt(count[part].sum()))
-        sign = 1 if score > 0.0 else -1
-        if abs(score) > best and np.all(sign * total[part] / np.sqrt(count[part]) > -RESOLVED):
-            best, found = abs(score), (first, last, sign)
-    if found is None:
-        return None
-    first, last, sign = found
-    low = None if first == 0 else between(float(order[first]), float(order[first - 1]))
-    high = None if last == order.size - 1 else between(float(order[last]), float(order[last + 1]))
-    return Stretch(sign, low, high)
-
-
-def stretches(count: int) -> Iterator[tuple[int, int]]:
-    """First and last level of every stretch but the whole; of many levels only those at an end."""
-    yield from ((0, last) for last in range(count - 1))
-    yield from ((first, count - 1) for first in range(1, count))
-    if count <= MOST_LEVELS:
-        yield from ((first, last) for first in range(1, count - 1) for last in range(first, count - 1))
 
 
 def between(inside: float, outside: float) -> float:

@@ -1,42 +1,38 @@
 """Words of a laboratory: stretches of a condition, names, digits."""
 
-import numpy as np
 import pytest
 
-from taichi_erosion.report.lead import stretch_words
-from taichi_erosion.report.measured_table import Condition
-from taichi_erosion.report.plain_words import Stretch, between, failing_stretch, short, words_of
+from taichi_erosion.report.lead import subject_words
+from taichi_erosion.report.measured_table import Condition, MeasuredTable
+from taichi_erosion.report.plain_words import between, short, words_of
 from taichi_erosion.report.strength_words import engineering, leaves
 
 DIAMETER = Condition("diameter", "grains.size.diameter", "mm", 1e-3)
 
 
-def test_the_stretch_with_most_misfit_is_found_and_its_end_lies_between_two_levels():
-    levels = [0.1, 0.1, 0.2, 0.4, 0.8, 1.6]
-    found = failing_stretch(levels, [5.0, 4.0, 3.0, -0.5, 0.3, -0.8])
-    assert found == Stretch(1, None, 0.3)
-    assert stretch_words(DIAMETER, found) == "Grains finer than 0.3 mm"
+class Study:
+    """Results of a study whose diameters were measured at these levels, as far as a sentence needs them."""
+
+    table = MeasuredTable({"diameter": DIAMETER})
+    discovery = adoption = None
+
+    def __init__(self, *levels: float) -> None:
+        conditions = {"diameter": [1e-3 * level for level in levels]}
+        self.comparison = {"rows": {"observable": ["angle"] * len(levels), "conditions": conditions}}
 
 
-def test_a_stretch_holds_no_level_that_lies_clearly_on_the_other_side():
-    # the whole lower half is too high on average, but at its end the model is too low by 3 sd
-    found = failing_stretch([1.0, 2.0, 3.0, 4.0], [-9.0, -8.0, 3.0, 0.0])
-    assert found == Stretch(-1, None, 2.5)
-
-
-def test_a_misfit_in_the_middle_is_told_with_both_ends():
-    found = failing_stretch([1.0, 2.0, 3.0, 4.0], [0.1, 6.0, -0.2, 0.1])
-    assert stretch_words(DIAMETER, found) == "Grains of 1.5 mm to 2.5 mm"
-
-
-def test_no_residual_is_no_stretch():
-    assert failing_stretch([1.0, np.nan], [np.nan, 3.0]) is None
-    assert failing_stretch([], []) is None
-
-
-def test_many_levels_take_no_long_time():
-    x = np.linspace(0.0, 1.0, 5000)
-    assert failing_stretch(list(x), list(np.where(x > 0.9, 3.0, 0.0))).low == pytest.approx(0.9, abs=0.01)
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (None, 0.2e-3, "Grains finer than 0.3 mm"),
+        (0.4e-3, None, "Grains coarser than 0.3 mm"),
+        (0.2e-3, 0.4e-3, "Grains of 0.15 mm to 0.6 mm"),
+        (None, None, "The samples"),
+    ],
+)
+def test_the_ends_of_a_stretch_lie_between_two_measured_levels(low, high, words):
+    stretch = {"sign": 1, "low": low, "high": high}
+    assert subject_words(Study(0.1, 0.2, 0.4, 0.8), "angle", "diameter", stretch) == words
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,15 @@ class ObservableMisfit:
 
 
 @dataclass(frozen=True)
+class Stretch:
+    """Part of a condition, ends included, in which measured values lie to one side of the model."""
+
+    sign: int  # +1: measured above the model
+    low: float | None  # in the unit of the model; None for an end of what was measured
+    high: float | None
+
+
+@dataclass(frozen=True)
 class MisfitPlace:
     """A place where the model fails."""
 
@@ -54,6 +63,7 @@ class MisfitPlace:
     axis: str  # a condition, or "level" for the observable as a whole
     p: float  # Holm-adjusted over all places looked at [1]
     sentence: str
+    stretches: tuple[Stretch, ...] = ()  # where and in which direction, a trend at both its ends
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from taichi_erosion.evidence.data.findings import (
     ObservableNoise,
     RowMisfit,
     Rows,
+    Stretch,
 )
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Floats
@@ -102,13 +103,14 @@ def structure_p(left: ProjectedResidual, factor: Floats) -> float:
 def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[MisfitPlace, ...]:
     """Every observable as a whole and along each condition, worst first, with its adjusted chance."""
     left = projected_residual(prepared, expansion)
-    found: list[tuple[str, str, float, str]] = []
+    found: list[tuple[str, str, float, str, tuple[Stretch, ...]]] = []
     for observable, rows in prepared.by_observable():
         if observable.name not in prepared.levels:
             level = rows.astype(float)[:, np.newaxis] / prepared.sd[:, np.newaxis]
             p = structure_p(left, level / np.linalg.norm(level))
-            low = float(np.sum(left.free[rows] / prepared.sd[rows])) > 0.0
-            found.append((observable.name, LEVEL_AXIS, p, f"too {'low' if low else 'high'} as a whole"))
+            sign = 1 if float(np.sum(left.free[rows] / prepared.sd[rows])) > 0.0 else -1
+            whole = (Stretch(sign, None, None),)
+            found.append((observable.name, LEVEL_AXIS, p, f"{direction(sign)} as a whole", whole))
         for name, column in prepared.rows.conditions.items():
             axis = standard_axis(column[rows])
             if axis is None:
@@ -117,11 +119,12 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
             factor = np.zeros((prepared.rows.size, axis.size))
             factor[rows] = vectors * np.sqrt(np.maximum(values, 0.0))
             words = failing_range(name, column[rows], left.free[rows])
-            found.append((observable.name, name, structure_p(left, factor), words))
-    adjusted = holm([p for _, _, p, _ in found])
+            where = failing_stretches(column[rows], left.free[rows])
+            found.append((observable.name, name, structure_p(left, factor), words, where))
+    adjusted = holm([p for _, _, p, *_ in found])
     places = [
-        MisfitPlace(name, axis, p, place_sentence(name, axis, words, p))
-        for (name, axis, _, words), p in zip(found, adjusted, strict=True)
+        MisfitPlace(name, axis, p, place_sentence(name, axis, words, p), where)
+        for (name, axis, _, words, where), p in zip(found, adjusted, strict=True)
     ]
     return tuple(sorted(places, key=lambda place: place.p))
 
@@ -168,15 +171,34 @@ def axis_bins(column: Floats, free: Floats) -> list[AxisBin]:
 def failing_range(axis: str, column: Floats, free: Floats) -> str:
     """Where along an axis the model fails, and in which direction: a trend, or one range."""
     bins = axis_bins(column, free)
+    runs = failing_runs(bins)
+    words = " and ".join(f"{direction(bins[run[0]].size)} {range_words(axis, bins, run)}" for run in runs)
+    if len(runs) == 1:
+        return words
+    way = "rises" if bins[-1].size > 0.0 else "falls"
+    return f"{words}: measured {way} with {axis}, and the model does not follow"
+
+
+def failing_runs(bins: list[AxisBin]) -> list[tuple[int, int]]:
+    """First and last bin of the range in which the model fails; of a trend those at both ends."""
     first, last = bins[0].size, bins[-1].size
     opposite = first * last < 0.0 and max(abs(first), abs(last)) > 2.0 * TREND_END
     if opposite and min(abs(first), abs(last)) > TREND_END:
-        ends = [f"{direction(first)} {range_words(axis, bins, run_from(bins, 0))}"]
-        ends.append(f"{direction(last)} {range_words(axis, bins, run_from(bins, len(bins) - 1))}")
-        way = "rises" if last > 0.0 else "falls"
-        return f"{' and '.join(ends)}: measured {way} with {axis}, and the model does not follow"
-    worst = int(np.argmax([abs(each.size) for each in bins]))
-    return f"{direction(bins[worst].size)} {range_words(axis, bins, run_from(bins, worst))}"
+        return [run_from(bins, 0), run_from(bins, len(bins) - 1)]
+    return [run_from(bins, int(np.argmax([abs(each.size) for each in bins])))]
+
+
+def failing_stretches(column: Floats, free: Floats) -> tuple[Stretch, ...]:
+    """The same as numbers."""
+    bins = axis_bins(column, free)
+    return tuple(
+        Stretch(
+            1 if bins[first].size > 0.0 else -1,
+            None if first == 0 else bins[first].low,
+            None if last == len(bins) - 1 else bins[last].high,
+        )
+        for first, last in failing_runs(bins)
+    )
 
 
 def direction(residual: float) -> str:
