@@ -102,6 +102,7 @@ def page_fields(found: Results) -> dict[str, Any]:
         "residuals": study_figures.residual_pictures(panels(found)),
         "effects": ranked_effects(found.discovery),
         "statuses": STATUSES,
+        "levels": level_sentences(found),
         "strengths": list(strength_words(found, read_evidence_study(found.study)).items()),
         "groups": groups(found.discovery),
         "clues": [clue["sentence"] for clue in found.discovery["clues"]] if found.discovery else [],
@@ -215,6 +216,12 @@ def answers(found: Results) -> list[str]:
         )
         return [verdict, *sentences]
     return sentences
+
+
+def level_sentences(found: Results) -> list[str]:
+    """Offsets of code or instrument with which the models are drawn."""
+    told = found.discovery or found.comparison or {}
+    return [level["sentence"] for level in told.get("levels", ())]
 
 
 def vault_sentences(found: Results) -> Iterator[str]:

@@ -108,12 +108,13 @@ def points_of(panel: Panel, rows: Record) -> Points:
     kept = sorted((place for place in places if isfinite(x[place])), key=lambda place: x[place])
     get = {key: numbers(rows[key])[kept] for key in ("measured", "measured_sd", "predicted")}
     spread = rows.get("model_sd") or rows["predicted_sd"]
+    shift = rows.get("shift") or [0.0] * len(spread)
     return Points(
         x=np.array([x[place] for place in kept]),
         series=tuple(series_of(panel, rows, place) for place in kept),
         measured=get["measured"],
         error=HALF_WIDTH * np.nan_to_num(get["measured_sd"]),
-        model=get["predicted"],
+        model=get["predicted"] + np.nan_to_num(numbers(shift)[kept]),
         band=HALF_WIDTH * np.nan_to_num(numbers(spread)[kept]),
         rows=tuple(kept),
     )
@@ -285,7 +286,8 @@ def row_text(panel: Panel, kind: str, rows: Record, place: int) -> str:
     for layer in panel.layers:
         table = layer.held if kind == "held" else layer.fitted
         if table and place < len(table["predicted"]) and table["predicted"][place] is not None:
-            lines.append(f"{layer.label}: {short(table['predicted'][place], 3)}")
+            shift = (table.get("shift") or {place: 0.0})[place] or 0.0
+            lines.append(f"{layer.label}: {short(table['predicted'][place] + shift, 3)}")
     if behind:
         word = "row" if len(behind) == 1 else "rows"
         repeats = sum(row.n or 1 for row in behind)
@@ -317,14 +319,10 @@ def draw_residuals(panel: Panel) -> Figure:
     for layer in panel.layers[:2]:
         points = points_of(panel, layer.fitted)
         x, gap = points.x, points.measured - points.model
+        simulated = np.nan_to_num(numbers(layer.fitted["predicted_sd"])[list(points.rows)])
+        error = np.hypot(points.error, HALF_WIDTH * simulated)  # the errors on which p rests
         frame.errorbar(
-            x,
-            gap,
-            points.error,
-            fmt="none",
-            ecolor=COLOURS[layer.key],
-            elinewidth=0.8,
-            gid=f"layer:{layer.key}",
+            x, gap, error, fmt="none", ecolor=COLOURS[layer.key], elinewidth=0.8, gid=f"layer:{layer.key}"
         )
         (line,) = frame.plot(x, gap, "o", ms=4.0, color=COLOURS[layer.key])
         line.set_gid(f"rows:{layer.key}")

@@ -19,6 +19,7 @@ FIGURES = (
     "predicted_sd",
     "residual",
     "model_sd",
+    "shift",
 )  # columns of `Rows`
 
 
@@ -102,6 +103,7 @@ class Rows:
     predicted_sd: Floats  # standard error of the simulated mean
     residual: Floats  # whitened: in standard deviations
     model_sd: Floats  # standard error of `predicted`: calibrated numbers, strengths, simulated mean
+    shift: Floats  # of `predicted` by errors that rows share, at their best; 0 where it is shifted already
 
     def select(self, chosen: Bools) -> "Rows":
         """Some rows of the table."""

@@ -247,6 +247,15 @@ def calibration_covariance(prepared: PreparedProblem, expansion: Expansion) -> F
     return part.covariance()[: slopes.shape[1], : slopes.shape[1]]
 
 
+def shared_shift(prepared: PreparedProblem, expansion: Expansion) -> Floats:
+    """Change of the mean by instruments' errors and free levels at their best; not by errors of the model."""
+    work = prepared.working(expansion.mean)
+    shared, count = expansion.shared, prepared.rows.shared.shape[1]
+    part = projection(np.zeros((work.residual.size, 0)), shared * (work.weight / prepared.sd)[:, np.newaxis])
+    sizes = part.solve(np.concatenate([work.residual, np.zeros(shared.shape[1])]))
+    return shared[:, :count] @ sizes[:count]
+
+
 def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floats | None = None) -> Rows:
     """Measured beside predicted, in the observables' own units.
 
@@ -254,20 +263,21 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floa
     residuals are those with shared errors at their best, as in every chi2.
     """
     if covariance is None:
-        residual = projected_residual(prepared, expansion).whole
+        residual, shift = projected_residual(prepared, expansion).whole, shared_shift(prepared, expansion)
     else:
-        residual = prepared.working(expansion.mean).residual
+        residual, shift = prepared.working(expansion.mean).residual, np.zeros(prepared.rows.size)
     rows = prepared.rows
     covariance = calibration_covariance(prepared, expansion) if covariance is None else covariance
     slopes = np.hstack([expansion.local, expansion.jacobian])
     calibrated = np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0)
-    measured, predicted = np.empty(rows.size), np.empty(rows.size)
+    measured, predicted, shifted = (np.empty(rows.size) for _ in range(3))
     for observable, chosen in prepared.by_observable():
         measured[chosen] = from_scale(observable, rows.z[chosen])
         predicted[chosen] = from_scale(observable, expansion.mean[chosen])
+        shifted[chosen] = from_scale(observable, (expansion.mean + shift)[chosen])
     steep = np.where(rows.slope > 0.0, rows.slope, np.nan)
-    shared = np.sum(rows.shared**2, axis=1)
-    own = np.sum(expansion.shared**2, axis=1) - shared  # of the model itself
+    shared = np.sum(rows.shared[:, len(prepared.levels) :] ** 2, axis=1)  # a free level is no error bar
+    own = np.sum(expansion.shared[:, rows.shared.shape[1] :] ** 2, axis=1)  # of the model itself
     simulated = np.maximum(prepared.variance - rows.variance + own, 0.0)
     return Rows(
         observable=tuple(rows.observables[i].name for i in rows.which),
@@ -279,6 +289,7 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floa
         predicted_sd=np.sqrt(simulated) / steep,
         residual=residual,
         model_sd=np.sqrt(calibrated + simulated) / steep,
+        shift=shifted - predicted,
     )
 
 

@@ -7,7 +7,7 @@ from taichi_erosion.evidence.answers.adopt import on_common_rows
 from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit, Rows
 
-NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 6)
+NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 7)
 
 
 def fit(chi2: float, *effects: str, rows: Rows | None = None) -> HypothesisFit:
@@ -23,6 +23,7 @@ def table(*residual: float) -> Rows:
         column,
         column,
         0.0 * column,
+        column,
         column,
         column,
         column,
