@@ -290,7 +290,9 @@ def nearest_hypothesis(found: Analysis) -> NearestHypothesis | None:
     share, item = max(tried, key=lambda pair: pair[0], default=(0.0, found.fitted.base))
     if share < levels.REPORTED_CLOSEST:
         return None
-    return NearestHypothesis(item.names, share, goodness_of_fit.misfit_p(prepared, item.expansion))
+    strengths = strength_estimates(prepared, item.scored)
+    ends = tuple(name for name, strength in strengths.items() if strength.at_bound)
+    return NearestHypothesis(item.names, share, goodness_of_fit.misfit_p(prepared, item.expansion), ends)
 
 
 def bound_warnings(found: Analysis) -> list[str]:

@@ -18,7 +18,15 @@ import numpy as np
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Adoption, Discovery, RowMisfit, VaultErrors
+from taichi_erosion.evidence.data.findings import (
+    NONE,
+    OUTSIDE,
+    Adoption,
+    Discovery,
+    NearestHypothesis,
+    RowMisfit,
+    VaultErrors,
+)
 from taichi_erosion.evidence.inference import levels
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.measures.result import without_nan
@@ -52,12 +60,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
             f"With {names} the calibration still drives {numbers} to the end of its range: check that range, "
             "and units, before the name."
         )
-    if found.nearest is not None:
-        names, chance = " and ".join(found.nearest.names), levels.p_text(found.nearest.p)
-        sentences.append(
-            f"Of the list, {names} comes closest: it takes away {found.nearest.explained:.0%} of the misfit "
-            f"beyond chance ({chance} of what it leaves)."
-        )
+    sentences += nearest_sentences(found.nearest)
     if found.verdict == "outside_library":
         sentences += row_sentences(found.worst_row)
     sentences += [
@@ -69,6 +72,21 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
     if found.decoy_rank == 1 and found.named:
         sentences.append(RED_FLAG)
     return *sentences, rival_sentence(found)
+
+
+def nearest_sentences(nearest: NearestHypothesis | None) -> list[str]:
+    """The explanation of the list that comes closest where none suffices, and whether it ends at a maximum."""
+    if nearest is None:
+        return []
+    names, chance = " and ".join(nearest.names), levels.p_text(nearest.p)
+    told = [
+        f"Of the list, {names} comes closest: it takes away {nearest.explained:.0%} of the misfit "
+        f"beyond chance ({chance} of what it leaves)."
+    ]
+    if nearest.at_maximum:
+        ends = " and ".join(nearest.at_maximum)
+        told.append(f"There {ends} ends at the largest strength that the list allows: raise its `max`.")
+    return told
 
 
 def verdict_sentence(found: Discovery) -> str:

@@ -286,6 +286,7 @@ class NearestHypothesis:
     names: tuple[str, ...]
     explained: float  # share of the misfit beyond chance [1]
     p: float  # of the misfit that it leaves
+    at_maximum: tuple[str, ...] = ()  # its effects at the largest strength that the list allows
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -144,3 +144,12 @@ def test_residuals_are_those_of_the_misfit():
     parts = sum(each.chi2 for each in found.observables.values())
     assert parts == pytest.approx(found.chi2, rel=0.1)  # the shared errors themselves are the difference
     assert np.abs(found.rows.residual).max() < 4.0
+
+
+def test_an_effect_beyond_its_maximum_is_told_as_one():
+    found = answer(heap_problem({"bridge": 4.0}))  # of 3 at most
+    assert found.verdict == "outside_library"
+    assert found.nearest is not None
+    assert "bridge" in found.nearest.at_maximum
+    assert any("largest strength that the list allows" in sentence for sentence in found.sentences)
+    assert any("no one or two effects of the list" in sentence for sentence in found.sentences)
