@@ -85,7 +85,7 @@ def nearest_sentences(nearest: NearestHypothesis | None) -> list[str]:
     ]
     if nearest.at_maximum:
         ends = " and ".join(nearest.at_maximum)
-        told.append(f"There {ends} ends at the largest strength that the list allows: raise its `max`.")
+        told.append(f"There {ends} ends at the largest strength that the list allows.")
     return told
 
 
