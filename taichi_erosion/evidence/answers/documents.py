@@ -75,7 +75,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
 
 
 def nearest_sentences(nearest: NearestHypothesis | None) -> list[str]:
-    """The explanation of the list that comes closest where none suffices, and whether it ends at a maximum."""
+    """The explanation of the list that comes closest where none suffices; whether it ends at a maximum."""
     if nearest is None:
         return []
     names, chance = " and ".join(nearest.names), levels.p_text(nearest.p)
