@@ -30,7 +30,7 @@ def after_run(document: Record) -> Iterator[str]:
     yield from (sentence for _, sentence in compared)
     differs = any(is_off for is_off, _ in compared)
     scene = Path(str(document["scene"]))
-    for kind, study in studies_of(scene).items() if differs or not compared else ():
+    for kind, study in sorted(studies_of(scene).items(), reverse=True) if differs or not compared else ():
         if kind == "evidence":
             yield f"`{program()} compare {study}` says where the model fails."
         else:
