@@ -14,6 +14,7 @@ from typing import Any
 from taichi_erosion import __version__
 from taichi_erosion.campaign.pool import Payloads, RunFunction, SendRecord, SendShare
 from taichi_erosion.core.effect_file import EffectFile
+from taichi_erosion.core.engine.choice import engine_mark
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene, with_effects
 from taichi_erosion.scene import Scene, resolved, scene_hash
@@ -79,7 +80,7 @@ def request_of(
         "record": None if record is None else str(record.resolve()),
         "properties": {group: dict(columns) for group, columns in (properties or {}).items()},
     }
-    key = f"{scene_hash(scene)}-{seed}-{__version__}"
+    key = f"{scene_hash(scene)}-{seed}-{__version__}{engine_mark()}"
     return RunRequest(key, payload, compatibility_key(scene), work_of(scene))
 
 

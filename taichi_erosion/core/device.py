@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from taichi_erosion.core.compiler_target import compiler_target
-from taichi_erosion.core.engine.choice import ENGINES, engine_name, engine_version
+from taichi_erosion.core.engine.choice import engine_mark, engine_version
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import cache_root
 from taichi_erosion.core.setup import Numerics
@@ -25,8 +25,8 @@ def cache_folder() -> Path:
 
     The key of a kernel knows no processor, and its loops are laid out for one before it is kept.
     """
-    engine = "" if engine_name() == ENGINES[0] else f"{engine_name()}-{engine_version()}-"
-    return cache_root() / "kernels" / f"{engine}{compiler_target()}"
+    engine = f"{engine_mark()}-{engine_version()}" if engine_mark() else ""
+    return cache_root() / "kernels" / f"{compiler_target()}{engine}"
 
 
 def is_writable(folder: Path) -> bool:

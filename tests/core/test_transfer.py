@@ -11,6 +11,8 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import field_view
 
+pytestmark = pytest.mark.engine
+
 ROWS = 5
 
 

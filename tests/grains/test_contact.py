@@ -13,6 +13,8 @@ from taichi_erosion.grains.laws.mindlin import tangential_force
 from taichi_erosion.grains.materials import allocate_materials, upload_materials
 from taichi_erosion.verification.reference.contact import AdhesivePair, branch_force
 
+pytestmark = pytest.mark.engine
+
 RADIUS, MASS = 0.5e-3, 1e-6  # effective, m and kg
 TABLE = contacts(friction=0.4, restitution=0.6)
 YOUNG, SHEAR = TABLE.young_effective[0], TABLE.shear_effective[0]

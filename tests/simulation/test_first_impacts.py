@@ -17,6 +17,8 @@ from taichi_erosion.run.sanity_checks import count_failure, restitution_failure
 from taichi_erosion.simulation import Simulation, assemble
 from taichi_erosion.simulation.self_checks import Impact, first_impacts
 
+pytestmark = pytest.mark.engine
+
 RESTITUTIONS = (0.1, 0.5, 0.9)
 SPEED = 0.5  # m s-1
 EXACT = 0.005  # of the coefficient with a hundred steps in a contact: the bound of V04 [1]

@@ -33,6 +33,11 @@ def engine_version() -> str:
     return version(engine_name())
 
 
+def engine_mark() -> str:
+    """What tells results and kernels of this engine from those of the default: its name, empty for that."""
+    return "" if engine_name() == ENGINES[0] else f"-{engine_name()}"
+
+
 def is_device_function(function: Any) -> bool:
     """Whether a function was decorated with ti.func, which leaves the name of the engine on it."""
     return bool(getattr(function, f"_is_{engine_name()}_function", False))
