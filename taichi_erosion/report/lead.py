@@ -87,12 +87,22 @@ def answer_sentences(found: Results) -> Iterator[str]:
     elif found.discovery:
         discovery = found.discovery
         if discovery["verdict"] != "present":
-            yield discovery["sentences"][0]
+            yield spoken(discovery)
             return
         names = [effect_words(name) for name in discovery["named"]]
         share = 100.0 * max((discovery["probabilities"].get(label) or 0.0) for label in labels_of(discovery))
         words = f"{listed(names)} (probability {share:.0f} %)"
         yield f"The measurements are consistent with a missing effect: {words}."
+
+
+def spoken(discovery: Document) -> str:
+    """First sentence of a discovery that names no single effect, with the names of effects in words."""
+    first = discovery["sentences"][0]
+    if discovery["verdict"] == "none_detected":
+        first = first.partition(". ")[0].rstrip(".") + "."
+    for name in discovery["effects"]:
+        first = first.replace(name, effect_words(name))
+    return first
 
 
 def labels_of(discovery: Document) -> list[str]:
