@@ -52,6 +52,8 @@ ONE_ROW = (
     0.4  # share of the misfit in one row, from which the row is told; all 12 tables with a bad cell had more
 )
 TOLD_LEVEL = 0.5  # probability from which an offset of an observable is told
+SETTLED_NAME = 0.9  # probability of listed effects from which free levels are tried alone first
+SETTLED_BEHIND = 5.0  # ln evidence by which levels alone must be behind to be left at that
 SURE_LEVEL = 0.95  # probability from which an offset is told without it
 LEVEL_ODDS = 0.5  # probability of free levels from which they are part of the calibration
 LAW_SHARE = 0.1  # of the misfit of left-out groups, from which a law is told as a hypothesis

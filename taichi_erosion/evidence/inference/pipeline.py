@@ -17,7 +17,7 @@ from taichi_erosion.evidence.inference.levels import UNSTABLE, too_few_rows
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import kernels
-from taichi_erosion.evidence.inference.posterior import Posterior, averaged, posterior_of
+from taichi_erosion.evidence.inference.posterior import Posterior, averaged, label, posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.screen import Screen, screen
@@ -114,8 +114,9 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
     if levels_matter(stated):
         bare = stated.fitted
         free, best = fit_free_levels(bare.prepared, bare.base.expansion.mean)
-        freed = account(free, seed, progress, best)
-        share = level_share(stated.posterior.log_total, freed.posterior.log_total)
+        if not settled(stated, free, best):
+            freed = account(free, seed, progress, best)
+            share = level_share(stated.posterior.log_total, freed.posterior.log_total)
     if freed is None or freed.posterior.probability[OUTSIDE] > levels.LEVEL_ODDS:
         return with_ranges(concluded(stated, stated.posterior, seed), stated)
     if share > levels.LEVEL_ODDS:
@@ -155,6 +156,19 @@ def levels_matter(stated: Account) -> bool:
     """Whether free levels could change the answer, and there are rows enough to tell them."""
     enough = enough_for_levels(stated.fitted.prepared)
     return enough and (levels.fails(stated.least) or stated.test.p < levels.FAMILYWISE_LEVEL)
+
+
+def settled(stated: Account, free: PreparedProblem, best: Fit) -> bool:
+    """Whether listed effects explain the rows with stated errors, and free levels alone far less."""
+    done = {label(item.names): item for item in stated.fitted.refits if item.usable}
+    top = max(done, key=lambda key: stated.posterior.probability.get(key, 0.0), default=None)
+    if top is None or stated.posterior.named < levels.SETTLED_NAME:
+        return False
+    if levels.fails(misfit_p(stated.fitted.prepared, done[top].expansion)):
+        return False
+    bare = score(free, expand(free, best)).log_evidence
+    alone = float(np.log(levels.PRIOR_NONE) + log_sum_exp(free.doubt.log_weight + bare))
+    return alone < stated.posterior.log_total - levels.SETTLED_BEHIND
 
 
 def enough_for_levels(prepared: PreparedProblem) -> bool:
