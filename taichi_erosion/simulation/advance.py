@@ -53,7 +53,8 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
 
 def launch_steps(sim: Simulation) -> int:
     """Steps that fill one launch at the pace seen so far."""
-    seconds = TEAM_SECONDS if largest_team(sim) > 1 else LAUNCH_SECONDS
+    is_team = team_size(sim.team, largest_team(sim)) > 1
+    seconds = TEAM_SECONDS if is_team else LAUNCH_SECONDS
     return max(int(sim.pace * seconds), 1) if sim.pace > 0.0 else FIRST_LAUNCH
 
 
@@ -65,7 +66,8 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
         write(signal, 0)
     start, used = time.perf_counter(), time.process_time()
     size = team_size(sim.team, largest_team(sim))
-    if size > 1:
+    if largest_team(sim) > 1:
+        # teams of one too: another kernel would have to be loaded first, a second of a core
         run_teams(count, size, sim.chunk, sim.world, sim.coupling)
     else:
         workers = min(sim.workers, count)
