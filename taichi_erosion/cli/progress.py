@@ -115,9 +115,9 @@ def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
     def report(share: float, words: str) -> None:
         nonlocal last
         now = monotonic()
-        left = left_words(countdown.seconds(share, now))
+        countdown.begin(share, now)
         if now - last >= LINE_INTERVAL:
-            last = now
+            last, left = now, left_words(countdown.seconds(share, now))
             line = f"{title}: {share:.0%}, {words}" + (f", {left}" if left else "")
             LOG.info(line)
             show(line)
@@ -140,11 +140,16 @@ class Countdown:
     made: float = 0.0  # s, when the last estimate was made
     estimate: float | None = None  # s
 
-    def seconds(self, share: float, now: float) -> float | None:
-        """Remaining time [s]; None before it can be told."""
+    def begin(self, share: float, now: float) -> float:
+        """Share that was done at the first report, which begins the count."""
         if self.first is None:
             self.began, self.first = now, share
-        gained, elapsed = share - self.first, now - self.began
+        return self.first
+
+    def seconds(self, share: float, now: float) -> float | None:
+        """Remaining time [s], bound to the one told last; None before it can be told."""
+        first = self.begin(share, now)
+        gained, elapsed = share - first, now - self.began
         if gained < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER or share >= 1.0:
             return None
         if self.estimate is None or now - self.made >= ESTIMATE_INTERVAL:

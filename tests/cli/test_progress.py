@@ -9,6 +9,7 @@ import pytest
 from taichi_erosion.cli import progress
 from taichi_erosion.cli.main import main
 
+TOLD = re.compile(r"about ([\d.]+) (s|min) left")
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -90,3 +91,17 @@ def test_the_time_that_is_left_never_jumps_after_the_first_tenth(pace: list[floa
     if max(factors) <= 2.0 * min(factors):  # then the estimate is as good as the plan
         end = told[-1][0]
         assert all(0.49 < left / (end - time) < 2.01 for time, left in later if end - time > 60.0)
+
+
+def test_no_two_lines_in_a_row_tell_times_that_differ_by_more_than_two(monkeypatch):
+    now, lines = [0.0], []
+    monkeypatch.setattr(progress, "monotonic", lambda: now[0])
+    report = progress.report_by_lines("simulating", lines.append)
+    # a cold start, then a leap of the share between two lines, as where kernels are compiled first
+    for second in range(600):
+        now[0] = float(second)
+        report(0.11 * second / 300 if second < 300 else 0.11 + 0.89 * (1.0 - 0.99 ** (second - 300)), "runs")
+    told = [float(match[1]) * 60.0 ** (match[2] == "min") for line in lines if (match := TOLD.search(line))]
+    assert len(told) > 20
+    for before, after in list(pairwise(told))[26:]:
+        assert 0.45 < after / before < 2.2  # minutes are rounded
