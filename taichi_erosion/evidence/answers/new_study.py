@@ -143,6 +143,8 @@ def understood(cells: Cells, told: Told, interview: Interview) -> tuple[Cells, l
         interview.assumed.append(
             "no column counts repeats: n is left empty, and a value counts as one measurement"
         )
+    if scatter not in ("sd", "se"):
+        raise BadInput(f"{cells.file}: '{scatter}' is not one of sd, se")
     return tidy_cells(cells, columns, Choices("se" if scatter == "se" else "sd", units)), columns
 
 
@@ -314,7 +316,8 @@ def told_column(column: Column, cells: Cells, text: StudyText) -> Document:
     if column.role == "observable":
         told = f"measured: {column.name}"
     elif column.role == "condition":
-        told = f"sets {text.conditions.get(tidy_name(column.name), column.name)}"
+        first, *others = text.conditions.get(tidy_name(column.name), column.name).split(", ")
+        told = f"sets {first}" + (f" and {len(others)} places more" if others else "")
     else:
         told = words.get(column.role, column.role)
     unit = column.heading.unit if column.role in ("observable", "condition", "sd", "se") else ""
