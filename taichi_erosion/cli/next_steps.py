@@ -117,12 +117,6 @@ def waits(document: Record) -> bool:
     return any(fault["blocks"] for fault in document.get("faults", ()))
 
 
-def after_set_up(document: Record) -> Iterator[str]:
-    """What comes before any conclusion on physics."""
-    if document.get("set_up"):
-        yield "Put right first what the lines `set-up:` above say; then give the same command again."
-
-
 def after_comparison(document: Record) -> Iterator[str]:
     """What a comparison asks for."""
     study = document["study"]

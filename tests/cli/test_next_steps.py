@@ -93,8 +93,3 @@ def test_proposed_experiments_lead_back_to_the_table():
         next(after_next(document)) == "Add the new rows to a.csv, and give `./erosion discover a.toml` again."
     )
     assert list(after_next(document | {"next_experiments": []})) == []
-
-
-def test_a_set_up_that_carries_no_conclusion_comes_first():
-    document = {"study": "a.toml", "p": 1e-6, "where": [], "set_up": ["the heap is too small"]}
-    assert next(after_comparison(document)).startswith("Put right first what the lines `set-up:` above say")
