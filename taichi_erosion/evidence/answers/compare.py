@@ -32,6 +32,7 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
     prepared, base, known = calibrated_base(problem, seed, progress)
     freed = levels_freed(prepared, base) if known else None
     placed = (prepared, base) if freed is None else freed
+    p_free = nan if freed is None else goodness_of_fit.misfit_p(placed[0], placed[1].expansion)
     table = goodness_of_fit.rows_table(prepared, base.expansion)
     misfits = goodness_of_fit.observable_misfits(prepared, base.expansion, table)
     if not known:
@@ -49,8 +50,8 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
         warnings=prepared.warnings,
         runs=prepared.predictor.cost.runs,
         wall_s=perf_counter() - start,
-        levels=level_shifts(*placed),
-        p_levels_free=nan if freed is None else goodness_of_fit.misfit_p(placed[0], placed[1].expansion),
+        levels=() if levels.fails(p_free) else level_shifts(*placed),
+        p_levels_free=p_free,
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base.expansion)) if known else (),
         worst_row=goodness_of_fit.worst_row(prepared, base.expansion) if known else None,
         scatter_factor=goodness_of_fit.scatter_factor(prepared, base.expansion) if known else nan,
