@@ -103,7 +103,8 @@ def layers(found: Results) -> list[Layer]:
         if not with_:
             return [before]
         names = listed([effect_words(name) for name in with_])
-        return [before, Layer("after", f"model with {names}", discovery["rows_after"])]
+        tie = ", one of several that fit" if discovery["verdict"] == "group" else ""
+        return [before, Layer("after", f"model with {names}{tie}", discovery["rows_after"])]
     assert comparison is not None
     return [Layer("before", "model", comparison["rows"])]
 

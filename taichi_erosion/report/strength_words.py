@@ -5,7 +5,7 @@ scene what it sets. For every model the value that the effect moves most stands 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import isfinite, pi
 from types import SimpleNamespace
 from typing import Any
@@ -91,7 +91,7 @@ def force_words(found: Results, file: StudyFile, strengths: Mapping[str, float])
         if name not in library or grains is None:
             continue
         try:
-            words = law_words(library[name], strength, grains)
+            words = law_words(library[name], calibrated_params(library[name], found), strength, grains)
         except Exception:
             words = None
         if words:
@@ -131,19 +131,26 @@ def median_of(values: list[float]) -> float | None:
     return known[len(known) // 2] if known else None
 
 
-def law_words(effect: Effect, strength: float, grains: Grains) -> str | None:
+def calibrated_params(effect: Effect, found: Results) -> Any:
+    """Numbers of an effect's law, those that were calibrated with its strength at their fitted values."""
+    fit = found.adoption["added"] if found.adoption else found.discovery
+    fitted = fit["parameters"] if fit else {}
+    names = {f"effects.{effect.name}.{each.name}": each.name for each in fields(effect.params)}
+    return effect.params(**{names[path]: fitted[path]["value"] for path in names if path in fitted})
+
+
+def law_words(effect: Effect, params: Any, strength: float, grains: Grains) -> str | None:
     """The law of one effect at a strength, in words."""
     if effect.place == "pair" and not effect.vector and effect.grain_state is None:
-        return attraction_words(effect, strength, grains)
+        assert effect.constants is not None
+        return attraction_words(effect, effect.constants(params, strength, grains.conditions), grains)
     if effect.place == "scene":
-        return change_of_scene(effect, strength, grains)
+        return change_of_scene(effect.act(params, strength, grains.conditions, grains.scene), grains)
     return None
 
 
-def attraction_words(effect: Effect, strength: float, grains: Grains) -> str:
+def attraction_words(effect: Effect, constants: Mapping[str, float], grains: Grains) -> str:
     """Attraction of two touching grains, and its ratio to the weight of one."""
-    assert effect.constants is not None
-    constants = effect.constants(effect.params(), strength, grains.conditions)
     pair = {
         "gap": 0.0,
         "radius_i": grains.radius,
@@ -166,12 +173,12 @@ def attraction_words(effect: Effect, strength: float, grains: Grains) -> str:
     return f"a {kind} of {engineering(abs(pull), 'N')} between grains of {size}{at}, {ratio}"
 
 
-def change_of_scene(effect: Effect, strength: float, grains: Grains) -> str | None:
+def change_of_scene(changed_scene: Any, grains: Grains) -> str | None:
     """Entries of the scene that an effect changes, old and new."""
     from taichi_erosion.scene import resolved
 
     before = dict(leaves(resolved(grains.scene), ""))
-    after = dict(leaves(resolved(effect.act(effect.params(), strength, grains.conditions, grains.scene)), ""))
+    after = dict(leaves(resolved(changed_scene), ""))
     changed = [
         f"{path} from {before[path]:.3g} to {value:.3g}"
         for path, value in after.items()

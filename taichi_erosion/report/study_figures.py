@@ -30,6 +30,7 @@ from taichi_erosion.report.figures import (
     scale_axis,
     single,
 )
+from taichi_erosion.report.html import percent
 from taichi_erosion.report.measured_table import Condition, MeasuredTable
 from taichi_erosion.report.plain_words import effect_words, listed, short, with_unit, words_of
 
@@ -379,7 +380,7 @@ def draw_posterior(probabilities: Mapping[str, float | None]) -> Picture:
         figure, frame = single(width, 0.5 + 0.24 * len(ranked))
         frame.barh(labels, values, color=[CONTROL if name in answers.values() else AFTER for name in labels])
         for place, value in enumerate(values):
-            frame.text(value + 0.01, place, f"{100.0 * value:.2g} %", va="center", fontsize=8.0)
+            frame.text(value + 0.01, place, percent(value), va="center", fontsize=8.0)
         frame.set(xlim=(0.0, 1.12), xticks=[0.0, 0.5, 1.0], xlabel="probability")
         return figure
 
