@@ -145,6 +145,11 @@ def panels(found: Results) -> list[Panel]:
     return sorted(every, key=rank)
 
 
+def first_figure(study: Path) -> figures.Figure:
+    """First figure of the page of a study. Raises BadInput where it has no answer yet."""
+    return figures.detached(lambda: study_figures.draw_first(panels(stored_results(study))[0], figures.WIDE))
+
+
 def first_panels(found: Results) -> list[dict[str, Any]]:
     """Pictures of the first figure with the conditions at which each is shown.
 

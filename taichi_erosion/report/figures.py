@@ -88,6 +88,14 @@ def responsive(
     return Picture(description, svg=wide.svg, narrow=narrow.svg, figure=wide.figure)
 
 
+def detached(draw: Callable[[], Figure]) -> Figure:
+    """Figure in the style of a page that no window and no notebook shows by itself."""
+    with page_style():
+        figure = draw()
+    plt.close(figure)
+    return figure
+
+
 def raster(drawn: Picture) -> bytes:
     """Figure as PNG."""
     assert drawn.figure is not None

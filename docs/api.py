@@ -1,0 +1,75 @@
+"""Write docs/api.md, the page of the Python interface, from its docstrings: python docs/api.py."""
+
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion import api
+
+PAGE = Path(__file__).with_name("api.md")
+HEAD = """# Python interface
+
+The package itself has everything here: `import taichi_erosion as te`, then `te.run`, `te.study`, `te.live`.
+[From Python](from_python.md) shows a walk from a table to a lower error. `python docs/api.py` makes this
+page from the docstrings. The [glossary](../GLOSSARY.md) explains the terms.
+"""
+
+
+def page() -> str:
+    """Text of the page: functions first, then classes with what they have."""
+    names = [name for name in api.__all__ if name not in ("BadInput", "SimulationStopped")]
+    functions = [name for name in names if inspect.isfunction(getattr(api, name))]
+    classes = [name for name in names if inspect.isclass(getattr(api, name))]
+    parts = [
+        HEAD,
+        "## Functions",
+        *(function_part(f"te.{name}", getattr(api, name), 3) for name in functions),
+    ]
+    parts += ["## Results and sessions", *(class_part(name, getattr(api, name)) for name in classes)]
+    return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+def function_part(name: str, function: Any, level: int) -> str:
+    """Heading, call and docstring of a function."""
+    parameters = [p for p in inspect.signature(function).parameters.values() if p.name != "self"]
+    call = f"{name}({', '.join(argument(p) for p in parameters)})"
+    return f"{'#' * level} `{name}`\n\n```python\n{call}\n```\n\n{described(function)}"
+
+
+def argument(parameter: inspect.Parameter) -> str:
+    """`seed=None`."""
+    stars = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
+    default = "" if parameter.default is parameter.empty else f"={parameter.default!r}"
+    return f"{stars}{parameter.name}{default}"
+
+
+def described(thing: Any) -> str:
+    """Docstring as prose."""
+    return inspect.cleandoc(thing.__doc__ or "")
+
+
+def class_part(name: str, kind: type) -> str:
+    """Heading, docstring, and a table of properties and methods."""
+    rows = "\n".join(f"| `{member}` | {text} |" for member, text in members(kind))
+    return f"### `{name}`\n\n{described(kind)}\n\n| has | |\n|---|---|\n{rows}"
+
+
+def members(kind: type) -> Iterator[tuple[str, str]]:
+    """Public properties and methods with their docstrings, each once, own ones before inherited ones."""
+    seen = set()
+    for owner in kind.__mro__[:-1]:
+        for name, member in vars(owner).items():
+            is_property = isinstance(member, property)
+            if name in seen or name.startswith("_") or not (is_property or inspect.isfunction(member)):
+                continue
+            seen.add(name)
+            if is_property:
+                yield name, " ".join(described(member.fget).split())
+            else:
+                parameters = list(inspect.signature(member).parameters.values())[1:]
+                yield f"{name}({', '.join(map(argument, parameters))})", " ".join(described(member).split())
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,48 @@
+"""Python interface: what the commands do, with objects, tables and figures in place of printed lines.
+
+    import taichi_erosion as te
+
+    heap = te.run("scenes/funnel_repose.toml", replicas=1, grains__count=3000)
+    heap.table                                  # pandas.DataFrame of the measures, with units
+    study = te.study("doe/my_lab.toml")
+    study.compare()                             # where the model fails
+    study.discover().effects                    # which effect is missing
+    study.adopt("dry_adhesion")                 # the error on held-out rows, before and after
+    study.next().table                          # experiments that would decide
+    study.report()                              # one HTML page
+
+A file is a path as text or `pathlib.Path`; a scene may be a mapping with the sections of a scene file. Wrong
+input raises `BadInput`, a run that its guards stop `SimulationStopped`. Results show themselves in notebooks.
+"""
+
+from taichi_erosion.api.library import effects
+from taichi_erosion.api.runs import Run, open_run, run
+from taichi_erosion.api.sessions import LiveSession, live
+from taichi_erosion.api.studies import (
+    AdoptionResult,
+    ComparisonResult,
+    DiscoveryResult,
+    ExperimentsResult,
+    Study,
+    new_study,
+    study,
+)
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+
+__all__ = [
+    "AdoptionResult",
+    "BadInput",
+    "ComparisonResult",
+    "DiscoveryResult",
+    "ExperimentsResult",
+    "LiveSession",
+    "Run",
+    "SimulationStopped",
+    "Study",
+    "effects",
+    "live",
+    "new_study",
+    "open_run",
+    "run",
+    "study",
+]

@@ -1,0 +1,51 @@
+"""Display of results in notebooks and terminals: progress, HTML of sentences and tables, figures."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Report = Callable[[float, str], None]  # (share done [1], words)
+
+
+@contextmanager
+def progress(title: str, shown: bool = True) -> Iterator[Report]:
+    """Context with a progress function: a bar in a terminal or a notebook, nothing where stderr is a file."""
+    if not shown or not (sys.stderr.isatty() or in_notebook()):
+        yield lambda share, words: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console() if in_notebook() else Console(stderr=True)
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda share, words: bar.update(task, completed=share, description=f"{title}: {words}")
+
+
+def in_notebook() -> bool:
+    """Whether cells of a notebook show what is displayed."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    return type(shell).__name__ == "ZMQInteractiveShell"
+
+
+def html(title: str, sentences: Iterable[str], tables: Iterable["pd.DataFrame"]) -> str:
+    """HTML of a result: title, sentences, tables."""
+    parts = [f"<p><b>{escape(title)}</b></p>", *(f"<p>{escape(one)}</p>" for one in sentences)]
+    return "\n".join(
+        [*parts, *(table.to_html(border=0, na_rep="", float_format="{:.4g}".format) for table in tables)]
+    )
+
+
+def frame(rows: Iterable[dict[str, Any]], units: dict[str, str] | None = None) -> "pd.DataFrame":
+    """Table of rows; `.attrs["units"]` has the unit of every column that has one."""
+    import pandas as pd
+
+    table = pd.DataFrame(list(rows))
+    table.attrs["units"] = {name: unit for name, unit in (units or {}).items() if name in table.columns}
+    return table

@@ -1,0 +1,165 @@
+"""Runs of scenes from Python."""
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from taichi_erosion.api.notebook import frame, html, progress
+from taichi_erosion.core.errors import BadInput
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+PathLike = str | Path
+SceneLike = PathLike | Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of a scene: its document as `run --json` prints it, and its recording if it has one."""
+
+    document: Mapping[str, Any]
+
+    @property
+    def recording(self) -> Path | None:
+        """Recording (.rrd); None without one."""
+        file = self.document.get("recording")
+        return Path(file) if file else None
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Measures: value and standard deviation of all seeds, with units, beside measured values."""
+        measured = self.document.get("measured", {})
+        return frame(
+            {
+                "measure": name,
+                "value": found["value"],
+                "sd": found["sd"],
+                "unit": found["unit"],
+                "measured": measured.get(name, {}).get("value"),
+                "measured_sd": measured.get(name, {}).get("sd"),
+            }
+            for name, found in self.document["measures"].items()
+        ).set_index("measure")
+
+    @property
+    def seeds(self) -> "pd.DataFrame":
+        """Measures of every seed, one a row."""
+        return frame(
+            {"seed": replica["seed"], "measure": name, "value": found["value"], "unit": found["unit"]}
+            for replica in self.document["replicas"]
+            for name, found in replica.get("measures", {}).items()
+        )
+
+    @property
+    def grains(self) -> "xr.Dataset":
+        """Recorded grains: position (time, grain, axis) [m] and radius (time, grain) [m], NaN before release.
+
+        Raises BadInput for a run without a recording.
+        """
+        import numpy as np
+        import xarray as xr
+
+        from taichi_erosion.recording.readback import read_grains
+
+        if self.recording is None:
+            raise BadInput("the run has no recording; run it with record=True")
+        frames = read_grains(self.recording)
+        grains = max((int(one.ident.max(initial=-1)) for one in frames), default=-1) + 1
+        position = np.full((len(frames), grains, 3), np.nan, dtype=np.float32)
+        radius = np.full((len(frames), grains), np.nan, dtype=np.float32)
+        for k, one in enumerate(frames):
+            position[k, one.ident], radius[k, one.ident] = one.position, one.radius
+        return xr.Dataset(
+            {
+                "position": (("time", "grain", "axis"), position, {"units": "m"}),
+                "radius": (("time", "grain"), radius, {"units": "m"}),
+            },
+            {
+                "time": ("time", [one.time for one in frames], {"units": "s"}),
+                "grain": np.arange(grains),
+                "axis": ["x", "y", "z"],
+            },
+        )
+
+    def report(self, to: PathLike | None = None) -> Path:
+        """Page of the run (HTML). Raises BadInput for a run without a recording."""
+        from taichi_erosion.report import write_report
+
+        if self.recording is None:
+            raise BadInput("the run has no recording; run it with record=True")
+        return write_report(self.recording.with_suffix(".json"), None if to is None else Path(to), True)
+
+    def _repr_html_(self) -> str:
+        return html(self.document["title"] or self.document["scene"], (), [self.table])
+
+
+def run(
+    scene: SceneLike,
+    *,
+    changes: Mapping[str, Any] | None = None,
+    seed: int | None = None,
+    replicas: int | None = None,
+    threads: int = 0,
+    precision: Literal["f32", "f64"] | None = None,
+    arch: Literal["cpu", "cuda"] = "cpu",
+    record: bool | PathLike = True,
+    effect_files: Sequence[PathLike] = (),
+    force: bool = False,
+    **entries: Any,
+) -> Run:
+    """Simulate a scene, measure and record it.
+
+    `changes` maps dotted paths of the scene to values, {"grains.count": 3000}; a keyword with two underscores
+    says the same, grains__count=3000. `record` is a file (.rrd), True for one in recordings/, or False.
+    Raises BadInput for a wrong scene, SimulationStopped where every replica fails.
+    """
+    from taichi_erosion.run import RunOptions, run_scene
+
+    stated = dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
+    with tempfile.TemporaryDirectory() as folder, progress("running") as report:
+        path = scene_file(scene, Path(folder))
+        options = RunOptions(
+            overrides=tuple(override(name, value) for name, value in stated.items()),
+            seed=seed,
+            replicas=replicas,
+            arch=arch,
+            threads=threads,
+            precision=precision,
+            record=None if isinstance(record, bool) else Path(record),
+            no_record=record is False,
+            effect_files=tuple(Path(file) for file in effect_files),
+            force=force,
+            progress=report,
+        )
+        return Run(run_scene(path, options))
+
+
+def open_run(file: PathLike) -> Run:
+    """A run from its document (.json) or recording (.rrd). Raises BadInput where there is none."""
+    document = Path(file).with_suffix(".json")
+    if not document.is_file():
+        raise BadInput(f"{document}: no such file")
+    return Run(json.loads(document.read_text(encoding="utf-8")))
+
+
+def scene_file(scene: SceneLike, folder: Path) -> Path:
+    """Scene file; a mapping becomes one in a folder."""
+    if not isinstance(scene, Mapping):
+        return Path(scene)
+    import tomlkit
+
+    path = folder / "scene.toml"
+    path.write_text(tomlkit.dumps(scene), encoding="utf-8")
+    return path
+
+
+def override(path: str, value: Any) -> str:
+    """`PATH=VALUE` as `--set` takes it."""
+    import tomlkit
+
+    return f"{path}={tomlkit.item(value).as_string()}"

@@ -1,0 +1,108 @@
+"""Live sessions from Python: the simulation runs, stops and changes as the caller says."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taichi_erosion.api.notebook import frame, html
+from taichi_erosion.api.runs import PathLike, override
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class LiveSession:
+    """One replica of a scene under the caller's control; times in s of the simulation."""
+
+    def __init__(self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike]) -> None:
+        from taichi_erosion.run.session import open_session
+
+        files = [Path(file) for file in effect_files]
+        self.session = open_session(Path(scene), (), seed, files)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.session.time
+
+    @property
+    def status(self) -> Mapping[str, float | int | str]:
+        """Time, stage and totals over the grains."""
+        from taichi_erosion.run.session import session_status
+
+        return session_status(self.session)
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """All measures in the present state."""
+        from taichi_erosion.run.session import measure_now
+
+        rows = (
+            {"measure": name, "value": found.value, "unit": found.unit, "notes": "; ".join(found.notes)}
+            for name, found in measure_now(self.session).items()
+        )
+        return frame(rows).set_index("measure")
+
+    def run(self, seconds: float) -> "LiveSession":
+        """Run for a simulated time [s]. Raises SimulationStopped."""
+        from taichi_erosion.run.session import run_for
+
+        run_for(self.session, seconds)
+        return self
+
+    def run_until_rest(self) -> "LiveSession":
+        """Run until the grains rest or the stage's time is over. Raises SimulationStopped."""
+        from taichi_erosion.run.session import run_until_rest
+
+        run_until_rest(self.session)
+        return self
+
+    def step(self, count: int = 1) -> "LiveSession":
+        """Run time steps."""
+        from taichi_erosion.run.session import step
+
+        step(self.session, count)
+        return self
+
+    def next_stage(self) -> "LiveSession":
+        """Begin the next stage of the scene. Raises BadInput after the last one."""
+        from taichi_erosion.run.session import next_stage
+
+        next_stage(self.session)
+        return self
+
+    def set(self, path: str, value: Any) -> "LiveSession":
+        """Change an entry of the scene by its dotted path. Raises BadInput where it is fixed."""
+        from taichi_erosion.run.session import set_entry
+
+        set_entry(self.session, path, override(path, value).partition("=")[2])
+        return self
+
+    def save(self, name: str) -> "LiveSession":
+        """Keep the present state under a name."""
+        from taichi_erosion.run.session import save
+
+        save(self.session, name)
+        return self
+
+    def restore(self, name: str) -> "LiveSession":
+        """Return to a saved state, bit for bit. Raises BadInput for an unknown name."""
+        from taichi_erosion.run.session import restore
+
+        restore(self.session, name)
+        return self
+
+    def snapshot(self, to: PathLike) -> Path:
+        """Write a picture from the side (PNG)."""
+        from taichi_erosion.run.session import write_picture
+
+        return write_picture(self.session, Path(to))
+
+    def _repr_html_(self) -> str:
+        words = ", ".join(f"{name} {value}" for name, value in self.status.items())
+        return html(str(self.session.path), [words], [self.table])
+
+
+def live(scene: PathLike, *, seed: int | None = None, effect_files: Sequence[PathLike] = ()) -> LiveSession:
+    """A session at the beginning of the first stage of a scene. Raises BadInput."""
+    return LiveSession(scene, seed, effect_files)

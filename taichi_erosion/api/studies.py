@@ -1,0 +1,285 @@
+"""Studies from Python: compare, discover, adopt, next, report."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+from taichi_erosion.api.notebook import frame, html, progress
+from taichi_erosion.api.runs import PathLike
+from taichi_erosion.core.errors import BadInput
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from taichi_erosion.evidence.models.load_study import StudyOptions
+
+Document = Mapping[str, Any]
+Progress = Callable[[str, float], None]  # (words, share done [1])
+
+
+def row_frame(rows: Document | None, units: Mapping[str, str]) -> "pd.DataFrame":
+    """Measured and modelled values, one row of measurements a row; empty without rows."""
+    if not rows:
+        return frame([])
+    columns = {
+        key: rows[key] for key in ("observable", "measured", "measured_sd", "predicted", "predicted_sd")
+    }
+    columns |= rows["conditions"]
+    table = frame(dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True))
+    table.insert(1, "unit", [units.get(name, "1") for name in table["observable"]])
+    return table
+
+
+@dataclass(frozen=True)
+class Result:
+    """Answer to a command of the loop: its document as `--json` prints it, with the rows of its figures."""
+
+    study: Path
+    document: Document
+
+    @property
+    def sentences(self) -> list[str]:
+        """What was found, in plain sentences."""
+        return [*self.document.get("set_up", ()), *self.found]
+
+    @property
+    def found(self) -> list[str]:
+        """Sentences of this command."""
+        return []
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Main table of the answer."""
+        return row_frame(self.document.get("rows"), self.document["units"])
+
+    def figure(self) -> "Figure":
+        """First figure of the study's page: measured values and the model before and after."""
+        from taichi_erosion.report.evidence_page import first_figure
+
+        return first_figure(self.study)
+
+    def _repr_html_(self) -> str:
+        return html(self.document["title"] or str(self.study), self.sentences, [self.table])
+
+
+@dataclass(frozen=True)
+class ComparisonResult(Result):
+    """Where the calibrated model fails."""
+
+    @property
+    def found(self) -> list[str]:
+        from taichi_erosion.evidence.inference.levels import fails
+
+        failing = [place["sentence"] for place in self.document["where"] if fails(place["p"])]
+        return failing or ["No significant misfit in any observable or along any condition."]
+
+    @property
+    def p(self) -> float | None:
+        """Probability of so large a misfit if nothing is missing; None where the scatter is not known [1]."""
+        return self.document["p"]
+
+    @property
+    def misfit(self) -> "pd.DataFrame":
+        """Misfit of every observable."""
+        rows = ({"observable": name, **each} for name, each in self.document["observables"].items())
+        return frame(rows).set_index("observable")
+
+
+@dataclass(frozen=True)
+class DiscoveryResult(Result):
+    """Which effect is missing."""
+
+    @property
+    def found(self) -> list[str]:
+        return list(self.document["sentences"])
+
+    @property
+    def named(self) -> list[str]:
+        """Effects that are missing; empty where none is sure."""
+        return list(self.document["named"])
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Candidates, the likeliest first: status, strength [1] with its 90 % interval, probability [1]."""
+        keys = (
+            "status",
+            "strength",
+            "strength_low",
+            "strength_high",
+            "probability",
+            "log_bayes_factor",
+            "power",
+        )
+        rows = (
+            {"effect": name, **{key: each.get(key) for key in keys}}
+            for name, each in self.document["effects"].items()
+        )
+        return (
+            frame(rows, dict.fromkeys(keys[1:], "1"))
+            .set_index("effect")
+            .sort_values("probability", ascending=False)
+        )
+
+    effects = table
+
+
+@dataclass(frozen=True)
+class AdoptionResult(Result):
+    """Error on fitted and held-out rows before and after effects are added, beside controls."""
+
+    @property
+    def found(self) -> list[str]:
+        return [self.document["sentence"]]
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """chi2 per row of every model."""
+        labels = {"base": "before", "added": "after", "with_all": "with all that was named"}
+        labels |= {"best_wrong": "control: best other effect", "random_wrong": "control: drawn at random"}
+        rows = (
+            {"model": label, "fitted": fit["chi2"], "held_out": fit["vault_chi2"]}
+            for key, label in labels.items()
+            if (fit := self.document.get(key))
+        )
+        return frame(rows, {"fitted": "1", "held_out": "1"}).set_index("model")
+
+    @property
+    def files(self) -> list[Path]:
+        """Files that were written, the new study first."""
+        return [Path(file) for file in self.document["files"]]
+
+
+@dataclass(frozen=True)
+class ExperimentsResult(Result):
+    """Experiments that would decide."""
+
+    @property
+    def found(self) -> list[str]:
+        return [self.document["sentence"]] if self.document["sentence"] else []
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Proposed experiments, the best first."""
+        return frame(dict(each) for each in self.document["next_experiments"])
+
+
+@dataclass(frozen=True)
+class Study:
+    """An evidence study: its file, and what its runs may cost."""
+
+    path: Path
+    budget: Literal["quick", "full"] | int | None = None  # a number: at most so many runs
+    workers: int | None = None
+    seed: int | None = None
+    effect_files: tuple[Path, ...] = ()
+
+    @property
+    def options(self) -> "StudyOptions":
+        """What the commands take beside the file."""
+        from taichi_erosion.evidence.models.load_study import StudyOptions
+
+        named = cast(Any, self.budget) if isinstance(self.budget, str) else None
+        runs = self.budget if isinstance(self.budget, int) else None
+        return StudyOptions(named, runs, self.workers, self.seed, self.effect_files)
+
+    def check(self) -> Document:
+        """Validate study, table, scenes and model; run nothing. Raises BadInput with all faults."""
+        from taichi_erosion.evidence.answers.check_study import check_study
+
+        return check_study(self.path)
+
+    def compare(self) -> ComparisonResult:
+        """Calibrate the model, and find where it still fails."""
+        from taichi_erosion.evidence.answers.commands import compare_study
+
+        return ComparisonResult(self.path, self.answered("comparing", compare_study))
+
+    def discover(self) -> DiscoveryResult:
+        """Find the missing effect."""
+        from taichi_erosion.evidence.answers.commands import discover_study
+
+        return DiscoveryResult(self.path, self.answered("discovering", discover_study))
+
+    def adopt(self, *effects: str, force: bool = False) -> AdoptionResult:
+        """Add effects, calibrate again, open the vault. Raises BadInput for what is no candidate."""
+        from taichi_erosion.evidence.answers.commands import adopt_study
+
+        if not effects:
+            raise BadInput("adopt: name the effects to add")
+
+        def adopted(path: Path, progress: Progress, options: "StudyOptions") -> Document:
+            return adopt_study(path, effects, progress, options, force)
+
+        return AdoptionResult(self.path, self.answered("adopting", adopted))
+
+    def next(self) -> ExperimentsResult:
+        """Find the cheapest experiments that tell the named explanation from its rivals."""
+        from taichi_erosion.evidence.answers.commands import next_study
+
+        return ExperimentsResult(self.path, self.answered("planning", next_study))
+
+    def report(self, to: PathLike | None = None) -> Path:
+        """Write the page of all answers (HTML). Raises BadInput before the first answer."""
+        from taichi_erosion.report import write_report
+
+        return write_report(self.path, None if to is None else Path(to), True)
+
+    def answered(self, title: str, command: Callable[[Path, Progress, "StudyOptions"], Document]) -> Document:
+        """Document of a command, with a progress bar."""
+        with progress(title) as report:
+            return command(self.path, lambda words, share: report(share, words), self.options)
+
+
+def study(
+    path: PathLike,
+    *,
+    budget: Literal["quick", "full"] | int | None = None,
+    workers: int | None = None,
+    seed: int | None = None,
+    effect_files: Sequence[PathLike] = (),
+) -> Study:
+    """A study by its file; None leaves a choice to the file. Its commands raise BadInput for a wrong file."""
+    return Study(Path(path), budget, workers, seed, tuple(Path(file) for file in effect_files))
+
+
+def new_study(
+    table: "PathLike | pd.DataFrame",
+    out: PathLike | None = None,
+    *,
+    observables: Mapping[str, str] | None = None,
+    conditions: Mapping[str, str] | None = None,
+    apparatus: str | None = None,
+    closed_form: bool = False,
+) -> Study:
+    """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
+
+    `table` is a file (.csv, .xlsx) or a DataFrame whose column names carry units; `out` is the folder to
+    write, which a DataFrame needs. Raises BadInput with all faults of the table.
+    """
+    from taichi_erosion.evidence.answers.new_study import Wishes
+    from taichi_erosion.evidence.answers.new_study import new_study as write_study
+    from taichi_erosion.evidence.data.tables.column_roles import Told
+
+    wishes = Wishes(
+        Told(dict(observables or {}), dict(conditions or {})),
+        None if out is None else Path(out),
+        apparatus,
+        closed_form,
+    )
+    document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
+    return study(document["written"][0])
+
+
+def table_file(table: "PathLike | pd.DataFrame", out: PathLike | None) -> Path:
+    """File of a table; a DataFrame is written beside the folder of the study."""
+    if isinstance(table, (str, Path)):
+        return Path(table)
+    if out is None:
+        raise BadInput("new_study: name the folder to write for a DataFrame, out=FOLDER")
+    folder = Path(out)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    file = folder.with_name(f"{folder.name}.csv")
+    table.to_csv(file, index=False)
+    return file

@@ -1,0 +1,58 @@
+"""Runs and live sessions from Python, on the smallest scene."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import taichi_erosion as te
+from taichi_erosion.api.runs import override
+from taichi_erosion.core.device import stop_device
+
+SCENE = Path(__file__).parents[2] / "scenes" / "terminal_velocity.toml"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    file = tmp_path_factory.mktemp("run") / "drop.rrd"
+    found = te.run(SCENE, record=file, replicas=1, gravity__magnitude=5.0)
+    stop_device()
+    return found
+
+
+def test_a_run_has_its_measures_with_units_and_its_changes(run):
+    assert run.document["resolved"]["gravity"]["magnitude"] == 5.0
+    assert set(run.table["unit"]) == {run.document["measures"][name]["unit"] for name in run.table.index}
+    assert list(run.seeds["seed"].unique()) == [run.document["seed"]]
+    assert "<table" in run._repr_html_()
+
+
+def test_recorded_grains_fall_in_an_xarray(run):
+    height = run.grains["position"].sel(axis="z").mean("grain")
+    assert run.grains["position"].attrs["units"] == "m"
+    assert run.grains["time"].size > 2
+    assert float(height[-1]) < float(height[0])
+    assert np.isfinite(run.grains["radius"].values).all()
+
+
+def test_a_run_is_opened_again_from_its_file(run):
+    assert te.open_run(run.recording).document["hash"] == run.document["hash"]
+
+
+def test_a_session_runs_changes_and_returns_bit_for_bit():
+    session = te.live(SCENE)
+    session.run(1e-3).save("here").run(1e-3)
+    late = session.status
+    session.set("gravity.magnitude", 3.0).restore("here").run(1e-3)
+    assert session.status == late
+    stop_device()
+
+
+def test_values_become_toml():
+    assert override("a.b", 3) == "a.b=3"
+    assert override("a.b", "hertz") == 'a.b="hertz"'
+    assert override("a.b", [1.0, 2.0]) == "a.b=[1.0, 2.0]"
+
+
+def test_the_library_is_a_table():
+    assert te.effects().loc["liquid_bridge", "place"] == "pair"

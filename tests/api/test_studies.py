@@ -1,0 +1,49 @@
+"""Studies from Python, on the closed form."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import taichi_erosion as te
+
+TABLE = Path(__file__).parents[2] / "doe" / "windkanal.csv"
+
+
+@pytest.fixture(scope="module")
+def wet(tmp_path_factory) -> te.Study:
+    return te.new_study(TABLE, tmp_path_factory.mktemp("wet") / "sand", closed_form=True)
+
+
+def test_a_comparison_has_the_rows_of_the_table_with_their_units(wet):
+    comparison = wet.compare()
+    assert len(comparison.table) == comparison.document["rows_visible"] == 18
+    assert set(comparison.table["unit"]) == {"m/s"}
+    assert comparison.p < 1e-6
+    assert "too high" in comparison.sentences[0]
+    assert comparison.misfit.loc["threshold_u_star", "n"] == 18
+
+
+def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the_error(wet):
+    discovery = wet.discover()
+    assert discovery.named == [discovery.effects.index[0]] == ["liquid_bridge"]
+    adoption = wet.adopt("liquid_bridge")
+    assert adoption.table.loc["after", "held_out"] < 0.1 * adoption.table.loc["before", "held_out"]
+    assert adoption.files[0].is_file()
+    assert adoption.figure().axes
+    assert "liquid_bridge" in discovery._repr_html_()
+
+
+def test_a_data_frame_is_a_table(tmp_path):
+    table = pd.DataFrame({"diameter [mm]": [0.1, 0.2, 0.4, 0.8], "threshold_u_star [cm/s]": [14, 17, 24, 34]})
+    study = te.new_study(table, tmp_path / "mine", closed_form=True)
+    assert list(study.compare().table["measured"]) != []
+
+
+def test_wrong_input_raises_one_kind_of_error(tmp_path):
+    with pytest.raises(te.BadInput, match=r"none\.toml"):
+        te.study(tmp_path / "none.toml").compare()
+    with pytest.raises(te.BadInput, match="out=FOLDER"):
+        te.new_study(pd.DataFrame({"a": [1]}))
+    with pytest.raises(AttributeError, match="no attribute 'sudy'"):
+        te.sudy  # noqa: B018
