@@ -1,5 +1,7 @@
 """Runs and live sessions from Python, on the smallest scene."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +48,16 @@ def test_a_session_runs_changes_and_returns_bit_for_bit():
     session.set("gravity.magnitude", 3.0).restore("here").run(1e-3)
     assert session.status == late
     stop_device()
+
+
+def test_functions_are_found_before_and_after_the_rooms_of_their_names_are_imported():
+    code = (
+        "import taichi_erosion as te; first = te.effects();"
+        "import taichi_erosion.run, taichi_erosion.effects;"
+        "assert te.effects().equals(first); assert te.run.run_scene; assert 'study' in dir(te);"
+        "import taichi_erosion.core; assert not callable(te.core)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_values_become_toml():
