@@ -22,12 +22,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_page_is_in_the_site(site: Path) -> None:
-    pages = {path.stem for path in (ROOT / "docs").glob("*.md")} | {
-        "index",
-        "GLOSSARY",
-        "CHANGELOG",
-        "python",
-    }
+    pages = {path.stem for path in (ROOT / "docs").glob("*.md")} | {"index", "GLOSSARY", "CHANGELOG"}
     assert pages <= {path.stem for path in site.glob("*.html")}
 
 
@@ -42,9 +37,3 @@ def test_the_site_asks_no_other_server_for_anything(site: Path) -> None:
     for page in site.glob("*.html"):
         text = page.read_text(encoding="utf-8")
         assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=[\"'](?:https?:)?//", text), page.name
-
-
-def test_the_python_page_shows_signatures_and_docstrings(site: Path) -> None:
-    page = (site / "python.html").read_text(encoding="utf-8")
-    assert "open_session(path" in page
-    assert "Load a scene and assemble one replica of it" in page
