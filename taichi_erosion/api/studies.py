@@ -11,9 +11,9 @@ from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
     from taichi_erosion.evidence.models.load_study import StudyOptions
+    from taichi_erosion.report.figures import Figure
 
 Document = Mapping[str, Any]
 Progress = Callable[[str, float], None]  # (words, share done [1])
