@@ -4,10 +4,13 @@ All faults are told at once, each in one line; parts that rest on a faulty one a
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+from taichi_erosion.campaign.ledger import close_ledger
 from taichi_erosion.campaign.study_file import (
     ALL,
     StudyFile,
@@ -17,10 +20,17 @@ from taichi_erosion.campaign.study_file import (
 )
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.study_cost import study_cost
+from taichi_erosion.evidence.answers.rounds import MOST_POINTS
+from taichi_erosion.evidence.answers.start_values import evaluations_sentence
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table
-from taichi_erosion.evidence.emulator.training_runs import inactive_reason, study_scenes
+from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, plan_cost
+from taichi_erosion.evidence.emulator.training_runs import (
+    TrainingRuns,
+    inactive_reason,
+    initial_training_runs,
+    study_scenes,
+)
 from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, load_study, study_effect_files
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
@@ -29,6 +39,7 @@ from taichi_erosion.scene.paths import number_at
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Document = dict[str, Any]
+PLANS = ("quick", "full")
 
 
 def check_study(path: Path) -> Document:
@@ -170,3 +181,35 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
         else:
             inactive[candidate.name] = "the literature expects none of these observables to change with it"
     return acting, inactive
+
+
+def study_cost(study: Study) -> dict[str, Any]:
+    """Cost of a discovery with all candidates, by the size of its plan."""
+    effects = [candidate.name for candidate in study.problem.candidates]
+    found: dict[str, Any] = {}
+    for name in PLANS:
+        planned = initial_training_runs(study, effects, name)
+        if planned is None:
+            found[name] = {"sentence": evaluations_sentence(study, name == "quick")}
+            continue
+        cost = without_a_trace(planned)
+        found[name] = {
+            "runs": cost.first + cost.later,
+            "kept": cost.kept,
+            "core_minutes": cost.seconds * cost.workers / MINUTE,
+            "minutes_here": cost.seconds / MINUTE,
+            "sentence": cost.sentence,
+        }
+    return found
+
+
+def without_a_trace(planned: TrainingRuns) -> PlanCost:
+    """Cost of a plan; a study that has no ledger gets none by the question."""
+    rounds = planned.plan_size.rounds
+    if planned.simulator.folder.exists():
+        return plan_cost(planned, rounds, MOST_POINTS)
+    with TemporaryDirectory() as folder:
+        simulator = replace(planned.simulator, folder=Path(folder), ledger=None)
+        cost = plan_cost(replace(planned, simulator=simulator), rounds, MOST_POINTS)
+        close_ledger(simulator.opened())
+    return cost

@@ -32,7 +32,7 @@ def changed(old: str, new: str) -> bytes:
 def workbook(*rows: tuple) -> bytes:
     book, content = openpyxl.Workbook(), io.BytesIO()
     for row in rows:
-        book.active.append(row)
+        book.worksheets[0].append(row)
     book.save(content)
     return content.getvalue()
 

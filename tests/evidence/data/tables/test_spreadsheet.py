@@ -51,9 +51,10 @@ def test_columns_are_known_in_any_code_page_and_language(tmp_path, text, encodin
 
 def test_a_percentage_of_a_workbook_is_what_it_shows(tmp_path):
     book, content = openpyxl.Workbook(), io.BytesIO()
-    book.active.append(("w [%]", "angle [deg]"))
-    book.active.append((0.016, 33.5))
-    book.active["A2"].number_format = "0.0%"
+    sheet = book.worksheets[0]
+    sheet.append(("w [%]", "angle [deg]"))
+    sheet.append((0.016, 33.5))
+    sheet["A2"].number_format = "0.0%"
     book.save(content)
     cells = cells_of(tmp_path, content.getvalue(), "t.xlsx")
     assert [row for _, row in cells.lines] == [("1.6 %", "33.5")]
