@@ -1,11 +1,12 @@
-"""Makes the table of heaps of rooted soil, as a laboratory whose world the study does not know.
+"""Makes the table of falling porous aggregates, as a laboratory whose world the study does not know.
 
     python -m doe.own_effect.laboratory [TABLE]
 
-It has a law of roots of its own (laboratory_roots.py), another time step and rolling friction;
-seeds are others too, rows are single repeats. TABLE is roots.csv beside this file where left out.
+It has a law of pores of its own (laboratory_pores.py), another time step and grain density, and reads
+velocities with a scatter. TABLE is pores.csv beside this file where left out.
 """
 
+import random
 import sys
 from pathlib import Path
 
@@ -15,42 +16,38 @@ from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
 
 HERE = Path(__file__).parent
-DENSITIES = (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0)  # kg m-3
+VOLUMES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14)  # cm3/g
 REPEATS = 3
-FIRST_SEED = 2**30 + 7
-WORLD = ("run.time_step_d=2.4e-2", "contact.grain-grain.friction_rolling=0.2")
-OBSERVABLES = ("centroid_height", "pile_height")
-HEADING = "observable,value,n,unit,group,root_density [g/cm3],source"
+SEED = 7
+SCATTER = 0.01  # of a reading, over its value [1]
+WORLD = ("run.time_step=7e-5", "materials.quartz.density=2680")
+HEADING = "observable,value,n,unit,group,pore_volume [mm3/g],source"
 
 
 def table() -> str:
-    """Table of single repeats at every root density."""
-    files = read_effect_files([HERE / "laboratory_roots.py"])
-    densities = [density for density in DENSITIES for _ in range(REPEATS)]
+    """Table of single readings at every volume of pores."""
+    files = read_effect_files([HERE / "laboratory_pores.py"])
+    acting = "effects.laboratory_pores.strength=1.0"
     requests = [
         ReplicaRequest(
-            read_scene(
-                HERE / "heap.toml",
-                (*WORLD, f"conditions.root_density={density}", "effects.laboratory_roots.strength=1.0"),
-                files,
-            ),
-            FIRST_SEED + place,
+            read_scene(HERE / "fall.toml", (*WORLD, f"conditions.pore_volume={pores}", acting), files), 1
         )
-        for place, density in enumerate(densities)
+        for pores in VOLUMES
     ]
-    heaps: dict[int, dict] = {}
-    run_replicas(requests, Numerics("cpu", 1), heaps.__setitem__)
-    lines = [HEADING]
-    for place, density in enumerate(densities):
-        measures = heaps[place]["measures"]
-        row = f"1,mm,heap {density:g},{1e-3 * density:g},laboratory.py"
-        lines += [f"{name},{1e3 * measures[name]['value']:.5g},{row}" for name in OBSERVABLES]
+    falls: dict[int, dict] = {}
+    run_replicas(requests, Numerics("cpu", 1, "f64"), falls.__setitem__)
+    drawn, lines = random.Random(SEED), [HEADING]
+    for place, pores in enumerate(VOLUMES):
+        value = falls[place]["measures"]["settling_velocity"]["value"]
+        for _ in range(REPEATS):
+            read = value * drawn.gauss(1.0, SCATTER)
+            lines.append(f"settling_velocity,{read:.5g},1,m/s,pores {pores:g},{1e3 * pores:g},laboratory.py")
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
     """Write the table."""
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "roots.csv"
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "pores.csv"
     path.write_text(table(), encoding="utf-8")
 
 

@@ -1,6 +1,6 @@
 """The walk of docs/write_an_effect.md: from an empty file to a falling error, with a laboratory of its own.
 
-The laboratory is another process with another law of roots, time step and friction. Everything after it is
+The laboratory is another process with another law of pores, time step and density. Everything after it is
 what the page tells a reader to type and to write.
 """
 
@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "write_an_effect.md").read_text(encoding="utf-8")
 FILE = r"<!-- file: (?P<file>\S+) -->\n```\w+\n(?P<text>.*?)```"
 STEP = re.compile(rf"{FILE}|```sh\n(?P<commands>.*?)```", re.DOTALL)
-NAME, STUDY = "root_pull", "doe/own_effect/roots.toml"
+NAME, STUDY = "pores", "doe/own_effect/pores.toml"
 ONE_WORKER = ("--workers", "1")  # a second one would compile the same kernels again
 pytestmark = pytest.mark.docs
 
@@ -36,7 +36,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     for file in ROOT.glob("doe/my_lab*"):
         shutil.copy(file, folder / "doe")
-    table = folder / "doe" / "own_effect" / "roots.csv"
+    table = folder / "doe" / "own_effect" / "pores.csv"
     table.unlink()
     words = [sys.executable, "-m", "doe.own_effect.laboratory", str(table)]
     subprocess.run(words, cwd=ROOT, check=True, timeout=600.0)
@@ -63,16 +63,16 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
         else:
             words = [*shlex.split(text), *(ONE_WORKER if STUDY in text else ())]
             assert main(words) == 0, text
-    results = Path("doe/own_effect/roots-results")
-    discovered, adopted = (read_answer(results, "roots", command) for command in ("discover", "adopt"))
+    results = Path("doe/own_effect/pores-results")
+    discovered, adopted = (read_answer(results, "pores", command) for command in ("discover", "adopt"))
     assert discovered is not None
     assert (discovered["verdict"], discovered["named"]) == ("present", [NAME])
     assert adopted is not None
     assert adopted["vault"]["chi2_after"] < 0.5 * adopted["vault"]["chi2_before"]
     assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
-    for section, file in (("scene", "heap_roots"), ("study", "roots")):
+    for section, file in (("scene", "fall_pores"), ("study", "pores")):
         written = toml_table(f"doe/own_effect/{file}_with_{NAME}.toml")
-        assert written[section]["effect_files"] == ["../../root_pull.py"]
+        assert written[section]["effect_files"] == ["../../pores.py"]
     law = read_answer(Path("doe/my_lab_short_list-results"), "my_lab_short_list", "adopt")
     assert law is not None
     assert law["vault"]["chi2_after"] < 0.1 * law["vault"]["chi2_before"]
@@ -94,4 +94,4 @@ def test_the_package_that_the_page_shows_offers_its_effect(tmp_path, monkeypatch
         packed.extractall(tmp_path / "installed")
     assert NAME not in load_library()
     monkeypatch.syspath_prepend(tmp_path / "installed")
-    assert load_library()[NAME].reads == ("root_density",)
+    assert load_library()[NAME].reads == ("pore_volume",)
