@@ -3,8 +3,8 @@
     rho_a = (1 - n) rho,    n = w V / (1 / rho + w V)
 
 with rho the density of the solid [kg m-3], n the porosity of an aggregate [1], V the stated volume of pores
-over the mass of solid [m3 kg-1], w the volume that counts over the stated one [1]. Strength multiplies w. Holds
-for aggregates whose pores hold air.
+over the mass of solid [m3 kg-1], w the volume that counts over the stated one [1]. Strength multiplies w.
+Holds for aggregates whose pores hold air.
 
 Reference: Chepil (1950), Soil Sci. 70, 351 (apparent density of soil aggregates).
 """
