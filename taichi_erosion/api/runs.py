@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.core.errors import BadInput
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 PathLike = str | Path
 SceneLike = PathLike | Mapping[str, Any]
+
+OPTIONS = ("seed", "replicas", "threads", "precision", "arch", "force")  # of a run beside its scene
 
 
 @dataclass(frozen=True)
@@ -100,43 +102,36 @@ class Run:
 
 def run(
     scene: SceneLike,
-    *,
     changes: Mapping[str, Any] | None = None,
-    seed: int | None = None,
-    replicas: int | None = None,
-    threads: int = 0,
-    precision: Literal["f32", "f64"] | None = None,
-    arch: Literal["cpu", "cuda"] = "cpu",
     record: bool | PathLike = True,
     effect_files: Sequence[PathLike] = (),
-    force: bool = False,
     **entries: Any,
 ) -> Run:
     """Simulate a scene, measure and record it.
 
-    `changes` maps dotted paths of the scene to values, {"grains.count": 3000}; a keyword with two underscores
-    says the same, grains__count=3000. `record` is a file (.rrd), True for one in recordings/, or False.
-    Raises BadInput for a wrong scene, SimulationStopped where every replica fails.
+    `changes` maps dotted paths of the scene to values, {"grains.count": 3000}. `record` is a file (.rrd), True
+    for one in recordings/, or False. Further entries are the options of `./erosion run`: seed, replicas,
+    threads, precision, arch, force; a name with two underscores is a change, grains__count=3000.
+    Raises BadInput for a wrong scene or entry, SimulationStopped where every replica fails.
     """
     from taichi_erosion.run import RunOptions, run_scene
 
-    stated = dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
+    stated = dict(changes or {}) | {
+        name.replace("__", "."): entries[name] for name in entries if "__" in name
+    }
+    options = {name: value for name, value in entries.items() if "__" not in name}
+    if unknown := sorted(options.keys() - set(OPTIONS)):
+        raise BadInput(f"run: no option '{unknown[0]}'; there are {', '.join(OPTIONS)}, and SECTION__ENTRY")
     with tempfile.TemporaryDirectory() as folder, progress("running") as report:
-        path = scene_file(scene, Path(folder))
-        options = RunOptions(
+        chosen = RunOptions(
             overrides=tuple(override(name, value) for name, value in stated.items()),
-            seed=seed,
-            replicas=replicas,
-            arch=arch,
-            threads=threads,
-            precision=precision,
             record=None if isinstance(record, bool) else Path(record),
             no_record=record is False,
             effect_files=tuple(Path(file) for file in effect_files),
-            force=force,
             progress=report,
+            **options,
         )
-        return Run(run_scene(path, options))
+        return Run(run_scene(scene_file(scene, Path(folder)), chosen))
 
 
 def open_run(file: PathLike) -> Run:

@@ -60,6 +60,11 @@ def test_functions_are_found_before_and_after_the_rooms_of_their_names_are_impor
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_an_unknown_option_is_named():
+    with pytest.raises(te.BadInput, match="no option 'replica'; there are seed, replicas"):
+        te.run(SCENE, replica=1)
+
+
 def test_values_become_toml():
     assert override("a.b", 3) == "a.b=3"
     assert override("a.b", "hertz") == 'a.b="hertz"'
