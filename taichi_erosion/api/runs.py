@@ -109,7 +109,7 @@ def run(
 ) -> Run:
     """Simulate a scene, measure and record it.
 
-    `changes` maps dotted paths of the scene to values, {"grains.count": 3000}. `record` is a file (.rrd), True
+    `changes` maps dotted paths of a scene to values, {"grains.count": 3000}. `record` is a file (.rrd), True
     for one in recordings/, or False. Further entries are the options of `./erosion run`: seed, replicas,
     threads, precision, arch, force; a name with two underscores is a change, grains__count=3000.
     Raises BadInput for a wrong scene or entry, SimulationStopped where every replica fails.
