@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from taichi_erosion.evidence.models.load_study import StudyOptions
-    from taichi_erosion.report.figures import Figure
+    from taichi_erosion.report.figure_style import Figure
 
 Document = Mapping[str, Any]
 Progress = Callable[[str, float], None]  # (words, share done [1])
@@ -70,7 +70,7 @@ class ComparisonResult(Result):
 
     @property
     def found(self) -> list[str]:
-        from taichi_erosion.evidence.inference.levels import fails
+        from taichi_erosion.evidence.inference.verdict_levels import fails
 
         failing = [place["sentence"] for place in self.document["where"] if fails(place["p"])]
         return failing or ["No significant misfit in any observable or along any condition."]

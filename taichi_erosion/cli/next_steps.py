@@ -7,7 +7,7 @@ from math import hypot, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.evidence.inference.levels import HELD_OUT_SHARE, fails
+from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
 
 Record = Mapping[str, Any]
 

@@ -25,8 +25,8 @@ continuity and the balance of drag and pressure give, layer by layer,
     w = (W - sum V v_z / V_cell) / eps,    -dp/dz = sum m b (w - v_z) / (V_cell eps).
 """
 
-from taichi_erosion.air.column import advance_column
 from taichi_erosion.air.grid import cell_volume
+from taichi_erosion.air.single_column import advance_column
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import air_cell_index, buffer_row, deposit_partition, exchange_interval
 from taichi_erosion.coupling.gather import gather_partition

@@ -1,6 +1,6 @@
 """Spin-up: the steady profile of the air over grains that keep their places and velocities."""
 
-from taichi_erosion.air.column import advance_column
+from taichi_erosion.air.single_column import advance_column
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import deposit_partition
 from taichi_erosion.coupling.exchange import reduce_residual, set_air_load

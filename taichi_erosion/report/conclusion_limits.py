@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from taichi_erosion.evidence.inference.levels import ABSORBED, STABLE
+from taichi_erosion.evidence.inference.verdict_levels import ABSORBED, STABLE
 from taichi_erosion.report.evidence_results import Document, Results
 from taichi_erosion.report.plain_words import effect_words, listed
 

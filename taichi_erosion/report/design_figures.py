@@ -22,7 +22,7 @@ from scipy import stats
 from taichi_erosion.campaign.study_file import Target
 from taichi_erosion.experiments.design_table import Design, to_natural
 from taichi_erosion.experiments.fit import Fit, diagnostics
-from taichi_erosion.report import figures
+from taichi_erosion.report import figure_style
 
 Floats = NDArray[np.float64]
 Names = Mapping[str, str]
@@ -43,7 +43,7 @@ PANEL = (3.3, 0.9 * 3.3)  # in
 def panels(count: int, columns: int, projection: str | None = None) -> Iterator[tuple[Figure, list[Any]]]:
     """Figure of `count` panels in STYLE."""
     with plt.rc_context(STYLE):
-        yield figures.panels(count, columns, PANEL, projection)
+        yield figure_style.panels(count, columns, PANEL, projection)
 
 
 def label(term: str, names: Names) -> str:

@@ -10,13 +10,13 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
-from taichi_erosion.evidence.inference.levels import PLAUSIBLE, fails
+from taichi_erosion.evidence.inference.verdict_levels import PLAUSIBLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import StudyPage, record_study
-from taichi_erosion.report import figures, study_figures
+from taichi_erosion.report import figure_style, study_figures
 from taichi_erosion.report.conclusion_limits import limits
 from taichi_erosion.report.evidence_results import CONTROLS, Document, Results, layers, stored_results
-from taichi_erosion.report.figures import Picture
+from taichi_erosion.report.figure_style import Picture
 from taichi_erosion.report.html import made, number, render
 from taichi_erosion.report.lead import LEVEL, is_refuted, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
@@ -53,7 +53,7 @@ def write_recording(study: Path) -> Path:
         title=title,
         summary="\n\n".join([f"# {title}", *lead(found)]),
         table=row_table(found),
-        figures={name: figures.raster(one) for name, one in every.items()},
+        figure_style={name: figure_style.raster(one) for name, one in every.items()},
         properties={"rows": first["rows_visible"], "held_out": first["rows_hidden"], "seed": first["seed"]},
     )
     return record_study(folder / f"{study.stem}.{RECORDING}", page)
@@ -145,9 +145,11 @@ def panels(found: Results) -> list[Panel]:
     return sorted(every, key=rank)
 
 
-def first_figure(study: Path) -> figures.Figure:
+def first_figure(study: Path) -> figure_style.Figure:
     """First figure of the page of a study. Raises BadInput where it has no answer yet."""
-    return figures.detached(lambda: study_figures.draw_first(panels(stored_results(study))[0], figures.WIDE))
+    return figure_style.detached(
+        lambda: study_figures.draw_first(panels(stored_results(study))[0], figure_style.WIDE)
+    )
 
 
 def first_panels(found: Results) -> list[dict[str, Any]]:

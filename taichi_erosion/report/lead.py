@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from taichi_erosion.evidence.inference.levels import HELD_OUT_MISFIT, HELD_OUT_SHARE, fails
+from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_MISFIT, HELD_OUT_SHARE, fails
 from taichi_erosion.report.evidence_results import Document, Results, layers
 from taichi_erosion.report.plain_words import (
     EVERYWHERE,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_html, read_text_file, refuse_foreign, write_atomic
-from taichi_erosion.report.figures import AFTER, BEFORE, WIDE, Picture, panels, responsive
+from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive
 from taichi_erosion.report.html import address_of, made, render
 from taichi_erosion.report.markdown import with_spread
 

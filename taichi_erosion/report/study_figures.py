@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from taichi_erosion.report.evidence_results import Layer
-from taichi_erosion.report.figures import (
+from taichi_erosion.report.figure_style import (
     AFTER,
     BEFORE,
     CONTROL,

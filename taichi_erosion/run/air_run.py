@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.air.column import advance_columns
 from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.air.readback import air_snapshot
+from taichi_erosion.air.single_column import advance_columns
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.device import start_device
 from taichi_erosion.core.errors import BadInput

@@ -7,7 +7,8 @@ with s = |u - v| the slip speed [m s-1], d the diameter [m], m the mass [kg], rh
 and kinematic viscosity [m2 s-1] of the air, eps the share of the volume that is air [1]. For grains in a bed,
 u is the velocity between the grains and the pressure force on the grain counts by itself (model A).
 
-Every law is a ti.func drag_rate(slip, radius, mass, density, viscosity, void) -> b [s-1].
+Every law is a ti.func drag_rate(slip, radius, mass, density, viscosity, void) -> b [s-1]. A new one stands in
+a file of its name, in `LAWS` below, and in `DragLaw` of `core/setup.py`, by which scenes accept it.
 
 Reference: Zhou et al. (2010), J. Fluid Mech. 661, 482 (model A).
 """

@@ -28,13 +28,13 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     misfit_places,
     rows_table,
 )
-from taichi_erosion.evidence.inference.levels import LEVEL_ODDS, fails
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score, slopes_of
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
+from taichi_erosion.evidence.inference.verdict_levels import LEVEL_ODDS, fails
 
 
 def adopt(

@@ -11,7 +11,8 @@ from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.measurement_noise import unchecked_noise_sentence
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Progress
 from taichi_erosion.evidence.data.transforms import slope, to_scale
-from taichi_erosion.evidence.inference import goodness_of_fit, levels, marginal_likelihood
+from taichi_erosion.evidence.inference import goodness_of_fit, marginal_likelihood
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.map_fit import fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
@@ -50,7 +51,7 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
         warnings=prepared.warnings,
         runs=prepared.predictor.cost.runs,
         wall_s=perf_counter() - start,
-        levels=() if levels.fails(p_free) else level_shifts(*placed),
+        verdict_levels=() if levels.fails(p_free) else level_shifts(*placed),
         p_levels_free=p_free,
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base.expansion)) if known else (),
         worst_row=goodness_of_fit.worst_row(prepared, base.expansion) if known else None,

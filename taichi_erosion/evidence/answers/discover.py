@@ -26,7 +26,8 @@ from taichi_erosion.evidence.data.findings import (
 )
 from taichi_erosion.evidence.data.problem import Budget, Problem, Progress, expected_strength
 from taichi_erosion.evidence.data.transforms import split_setting
-from taichi_erosion.evidence.inference import goodness_of_fit, levels
+from taichi_erosion.evidence.inference import goodness_of_fit
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
 from taichi_erosion.evidence.inference.familywise_test import power
@@ -83,7 +84,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         decoy_rank=found.test.decoy_rank,
         stability=found.stability,
         warnings=(*prepared.warnings, *found.warnings, *bound_warnings(found)),
-        levels=level_shifts(prepared, found.final.scored),
+        verdict_levels=level_shifts(prepared, found.final.scored),
         level_probability=found.level_probability,
         p_misfit_stated=found.p_misfit_stated,
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),

@@ -27,7 +27,7 @@ from taichi_erosion.evidence.data.findings import (
     RowMisfit,
     VaultErrors,
 )
-from taichi_erosion.evidence.inference import levels
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.measures.result import without_nan
 

@@ -41,7 +41,7 @@ from taichi_erosion.evidence.data.problem import (
     expected_strength,
 )
 from taichi_erosion.evidence.data.transforms import from_scale, position_of, slope
-from taichi_erosion.evidence.inference import levels
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.map_fit import Objective
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare

@@ -16,7 +16,7 @@ from taichi_erosion.evidence.answers.discover import discover, nameless_discover
 from taichi_erosion.evidence.answers.start_values import model_at_start
 from taichi_erosion.evidence.data.findings import Discovery, Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.problem import Bools, Floats, Progress
-from taichi_erosion.evidence.inference.levels import fails
+from taichi_erosion.evidence.inference.verdict_levels import fails
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.predictor import seed_mean
 

@@ -7,9 +7,9 @@ from scipy.cluster import hierarchy
 from scipy.spatial.distance import squareform
 
 from taichi_erosion.evidence.data.problem import Floats, expected_strength
-from taichi_erosion.evidence.inference.levels import ABSORBED, SEPARATION
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.screen import Screen
+from taichi_erosion.evidence.inference.verdict_levels import ABSORBED, SEPARATION
 
 
 def separations(

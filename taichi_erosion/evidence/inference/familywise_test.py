@@ -14,10 +14,10 @@ from scipy import special
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.inference.levels import FAMILYWISE_LEVEL
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.screen import Screen
+from taichi_erosion.evidence.inference.verdict_levels import FAMILYWISE_LEVEL
 
 DRAWS = 2000  # of the null: a p of 0.05 is known to 0.005
 DECOYS = 3

@@ -27,7 +27,6 @@ from taichi_erosion.evidence.data.findings import (
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import from_scale
-from taichi_erosion.evidence.inference.levels import NOISE_LEVEL, ONE_ROW, fails, p_text
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     Expansion,
     ProjectedResidual,
@@ -35,6 +34,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import (
 )
 from taichi_erosion.evidence.inference.model_discrepancy import squared_distance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.verdict_levels import NOISE_LEVEL, ONE_ROW, fails, p_text
 from taichi_erosion.evidence.models.predictor import standard_axis
 
 LENGTH = 0.7  # of the kernel, in sd of a condition

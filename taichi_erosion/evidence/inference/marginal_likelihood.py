@@ -18,7 +18,7 @@ from scipy import interpolate
 
 from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, stack, working
 from taichi_erosion.evidence.data.problem import Bools, Floats
-from taichi_erosion.evidence.inference import levels
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
@@ -67,7 +67,7 @@ class StrengthLikelihood:
     log_likelihood: Floats  # (columns,), calibrated numbers integrated out
     position: Floats  # (p, columns), best calibrated numbers
     covariance: Floats  # (p, p)
-    levels: Floats  # (q, columns), best free levels, in prior sd
+    verdict_levels: Floats  # (q, columns), best free levels, in prior sd
     level_covariance: Floats  # (..., q, q), the same for all columns or one for each
 
 
@@ -336,7 +336,7 @@ class LeastSquares:
     log_volume: Floats  # (columns,), -1/2 ln |A| + ln box
     position: Floats  # (p, columns)
     covariance: Floats  # (p, p), at the best column
-    levels: Floats  # (q, columns)
+    verdict_levels: Floats  # (q, columns)
     level_covariance: Floats  # (q, q), or (columns, q, q)
 
 

@@ -9,11 +9,11 @@ from scipy.special import expit
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, MisfitPlace
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
-from taichi_erosion.evidence.inference import levels, refit
+from taichi_erosion.evidence.inference import refit
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain, log_score_gain
 from taichi_erosion.evidence.inference.familywise_test import DRAWS, FamilywiseTest, familywise_test, power
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places, stuck_numbers
-from taichi_erosion.evidence.inference.levels import UNSTABLE, too_few_rows
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import kernels
@@ -28,6 +28,7 @@ from taichi_erosion.evidence.inference.verdict import (
     best_hypothesis,
     decide,
 )
+from taichi_erosion.evidence.inference.verdict_levels import UNSTABLE, too_few_rows
 from taichi_erosion.evidence.models.predictor import seed_mean
 
 RANKING_DRAWS = 200  # of a null that only ranks

@@ -16,7 +16,7 @@ from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Estimate, Level
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import axis_value, effect_of
-from taichi_erosion.evidence.inference import levels
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     BOUND,
     ScoredHypothesis,

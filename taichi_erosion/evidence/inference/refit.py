@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress, expected_strength
-from taichi_erosion.evidence.inference import levels
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.familywise_test import FamilywiseTest
 from taichi_erosion.evidence.inference.goodness_of_fit import explained_share, misfit_p, misfit_p_by_noise
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Fit, fit

@@ -14,10 +14,9 @@ from scipy import stats
 
 from taichi_erosion.evidence.data.findings import Law, MisfitPlace, ResidualTrend, VaryingNumber
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
-from taichi_erosion.evidence.inference import levels
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
 from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS, axis_bins, freedom
-from taichi_erosion.evidence.inference.levels import SECOND_TERM, fails
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     Expansion,
     ProjectedResidual,
@@ -25,6 +24,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import (
 )
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.verdict_levels import SECOND_TERM, fails
 
 POWERS = (-2.0, -1.5, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0)  # of a condition in a term
 EXPONENTS = np.linspace(-4.0, 4.0, 161)  # at which the scaling is profiled

@@ -11,7 +11,6 @@ import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Bools, Candidate, Floats, expected_strength
-from taichi_erosion.evidence.inference.levels import UNRESOLVED_NOISE
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     Expansion,
     ProjectedResidual,
@@ -20,6 +19,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import (
     smooth_path,
 )
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.verdict_levels import UNRESOLVED_NOISE
 from taichi_erosion.evidence.models.predictor import paired_change
 
 STEPS = (0.25, 0.5, 1.0, 2.0)  # strengths of a path, in units of the expected one

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Verdict
-from taichi_erosion.evidence.inference import levels
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.posterior import Posterior, label
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 

@@ -5,7 +5,7 @@ from io import BytesIO
 
 import matplotlib.pyplot as plt
 
-from taichi_erosion.report.figures import STYLE
+from taichi_erosion.report.figure_style import STYLE
 
 SIZE = (6.4, 3.6)  # in
 DOTS_PER_INCH = 160

@@ -31,9 +31,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_erosion.air.column import advance_columns
 from taichi_erosion.air.grid import Air
 from taichi_erosion.air.readback import air_snapshot, face_velocities
+from taichi_erosion.air.single_column import advance_columns
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core import air_setup
 from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InletTurbulence

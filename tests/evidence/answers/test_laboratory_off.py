@@ -10,7 +10,7 @@ from taichi_erosion.evidence.answers.adopt import adopt
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.data.findings import NONE
 from taichi_erosion.evidence.data.problem import Problem
-from taichi_erosion.evidence.inference.levels import fails
+from taichi_erosion.evidence.inference.verdict_levels import fails
 from tests.evidence.heap_study import answer, declared, heap_problem, narrowed
 
 OFFSET = 1.5  # deg, five sd of a row

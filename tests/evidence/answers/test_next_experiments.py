@@ -21,8 +21,8 @@ from taichi_erosion.evidence.answers.next_experiments import (
 )
 from taichi_erosion.evidence.data.findings import PlausibleHypothesis
 from taichi_erosion.evidence.data.problem import Budget, Laboratory
-from taichi_erosion.evidence.inference.levels import DECIDED
 from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.inference.verdict_levels import DECIDED
 from tests.evidence.linear_study import linear_problem
 
 

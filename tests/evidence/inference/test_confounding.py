@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects, separations
-from taichi_erosion.evidence.inference.levels import SEPARATION
+from taichi_erosion.evidence.inference.verdict_levels import SEPARATION
 from tests.evidence.linear_study import linear_problem, screened
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from taichi_erosion.evidence.inference.familywise_test import decoy_rank, familywise_test, power, step_down
-from taichi_erosion.evidence.inference.levels import FAMILYWISE_LEVEL
+from taichi_erosion.evidence.inference.verdict_levels import FAMILYWISE_LEVEL
 from tests.evidence.linear_study import linear_problem, screened
 
 SHAPES = {"slope": lambda x: x, "bend": lambda x: x**2, "wave": lambda x: np.sin(6.0 * x)}

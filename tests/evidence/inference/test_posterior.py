@@ -5,7 +5,6 @@ import pytest
 from scipy import stats
 
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE
-from taichi_erosion.evidence.inference.levels import PRIOR_NONE, PRIOR_OUTSIDE, PRIOR_PAIRS, PRIOR_REMAINDER
 from taichi_erosion.evidence.inference.map_fit import fit, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import cell_width, expand, score
 from taichi_erosion.evidence.inference.posterior import (
@@ -18,6 +17,12 @@ from taichi_erosion.evidence.inference.posterior import (
     upper_strength,
 )
 from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.inference.verdict_levels import (
+    PRIOR_NONE,
+    PRIOR_OUTSIDE,
+    PRIOR_PAIRS,
+    PRIOR_REMAINDER,
+)
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
 SHAPES = {"slope": lambda x: x, "bend": lambda x: x**2}

@@ -10,13 +10,13 @@ from doe.sealed.laboratory import CaseModel
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.data.findings import OUTSIDE
 from taichi_erosion.evidence.data.transforms import position_of
-from taichi_erosion.evidence.inference.levels import REJECTION_LEVEL
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Objective, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand
 from taichi_erosion.evidence.inference.posterior import posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.inference.refit import FittedHypothesis, fit_singles, hypotheses, mean_misfit_p
 from taichi_erosion.evidence.inference.screen import screen
+from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL
 
 FAMILY = 5000
 

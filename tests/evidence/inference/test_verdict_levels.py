@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from taichi_erosion.cli.evidence import agreement
-from taichi_erosion.evidence.inference.levels import MISFIT_LEVEL, NONE_LIMIT, fails
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, Posterior
 from taichi_erosion.evidence.inference.verdict import detected
+from taichi_erosion.evidence.inference.verdict_levels import MISFIT_LEVEL, NONE_LIMIT, fails
 from taichi_erosion.report.evidence_page import failures
 
 BELOW, ABOVE = 0.99 * MISFIT_LEVEL, 1.01 * MISFIT_LEVEL

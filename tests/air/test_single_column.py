@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from flows import BED, DENSITY, FRICTION, column, put_grains, wind
 
-from taichi_erosion.air.column import advance_columns
 from taichi_erosion.air.grid import allocate_air, parallel_columns, store_void_fraction
+from taichi_erosion.air.single_column import advance_columns
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.setup import Numerics
 
