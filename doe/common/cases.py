@@ -114,7 +114,9 @@ def rows_of(case: Case, typed: str, document: dict[str, Any]) -> list[Row]:
             wall_s=round(document["wall_s"], 1),
             command=typed,
             versions="; ".join(f"{key} {version}" for key, version in document["versions"].items()),
-            note="; ".join(notes + found["notes"] + [each["sentence"] for each in found["shortfalls"]]),
+            note="; ".join(
+                notes + found["notes"] + [each["sentence"] for each in found.get("shortfalls", ())]
+            ),
         )
         for name, found in document["measures"].items()
     ]

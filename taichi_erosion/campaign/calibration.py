@@ -59,11 +59,13 @@ def calibrate(
     """
     started = time.perf_counter()
     file = read_calibration_study(path)
-    refuse_foreign_files(file, until, force)
     found = Calibration(file)
     planned = calculate.screening_design(file)
+    is_kept = is_written(file.folder / "screen.csv", planned)
+    if until != "design" or not is_kept:
+        refuse_foreign_files(file, until, force)
     found.document = {"study": str(path), "until": until, "design": path_document(planned)}
-    if not is_written(file.folder / "screen.csv", planned):
+    if not is_kept:
         write_design(found, "screen", planned)
     if until != "design":
         ledger, where = open_ledger(file.folder), file.study.campaign
@@ -89,7 +91,8 @@ def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> No
     last = [PAGE, *(f"{PICTURES}/{name}" for name in pictures)] if until == STEPS[-1] else []
     if until == STEPS[-1]:
         refuse_foreign_scenes(file, force)
-    ListedFolder(file.folder).refuse_foreign([*TABLES, *last], force)
+    tables = TABLES[:1] if until == "design" else TABLES
+    ListedFolder(file.folder).refuse_foreign([*tables, *last], force)
 
 
 def run_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:

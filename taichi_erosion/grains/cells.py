@@ -1,10 +1,10 @@
 """Cells: grains are sorted in space, so that neighbours in space are neighbours in memory.
 
-A box is divided into cells at least as wide as the longest list distance. Grains outside belong to the border
-cells, which keeps every pair of close grains in the same or in adjacent cells. Cells are numbered along the
-axis with the fewest of them first and along the one with the most last: layers of cells are small, and grains
-in contact lie near in memory. The box follows the grains from rebuild to rebuild; under wind, where some fly
-far above a bed, it is that of the scene.
+A box is divided into cells at least as wide as the longest list distance (`simulation/upload.py`). Grains
+outside belong to the border cells, which keeps every pair of close grains in the same or in adjacent
+cells. Cells are numbered along the axis with the fewest of them first and along the one with the most
+last: layers of cells are small, and grains in contact lie near in memory. The box follows the grains from
+rebuild to rebuild; under wind, where some fly far above a bed, it is that of the scene.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,5 @@
 """Beds of growing width: the same packing at every size, and all memory of a record counted."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from scipy.spatial import KDTree
 from taichi_erosion.benchmark.grain_cases import device_bytes, tiled_bed
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
 
 PERIOD = 5e-3  # m
 
@@ -31,12 +31,12 @@ def test_copies_side_by_side_are_the_same_packing():
     assert all_of_them == pytest.approx(np.repeat(one, 6), rel=1e-9)
 
 
-@dataclass(frozen=True)
+@device_record
 class Inner:
     exact: Any
 
 
-@dataclass(frozen=True)
+@device_record
 class Outer:
     count: int
     numbers: Any

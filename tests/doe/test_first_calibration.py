@@ -43,5 +43,6 @@ def test_asking_for_the_design_again_keeps_the_responses_of_its_runs(tree: Path,
     assert table.read_bytes() == kept
     text = (tree / STUDY).read_text(encoding="utf-8")
     (tree / STUDY).write_text(text.replace("high = 0.35", "high = 0.45"), encoding="utf-8")
-    assert main(words) == 0
+    assert main(words) == 2, "the responses were not written by this program"
+    assert main([*words, "--force"]) == 0
     assert not read_design(table).responses, "another design begins without responses"

@@ -51,7 +51,7 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
         warnings=prepared.warnings,
         runs=prepared.predictor.cost.runs,
         wall_s=perf_counter() - start,
-        verdict_levels=() if levels.fails(p_free) else level_shifts(*placed),
+        levels=() if levels.fails(p_free) else level_shifts(*placed),
         p_levels_free=p_free,
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base.expansion)) if known else (),
         worst_row=goodness_of_fit.worst_row(prepared, base.expansion) if known else None,

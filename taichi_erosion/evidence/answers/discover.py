@@ -84,7 +84,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         decoy_rank=found.test.decoy_rank,
         stability=found.stability,
         warnings=(*prepared.warnings, *found.warnings, *bound_warnings(found)),
-        verdict_levels=level_shifts(prepared, found.final.scored),
+        levels=level_shifts(prepared, found.final.scored),
         level_probability=found.level_probability,
         p_misfit_stated=found.p_misfit_stated,
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),

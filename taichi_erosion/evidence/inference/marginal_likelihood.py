@@ -67,7 +67,7 @@ class StrengthLikelihood:
     log_likelihood: Floats  # (columns,), calibrated numbers integrated out
     position: Floats  # (p, columns), best calibrated numbers
     covariance: Floats  # (p, p)
-    verdict_levels: Floats  # (q, columns), best free levels, in prior sd
+    levels: Floats  # (q, columns), best free levels, in prior sd
     level_covariance: Floats  # (..., q, q), the same for all columns or one for each
 
 
@@ -336,7 +336,7 @@ class LeastSquares:
     log_volume: Floats  # (columns,), -1/2 ln |A| + ln box
     position: Floats  # (p, columns)
     covariance: Floats  # (p, p), at the best column
-    verdict_levels: Floats  # (q, columns)
+    levels: Floats  # (q, columns)
     level_covariance: Floats  # (q, q), or (columns, q, q)
 
 
