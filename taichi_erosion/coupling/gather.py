@@ -137,6 +137,7 @@ def grain_record(world: ti.template(), coupling: ti.template(), r, i, void, shea
         interval=replicas.time_step[r] * coupling.exchange.look_steps[r],
         time=replicas.time_step[r] * replicas.step[r],
         chance=ti.cast(uniform(coupling.exchange.seed[r], 0, 0)[0], float),
+        drag_factor=1.0,
     )
     if ti.static(world.driven):
         grain.air_velocity = world.frozen_drag.air_velocity[i]

@@ -9,12 +9,12 @@ temperature [K], t the same [C], H the relative humidity [1] and h the altitude 
 and T_0 those at sea level and H = 0 where the conditions state none, e_s the pressure of saturated vapour,
 0.378 one less the ratio of the molar masses of water and air, M = 0.02897 kg mol-1 the molar mass of dry
 air, R the gas constant, g gravity; mu_S = 1.716e-5 Pa s at T_S = 273.15 K and S = 110.4 K. Thresholds of
-u* go with rho^(-1/2): 6 % at 1100 m. Strength is linear in both. Holds between 200 and 400 K for the
-density, 170 and 1900 K for the viscosity of dry air. Saturated air is lighter than dry air by 0.9 % at 20
-C and 2.8 % at 40 C.
+u* go with rho^(-1/2): 7 % at 1100 m. Strength is linear in both. Holds for dry air between 200 and 400 K,
+for moist air between -20 and 60 C. Saturated air is lighter than dry air by 0.9 % at 20 C and 2.8 % at 40
+C.
 
-Reference: Sutherland (1893), Phil. Mag. 36, 507, constants of White (2006), Viscous Fluid Flow, 3rd ed.,
-table 1-2; US Standard Atmosphere (1976); Buck (1981), J. Appl. Meteorol. 20, 1527 (e_s over water).
+Reference: Sutherland (1893), Phil. Mag. 36, 507; mu_S and T_S of White (2006), Viscous Fluid Flow, 3rd ed.,
+table 1-2; S of the US Standard Atmosphere (1976); Buck (1981), J. Appl. Meteorol. 20, 1527 (e_s over water).
 """
 
 from collections.abc import Iterator, Mapping
@@ -66,8 +66,9 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     temperature = conditions.get("temperature", params.temperature)
     specific = GAS_CONSTANT * temperature / MOLAR_MASS
     column = params.pressure * exp(-GRAVITY * conditions.get("altitude", 0.0) / specific)
-    vapour = conditions.get("relative_humidity", 0.0) * saturated_vapour(temperature)
-    density = (conditions.get("pressure", column) - VAPOUR_LIGHTER * vapour) / specific
+    pressure = conditions.get("pressure", column)
+    vapour = min(conditions.get("relative_humidity", 0.0) * saturated_vapour(temperature), pressure)
+    density = (pressure - VAPOUR_LIGHTER * vapour) / specific
     bare = wind.viscosity * wind.density
     mixed = wind.density + strength * (density - wind.density)
     viscosity = (bare + strength * (sutherland(temperature) - bare)) / mixed

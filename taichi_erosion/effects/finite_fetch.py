@@ -7,11 +7,10 @@ length [m], d the grain diameter [m], rho_s and rho the densities of grains and 
 A periodic patch has no fetch: its flux is the saturated one, and a short bed in a tunnel reads less. The
 fetch is that of the conditions, the diameter that of the conditions or of the scene, and the densities are
 those of the scene; the parameters stand in for what neither states, as in a model that is a function.
-Strength multiplies L. Holds for beds without a supply limit. Reads fluxes alone. The decrease that Dong et
-al. found beyond 2 to 6 m of sand is not in it.
+Strength multiplies L. Holds for beds without a supply limit, to first order: near an edge the flux grows
+more slowly. Reads fluxes alone.
 
-Reference: Andreotti, Claudin & Pouliquen (2010), Geomorphology 123, 343 (L = 2.2 d rho_s / rho); Dong,
-Wang, Liu & Wang (2004), Geomorphology 57, 117 (fetch in a tunnel).
+Reference: Andreotti, Claudin & Pouliquen (2010), Geomorphology 123, 343 (L = 2.2 d rho_s / rho).
 """
 
 from collections.abc import Iterator

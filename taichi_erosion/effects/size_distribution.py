@@ -28,7 +28,7 @@ from taichi_erosion.scene.build.sizes import mean_cube
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
 from taichi_erosion.scene.schema.grains import Monodisperse, Sieve
 
-CLASSES = 50  # sieves; d90 over d50 is then right to 2e-4 [1]
+CLASSES = 50  # sieves; d90 over d50 is then right to 2e-4 for cuts up to 2, to 1e-3 beyond [1]
 NORMAL = NormalDist()
 
 

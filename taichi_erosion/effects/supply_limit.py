@@ -5,10 +5,9 @@
 with N_0 the number of grains of the scene, c the cover, grains per square of the diameter [1] (1 is a full
 square layer), A the area of the patch [m2] and d the nominal diameter [m]. The depth of the bed does not
 count: a cover of a tenth of a layer is one under any scene. Over a hard floor few grains hop high and
-fast, and the flux is larger than over a loose bed until hardly a grain is left; a floor of the scene is
-smooth, that of a stony desert is not. The sign of the change of flux therefore depends on cover and wind,
-and none is claimed. Strength multiplies ln(N_c / N_0). Acts on scenes with wind. Holds for covers of less
-than a few layers.
+fast, and the flux can be larger than over a loose bed. A floor of the scene is smooth, that of a stony
+desert is not. The sign of the change of flux depends on cover and wind, and none is claimed. Strength
+multiplies ln(N_c / N_0). Acts on scenes with wind. Holds for covers of less than a few layers.
 
 Reference: Nickling & McKenna Neuman (2009), in Geomorphology of Desert Environments, 2nd ed., ch. 17
 (supply and transport limits); Ho, Valance, Dupont & Ould El Moctar (2011), Phys. Rev. Lett. 106, 094501

@@ -55,14 +55,14 @@ def apply_instruments(
     measurements: Mapping[str, Measurement], scene: Scene, library: Library
 ) -> dict[str, Measurement]:
     """Instrument response: measurements after the instrument effects of the scene, in order of name."""
-    read = dict(measurements)
+    read, conditions = dict(measurements), circumstances_of(scene, library) if scene.effects else {}
     for effect in (library[name] for name in sorted(scene.effects)):
         params, strength = checked_params(scene, effect)
         if effect.place != "instrument" or strength == 0.0:
             continue
         for name, true in read.items():
             with failures_of(effect, "act"):
-                value = effect.act(params, strength, circumstances_of(scene), name, true.value)
+                value = effect.act(params, strength, conditions, name, true.value)
             if isfinite(true.value) and value != true.value:
                 factor = abs(value / true.value) if true.value else 1.0
                 note = f"{true.value:.6g} {true.unit} before {effect.name}"

@@ -21,12 +21,16 @@ def conditions_of(scene: Scene) -> dict[str, float]:
     return scene.conditions.stated()
 
 
-def circumstances_of(scene: Scene) -> dict[str, float]:
-    """Conditions for effects on the device and instruments: those stated, and what the scene adds to them."""
-    known = {"grain_diameter": nominal_diameter(scene.grains.size)}
-    if scene.wind is not None:
-        known["bed_height"] = surface_height(scene, scene.wind)
-        known["density_ratio"] = scene.materials[scene.grains.material].density / scene.wind.density
+def circumstances_of(scene: Scene, library: Library) -> dict[str, float]:
+    """Conditions for effects on the device and instruments: those stated, and what the scene adds to them.
+
+    The scene is that after the effects that change it.
+    """
+    after = effective_scene(scene, library)
+    known = {"grain_diameter": nominal_diameter(after.grains.size)}
+    if after.wind is not None:
+        known["bed_height"] = surface_height(after, after.wind)
+        known["density_ratio"] = after.materials[after.grains.material].density / after.wind.density
     return conditions_of(scene) | known
 
 
@@ -67,7 +71,7 @@ def prepare(scene: Scene, seed: int, library: Library) -> Setup:
 
 def device_effects(scene: Scene, library: Library, radius: float) -> list[ReplicaEffect]:
     """Effects on the device that have a strength, in the order of their names."""
-    found, circumstances = [], circumstances_of(scene)
+    found, circumstances = [], circumstances_of(scene, library)
     for name in sorted(scene.effects):
         effect = library[name]
         params, strength = checked_params(scene, effect)

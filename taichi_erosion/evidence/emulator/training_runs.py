@@ -242,7 +242,8 @@ def leaves_readings(scene: StudyScene, candidate: Candidate, row: Row) -> bool:
         return effective_scene(changed, simulator.library) is changed
     params, _ = read_params(effect, changed.effects[effect.name])
     measures = [simulator.measures[name].measure for name in scene.observables]
-    readings = [effect.act(params, strength, circumstances_of(changed), measure, 1.0) for measure in measures]
+    conditions = circumstances_of(changed, simulator.library)
+    readings = [effect.act(params, strength, conditions, measure, 1.0) for measure in measures]
     return all(reading == 1.0 for reading in readings)
 
 

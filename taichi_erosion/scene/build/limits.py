@@ -286,7 +286,7 @@ def rolling_lines(scene: Scene) -> list[str]:
             continue
         full = reduced / 2.0 if pair == f"{grain}-{grain}" else reduced
         lines.append(
-            f"{pair}: friction_rolling {reduced:.3g} over R*, {full:.3g} over the radius of a grain (EDEM)"
+            f"{pair}: friction_rolling {reduced:.3g} over R*, {full:.3g} over a grain's own (EDEM standard)"
         )
     return lines
 

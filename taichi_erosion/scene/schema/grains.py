@@ -152,7 +152,7 @@ class Contact(Section):
     )
     rolling_radius: Literal["effective", "grain"] = Field(
         default="effective",
-        description="that radius: R*, half that of a grain between equal ones; or the grain's own (EDEM)",
+        description="that radius: R*, half a grain's between equal ones; or the grain's own (EDEM standard)",
     )
     rolling_damping: float = number(
         0.3, "1", "rolling damping over its critical value (Ai et al. 2011)", 0.0, 1.0
