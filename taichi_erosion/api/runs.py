@@ -116,10 +116,8 @@ def run(
     """
     from taichi_erosion.run import RunOptions, run_scene
 
-    stated = dict(changes or {}) | {
-        name.replace("__", "."): entries[name] for name in entries if "__" in name
-    }
     options = {name: value for name, value in entries.items() if "__" not in name}
+    stated = stated_changes(changes, {name: value for name, value in entries.items() if "__" in name})
     if unknown := sorted(options.keys() - set(OPTIONS)):
         raise BadInput(f"run: no option '{unknown[0]}'; there are {', '.join(OPTIONS)}, and SECTION__ENTRY")
     with tempfile.TemporaryDirectory() as folder, progress("running") as report:
@@ -132,6 +130,14 @@ def run(
             **options,
         )
         return Run(run_scene(scene_file(scene, Path(folder)), chosen))
+
+
+def stated_changes(changes: Mapping[str, Any] | None, entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Changes by dotted path, those of keywords too. Raises BadInput for one without two underscores."""
+    for name in entries:
+        if "__" not in name:
+            raise BadInput(f"no option '{name}'; entries of the scene are SECTION__ENTRY, or changes=...")
+    return dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
 
 
 def open_run(file: PathLike) -> Run:

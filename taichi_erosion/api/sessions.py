@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html
-from taichi_erosion.api.runs import PathLike, override
+from taichi_erosion.api.runs import PathLike, override, stated_changes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -14,11 +14,15 @@ if TYPE_CHECKING:
 class LiveSession:
     """One replica of a scene under the caller's control; times in s of the simulation."""
 
-    def __init__(self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike]) -> None:
+    def __init__(
+        self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike], changes: Mapping[str, Any]
+    ) -> None:
         from taichi_erosion.run.session import open_session
 
         files = [Path(file) for file in effect_files]
-        self.session = open_session(Path(scene), (), seed, files)
+        self.session = open_session(
+            Path(scene), tuple(override(*one) for one in changes.items()), seed, files
+        )
 
     @property
     def time(self) -> float:
@@ -103,6 +107,13 @@ class LiveSession:
         return html(str(self.session.path), [words], [self.table])
 
 
-def live(scene: PathLike, *, seed: int | None = None, effect_files: Sequence[PathLike] = ()) -> LiveSession:
-    """A session at the beginning of the first stage of a scene. Raises BadInput."""
-    return LiveSession(scene, seed, effect_files)
+def live(
+    scene: PathLike,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    seed: int | None = None,
+    effect_files: Sequence[PathLike] = (),
+    **entries: Any,
+) -> LiveSession:
+    """A session at the beginning of the first stage of a scene, with changes as in `run`. Raises BadInput."""
+    return LiveSession(scene, seed, effect_files, stated_changes(changes, entries))

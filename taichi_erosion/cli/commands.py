@@ -156,7 +156,13 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
     from taichi_erosion.run import check_scene
 
     document = check_scene(scene, overrides, effects)
-    output.print_result(document, as_json, lambda found: typer.echo(f"{scene}: valid, hash {found['hash']}"))
+
+    def print_text(found: output.Record) -> None:
+        typer.echo(f"{scene}: valid, hash {found['hash']}")
+        for sentence in output.consequences(found):
+            typer.echo(sentence)
+
+    output.print_result(document, as_json, print_text)
 
 
 def check_options(record: Path | None, no_record: bool, checkpoint: Path | None, every: float | None) -> None:

@@ -49,8 +49,8 @@ def print_run(document: Record) -> None:
     """Print simulated and measured values, warnings, recording and speed."""
     columns = ("measure", "simulated", "measured", "difference", "source")
     print_table(document["scene"], columns, run_rows(document))
-    for sentence in run_warnings(document):
-        typer.echo(f"warning: {sentence}")
+    for sentence in (*consequences(document), *(f"warning: {each}" for each in run_warnings(document))):
+        typer.echo(sentence)
     if document.get("recording"):
         typer.echo(f"recording: {document['recording']}")
     replicas, seconds = len(document["replicas"]), document["wall_s"]
@@ -81,6 +81,18 @@ def run_rows(document: Record) -> Iterator[tuple[str, ...]]:
         unit = found.get("unit") or wanted.get("unit") or ""
         label = f"{name} [{unit}]" if unit else name
         yield label, spread(found), spread(wanted), difference(found, wanted), wanted.get("source", "")
+
+
+def consequences(document: Record) -> Iterator[str]:
+    """What reduced stiffness, adhesion, rolling friction and the time step of a scene imply."""
+    limits = document.get("limits", {})
+    yield from (f"stiffness: {line}" for line in limits.get("softening", ()))
+    yield from (f"rolling: {line}" for line in limits.get("rolling", ()))
+    if adhesion := limits.get("adhesion"):
+        force, speed = adhesion["pull_off_force"], adhesion["sticking_speed"]
+        weights = adhesion["bond_number"]
+        yield f"adhesion: pull-off force {force:.3g} N, {weights:.3g} weights; sticking speed {speed:.3g} m/s"
+    yield from (f"warning: {line}" for line in limits.get("warnings", ()))
 
 
 def run_warnings(document: Record) -> list[str]:

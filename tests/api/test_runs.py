@@ -42,7 +42,8 @@ def test_a_run_is_opened_again_from_its_file(run):
 
 
 def test_a_session_runs_changes_and_returns_bit_for_bit():
-    session = te.live(SCENE)
+    session = te.live(SCENE, gravity__magnitude=5.0)
+    assert session.session.scene.gravity.magnitude == 5.0
     session.run(1e-3).save("here").run(1e-3)
     late = session.status
     session.set("gravity.magnitude", 3.0).restore("here").run(1e-3)
