@@ -25,7 +25,7 @@ SendShare = Callable[[float], None]  # share of the batch that is done [1]
 RunFunction = Callable[[Payloads, SendRecord, SendShare], None]
 Work = Callable[[], AbstractContextManager[RunFunction]]
 
-END_WAIT = 5.0  # s that a worker is given to end
+END_WAIT = 20.0  # s that a worker is given to end
 
 
 @dataclass(frozen=True)
