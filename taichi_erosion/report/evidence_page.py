@@ -53,7 +53,7 @@ def write_recording(study: Path) -> Path:
         title=title,
         summary="\n\n".join([f"# {title}", *lead(found)]),
         table=row_table(found),
-        figure_style={name: figure_style.raster(one) for name, one in every.items()},
+        figures={name: figure_style.raster(one) for name, one in every.items()},
         properties={"rows": first["rows_visible"], "held_out": first["rows_hidden"], "seed": first["seed"]},
     )
     return record_study(folder / f"{study.stem}.{RECORDING}", page)
