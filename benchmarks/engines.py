@@ -8,69 +8,44 @@ with medians over the turns; the digest is that of position, velocity and spin o
 """
 
 import hashlib
-import json
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from statistics import median
 from typing import Any
 
+from benchmarks import turns
 from benchmarks.speed_page import fill
-from benchmarks.unknown_processor import CASES, START, STEPS, TURNS, settled_bed
-from benchmarks.versions import answer
-from taichi_erosion.benchmark.grain_cases import grain_count
+from benchmarks.unknown_processor import CASES, TURNS, advance_portion, settled_bed
 from taichi_erosion.core.compiler_target import packed_width
 from taichi_erosion.core.engine.choice import ENGINES, SWITCH
 from taichi_erosion.report.markdown import markdown_table
-from taichi_erosion.simulation import advance, snapshot
+from taichi_erosion.simulation import snapshot
 
 ROOT = Path(__file__).parents[1]
 
 
 def serve(case: str) -> None:
-    """Run one portion for every line read; print its speed [M grain-steps/s], width of vectors and digest."""
+    """Measure a bed for every line read: speed [M grain-steps/s], width of vectors, digest of grains."""
     sim = settled_bed(*CASES[case])
-    step = sim.setups[0].time_step
-    sys.stdout.write("ready\n")
-    sys.stdout.flush()
-    for turn, _ in enumerate(sys.stdin, 1):
-        start = time.process_time()
-        advance(sim, [START + turn * STEPS * step])
-        speed = 1e-6 * grain_count(sim) * STEPS / (time.process_time() - start)
+
+    def portion(turn: int) -> list[Any]:
+        speed = advance_portion(sim, turn)
         state = snapshot(sim, 0)
         bits = b"".join(column.tobytes() for column in (state.position, state.velocity, state.spin))
-        sys.stdout.write(json.dumps([speed, packed_width(), hashlib.sha256(bits).hexdigest()]) + "\n")
-        sys.stdout.flush()
+        return [speed, packed_width(), hashlib.sha256(bits).hexdigest()]
+
+    turns.serve(portion)
 
 
-def started(engine: str, case: str, cache: str) -> subprocess.Popen[str]:
-    """A process that compiles one case with one engine; it is ready when it has written a line."""
-    command = [sys.executable, "-m", "benchmarks.engines", case]
-    environment = os.environ | {"XDG_CACHE_HOME": cache, SWITCH: engine}
-    return subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment, cwd=ROOT
-    )
-
-
-def measured(case: str, turns: int) -> dict[str, list[Any]]:
+def measured(case: str, count: int) -> dict[str, list[Any]]:
     """What every engine answers in every turn."""
-    found: dict[str, list[Any]] = {engine: [] for engine in ENGINES}
     with tempfile.TemporaryDirectory() as cache:
-        waiting = {engine: started(engine, case, cache) for engine in ENGINES}
-        for process in waiting.values():
-            answer(process)
-        for _ in range(turns):
-            for engine, process in waiting.items():
-                assert process.stdin is not None
-                process.stdin.write("go\n")
-                process.stdin.flush()
-                found[engine].append(json.loads(answer(process)))
-        for process in waiting.values():
-            process.communicate()
-    return found
+        processes = {
+            engine: turns.start("benchmarks.engines", [case], {"XDG_CACHE_HOME": cache, SWITCH: engine})
+            for engine in ENGINES
+        }
+        return turns.take_turns(processes, count)
 
 
 def row(case: str, found: dict[str, list[Any]]) -> tuple[str, ...]:
@@ -83,11 +58,11 @@ def row(case: str, found: dict[str, list[Any]]) -> tuple[str, ...]:
     return case, *medians, f"{ratio:.2f}", widths, "yes" if alike else "no"
 
 
-def main(turns: int) -> None:
+def main(count: int) -> None:
     """Measure all cases and fill the table."""
     names = (f"{engine} [M/s]" for engine in ENGINES)
     header = ("case", *names, "second over first", "vector bits", "same bits")
-    table = markdown_table(header, [row(case, measured(case, turns)) for case in CASES])
+    table = markdown_table(header, [row(case, measured(case, count)) for case in CASES])
     fill(ROOT / "docs", {"engines": table})
 
 

@@ -10,9 +10,6 @@ cache; they take turns, on one thread and in its processor time: other work on t
 x86-64 Linux only. Fills the table of `docs/speed.md` with medians over the turns.
 """
 
-import json
-import os
-import subprocess
 import sys
 import tempfile
 import time
@@ -20,8 +17,8 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
+from benchmarks import turns
 from benchmarks.speed_page import fill
-from benchmarks.versions import answer
 from taichi_erosion.benchmark.grain_cases import START, Precision, grain_count
 from taichi_erosion.benchmark.setups import LAWS, lattice_bed
 from taichi_erosion.core import compiler_target as target
@@ -55,55 +52,38 @@ def settled_bed(law: str, precision: Precision) -> Simulation:
     return sim
 
 
+def advance_portion(sim: Simulation, turn: int) -> float:
+    """Speed [M grain-steps/s of processor time] of one portion of a bed."""
+    start = time.process_time()
+    advance(sim, [START + turn * STEPS * sim.setups[0].time_step])
+    return 1e-6 * grain_count(sim) * STEPS / (time.process_time() - start)
+
+
 def serve(row: str, case: str) -> None:
-    """Run one portion for every line read; print its speed [M grain-steps/s] and the width of vectors."""
+    """Measure a bed for every line read: speed [M grain-steps/s] and width of vectors."""
     name, rows = target.compiler_rows()
     source = ROWS[row]
     if source is not None:
         target.write_row(rows[name], *(rows[one] for one in source))
     sim = settled_bed(*CASES[case])
-    step = sim.setups[0].time_step
-    sys.stdout.write("ready\n")
-    sys.stdout.flush()
-    for turn, _ in enumerate(sys.stdin, 1):
-        start = time.process_time()
-        advance(sim, [START + turn * STEPS * step])
-        speed = 1e-6 * grain_count(sim) * STEPS / (time.process_time() - start)
-        sys.stdout.write(json.dumps([speed, target.packed_width()]) + "\n")
-        sys.stdout.flush()
+    turns.serve(lambda turn: [advance_portion(sim, turn), target.packed_width()])
 
 
-def measured(case: str, turns: int) -> dict[str, list[tuple[float, int]]]:
+def measured(case: str, count: int) -> dict[str, list[tuple[float, int]]]:
     """Speeds and widths of one case, by row and turn."""
-    found: dict[str, list[tuple[float, int]]] = {row: [] for row in ROWS}
     with tempfile.TemporaryDirectory() as cache:
-        waiting = {row: started(row, case, Path(cache) / str(k)) for k, row in enumerate(ROWS)}
-        for _ in range(turns):
-            for row, process in waiting.items():
-                assert process.stdin is not None
-                process.stdin.write("go\n")
-                process.stdin.flush()
-                speed, bits = json.loads(answer(process))
-                found[row].append((speed, bits))
-        for process in waiting.values():
-            process.communicate()
-    return found
+        processes = {
+            row: turns.start(
+                "benchmarks.unknown_processor", [row, case], {"XDG_CACHE_HOME": str(Path(cache) / str(k))}
+            )
+            for k, row in enumerate(ROWS)
+        }
+        return turns.take_turns(processes, count)
 
 
-def started(row: str, case: str, cache: Path) -> subprocess.Popen[str]:
-    """A process that has compiled one case under one row and waits for its turns."""
-    command = [sys.executable, "-m", "benchmarks.unknown_processor", row, case]
-    environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
-    process = subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment, cwd=ROOT
-    )
-    answer(process)
-    return process
-
-
-def main(turns: int) -> None:
+def main(count: int) -> None:
     """Measure all cases and fill the table."""
-    columns = {case: measured(case, turns) for case in CASES}
+    columns = {case: measured(case, count) for case in CASES}
     lines = [
         (
             row,
