@@ -46,7 +46,7 @@ from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of
+from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of, effective_scene
 
 RECORDINGS = Path("recordings")  # folder of results, unless the user names a file
 
@@ -55,10 +55,12 @@ def apply_instruments(
     measurements: Mapping[str, Measurement], scene: Scene, library: Library
 ) -> dict[str, Measurement]:
     """Instrument response: measurements after the instrument effects of the scene, in order of name."""
-    read, conditions = dict(measurements), circumstances_of(scene, library) if scene.effects else {}
-    for effect in (library[name] for name in sorted(scene.effects)):
+    read = dict(measurements)
+    instruments = [library[name] for name in sorted(scene.effects) if library[name].place == "instrument"]
+    conditions = circumstances_of(effective_scene(scene, library)) if instruments else {}
+    for effect in instruments:
         params, strength = checked_params(scene, effect)
-        if effect.place != "instrument" or strength == 0.0:
+        if strength == 0.0:
             continue
         for name, true in read.items():
             with failures_of(effect, "act"):

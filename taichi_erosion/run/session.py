@@ -186,7 +186,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
         simulation.set_through_flow(sim, 0, scene.wind.through_flow)
     if not changed & {"effects", "conditions"}:
         return "at once"
-    effects = simulation.device_effects(scene, library, float(sim.setups[0].grains.radius.max()))
+    effects = simulation.device_effects(effective, library, float(sim.setups[0].grains.radius.max()))
     if simulation.set_effects(sim, 0, effects):
         return "at once"
     state = simulation.export_state(sim)

@@ -21,17 +21,16 @@ def conditions_of(scene: Scene) -> dict[str, float]:
     return scene.conditions.stated()
 
 
-def circumstances_of(scene: Scene, library: Library) -> dict[str, float]:
+def circumstances_of(after: Scene) -> dict[str, float]:
     """Conditions for effects on the device and instruments: those stated, and what the scene adds to them.
 
     The scene is that after the effects that change it.
     """
-    after = effective_scene(scene, library)
     known = {"grain_diameter": nominal_diameter(after.grains.size)}
     if after.wind is not None:
         known["bed_height"] = surface_height(after, after.wind)
         known["density_ratio"] = after.materials[after.grains.material].density / after.wind.density
-    return conditions_of(scene) | known
+    return conditions_of(after) | known
 
 
 def effective_scene(scene: Scene, library: Library) -> Scene:
@@ -63,18 +62,22 @@ def changed_by(
 
 def prepare(scene: Scene, seed: int, library: Library) -> Setup:
     """Setup of one replica with all effects in it. Raises BadInput for parameters out of range."""
-    setup = build_setup(effective_scene(scene, library), seed)
+    after = effective_scene(scene, library)
+    setup = build_setup(after, seed)
     largest = float(setup.grains.radius.max())
-    effects = tuple(device_effects(scene, library, largest))
+    effects = tuple(device_effects(after, library, largest))
     return replace(setup, effects=effects)
 
 
-def device_effects(scene: Scene, library: Library, radius: float) -> list[ReplicaEffect]:
-    """Effects on the device that have a strength, in the order of their names."""
-    found, circumstances = [], circumstances_of(scene, library)
-    for name in sorted(scene.effects):
+def device_effects(after: Scene, library: Library, radius: float) -> list[ReplicaEffect]:
+    """Effects on the device that have a strength, in the order of their names.
+
+    The scene is that after the effects that change it.
+    """
+    found, circumstances = [], circumstances_of(after)
+    for name in sorted(after.effects):
         effect = library[name]
-        params, strength = checked_params(scene, effect)
+        params, strength = checked_params(after, effect)
         if effect.place in ON_DEVICE and strength > 0.0:
             with failures_of(effect, "constants"):
                 found.append(replica_effect(effect, params, strength, circumstances, radius))

@@ -238,11 +238,12 @@ def leaves_readings(scene: StudyScene, candidate: Candidate, row: Row) -> bool:
     changed = simulator.scene(
         scene.measure.scene, simulator.overrides(scene.measure, row, {}, {effect.name: strength})
     )
+    after = effective_scene(changed, simulator.library)
     if effect.place == "scene":
-        return effective_scene(changed, simulator.library) is changed
+        return after is changed
     params, _ = read_params(effect, changed.effects[effect.name])
     measures = [simulator.measures[name].measure for name in scene.observables]
-    conditions = circumstances_of(changed, simulator.library)
+    conditions = circumstances_of(after)
     readings = [effect.act(params, strength, conditions, measure, 1.0) for measure in measures]
     return all(reading == 1.0 for reading in readings)
 
