@@ -170,7 +170,7 @@ def examined(effect: "Effect") -> "tuple[list[Check], list[str]]":
 
 
 def lines_of_table(effect: "Effect", probe: "Probe") -> "list[Check]":
-    """Verification table of an effect as far as it can be computed; the contract tells why no further."""
+    """Verification table of an effect as far as it can be computed; the contract names what is missing."""
     lines = []
     with suppress(Exception):
         for check in effect.checks(probe):

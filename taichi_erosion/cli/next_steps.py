@@ -118,7 +118,7 @@ def waits(document: Record) -> bool:
 
 
 def after_comparison(document: Record) -> Iterator[str]:
-    """What a comparison asks for."""
+    """Next steps after a comparison."""
     study = document["study"]
     if waits(document):
         yield SETTLE
@@ -133,7 +133,7 @@ def after_comparison(document: Record) -> Iterator[str]:
 
 
 def after_discovery(document: Record) -> Iterator[str]:
-    """What a discovery asks for, by its verdict."""
+    """Next steps after a discovery, by its verdict."""
     study, verdict, named = document["study"], document["verdict"], document["named"]
     if waits(document):
         yield SETTLE

@@ -147,7 +147,7 @@ class Countdown:
         return self.first
 
     def seconds(self, share: float, now: float) -> float | None:
-        """Remaining time [s], bound to the one told last; None before it can be told."""
+        """Remaining time [s], bounded by the last one shown; None before there is an estimate."""
         first = self.begin(share, now)
         gained, elapsed = share - first, now - self.began
         if gained < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER or share >= 1.0:

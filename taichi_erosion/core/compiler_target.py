@@ -158,7 +158,7 @@ def write_row(target: int, features: int, tuning: int) -> None:
 
 @cache
 def processor_entries() -> dict[str, str]:
-    """What Linux says of the first processor, by its names."""
+    """Entries of /proc/cpuinfo for the first processor."""
     text = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0]
     rows = (line.partition(":") for line in text.splitlines())
     return {name.strip(): value.strip() for name, _, value in rows}

@@ -66,7 +66,7 @@ class MeasuredTable:
 
 
 def key_of(observable: str, group: str, values: Sequence[float | None]) -> Key:
-    """What tells the measured values of a study apart."""
+    """Key of a measured value of a study."""
     known = (value if value is not None and isfinite(value) else None for value in values)
     return observable, group, tuple("" if value is None else f"{value:.9g}" for value in known)
 

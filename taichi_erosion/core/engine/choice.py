@@ -34,7 +34,7 @@ def engine_version() -> str:
 
 
 def engine_mark() -> str:
-    """What tells results and kernels of this engine from those of the default: its name, empty for that."""
+    """Mark of this engine in keys of results and kernels: its name, empty for the default engine."""
     return "" if engine_name() == ENGINES[0] else f"-{engine_name()}"
 
 

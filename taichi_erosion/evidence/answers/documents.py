@@ -236,7 +236,7 @@ def rival_sentence(found: Discovery) -> str:
 
 
 def told(found: Discovery, key: str) -> bool:
-    """Whether the verdict tells an explanation; a group tells all that its members can make."""
+    """Whether the verdict contains an explanation; a group contains every combination of its members."""
     if found.verdict in ("none_detected", "not_testable"):
         return key == NONE
     if found.verdict == "outside_library":

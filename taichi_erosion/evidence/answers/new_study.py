@@ -63,7 +63,7 @@ class Interview:
     assumed: list[str] = field(default_factory=list)
 
     def choice(self, question: str, guess: str, meaning: str) -> str:
-        """Answer to a question; a guess that is taken is told with its meaning."""
+        """Answer to a question; an accepted guess is recorded with its meaning."""
         answer = self.ask(question, guess).strip() or guess
         if answer == guess:
             self.assumed.append(meaning)

@@ -111,7 +111,7 @@ def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory)
 
 
 def proposals(pool: DesignPool, rivals: list[RivalPrediction], found: Discovery) -> Proposals:
-    """Experiments that tell the leader from those rivals that can be told, and a sentence on all of them."""
+    """Experiments that separate the leading explanation from its rivals, and a sentence on all rivals."""
     weights = {rival.name: rival.weight for rival in rivals}
     leader, *others = sorted(rivals, key=lambda each: -each.weight)
     chosen = greedy_design(pool, rivals)

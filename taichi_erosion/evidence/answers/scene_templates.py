@@ -48,7 +48,7 @@ class Template:
 
 
 def contact(pair: str, sliding: float, rolling: float | None) -> tuple[Calibrated, ...]:
-    """Friction of grain on grain, which a laboratory seldom knows."""
+    """Friction between grains, which laboratories seldom measure."""
     found = [Calibrated(f"contact.{pair}.friction_sliding", sliding, 0.1, 1.2, 0.3, "grain on grain")]
     if rolling is not None:
         path = f"contact.{pair}.friction_rolling"

@@ -42,7 +42,7 @@ NOTHING = "Nothing is named: the set-up comes first."
 
 
 def sentences(faults: Sequence[SetUpFault]) -> list[str]:
-    """What is told before an answer; whether the answer waits comes last."""
+    """Sentences before an answer; the last one says whether the verdict on physics waits."""
     told = [fault.sentence for fault in sorted(faults, key=lambda fault: not fault.blocks)]
     return [*dict.fromkeys(told), *([WAITS] if blocked(faults) else [])]
 
@@ -79,7 +79,7 @@ def set_up_faults(
 
 
 def values_at_start(study: Study, rows: Rows) -> Floats:
-    """What the model says of every row at the start values; NaN where it says nothing."""
+    """Model value of every row at the start values; NaN where there is none."""
     first = study.file.study.seed
     seeds, found = np.arange(first, first + SEEDS, dtype=np.int64), np.full(len(rows.observable), np.nan)
     for name in dict.fromkeys(rows.observable):

@@ -47,7 +47,7 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
 
 
 def named_by_study(cells: Cells, study: StudyFile) -> Told:
-    """What a study says of the columns of a laboratory's table: by [columns], or by the same name."""
+    """Meaning of the columns of a laboratory's table in a study: by [columns], or by the same name."""
     observables, conditions = {}, {}
     for text in filter(None, cells.heading):
         name = study.columns.get(text, plain_words(read_heading(text).name).replace(" ", "_"))

@@ -1,4 +1,4 @@
-"""What a plan of runs costs: how many are to be made, and how long they take here, told before the first."""
+"""Cost of a plan of runs: their number and the time that they take here, printed before the first run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -56,7 +56,7 @@ def declared_conditions(file: StudyFile, folder: Path) -> dict[str, str]:
 
 
 def readable_table(scene: Path) -> dict[str, object]:
-    """Raw table of a scene; empty for one that cannot be read, which is told where the scene is validated."""
+    """Raw table of a scene; empty for one that cannot be read, whose fault the validation reports."""
     try:
         return toml_table(scene)
     except BadInput:

@@ -39,7 +39,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Told:
-    """What the user says of columns: heading or its name -> what it measures or sets."""
+    """Meaning of columns as the user states it: heading or its name -> what it measures or sets."""
 
     observables: Mapping[str, str] = field(default_factory=dict)
     conditions: Mapping[str, str] = field(default_factory=dict)
@@ -113,7 +113,7 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
 
 
 def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
-    """Meaning of a single letter whose unit tells it: `d [mm]`."""
+    """Meaning of a single letter by its unit: `d [mm]`."""
     unit, place = SYMBOLS.get(heading.name.strip(), ("", ""))
     if not unit or not heading.unit or heading.unit == VOLUMETRIC:
         return "unknown", ""
