@@ -57,7 +57,7 @@ COMMANDS = (
 
 def draw_sample() -> None:
     """One moment of the sample recording in the viewer."""
-    command(["snapshot", str(SAMPLE), "--time", str(MOMENT), "-o", str(PICTURES / "sample.png")])
+    command(["snapshot", str(SAMPLE), "--time", str(MOMENT), "-o", str(PICTURES / "sample.png"), "--force"])
 
 
 def draw_heap() -> None:
@@ -74,19 +74,29 @@ def draw_heap() -> None:
 
 def draw_study() -> None:
     """Results of a study in the viewer."""
-    command(["snapshot", str(STUDY), "-o", str(PICTURES / "study.png")])
+    command(["snapshot", str(STUDY), "-o", str(PICTURES / "study.png"), "--force"])
 
 
 def draw_first() -> None:
     """Results of a study with recordings of its last step, in the viewer."""
-    command(["snapshot", str(FIRST), "-o", str(PICTURES / "first_calibration.png")])
+    command(["snapshot", str(FIRST), "-o", str(PICTURES / "first_calibration.png"), "--force"])
 
 
 def draw_funnel() -> None:
     """The funnel test during pouring."""
     record = DOCS.parent / "recordings" / "funnel_repose.rrd"
     command(["run", str(FUNNEL), "--replicas", "1", "--record", str(record)])
-    command(["snapshot", str(record), "--time", str(POURING), "-o", str(PICTURES / "funnel_repose.png")])
+    command(
+        [
+            "snapshot",
+            str(record),
+            "--time",
+            str(POURING),
+            "-o",
+            str(PICTURES / "funnel_repose.png"),
+            "--force",
+        ]
+    )
 
 
 def draw_live() -> None:
