@@ -25,6 +25,10 @@ Row = dict[str, str]  # of a table of measured shifts or known answers
 
 SIGNIFICANT = 2.0  # shift over its standard error from which it is listed [1]
 SHIFTS = ("signatures.csv", "beds.csv")
+LIST_NOTES = {  # whether mechanisms are listed -> what is said below the list
+    False: "A scene switches one on by [effects.NAME] strength = 1.0; `effects NAME` describes it.",
+    True: "`effects NAME --mechanisms` describes one; `discover` tries them where no effect suffices.",
+}
 SIGNS = {1: "up", -1: "down"}
 
 app = typer.Typer()
@@ -49,6 +53,10 @@ WithMemory = Annotated[
     bool, typer.Option("--with-memory", help="Start the new file from an effect with state per grain.")
 ]
 
+Mechanisms = Annotated[
+    bool, typer.Option("--mechanisms", help="Mechanisms in place of effects: where something can be missing.")
+]
+
 
 @app.command(**help_of("effects"))
 def effects(
@@ -57,31 +65,51 @@ def effects(
     discovery: Discovery = None,
     place: PlaceOf = None,
     with_memory: WithMemory = False,
+    mechanisms: Mechanisms = False,
     as_json: AsJson = False,
 ) -> None:
     """Optional physics of scenes: a list, one effect with its measured values, or a new effect file."""
-    from taichi_erosion.effects import load_library
-
-    if discovery is not None and (words or [""])[0] != NEW:
-        raise BadInput("effects --from-discovery: needs new NAME")
-    if with_memory and (discovery is not None or (words or [""])[0] != NEW):
-        raise BadInput("effects --with-memory: needs new NAME; --from-discovery excludes it")
-    if place is not None and (discovery is not None or with_memory or (words or [""])[0] != NEW):
-        raise BadInput("effects --place: needs new NAME; --from-discovery and --with-memory exclude it")
+    new = (words or [""])[0] == NEW
+    if mechanisms and (effect or new):
+        raise BadInput("effects --mechanisms: excludes --effect and new NAME")
+    check_new_options(new, discovery is not None, with_memory, place is not None)
     match words or []:
         case ["new", name]:
             path = write_effect_file(name, discovery, with_memory, place or "pair")
             typer.echo(str(path))
             typer.echo(f"next: effects {name} --effect {path} shows and checks it", err=True)
         case []:
-            show_library(list(load_library(effect or ()).values()), as_json)
+            show_library(list(asked_library(effect, mechanisms).values()), as_json)
+            if not as_json:
+                typer.echo(LIST_NOTES[mechanisms])
         case [name]:
-            library = load_library(effect or ())
+            library = asked_library(effect, mechanisms)
             if name not in library:
                 raise BadInput(f"effects {name}: is not in the library: {', '.join(library)}")
             show_effect(library[name], as_json)
         case _:
             raise BadInput(f"effects {' '.join(words or [])}: give one NAME, or new NAME")
+
+
+def check_new_options(new: bool, from_discovery: bool, with_memory: bool, has_place: bool) -> None:
+    """Raise BadInput for options of a new file that exclude each other, or stand without one."""
+    if from_discovery and not new:
+        raise BadInput("effects --from-discovery: needs new NAME")
+    if with_memory and (from_discovery or not new):
+        raise BadInput("effects --with-memory: needs new NAME; --from-discovery excludes it")
+    if has_place and (from_discovery or with_memory or not new):
+        raise BadInput("effects --place: needs new NAME; --from-discovery and --with-memory exclude it")
+
+
+def asked_library(effect_files: list[Path] | None, mechanisms: bool) -> "dict[str, Effect]":
+    """The effects, or the mechanisms."""
+    if mechanisms:
+        from taichi_erosion.mechanisms.library import load_mechanisms
+
+        return load_mechanisms()
+    from taichi_erosion.effects import load_library
+
+    return load_library(effect_files or ())
 
 
 def show_library(library: "list[Effect]", as_json: bool) -> None:
@@ -95,7 +123,6 @@ def show_library(library: "list[Effect]", as_json: bool) -> None:
         values = "; ".join(shifts + answers.get(effect.name, [])) or output.MARK_MISSING
         rows.append((effect.name, effect.title, effect.place, values, first_reference(effect)))
     output.print_table("effects", ("name", "what it is", "place", "measured shifts", "reference"), rows)
-    typer.echo("A scene switches one on by [effects.NAME] strength = 1.0; `effects NAME` describes it.")
 
 
 def show_effect(effect: "Effect", as_json: bool) -> None:

@@ -1,0 +1,1 @@
+"""Basis of mechanisms, one file each."""
