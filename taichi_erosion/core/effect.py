@@ -97,7 +97,9 @@ class Effect:
         pair           ti.func (constants, pair) -> attraction along the line of centres [N]
         first_contact  ti.func (constants, contact) -> 1 where the two pass, 0 where they touch
         grain          ti.func (constants, grain) -> force [N], torque [N m]
-                       and `drag`, where there is one: ti.func (constants, grain) -> factor of the drag [1]
+                       and, where there is one,
+                       `drag`: ti.func (constants, grain) -> factor of the drag [1]
+                       `gust`: ti.func (constants, grain) -> velocity of the wind less its mean [m s-1]
         scene          (params, strength, conditions, scene) -> scene
         instrument     (params, strength, conditions, observable, value) -> value
 
@@ -116,6 +118,7 @@ class Effect:
     constants: Callable[[Any, float, Conditions], Constants] | None = None  # on the device only
     reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
     drag: Callable[..., Any] | None = None  # factor of the run's drag, grain only; the air loses what it adds
+    gust: Callable[..., Any] | None = None  # velocity that every effect on the grain then feels, grain only
     vector: bool = False  # a pair effect that gives a force vector, not an attraction
     grain_state: type | None = None  # frozen dataclass of `quantity` fields: state variables of a grain
     initial_state: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions)
@@ -134,8 +137,10 @@ class Effect:
             raise ValueError(f"effect '{self.name}': grain_state and update_state go together")
         if self.grain_state is not None and self.place not in STATEFUL:
             raise ValueError(f"effect '{self.name}': place {self.place} has no grain state")
-        if self.drag is not None and self.place != "grain":
-            raise ValueError(f"effect '{self.name}': place {self.place} has no drag")
+        if self.place != "grain":
+            for name in ("drag", "gust"):
+                if getattr(self, name) is not None:
+                    raise ValueError(f"effect '{self.name}': place {self.place} has no {name}")
 
 
 @dataclass(frozen=True)
@@ -231,8 +236,8 @@ def compile_grain_type(drag_law: Any) -> Any:
         spin=real3,  # [rad s-1]
         radius=float,  # [m]
         mass=float,  # [kg]
-        air_velocity=real3,  # undisturbed, at the centre [m s-1]
-        air_shear=float,  # vertical gradient of the streamwise velocity [s-1]
+        air_velocity=real3,  # undisturbed, at the centre, with gusts [m s-1]
+        air_shear=float,  # vertical gradient of the streamwise velocity, with gusts [s-1]
         air_density=float,  # [kg m-3]
         air_viscosity=float,  # dynamic [Pa s]
         friction_velocity=float,  # of the driving stress [m s-1]

@@ -28,6 +28,9 @@ class DeviceEffects:
     drags: tuple[Any, ...]  # ti.func of each that has a factor of the drag, else None
     changes_drag: tuple[bool, ...]
     any_drag: bool  # compiled in: whether any changes the drag
+    gusts: tuple[Any, ...]  # ti.func of each that has gusts, else None
+    has_gust: tuple[bool, ...]
+    any_gust: bool  # compiled in: whether any has gusts
     stateful: tuple[bool, ...]  # whether each has state variables, compiled in
     states: tuple[Any, ...]  # struct field by grain place, then the zeros of a wall; None without variables
     initial_states: tuple[Any, ...]  # struct field by replica
@@ -61,6 +64,9 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
         drags=tuple(effect.drag for effect in effects),
         changes_drag=tuple(effect.drag is not None for effect in effects),
         any_drag=any(effect.drag is not None for effect in effects),
+        gusts=tuple(effect.gust for effect in effects),
+        has_gust=tuple(effect.gust is not None for effect in effects),
+        any_gust=any(effect.gust is not None for effect in effects),
         stateful=stateful,
         states=tuple(struct_field(state_names(effect), grain_places + 1) for effect in effects),
         initial_states=tuple(struct_field(list(one.initial_state), count) for one in examples),
@@ -173,6 +179,34 @@ def total_drag_factor(effects: ti.template(), r, grain: ti.template()):
             if effects.present[r, k] == 1:
                 factor *= effects.drags[k](effects.constants[k][r], grain)
     return factor
+
+
+@ti.func
+def total_gust(effects: ti.template(), r, grain: ti.template()):
+    """Sum of the gusts of all grain effects of replica r [m s-1]."""
+    gust = 0.0 * grain.velocity
+    for k in ti.static(range(len(effects.functions))):
+        if ti.static(effects.has_gust[k]):
+            if effects.present[r, k] == 1:
+                gust += effects.gusts[k](effects.constants[k][r], grain)
+    return gust
+
+
+@ti.func
+def add_gusts(effects: ti.template(), r, grain_out: ti.template()):
+    """Drag that gusts add to that of the mean wind [N]; the grain then has the wind and the shear of the gust.
+
+    The shear grows as the streamwise wind, as where the profile of the mean wind is scaled. Writes
+    grain_out.air_velocity, grain_out.air_shear, grain_out.drag_factor.
+    """
+    gust = total_gust(effects, r, grain_out)
+    mean = grain_out.air_velocity
+    before = grain_out.drag(mean - grain_out.velocity)
+    grain_out.air_velocity = mean + gust
+    if mean[0] != 0.0:
+        grain_out.air_shear *= 1.0 + gust[0] / mean[0]
+    grain_out.drag_factor = total_drag_factor(effects, r, grain_out)
+    return grain_out.drag(grain_out.air_velocity - grain_out.velocity) - before
 
 
 @ti.func

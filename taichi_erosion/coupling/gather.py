@@ -12,7 +12,7 @@ Stat. 29, 610.
 
 from math import pi
 
-from taichi_erosion.core.effect_device import total_drag_factor, total_grain_force, update_states
+from taichi_erosion.core.effect_device import add_gusts, total_drag_factor, total_grain_force, update_states
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.weights import column_share, layer_range, share_below, wind_of
 from taichi_erosion.grains.cells import position_of
@@ -149,12 +149,21 @@ def grain_record(world: ti.template(), coupling: ti.template(), r, i, void, shea
 
 
 @ti.func
-def apply_grain_effects(world_out: ti.template(), r, i, grain: ti.template()):
-    """Add forces, torques and drag of the grain effects to the frozen terms of the grain at place i."""
+def apply_grain_effects(world_out: ti.template(), r, i, grain_out: ti.template()):
+    """Add forces, torques and drag of the grain effects to the frozen terms of the grain at place i.
+
+    Writes grain_out.drag_factor and, where there are gusts, grain_out.air_velocity, grain_out.air_shear.
+    """
     grains, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
-    if ti.static(world_out.grain_effects.any_drag):
-        frozen_out.drag_rate[i] = grain.drag_factor * frozen_out.drag_rate[i]
-    force, torque = total_grain_force(world_out.grain_effects, r, grain, i)
+    effects = ti.static(world_out.grain_effects)
+    gust_drag = 0.0 * grain_out.velocity
+    if ti.static(effects.any_drag):
+        grain_out.drag_factor = total_drag_factor(effects, r, grain_out)
+        frozen_out.drag_rate[i] = grain_out.drag_factor * frozen_out.drag_rate[i]
+    if ti.static(effects.any_gust):
+        gust_drag = add_gusts(effects, r, grain_out)
+    force, torque = total_grain_force(effects, r, grain_out, i)
+    force += gust_drag
     frozen_out.steady_acceleration[i] = frozen_out.steady_acceleration[i] + force * grains.mass_inverse[i]
     frozen_out.steady_spin_rate[i] = torque * (SPHERE * grains.mass_inverse[i] / grains.radius[i] ** 2)
 
@@ -178,5 +187,4 @@ def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, up
                     update_states(world_out.pair_effects, r, grain, i)
                     update_states(world_out.grain_effects, r, grain, i)
             if ti.static(world_out.grain_effects.any):
-                grain.drag_factor = total_drag_factor(world_out.grain_effects, r, grain)
                 apply_grain_effects(world_out, r, i, grain)
