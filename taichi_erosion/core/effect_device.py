@@ -194,7 +194,7 @@ def total_gust(effects: ti.template(), r, grain: ti.template()):
 
 @ti.func
 def add_gusts(effects: ti.template(), r, grain_out: ti.template()):
-    """Drag that gusts add to that of the mean wind [N]; the grain then has the wind and the shear of the gust.
+    """Drag that gusts add to that of the mean wind [N]; the grain then has wind and shear of the gust.
 
     The shear grows as the streamwise wind, as where the profile of the mean wind is scaled. Writes
     grain_out.air_velocity, grain_out.air_shear, grain_out.drag_factor.

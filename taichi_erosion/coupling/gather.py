@@ -154,8 +154,9 @@ def apply_grain_effects(world_out: ti.template(), r, i, grain_out: ti.template()
 
     Writes grain_out.drag_factor and, where there are gusts, grain_out.air_velocity, grain_out.air_shear.
     """
-    grains, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
-    effects = ti.static(world_out.grain_effects)
+    effects, grains, frozen_out = ti.static(
+        (world_out.grain_effects, world_out.grains, world_out.frozen_drag)
+    )
     gust_drag = 0.0 * grain_out.velocity
     if ti.static(effects.any_drag):
         grain_out.drag_factor = total_drag_factor(effects, r, grain_out)

@@ -1,23 +1,23 @@
-"""Turbulent gusts: a wind that fluctuates about its mean, log-normal along itself and weak upwards at the bed.
+"""Turbulent gusts: a wind that fluctuates about its mean, log-normal along itself, weak upwards at the bed.
 
     u' = u (exp(s g_1 - s^2 / 2) - 1, 0, 0) + sigma_w (0, 0, c g_1 + sqrt(1 - c^2) g_2)
     s^2 = ln(1 + I^2),    I = min(a u* / |u_x|, i),    c = -1 / (r a^2)
     sigma_w = min(r a u*, b u* z+^2),    z+ = z u* rho / mu
     g = sqrt(2/K) sum_k cos(w_k t + p_k),    w_k = tan(pi (k - 1/2) / (2 K)) / T,    k = 1 .. K
 
-with u the mean wind at the grain [m s-1] and u_x its streamwise component, u* the friction velocity [m s-1],
-z the height of the centre over the bed [m], 0 below, rho and mu density [kg m-3] and viscosity [Pa s] of the
-air. I is the relative deviation of the streamwise wind, whose mean stays u: a = 2.5 far from the ground, and
-in the viscous sublayer the limit i = 0.4, that of the wall's stress, whose distribution there is log-normal
-as is that of the velocity. Upwards r a = 1.4 far from the ground; at a wall continuity lets b z+^2, b = 0.009,
-of it, next to nothing around a grain at rest. The correlation c carries the stress of the wind, -<u'w'> =
-u*^2, far from the ground. g_1 and g_2 are stationary processes of variance 1 and correlation exp(-t / T), those
-of the Langevin equation dg = -g dt/T + sqrt(2/T) dW, as a sum of waves: it needs no memory of every grain, and
+with u the mean wind at the grain [m s-1] and u_x its streamwise component, u* the friction velocity [m
+s-1], z the height of the centre over the bed [m], 0 below, rho and mu density [kg m-3] and viscosity [Pa s]
+of the air. I is the relative deviation of the streamwise wind, whose mean stays u: a = 2.5 far from the
+ground, and in the viscous sublayer the limit i = 0.4, that of the stress at the wall; velocities there are
+log-normal. Upwards r a = 1.4 far from the ground; at a wall continuity leaves b z+^2 of it, b = 0.009, next
+to nothing around a grain at rest. The correlation c carries the stress of the wind, -<u'w'> = u*^2, far
+from the ground. g_1 and g_2 are stationary processes of variance 1 and correlation exp(-t / T), those of
+the Langevin equation dg = -g dt/T + sqrt(2/T) dW, as a sum of waves: it needs no memory of every grain, and
 the whole patch feels one gust, as it does where eddies are larger than it. T is 0.3 to 1 times depth over
-speed of the layer: 0.02 s in a tunnel, seconds outdoors. The phases p_k follow from the seed. Drag, lift and
-torque of other effects act with the wind of the gust; the shear grows as the streamwise wind. The air does
-not lose what gusts give: their momentum comes from above. Strength multiplies I and sigma_w. Holds for grains
-much smaller than eddies.
+speed of the layer: 0.02 s in a tunnel, seconds outdoors. The phases p_k follow from the seed. Drag, lift
+and torque of other effects act with the wind of the gust; the shear grows as the streamwise wind. The air
+does not lose what gusts give: their momentum comes from above. Strength multiplies I and sigma_w. Holds for
+grains much smaller than eddies.
 
 Reference: Kok & Renno (2009), J. Geophys. Res. 114, D17204 (a, r, the Langevin equation); Alfredsson,
 Johansson, Haritonidis & Eckelmann (1988), Phys. Fluids 31, 1026 (i); Alfredsson, Orlu & Schlatter (2011),

@@ -1,70 +1,155 @@
-"""Gusts under each law of drag: their mean force is that of the law, averaged over the wind in NumPy."""
+"""Gusts: their statistics are the stated ones, and drag, lift and torque of a grain are those of the gust."""
 
-from math import tan
+from math import exp, log, sqrt, tan
+from typing import Any
 
 import numpy as np
 import pytest
 
 from taichi_erosion.core.device import start_device, stop_device
-from taichi_erosion.core.effect_probe import make_bench, probe_of
+from taichi_erosion.core.effect import replica_effect
+from taichi_erosion.core.effect_device import bind
+from taichi_erosion.core.effect_probe import evaluate_grain, make_bench, parts, probe_of, zeros
 from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.transfer import read, upload
 from taichi_erosion.coupling.drag import LAWS, drag_law
+from taichi_erosion.effects import load_library
 from taichi_erosion.effects.turbulent_gusts import EFFECT, Params
 from taichi_erosion.verification.reference.flow import LAWS as REFERENCE
 from taichi_erosion.verification.reference.flow import Stream
 
-GUSTS = Params(deviation=2.5, upward=0.56, intensity=0.4, timescale=0.02)
-FRICTION_VELOCITY, WIND, CHANCE = 0.4, 3.0, 0.37  # m s-1, m s-1, of 1
+GUSTS = Params()
+FRICTION_VELOCITY, WIND = 0.4, 3.0  # m s-1
+CHANCE = 0.37
 RADIUS, DENSITY, VISCOSITY = 1.25e-4, 1.225, 1.789e-5  # m, kg m-3, Pa s
+HEIGHT = 0.01  # m
 VELOCITY = np.array([0.8, 0.1, -0.3])  # m s-1, of the grain
 TIMES = np.linspace(0.0, 1.0, 40)  # s, fifty timescales
-GRAIN = {
+TIME = 0.55  # s, of a strong gust
+GRAIN: dict[str, Any] = {
     "velocity": tuple(VELOCITY),
     "air_velocity": (WIND, 0.0, 0.0),
     "radius": RADIUS,
     "mass": 2.0e-8,
+    "height": HEIGHT,
     "air_density": DENSITY,
     "air_viscosity": VISCOSITY,
     "friction_velocity": FRICTION_VELOCITY,
     "chance": CHANCE,
+    "void_fraction": 1.0,
 }
 
 
-def process(square: float, cube: float) -> np.ndarray:
-    """Sum of 24 waves at TIMES, from the equation of the effect."""
+def process(square: float, cube: float, times: np.ndarray, chance: float = CHANCE) -> np.ndarray:
+    """Sum of 24 waves, from the equation of the effect."""
     k = np.arange(1, 25)
     rates = np.array([tan(np.pi * (n - 0.5) / 48.0) for n in k]) / GUSTS.timescale
-    phases = CHANCE * (square * k**2 + cube * k**3)
-    return np.cos(np.outer(TIMES, rates) + 2.0 * np.pi * phases).sum(axis=1) / np.sqrt(12.0)
+    phases = chance * (square * k**2 + cube * k**3)
+    return np.cos(np.outer(times, rates) + 2.0 * np.pi * phases).sum(axis=1) / np.sqrt(12.0)
 
 
-def mean_gust_force(law: str, void: float) -> np.ndarray:
-    """Mean of F(s') - F(s) over TIMES [N], with the law of `verification.reference.flow`."""
-    deviation = min(GUSTS.deviation * FRICTION_VELOCITY, GUSTS.intensity * WIND)
-    slip = np.array([WIND, 0.0, 0.0]) - VELOCITY
-    gusty = np.tile(slip, (len(TIMES), 1))
-    gusty[:, 0] += deviation * process(7919.0, 3571.0)
-    gusty[:, 2] += deviation * GUSTS.upward * process(5003.0, 9973.0)
-
-    def force(velocity: np.ndarray) -> np.ndarray:
-        speed = float(np.linalg.norm(velocity))
-        return REFERENCE[law](Stream(speed, 2.0 * RADIUS, DENSITY, VISCOSITY, void)) * velocity / speed
-
-    return np.mean([force(velocity) - force(slip) for velocity in gusty], axis=0)
+def gusts(wind: float, height: float, times: np.ndarray, chance: float = CHANCE) -> np.ndarray:
+    """Streamwise and vertical gust [m s-1] at a mean wind [m s-1] and a height [m], from the equation."""
+    along, other = process(7919.0, 3571.0, times, chance), process(5003.0, 9973.0, times, chance)
+    spread = sqrt(log(1.0 + min(2.5 * FRICTION_VELOCITY / wind, 0.4) ** 2))
+    layers = height * FRICTION_VELOCITY * DENSITY / VISCOSITY
+    upward = min(0.56 * 2.5, 0.009 * layers**2) * FRICTION_VELOCITY
+    c = -1.0 / (0.56 * 2.5**2)
+    streamwise = wind * (np.exp(spread * along - 0.5 * spread**2) - 1.0)
+    return np.column_stack([streamwise, upward * (c * along + sqrt(1.0 - c**2) * other)])
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_the_mean_force_of_gusts_is_the_mean_of_the_law_of_drag_of_the_run(law: str):
+def test_the_drag_in_gusts_is_that_of_the_law_of_the_run(law: str):
     start_device(Numerics("cpu", 1, "f64"))
     probe = probe_of(EFFECT, make_bench(drag_law(law)))
+    slip = np.array([WIND, 0.0, 0.0]) - VELOCITY
+    change = gusts(WIND, HEIGHT, TIMES)
     for void in (0.5, 1.0):
-        found = [probe(GUSTS, {}, time=time, void_fraction=void, **GRAIN)[0] for time in TIMES]
-        want = mean_gust_force(law, void)
+
+        def force(velocity: np.ndarray, void: float = void) -> np.ndarray:
+            speed = float(np.linalg.norm(velocity))
+            return REFERENCE[law](Stream(speed, 2.0 * RADIUS, DENSITY, VISCOSITY, void)) * velocity / speed
+
+        found = [probe(GUSTS, {}, time=time, **GRAIN | {"void_fraction": void})[0] for time in TIMES]
+        want = [force(slip + np.array([u, 0.0, w])) - force(slip) for u, w in change]
         # phases of up to 1e8 turns in double precision: 1e-8 of a turn
-        assert np.mean(found, axis=0) == pytest.approx(want, rel=1e-6, abs=1e-6 * np.abs(want).max())
+        assert np.array(found) == pytest.approx(np.array(want), rel=1e-6, abs=1e-6 * np.abs(want).max())
     stop_device()
 
 
-def test_laws_of_drag_differ_in_the_gusts_of_a_bed():
-    forces = [mean_gust_force(law, 0.5)[0] for law in LAWS]
-    assert min(abs(a / b - 1.0) for a, b in zip(forces[1:], forces[:-1], strict=True)) > 0.02
+def sampled(wind: float, height: float) -> np.ndarray:
+    """Gusts at 400 times in each of 200 seeds [m s-1]."""
+    chances = np.random.default_rng(1).uniform(size=200)
+    times = np.arange(400) * 0.73 * GUSTS.timescale
+    return np.concatenate([gusts(wind, height, times, chance) for chance in chances])
+
+
+def test_gusts_in_the_sublayer_are_log_normal_with_the_deviation_of_the_stress_at_the_wall():
+    ratio = 1.0 + sampled(1.0, 1e-4)[:, 0]  # 2.5 u* / u = 1 exceeds the limit of 0.4
+    # some 2e4 independent gusts: the mean to 0.3 %, higher moments to a few percent; 24 waves have a kurtosis
+    # of 3 - 1.5 / 24, so that the tail is a little short
+    assert ratio.mean() == pytest.approx(1.0, abs=0.01)
+    assert ratio.std() == pytest.approx(0.4, rel=0.03)
+    skewness = ((ratio - 1.0) ** 3).mean() / ratio.std() ** 3
+    assert skewness == pytest.approx(0.4**3 + 3.0 * 0.4, rel=0.1)
+    spread = sqrt(log(1.16))
+    for quantile, normal in ((0.01, -2.326), (0.5, 0.0), (0.99, 2.326)):
+        assert np.quantile(ratio, quantile) == pytest.approx(exp(spread * normal - 0.5 * spread**2), rel=0.03)
+
+
+def test_gusts_far_from_the_ground_carry_the_stress_of_the_wind():
+    streamwise, vertical = sampled(20.0 * FRICTION_VELOCITY, 0.05).T
+    assert streamwise.std() == pytest.approx(2.5 * FRICTION_VELOCITY, rel=0.03)
+    assert vertical.std() == pytest.approx(1.4 * FRICTION_VELOCITY, rel=0.03)
+    assert -(streamwise * vertical).mean() == pytest.approx(FRICTION_VELOCITY**2, rel=0.05)
+
+
+def test_next_to_no_gust_blows_upwards_at_a_grain_on_the_bed():
+    # a radius over the bed: z+ = 3.4, b z+^2 = 0.1 of u*
+    vertical = sampled(1.0, RADIUS)[:, 1]
+    layers = RADIUS * FRICTION_VELOCITY * DENSITY / VISCOSITY
+    assert vertical.std() == pytest.approx(0.009 * layers**2 * FRICTION_VELOCITY, rel=0.03)
+
+
+def test_a_gust_is_remembered_for_its_timescale():
+    lag = GUSTS.timescale
+    chances = np.random.default_rng(2).uniform(size=4000)
+    pairs = np.array([process(7919.0, 3571.0, np.array([0.1, 0.1 + lag]), chance) for chance in chances])
+    # waves give the correlation to 0.04, 4000 seeds to 0.015
+    assert np.corrcoef(pairs.T)[0, 1] == pytest.approx(exp(-1.0), abs=0.07)
+
+
+def test_lift_and_torque_feel_the_gust():
+    """Both effects beside gusts give the forces that they give alone in the wind and shear of the gust."""
+    start_device(Numerics("cpu", 1, "f64"))
+    library, bench = load_library(), make_bench(drag_law("two_limits"))
+    lain = GRAIN | {
+        "velocity": (0.0, 0.0, 0.0),
+        "air_velocity": (0.6, 0.0, 0.0),
+        "height": RADIUS,
+        "time": TIME,
+    }
+    shear = 4000.0  # s-1
+    change = gusts(0.6, RADIUS, np.array([TIME]))[0]
+    assert abs(change[0]) > 0.05, "a time without a gust shows nothing"
+
+    def answer(names: list[str], members: dict[str, Any]) -> np.ndarray:
+        effects = [replica_effect(library[n], library[n].params(), 1.0, {}, 0.0) for n in names]
+        bound = bind("grain", [effects])
+        values = zeros(bench.grain) | members
+        upload([(parts(bench.grain)[name], [value]) for name, value in values.items()])
+        evaluate_grain(bound, bench.grain, bench.force, bench.torque)
+        return np.concatenate([read(bench.force)[0], read(bench.torque)[0]])
+
+    felt = ["rotational_drag", "shear_lift"]
+    found = answer([*felt, "turbulent_gusts"], lain | {"air_shear": shear})
+    alone = answer(["turbulent_gusts"], lain | {"air_shear": shear})
+    blown = lain | {
+        "air_velocity": (0.6 + change[0], 0.0, change[1]),
+        "air_shear": shear * (1.0 + change[0] / 0.6),
+    }
+    assert found == pytest.approx(alone + answer(felt, blown), rel=1e-6, abs=1e-20)
+    calm = answer(felt, lain | {"air_shear": shear})
+    assert abs(found[2] - alone[2] - calm[2]) > 0.05 * abs(calm[2]), "lift of the mean wind"
+    stop_device()
