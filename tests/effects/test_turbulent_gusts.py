@@ -25,7 +25,7 @@ RADIUS, DENSITY, VISCOSITY = 1.25e-4, 1.225, 1.789e-5  # m, kg m-3, Pa s
 HEIGHT = 0.01  # m
 VELOCITY = np.array([0.8, 0.1, -0.3])  # m s-1, of the grain
 TIMES = np.linspace(0.0, 1.0, 40)  # s, fifty timescales
-TIME = 0.55  # s, of a strong gust
+TIME = 0.15  # s, of a strong gust
 GRAIN: dict[str, Any] = {
     "velocity": tuple(VELOCITY),
     "air_velocity": (WIND, 0.0, 0.0),
