@@ -7,7 +7,7 @@ SIMULATE, EXPLAIN, CHECK = "Simulate and view", "Calibrate and explain", "Check"
 DOE_STEPS = ("design", "run", "analyse", "climb", "surface", "optimise", "confirm", "calibrate")
 PANELS = {
     SIMULATE: ("run", "live", "view", "snapshot", "export"),
-    EXPLAIN: ("compare", "discover", "adopt", "next", "report", "effects"),
+    EXPLAIN: ("compare", "discover", "adopt", "next", "predict", "report", "effects"),
     CHECK: ("audit", "verify", "bench", "schema"),
     "": ("measure repose", "study new", "study check", *(f"doe {step}" for step in DOE_STEPS)),
 }
@@ -50,6 +50,8 @@ discover STUDY --effect my_pull.py
 adopt doe/impact_threshold_reduced.toml dry_cohesion
 adopt STUDY my_pull --effect my_pull.py
 next doe/impact_threshold_reduced.toml
+predict doe/impact_threshold_reduced.toml --at doe/measured/grains_to_come.csv
+predict STUDY --at TABLE --out predicted.csv
 report doe/impact_threshold_reduced.toml
 report doe/funnel_soil.toml -o funnel.html
 report recordings/FILE.rrd

@@ -10,7 +10,7 @@ from types import FrameType
 
 import typer
 
-from taichi_erosion.cli import effects, evidence
+from taichi_erosion.cli import effects, evidence, predict
 from taichi_erosion.cli.commands import app
 from taichi_erosion.cli.progress import LOG, close_log
 from taichi_erosion.core.errors import BadInput, ExitCode, SimulationStopped
@@ -26,6 +26,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 app.add_typer(evidence.app)
+app.add_typer(predict.app)
 app.add_typer(effects.app)
 
 

@@ -31,7 +31,7 @@ from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.measures.result import without_nan
 
-Command = Literal["compare", "discover", "adopt", "next", "rounds"]
+Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]
 Document = dict[str, Any]
 LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
 ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about

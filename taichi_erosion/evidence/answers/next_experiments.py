@@ -245,7 +245,15 @@ def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool
 
 
 def mean_variance(prepared: PreparedProblem, index: int, repeats: int) -> float:
-    """Variance of the mean of so many repeats of one observable, with its tolerance and the model's scatter.
+    """Variance of the mean of so many repeats of an observable, with tolerance and the model's scatter."""
+    observable, own = prepared.rows.observables[index], prepared.rows.which == index
+    numerical = prepared.rows.noise[observable.name].numerical ** 2
+    simulated = float(np.median(prepared.seed_variance[own])) / prepared.seeds.fitting.size
+    return repeat_variance(prepared, index) / repeats + numerical + simulated
+
+
+def repeat_variance(prepared: PreparedProblem, index: int) -> float:
+    """Variance of a single repeat of one observable on its comparison scale.
 
     A row of the table is a mean already: its variance is that of single repeats over their number.
     """
@@ -257,8 +265,7 @@ def mean_variance(prepared: PreparedProblem, index: int, repeats: int) -> float:
         [n for n, name in zip(table.n, table.observable, strict=True) if name == observable.name]
     )
     behind = float(np.sum(np.where(counts >= 1.0, counts, 1.0))) / max(int(np.sum(own)), 1)
-    simulated = float(np.median(prepared.seed_variance[own])) / prepared.seeds.fitting.size
-    return of_row * max(behind, 1.0) / repeats + numerical + simulated
+    return of_row * max(behind, 1.0)
 
 
 def settings_of(prepared: PreparedProblem, laboratory: Laboratory, index: int) -> tuple[Conditions, Floats]:

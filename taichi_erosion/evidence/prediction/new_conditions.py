@@ -1,0 +1,137 @@
+"""Table of new conditions: read as a laboratory's table is, in the user's units."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taichi_erosion.campaign.study_file import StudyFile
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.measured import condition_scales, named_by_study, study_name
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Measurements
+from taichi_erosion.evidence.data.tables.column_roles import Column, column_roles
+from taichi_erosion.evidence.data.tables.laboratory_table import Choices, LaboratoryTable
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.tidy_table import Table
+from taichi_erosion.scene.schema.units import Scale
+
+OBSERVABLE = "observable"  # heading of a column that says what is to be predicted; without it: everything
+
+
+@dataclass(frozen=True)
+class NewConditions:
+    """Rows of a table at which the model is asked, one for each observable wanted."""
+
+    file: str
+    lines: tuple[int, ...]  # rows of the file
+    observable: tuple[str, ...]
+    conditions: Conditions  # as the model takes them
+    written: tuple[dict[str, float], ...]  # the same in the units of the table
+    units: Mapping[str, str]  # of `written`
+    notes: tuple[str, ...] = ()
+
+
+def read_new_conditions(
+    path: Path, file: StudyFile, places: Mapping[str, str], known: Measurements
+) -> NewConditions:
+    """Conditions of a table in the units of use; raises BadInput with all its faults.
+
+    `places` are the units of what the conditions set, `known` the measurements of the study: a column without
+    a unit is in the unit of the study's own table.
+    """
+    cells = read_cells(path, str(path).replace("\n", "?"))
+    if not cells.rows or not cells.lines:
+        raise BadInput(f"{path}: holds no conditions; the first row names the columns, the others set them")
+    columns = condition_columns(cells, file)
+    scales = scales_of(cells, columns, file, places, known)
+    numbers = condition_numbers(cells, columns)
+    constant = {name: constant_value(cells, name, known) for name in file.conditions if name not in columns}
+    wanted = list(wanted_rows(cells, list(file.observables)))
+    used = {name: np.array([scales[name].used(numbers[name][row]) for row, _ in wanted]) for name in columns}
+    used |= {name: np.full(len(wanted), value) for name, value in constant.items()}
+    written = tuple({name: float(numbers[name][row]) for name in columns} for row, _ in wanted)
+    return NewConditions(
+        str(path),
+        tuple(cells.lines[row][0] for row, _ in wanted),
+        tuple(name for _, name in wanted),
+        {name: used[name] for name in file.conditions},
+        written,
+        {name: scales[name].unit or places.get(name, "") for name in columns},
+        tuple(constant_notes(constant, known)),
+    )
+
+
+def condition_columns(cells: Cells, file: StudyFile) -> dict[str, Column]:
+    """Columns that set conditions of the study, by its names; raises BadInput where two set the same."""
+    found: dict[str, Column] = {}
+    for column in column_roles(cells, named_by_study(cells, file)):
+        name = study_name(column.name, column.heading.name, file) if column.role == "condition" else ""
+        if name in found:
+            raise BadInput(f"{cells.file}: '{column.heading.text}' sets {name}, as another column does")
+        if name in file.conditions:
+            found[name] = column
+    return found
+
+
+def scales_of(
+    cells: Cells,
+    columns: Mapping[str, Column],
+    file: StudyFile,
+    places: Mapping[str, str],
+    known: Measurements,
+) -> dict[str, Scale]:
+    """Scale of every column: by its own unit, else by that of the study's table."""
+    table = LaboratoryTable(cells, list(columns.values()), Choices())
+    names = [name for name in file.conditions if name in columns]
+    units = [table.cell_unit(columns[name]) or known.scales.get(name, Scale()).unit or None for name in names]
+    stated = Table(cells.file, tuple(names), tuple(units), ())
+    chosen = file.model_copy(update={"conditions": {name: file.conditions[name] for name in names}})
+    return condition_scales(stated, chosen, places)
+
+
+def condition_numbers(cells: Cells, columns: Mapping[str, Column]) -> dict[str, Floats]:
+    """Numbers of the columns as written; raises BadInput with every cell that is none."""
+    table, faults = LaboratoryTable(cells, list(columns.values()), Choices()), list[str]()
+    found: dict[str, Floats] = {}
+    for name, column in columns.items():
+        texts = [table.condition(line, row, column, faults) for line, row in cells.lines]
+        empty = [line for (line, row), text in zip(cells.lines, texts, strict=True) if not row[column.place]]
+        faults += [f"{cells.file}: row {line}, {column.heading.text} is empty" for line in empty]
+        found[name] = np.array([float(text) if text else np.nan for text in texts])
+    if faults:
+        raise BadInput(*faults)
+    return found
+
+
+def constant_value(cells: Cells, name: str, known: Measurements) -> float:
+    """The study's only value of a condition that the table leaves out; raises BadInput for several."""
+    column = known.conditions[name]
+    values = np.unique(column[np.isfinite(column)])
+    if values.size > 1:
+        (low, unit), (high, _) = known.written(name, float(values[0])), known.written(name, float(values[-1]))
+        span = f"{low:.4g} to {high:.4g} {unit}".rstrip()
+        raise BadInput(f"{cells.file}: no column sets {name}, which the study varies from {span}; add it")
+    return float(values[0]) if values.size else np.nan
+
+
+def constant_notes(constant: Mapping[str, float], known: Measurements) -> Iterator[str]:
+    """Conditions that are as in the study because the table leaves them out."""
+    for name, value in constant.items():
+        if np.isfinite(value):
+            number, unit = known.written(name, value)
+            yield f"{name} is {number:.4g} {unit}".rstrip() + ", as in the study: the table does not set it."
+
+
+def wanted_rows(cells: Cells, observables: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Row and observable of every prediction; raises BadInput for an observable that the study has not."""
+    headings = [text.strip().lower() for text in cells.heading]
+    place = headings.index(OBSERVABLE) if OBSERVABLE in headings else None
+    for index, (line, row) in enumerate(cells.lines):
+        if place is None or not row[place]:
+            yield from ((index, name) for name in observables)
+        elif row[place] in observables:
+            yield index, row[place]
+        else:
+            there = ", ".join(observables)
+            raise BadInput(f"{cells.file}: row {line}, observable = '{row[place]}'; the study has {there}")
