@@ -1,4 +1,4 @@
-"""Inserts the output of commands into docs/discover.md and docs/threshold.md: `python docs/tutorial.py`.
+"""Inserts the output of commands into docs/discover.md and other pages: `python docs/tutorial.py`.
 
 A block after the mark `<!-- output: N -->` shows the first N lines of output of the command above it.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 from taichi_erosion.cli.main import main as run_command
 
 DOCS = Path(__file__).resolve().parent
-PAGES = (DOCS / "discover.md", DOCS / "threshold.md", DOCS / "your_table.md")
+PAGES = (DOCS / "discover.md", DOCS / "threshold.md", DOCS / "your_table.md", DOCS / "predict.md")
 INPUTS = (
     "measured/*.csv",
     "impact_threshold*.toml",

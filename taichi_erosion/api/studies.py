@@ -1,8 +1,9 @@
-"""Studies from Python: compare, discover, adopt, next, report."""
+"""Studies from Python: compare, discover, adopt, next, predict, report."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 from taichi_erosion.api.notebook import frame, html, progress
@@ -166,6 +167,29 @@ class ExperimentsResult(Result):
 
 
 @dataclass(frozen=True)
+class PredictionResult(Result):
+    """What the calibrated, adopted model says at new conditions."""
+
+    @property
+    def found(self) -> list[str]:
+        return list(self.document["sentences"])
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Predictions in the units of the observables, one row each, conditions as the table had them.
+
+        `low` and `high` are the 90 % interval of what many repeats give on average, `measured_low` and
+        `measured_high` that of one measurement; `model` is the calibrated model alone.
+        """
+        keys = ("model", "value", "low", "high", "measured_low", "measured_high", "unit")
+        return frame(
+            {"observable": row["observable"], **row["conditions"], **{key: row[key] for key in keys}}
+            | {"outside": "; ".join(row["outside"])}
+            for row in self.document["rows"]
+        )
+
+
+@dataclass(frozen=True)
 class Study:
     """An evidence study: its file, and what its runs may cost."""
 
@@ -219,6 +243,22 @@ class Study:
         from taichi_erosion.evidence.answers.commands import next_study
 
         return ExperimentsResult(self.path, self.answered("planning", next_study))
+
+    def predict(self, table: "PathLike | pd.DataFrame", *, bare: bool = False) -> PredictionResult:
+        """What the calibrated model says at the conditions of a table, with 90 % intervals.
+
+        `table` is a file (.csv, .xlsx) or a DataFrame with one column for each condition. The adopted model
+        answers where effects have been adopted, unless `bare`. Raises BadInput with all faults of the table.
+        """
+        from taichi_erosion.evidence.prediction.commands import predict_study
+
+        with TemporaryDirectory() as folder:
+            file = table_file(table, Path(folder) / "conditions")
+
+            def predicted(path: Path, progress: Progress, options: "StudyOptions") -> Document:
+                return predict_study(path, file, progress, options, bare)
+
+            return PredictionResult(self.path, self.answered("predicting", predicted))
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""

@@ -1,4 +1,4 @@
-"""Command `predict`: what the calibrated model says at new conditions, as a table in the terminal, CSV or JSON."""
+"""Command `predict`: what the calibrated model says at new conditions, as a table, CSV or JSON."""
 
 import csv
 import io
@@ -98,7 +98,7 @@ def print_prediction(document: Record) -> None:
 def table_rows(rows: list[dict[str, Any]]) -> Iterator[tuple[str, ...]]:
     """Cells of one observable."""
     for row in rows:
-        conditions = [number(value) for value in row["conditions"].values()]
+        conditions = [f"{value:.4g}" for value in row["conditions"].values()]
         outside = f"extrapolates: {', '.join(row['outside'])}" if row["outside"] else ""
         single = interval(row["measured_low"], row["measured_high"])
         yield (

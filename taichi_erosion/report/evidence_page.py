@@ -112,6 +112,7 @@ def page_fields(found: Results) -> dict[str, Any]:
         "adoption_parameters": calibrated(found.adoption),
         "limits": list(limits(found)),
         "experiments": experiments(found),
+        "prediction": found.prediction,
         "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
         "facts": list(facts(found)),
         "figures": pictures(found),
@@ -124,6 +125,7 @@ def sections(found: Results) -> list[tuple[str, str]]:
     there += [("missing", "Which effect is missing")] if found.discovery else []
     there += [("vault", "Vault")] if found.first["rows_hidden"] or found.adoption else []
     there += [("ladder", "Error ladder")] if len(found.adoptions) > 1 else []
+    there += [("predictions", "Predictions at new conditions")] if found.prediction else []
     return [*there, ("limits", "What would change the answer"), ("methods", "Methods"), ("terms", "Terms")]
 
 

@@ -39,6 +39,7 @@ class Results:
     table: MeasuredTable
     adoptions: Sequence[Document] = ()
     outdated: tuple[str, ...] = ()  # commands whose answer rests on another table
+    prediction: Document | None = None  # of the adopted model where there is one
 
     @property
     def first(self) -> Document:
@@ -89,7 +90,18 @@ def stored_results(study: Path) -> Results:
     digest = found[newest]["digest"]
     current = {command: document for command, document in found.items() if document["digest"] == digest}
     outdated = tuple(command for command in found if command not in current)
-    return Results(study, current, measured_table(study, file), documents.ladder(folder), outdated)
+    table, rungs = measured_table(study, file), documents.ladder(folder)
+    return Results(study, current, table, rungs, outdated, prediction_of(study, folder, current))
+
+
+def prediction_of(study: Path, folder: Path, current: Mapping[str, Document]) -> documents.Document | None:
+    """Stored predictions of the adopted model, else of the study itself, where they rest on its table."""
+    adopted = [Path(current["adopt"]["written"]).stem] if "adopt" in current else []
+    for stem in (*adopted, study.stem):
+        found = documents.read_answer(folder, stem, "predict")
+        if found is not None and found["digest"] == next(iter(current.values()))["digest"]:
+            return found
+    return None
 
 
 def layers(found: Results) -> list[Layer]:

@@ -28,6 +28,7 @@ EXECUTED = {
     "discover",
     "adopt",
     "next",
+    "predict",
     "report",
     "effects",
     "measure",

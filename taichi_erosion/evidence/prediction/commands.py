@@ -34,7 +34,7 @@ def predict_study(
     start = perf_counter()
     with open_study(path if bare else adopted_study(path, options), options) as study:
         table = read_new_conditions(at, study.file, places_of(study), study.problem.measurements)
-        wanted = Wanted(table.observable, table.conditions, table.lines, table.written, table.units)
+        wanted = Wanted(table.observable, table.conditions, table.lines, table.written, table.scales)
         opened, seed = bool(study.file.adopted) and len(study.problem.vault.rows) > 0, study.file.study.seed
 
         def answer(ready: Study, progress: Progress) -> Prediction:
@@ -45,7 +45,7 @@ def predict_study(
         document = documents.record(found) | {"at": table.file, "vault_opened": opening(study, opened)}
         document |= {"faults": documents.plain([asdict(each) for each in ready.faults])}
         document |= {"sentences": sentences(found, study, table, path)}
-        return stored(ready, "predict", document, start)
+        return stored(ready, "predict", document | {"wall_s": perf_counter() - start}, start)
 
 
 def places_of(study: Study) -> dict[str, str]:

@@ -169,12 +169,15 @@ class JointPrediction:
     parts: Mapping[str, Mixture]  # the same for each source alone; they are correlated
     left_out: Mixture  # of each fitted value, from all other rows, its own error in it
     factor: Floats  # (k,) noise factor of each draw
+    observables: int  # with fitted rows
 
     @property
-    def discrepancy_probability(self) -> float:
-        """Share of the draws in which any discrepancy acts [1]."""
+    def discrepancy_odds(self) -> float:
+        """Bayes factor of a discrepancy in any observable against none, as far as the draws resolve it."""
         spread = np.max(self.parts["discrepancy"].variance, axis=1, initial=0.0)
-        return float(self.whole.weight @ (spread > 0.0))
+        share = float(np.clip(self.whole.weight @ (spread > 0.0), 0.5 / SWEEPS, 1.0 - 0.5 / SWEEPS))
+        none = NOTHING**self.observables
+        return share / (1.0 - share) * none / (1.0 - none)
 
 
 def joint_prediction(rows: JointRows, seed: int) -> JointPrediction:
@@ -187,7 +190,8 @@ def joint_prediction(rows: JointRows, seed: int) -> JointPrediction:
     mixtures = {key: Mixture(weight, mean, variance) for key, (mean, variance) in moments.items()}
     factor = np.array([rows.noise.factor[factor] for _, factor in states])
     parts = {name: mixtures[name] for name in names}
-    return JointPrediction(mixtures["whole"], parts, mixtures["left out"], factor)
+    count = np.unique(rows.which[: rows.fitted]).size
+    return JointPrediction(mixtures["whole"], parts, mixtures["left out"], factor, count)
 
 
 def given_state(rows: JointRows, state: State) -> dict[str, tuple[Floats, Floats]]:

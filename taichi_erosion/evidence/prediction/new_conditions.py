@@ -1,7 +1,7 @@
 """Table of new conditions: read as a laboratory's table is, in the user's units."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from taichi_erosion.evidence.data.tables.column_roles import Column, column_role
 from taichi_erosion.evidence.data.tables.laboratory_table import Choices, LaboratoryTable
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
 from taichi_erosion.evidence.data.tables.tidy_table import Table
-from taichi_erosion.scene.schema.units import Scale
+from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
 
 OBSERVABLE = "observable"  # heading of a column that says what is to be predicted; without it: everything
 
@@ -28,7 +28,7 @@ class NewConditions:
     observable: tuple[str, ...]
     conditions: Conditions  # as the model takes them
     written: tuple[dict[str, float], ...]  # the same in the units of the table
-    units: Mapping[str, str]  # of `written`
+    scales: Mapping[str, Scale]  # of `written`, as the model takes them
     notes: tuple[str, ...] = ()
 
 
@@ -57,7 +57,7 @@ def read_new_conditions(
         tuple(name for _, name in wanted),
         {name: used[name] for name in file.conditions},
         written,
-        {name: scales[name].unit or places.get(name, "") for name in columns},
+        {name: replace(scales[name], unit=scales[name].unit or places.get(name, "")) for name in columns},
         tuple(constant_notes(constant, known)),
     )
 
@@ -81,10 +81,14 @@ def scales_of(
     places: Mapping[str, str],
     known: Measurements,
 ) -> dict[str, Scale]:
-    """Scale of every column: by its own unit, else by that of the study's table."""
+    """Scale of every column: by its own unit, else by that of the study's table; raises BadInput."""
     table = LaboratoryTable(cells, list(columns.values()), Choices())
     names = [name for name in file.conditions if name in columns]
-    units = [table.cell_unit(columns[name]) or known.scales.get(name, Scale()).unit or None for name in names]
+    usual = {name: known.scales.get(name, Scale()).unit for name in names}
+    units = [table.cell_unit(columns[name]) or usual[name] or None for name in names]
+    for name, unit in zip(names, units, strict=True):
+        if unit and usual[name] and conversion(parse_scale(unit), parse_scale(usual[name])) is None:
+            raise BadInput(f"{cells.file}: {name} is in {unit}, in the table of the study in {usual[name]}")
     stated = Table(cells.file, tuple(names), tuple(units), ())
     chosen = file.model_copy(update={"conditions": {name: file.conditions[name] for name in names}})
     return condition_scales(stated, chosen, places)

@@ -26,10 +26,11 @@ from taichi_erosion.evidence.prediction.discrepancy_mixture import (
     JointRows,
     joint_prediction,
 )
+from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
 LEAST_CHANCE = 0.05  # of as few rows inside, below which intervals are called too narrow
-SOURCES = ("calibration", "instrument", "emulator", "discrepancy")
+CLEAR_ODDS = 3.0  # Bayes factor from which a discrepancy is told
 FEW_ROWS = 5  # of a check, below which its share tells little
 
 
@@ -68,7 +69,7 @@ class Prediction:
     rows: tuple[PredictedRow, ...]
     fitted: PredictiveCheck  # every fitted row, predicted from the others
     held_out: PredictiveCheck | None  # of an open vault
-    discrepancy: float  # probability that the calibrated model leaves a smooth discrepancy [1]
+    discrepancy_odds: float  # Bayes factor of a smooth discrepancy that calibration leaves [1]
     parameters: Mapping[str, Estimate]
     noise_known: bool
     sentences: tuple[str, ...] = ()
@@ -85,7 +86,7 @@ class Wanted:
     conditions: Conditions  # as the model takes them
     lines: tuple[int, ...] = ()
     written: tuple[Mapping[str, float], ...] = ()
-    units: Mapping[str, str] = field(default_factory=dict)
+    scales: Mapping[str, Scale] = field(default_factory=dict)  # of `written`
 
 
 def predict(
@@ -105,7 +106,7 @@ def predict(
         rows=tuple(told),
         fitted=fitted_check(prepared, base, found),
         held_out=None if held is None else held_out_check(prepared, base, held, seed),
-        discrepancy=found.discrepancy_probability,
+        discrepancy_odds=found.discrepancy_odds,
         parameters=parameter_estimates(prepared, base),
         noise_known=known,
         warnings=(*prepared.warnings, *lost),
@@ -125,7 +126,7 @@ def answerable(prepared: PreparedProblem, wanted: Wanted) -> tuple[Wanted, list[
         {name: column[kept] for name, column in wanted.conditions.items()},
         tuple(np.array(wanted.lines, dtype=int)[kept].tolist()) if wanted.lines else (),
         tuple(row for row, keep in zip(wanted.written, kept, strict=False) if keep),
-        wanted.units,
+        wanted.scales,
     )
     return rows, [f"{name} is not predicted: none of its rows has a known scatter." for name in lost]
 
@@ -222,15 +223,16 @@ def predicted_rows(
     """Predictions in the units of the observables."""
     index = [observable.name for observable in prepared.rows.observables]
     which = np.array([index.index(name) for name in wanted.observable], dtype=np.int64)
-    simulated = simulated_variance(prepared, which)
-    whole = found.whole.widened(simulated + tolerance_variance(prepared, which))
+    simulated, tolerance = simulated_variance(prepared, which), tolerance_variance(prepared, which)
+    whole = found.whole.widened(simulated + tolerance)
     scatter = np.array([repeat_variance(prepared, int(k)) for k in which])
     single = whole.widened(found.factor[:, np.newaxis] ** 2 * scatter)
     ends = [whole.quantile(s) for s in (0.5, 0.5 - 0.5 * SHARE, 0.5 + 0.5 * SHARE)]
     ends += [mean, *(single.quantile(s) for s in (0.5 - 0.5 * SHARE, 0.5 + 0.5 * SHARE))]
     values = [np.where(np.isfinite(mean), in_unit(prepared, which, end), nan) for end in ends]
     sd = {name: part.sd() for name, part in found.parts.items()}
-    sd |= {"simulator": np.sqrt(simulated), "laboratory": np.sqrt(scatter)}
+    own = {"simulator": simulated, "tolerance": tolerance, "laboratory": scatter}
+    sd |= {name: np.sqrt(variance) for name, variance in own.items()}
     steep = [
         slope(prepared.rows.observables[k], np.array([v]))[0] for k, v in zip(which, values[0], strict=True)
     ]
@@ -242,11 +244,11 @@ def predicted_rows(
             wanted.lines[i] if wanted.lines else i + 1,
             name,
             wanted.written[i] if wanted.written else {c: float(v[i]) for c, v in wanted.conditions.items()},
-            wanted.units,
+            {c: scale.unit for c, scale in wanted.scales.items()},
             units[name],
             *(float(column[i]) for column in values),
             sd={key: float(column[i] / steep[i]) if steep[i] > 0.0 else nan for key, column in sd.items()},
-            outside=tuple(beyond(prepared.problem.visible(), name, wanted.conditions, i)),
+            outside=tuple(beyond(prepared.problem.visible(), name, wanted, i)),
         )
         for i, name in enumerate(wanted.observable)
     ]
@@ -277,10 +279,11 @@ def tolerance_variance(prepared: PreparedProblem, which: Integers) -> Floats:
     return np.array([rows.noise[rows.observables[k].name].numerical ** 2 for k in which])
 
 
-def beyond(table: Measurements, observable: str, conditions: Conditions, row: int) -> list[str]:
+def beyond(table: Measurements, observable: str, wanted: Wanted, row: int) -> list[str]:
     """Conditions of a new row outside the range in which its observable was measured."""
     own, found = np.array([name == observable for name in table.observable]), []
-    for name, column in conditions.items():
+    for name, column in wanted.conditions.items():
+        scale = wanted.scales.get(name, table.scales.get(name, Scale()))
         measured = table.conditions[name][own]
         measured = measured[np.isfinite(measured)]
         value = float(column[row])
@@ -292,8 +295,8 @@ def beyond(table: Measurements, observable: str, conditions: Conditions, row: in
             (measured.max(), value > measured.max() + span),
         ):
             if out:
-                (asked, unit), (limit, _) = table.written(name, value), table.written(name, float(end))
-                found.append(f"{name} {asked:.4g} beyond {limit:.4g} {unit}".rstrip())
+                asked, limit = scale.written(value), scale.written(float(end))
+                found.append(f"{name} {asked:.4g} beyond {limit:.4g} {scale.unit}".rstrip())
     return found
 
 
@@ -333,16 +336,18 @@ def check_of(inside: Sequence[bool] | np.ndarray, counted: np.ndarray) -> Predic
 def sentences_of(found: Prediction) -> list[str]:
     """What the intervals rest on, and how they have held."""
     told = [] if found.noise_known else ["The scatter is guessed from the residuals: no sd, no repeats."]
-    if found.discrepancy > 0.5:
+    if found.discrepancy_odds > CLEAR_ODDS:
         told.append(
-            f"The calibrated model leaves a smooth discrepancy (probability {found.discrepancy:.2g}): the "
-            "values are corrected by it, and the intervals hold what is uncertain of it."
+            f"The calibrated model leaves a smooth discrepancy (Bayes factor {found.discrepancy_odds:.2g}): "
+            "`value` is corrected by it, and the intervals hold what is uncertain of it."
         )
+    else:
+        told.append("The residuals show no clear discrepancy; the intervals allow for what they could hide.")
     outside = sum(bool(row.outside) for row in found.rows)
     if outside:
         told.append(
-            f"{outside} of {len(found.rows)} predictions extrapolate: nothing there checks the model or the "
-            "discrepancy."
+            f"Outside the measured conditions: {outside} of {len(found.rows)} predictions; nothing there "
+            "checks the model."
         )
     told.append(check_sentence("fitted rows, each predicted from the others,", found.fitted))
     if found.held_out is not None:
@@ -354,8 +359,8 @@ def check_sentence(rows: str, check: PredictiveCheck) -> str:
     """How many measured values lie inside their intervals."""
     if not check.n:
         return f"There are no {rows.rstrip(',')} to check the intervals with."
-    share = f"{check.inside / check.n:.0%}"
-    words = f"{check.inside} of {check.n} {rows} lie inside their {SHARE:.0%} interval ({share})"
+    share = f"{100 * check.inside / check.n:.0f} %"
+    words = f"{check.inside} of {check.n} {rows} lie inside their {100 * SHARE:.0f} % interval ({share})"
     if check.p < LEAST_CHANCE:
         return f"{words}: fewer than chance allows (p = {check.p:.2g}); the intervals are too narrow."
     return f"{words}; too few rows to tell much." if check.n < FEW_ROWS else f"{words}."
