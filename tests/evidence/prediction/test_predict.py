@@ -51,7 +51,9 @@ def test_held_out_rows_check_the_intervals_only_where_the_vault_is_open():
     problem = replace(case.problem, vault=replace(case.problem.vault, rows=np.array([2, 5, 8, 20])))
     wanted = Wanted(case.observable, case.conditions)
     assert predict(problem, wanted).held_out is None
-    assert predict(problem, wanted, opened=True).held_out.n == 4
+    held_out = predict(problem, wanted, opened=True).held_out
+    assert held_out is not None
+    assert held_out.n == 4
 
 
 def test_few_rows_inside_are_called_too_few():
