@@ -13,6 +13,7 @@ from taichi_erosion.grains.simd_batch import (
     evaluate_contact,
     lane,
     load_entry,
+    load_materials,
     set_lane,
     store_contact,
 )
@@ -113,13 +114,23 @@ def passes_through(world: ti.template(), r, e, i, j, overlap):
 
 
 @ti.func
-def load_pair(world: ti.template(), batch_out: ti.template(), n, base):
-    """Load what the contact law reads of the pair in lane n."""
-    (grains,) = ti.static((world.grains,))
+def fill_materials(world: ti.template(), batch_out: ti.template(), row):
+    """Load the row of Materials that all pairs share to all lanes; nothing where it is -1."""
+    if row >= 0:
+        for n in range(LANES):
+            load_materials(world, batch_out, n, row)
+
+
+@ti.func
+def load_pair(world: ti.template(), batch_out: ti.template(), n, base, row):
+    """Load what the contact law reads of the pair in lane n; `row` is what `fill_materials` has loaded."""
+    grains, pairs = ti.static((world.grains, world.pairs))
     i, j = base + batch_out.owner[n], base + batch_out.partner[n]
     batch_out.radius_i[n] = grains.radius[i]
     batch_out.radius_j[n] = grains.radius[j]
-    load_entry(world, world.pairs, batch_out, n)
+    load_entry(world, pairs, batch_out, n)
+    if row < 0:
+        load_materials(world, batch_out, n, pairs.label[batch_out.entry[n]] >> ROW_SHIFT)
     set_lane(batch_out.velocity, n, grains.velocity[i] - grains.velocity[j])
     set_lane(batch_out.spin_i, n, grains.spin[i])
     set_lane(batch_out.spin_j, n, grains.spin[j])
@@ -204,7 +215,9 @@ def add_pair_forces(world_out: ti.template(), r, p):
     last = partition_first(replicas, r, p + 1)
     dt = replicas.time_step[r]
     batch = world_out.batch_type()
+    row = replicas.pair_row[r]
     if first < last:
+        fill_materials(world_out, batch, row)
         end = pairs.stop[base + last - 1]
         e = next_awake(world_out, base, pairs.start[base + first], end)
         while e < end:
@@ -213,7 +226,7 @@ def add_pair_forces(world_out: ti.template(), r, p):
                 filled += detect_pair(world_out, batch, filled, r, e, base)
                 e = next_awake(world_out, base, e + 1, end)
             for n in range(filled):
-                load_pair(world_out, batch, n, base)
+                load_pair(world_out, batch, n, base, row)
             for n in range(filled):
                 evaluate_pair(world_out.laws, batch, n, dt)
             for n in range(filled):

@@ -10,7 +10,7 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import contact_force
-from taichi_erosion.grains.neighbour_list import ENGAGED, ROW_SHIFT
+from taichi_erosion.grains.neighbour_list import ENGAGED
 
 LANES = 16  # contacts of a batch; 32 were no faster
 
@@ -54,14 +54,9 @@ def set_lane(columns_out: ti.template(), n, vector):
 
 
 @ti.func
-def load_entry(world: ti.template(), entries: ti.template(), batch_out: ti.template(), n):
-    """Load constants and history of the entry in lane n; `entries` is a neighbour list or a wall list."""
+def load_materials(world: ti.template(), batch_out: ti.template(), n, row):
+    """Load a row of Materials to lane n."""
     materials, lanes_out = ti.static((world.materials, batch_out.materials))
-    e = batch_out.entry[n]
-    row = entries.label[e] >> ROW_SHIFT
-    batch_out.root_radius[n] = entries.root_radius[e]
-    batch_out.damping[n] = entries.damping[e]
-    batch_out.rolling_damping[n] = entries.rolling_damping[e]
     lanes_out.young[n] = materials.young[row]
     lanes_out.shear[n] = materials.shear[row]
     lanes_out.shear_damping[n] = materials.shear_damping[row]
@@ -69,6 +64,16 @@ def load_entry(world: ti.template(), entries: ti.template(), batch_out: ti.templ
     lanes_out.friction_rolling[n] = materials.friction_rolling[row]
     if ti.static(world.laws.adhesive):
         lanes_out.adhesion[n] = materials.adhesion[row]
+
+
+@ti.func
+def load_entry(world: ti.template(), entries: ti.template(), batch_out: ti.template(), n):
+    """Load constants and history of the entry in lane n; `entries` is a neighbour list or a wall list."""
+    e = batch_out.entry[n]
+    batch_out.root_radius[n] = entries.root_radius[e]
+    batch_out.damping[n] = entries.damping[e]
+    batch_out.rolling_damping[n] = entries.rolling_damping[e]
+    if ti.static(world.laws.adhesive):
         batch_out.engaged[n] = entries.label[e] & ENGAGED
     set_lane(batch_out.tangential_displacement, n, entries.tangential_displacement[e])
     set_lane(batch_out.rolling_displacement, n, entries.rolling_displacement[e])

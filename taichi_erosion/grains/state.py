@@ -68,6 +68,7 @@ class Replicas:
     stale: Any  # i32, 1 where the host asks for a rebuild
     steps_left: Any  # i32, steps to do in this launch
     rebuilds: Any  # i32
+    pair_row: Any  # i32, row of Materials of all pairs of grains, or -1 where grains differ in material
     status: Any  # i32, core.snapshot.Status
     time_step: Any  # [s]
     gravity: Any  # vec3 [m s-2]
@@ -140,11 +141,11 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 
 def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
-    signals = "spins_most late pause"  # of a team
+    signals = "status spins_most late pause"  # the last three of a team
     skins = "skin_least skin_most skin_time cell_reach reach wall_travel"
     table = arrays(
         count,
-        i32=f"side partitions stale crowded released total step steps_left rebuilds status {signals}",
+        i32=f"side partitions stale crowded released total step steps_left rebuilds pair_row {signals}",
         real=f"time_step {skins} overlap_limit",
         realx3="gravity",
         f64x3="low high period",

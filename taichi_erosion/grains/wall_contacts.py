@@ -27,6 +27,7 @@ from taichi_erosion.grains.simd_batch import (
     evaluate_contact,
     lane,
     load_entry,
+    load_materials,
     set_lane,
     store_contact,
 )
@@ -269,6 +270,7 @@ def add_wall_forces(world_out: ti.template(), r, p):
                     e += 1
             for n in range(filled):
                 load_entry(world_out, world_out.wall_pairs, batch, n)
+                load_materials(world_out, batch, n, entries.label[batch.entry[n]] >> ROW_SHIFT)
             for n in range(filled):
                 evaluate_wall(world_out.laws, batch, n, dt)
             for n in range(filled):

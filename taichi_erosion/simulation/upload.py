@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, PrimitiveKind, Setup
+from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, PrimitiveKind, Setup, pair_row
 from taichi_erosion.core.transfer import upload
 from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import cell_grid
@@ -36,6 +36,7 @@ def upload_world(world: World, setups: list[Setup], reaches: list[float], partit
     """Everything that the setups state."""
     upload_source(world, setups)
     upload_replicas(world.replicas, setups, reaches, partitions)
+    upload([(world.replicas.pair_row, common_rows(setups, world.materials.rows))])
     upload_cells(world, setups, reaches)
     upload_walls(world.walls, setups)
     upload_materials(world.materials, [s.contacts for s in setups])
@@ -45,6 +46,15 @@ def upload_world(world: World, setups: list[Setup], reaches: list[float], partit
         upload([(world.sleep.rest_least, rest_least), (world.sleep.share, share)])
     if world.clumped:
         upload_clumps(world, setups)
+
+
+def common_rows(setups: list[Setup], rows: int) -> list[int]:
+    """Row of Materials of all pairs of grains, by replica; -1 where grains differ in material."""
+    kinds = [np.unique(setup.grains.material) for setup in setups]
+    return [
+        r * rows + pair_row(int(own[0]), int(own[0]), len(setup.materials)) if len(own) == 1 else -1
+        for r, (own, setup) in enumerate(zip(kinds, setups, strict=True))
+    ]
 
 
 def upload_source(world: World, setups: list[Setup]) -> None:

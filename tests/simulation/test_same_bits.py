@@ -72,6 +72,24 @@ def test_neighbours_in_an_ensemble_and_a_second_worker_change_no_bit(alone):
     assert bits[1] == alone["end"]
 
 
+def test_grains_of_two_materials_with_equal_contacts_move_as_grains_of_one(alone):
+    # with one material the contact constants are loaded once a step, with two for every pair
+    one = heap(GRAINS, 1)
+    mixed = replace(one, grains=replace(one.grains, material=np.arange(GRAINS, dtype=np.int32) % 2))
+    bits = run([one, mixed], 1, WHOLE)
+    stop_device()
+    assert bits == [alone["end"]] * 2
+
+
+def test_grains_of_two_materials_with_unequal_contacts_differ_from_grains_of_one():
+    one = heap(GRAINS, 1)
+    smooth = replace(one.contacts, friction_sliding=np.array([0.5, 0.1, 0.1]))
+    mixed = replace(one.grains, material=np.arange(GRAINS, dtype=np.int32) % 2)
+    bits = run([replace(one, contacts=smooth), replace(one, contacts=smooth, grains=mixed)], 1, HALF)
+    stop_device()
+    assert bits[0] != bits[1]
+
+
 def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
     tiny = replace(sim.capacities, pairs=PAIRS_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW)
