@@ -113,30 +113,40 @@ def pocket_scene(case: Pocket) -> Scene:
 
 
 def measured_thresholds(cases: Sequence[Pocket]) -> Floats:
-    """Friction velocity above which each grain leaves its pocket [m s-1], by bisection, all at once."""
+    """Friction velocity above which each grain leaves its pocket [m s-1]."""
+    return leaving_winds([(pocket_scene(case), case.seed) for case in cases], LAWS)
+
+
+def leaving_winds(scenes: Sequence[tuple[Scene, int]], laws: Laws, hold: float = HOLD) -> Floats:
+    """Friction velocity above which the first grain of each scene leaves its place [m s-1].
+
+    Each scene comes with its seed; winds blow for `hold` [s] from rest and are bisected, all scenes at once.
+    """
     library = load_library()
-    setups = [prepare(pocket_scene(case), case.seed, library) for case in cases]
-    sim = assemble(setups, LAWS, Numerics(threads=1))
-    advance(sim, [CALM] * len(cases))
-    beds = [export_bed(sim, replica) for replica in range(len(cases))]
-    low, high = np.full(len(cases), np.log(SLOWEST)), np.full(len(cases), np.log(FASTEST))
+    setups = [prepare(scene, seed, library) for scene, seed in scenes]
+    sim = assemble(setups, laws, Numerics(threads=1))
+    advance(sim, [CALM] * len(scenes))
+    beds = [export_bed(sim, replica) for replica in range(len(scenes))]
+    low, high = np.full(len(scenes), np.log(SLOWEST)), np.full(len(scenes), np.log(FASTEST))
     for trial in range(HALVINGS):
         winds = 0.5 * (low + high)
-        left = blow(sim, beds, np.exp(winds), CALM + trial * (HOLD + SOFT_START))
+        left = blow(sim, beds, np.exp(winds), CALM + trial * (hold + SOFT_START), hold)
         high = np.where(left, winds, high)
         low = np.where(left, low, winds)
     stop_device()
     return np.exp(0.5 * (low + high))
 
 
-def blow(sim: Simulation, beds: Sequence[dict[str, Any]], winds: Floats, began: float) -> NDArray[np.bool_]:
+def blow(
+    sim: Simulation, beds: Sequence[dict[str, Any]], winds: Floats, began: float, hold: float
+) -> NDArray[np.bool_]:
     """Which grains leave from rest while a wind of their own blows; those are caught before they fly far."""
     left = np.zeros(len(beds), dtype=bool)
     for replica, wind in enumerate(winds):
         import_bed(sim, replica, beds[replica])
         spin_up_wind(sim, replica, SOFTLY * float(wind), anew=True)
     for look in range(LOOKS + 1):
-        advance(sim, [began + look / LOOKS * HOLD + SOFT_START] * len(beds))
+        advance(sim, [began + look / LOOKS * hold + SOFT_START] * len(beds))
         if look == 0:
             for replica, wind in enumerate(winds):
                 spin_up_wind(sim, replica, float(wind))
