@@ -12,8 +12,8 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.effects import near_wall_drag, rotational_drag
 
 RADIUS, SHEAR, DENSITY, VISCOSITY = 1e-4, 0.1, 1.2, 1.8e-5  # m, s-1, kg m-3, Pa s: Re < 1e-4
-# height of the centre over the radius -> force over that of Stokes in the wind at the centre, torque over that
-# far away: Goldman, Cox & Brenner (1967), Chem. Eng. Sci. 22, 653; touching: O'Neill (1968)
+# height of the centre over the radius -> force over that of Stokes in the wind at the centre, torque over
+# that far away: Goldman, Cox & Brenner (1967), Chem. Eng. Sci. 22, 653; touching: O'Neill (1968)
 EXACT = {
     1.0: (1.7009, 0.944),
     1.0453: (1.6682, 0.948),

@@ -1,0 +1,259 @@
+"""What each force takes off the fluid threshold, by switching it off; and what other criteria make of it.
+
+python -m doe.wind.shares            all cases; writes shares.csv beside this file, bed by bed
+python -m doe.wind.shares CASE...    some of them
+python -m doe.wind.shares --page     only the tables of docs/threshold.md
+
+All cases have the same five beds of `scenes/wind_threshold.toml`, so that the ratio of two cases is taken bed
+by bed. A case is named by its effects, joined by +; `none` has none of them.
+"""
+
+import csv
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from io import StringIO
+from itertools import combinations
+from math import exp, isfinite, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from doe.common.cases import ROOT, Case, command, parse, settings
+from doe.common.command import words
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import write_atomic
+from taichi_erosion.measures.extremes import Watch, criterion_threshold
+from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.threshold import CONFIDENCE, Bracket, bracketed, pool_beds
+from taichi_erosion.report.markdown import fill_table, markdown_table
+from taichi_erosion.scene import Scene, load_scene
+from taichi_erosion.scene.build.sizes import nominal_diameter
+
+SCENE = "scenes/wind_threshold.toml"
+TABLE = Path(__file__).with_name("shares.csv")
+PAGE = ROOT / "docs" / "threshold.md"
+FORCES = {
+    "near_wall_drag": "drag near the wall",
+    "rotational_drag": "torque of the shear",
+    "shear_lift": "lift",
+    "turbulent_gusts": "gusts",
+}
+NONE = "none"
+BEDS = 5
+LONGER = 1.5  # s: a hold five times that of the scene, against which the extrapolation is checked
+MEMORY = 0.02  # s, correlation time of gusts: attempts of a grain are as many
+FLOOR = 1.0  # m2
+SEVERAL = (  # criteria: words, share of the surface grains or one grain, area [m2], time [s]
+    ("one percent of the surface grains in 5 s", 0.01, FLOOR, 5.0),
+    ("a tenth of the surface grains in 5 s", 0.1, FLOOR, 5.0),
+    ("the first grain of 1 m2 in a minute", 0.0, FLOOR, 60.0),
+)
+
+
+@dataclass(frozen=True)
+class Bed:
+    """The threshold of one bed in one case."""
+
+    case: str
+    hold: float  # s
+    seed: int
+    low: float  # m s-1, highest wind that it withstood
+    high: float  # m s-1, lowest wind that moved it
+    command: str
+    commit: str
+
+
+def names() -> list[str]:
+    """All forces, all but one, one alone, none; and drag and torque of a grain at rest."""
+    forces = list(FORCES)
+    sizes = (len(forces), len(forces) - 1, 1)
+    chosen = [each for size in sizes for each in combinations(forces, size)]
+    return ["+".join(each) for each in [*chosen, tuple(forces[:2])]] + [NONE]
+
+
+def case_of(name: str, hold: float) -> Case:
+    """Orders of a case."""
+    effects = [] if name == NONE else name.split("+")
+    orders = [f"effects.{effect}.strength=1" for effect in effects]
+    return Case("shares", name, settings(*orders, *other_hold(hold)), BEDS)
+
+
+def other_hold(hold: float) -> tuple[str, ...]:
+    """Order of a hold that is not the scene's [s]."""
+    return () if hold == scene().threshold.hold else (f"threshold.hold={hold:g}",)
+
+
+def scene() -> Scene:
+    """The scene of all cases."""
+    return load_scene(ROOT / SCENE)
+
+
+def simulate(name: str, hold: float) -> list[Bed]:
+    """Beds of one case, in a process of its own. Raises BadInput where the run is refused."""
+    typed = command(SCENE, case_of(name, hold))
+    program = [sys.executable, "-m", "taichi_erosion", *typed]
+    done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
+    if not done.stdout:
+        raise BadInput(f"{name}: {done.stderr.strip().splitlines()[-1]}")
+    asked = ["git", "rev-parse", "--short", "HEAD"]
+    commit = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    return beds_of(name, hold, json.loads(done.stdout), " ".join(["./erosion", *typed]), commit)
+
+
+def beds_of(name: str, hold: float, document: dict[str, Any], typed: str, commit: str) -> list[Bed]:
+    """Beds of the document that `run --json` prints; those that a guard stopped have none."""
+    found = [(each["seed"], each["measures"].get("threshold_u_star")) for each in document["replicas"]]
+    return [
+        Bed(name, hold, seed, measured["details"]["low"], measured["details"]["high"], typed, commit)
+        for seed, measured in found
+        if measured and measured["details"]
+    ]
+
+
+def read_beds() -> list[Bed]:
+    """All beds of shares.csv."""
+    kinds = {f.name: f.type for f in fields(Bed)}
+    with TABLE.open(encoding="utf-8", newline="") as file:
+        lines = list(csv.DictReader(file))
+    return [Bed(**{name: parse(kinds[name], text) for name, text in line.items()}) for line in lines]
+
+
+def write_beds(beds: Sequence[Bed]) -> None:
+    """Replace the beds of these cases in shares.csv."""
+    done = {(bed.case, bed.hold) for bed in beds}
+    kept = [bed for bed in read_beds() if (bed.case, bed.hold) not in done] if TABLE.exists() else []
+    order = names()
+    rows = sorted([*kept, *beds], key=lambda bed: (order.index(bed.case), bed.hold, bed.seed))
+    text = StringIO(newline="")
+    table = csv.DictWriter(text, [f.name for f in fields(Bed)], lineterminator="\n")
+    table.writeheader()
+    for row in rows:
+        cells = asdict(row).items()
+        table.writerow({name: f"{cell:.7g}" if isinstance(cell, float) else cell for name, cell in cells})
+    write_atomic(TABLE, text.getvalue().encode())
+
+
+def brackets(beds: Sequence[Bed], case: str, hold: float) -> dict[int, Bracket]:
+    """Brackets of a case by seed."""
+    return {bed.seed: Bracket(bed.low, bed.high) for bed in beds if (bed.case, bed.hold) == (case, hold)}
+
+
+def shown(found: Measurement) -> str:
+    """A threshold with its interval."""
+    if not isfinite(found.value):
+        return "none"
+    ends = found.details["interval"]
+    return f"{found.value:.3f} ({ends['low']:.3f} to {ends['high']:.3f})"
+
+
+def paired_ratio(one: dict[int, Bracket], other: dict[int, Bracket]) -> tuple[float, float, int]:
+    """Ratio of two cases over their common beds, its factor of uncertainty at 95 %, and the beds."""
+    common = sorted(set(one) & set(other))
+    logs = np.log([one[seed].middle / other[seed].middle for seed in common])
+    if len(common) < 2:
+        return float("nan"), float("nan"), len(common)
+    half = student.ppf(0.5 + 0.5 * CONFIDENCE, len(common) - 1) * logs.std(ddof=1) / sqrt(len(common))
+    return exp(logs.mean()), exp(half), len(common)
+
+
+def share_table(beds: Sequence[Bed], hold: float) -> str:
+    """Threshold of every case, and what switching its missing force on takes off."""
+    whole = brackets(beds, names()[0], hold)
+    header = (
+        "forces beside drag",
+        "beds",
+        "fluid threshold u* [m/s]",
+        "over that with all forces, bed by bed",
+    )
+    rows = []
+    for name in names():
+        found = brackets(beds, name, hold)
+        if not found:
+            continue
+        pooled = pool_beds([bracketed("threshold_u_star", each) for each in found.values()])
+        ratio, factor, count = paired_ratio(found, whole)
+        cell = "1" if found == whole else f"{ratio:.2f} ({ratio / factor:.2f} to {ratio * factor:.2f})"
+        rows.append((words_of(name), str(count), shown(pooled), cell))
+    return markdown_table(header, rows)
+
+
+def words_of(name: str) -> str:
+    """Forces of a case in words."""
+    effects = [] if name == NONE else name.split("+")
+    missing = [label for effect, label in FORCES.items() if effect not in effects]
+    if not missing:
+        return "all"
+    if len(missing) == 1:
+        return f"all but {missing[0]}"
+    return " and ".join(FORCES[effect] for effect in effects) or "none"
+
+
+def criteria_table(beds: Sequence[Bed], hold: float) -> str:
+    """The threshold with all forces by other criteria, under both laws; a longer hold simulated too."""
+    found = list(brackets(beds, names()[0], hold).values())
+    patch = patch_watch(hold)
+    asked = [("two grains of the patch in 0.3 s, as in the scene", patch)]
+    asked += [(label, criterion(share, area, time)) for label, share, area, time in SEVERAL]
+    longer = Watch(patch.area, LONGER, patch.count)
+    asked.append((f"two grains of the patch in {LONGER:g} s", longer))
+    simulated = list(brackets(beds, names()[0], LONGER).values())
+    header = ("criterion", "Weibull's law: u* [m/s]", "log-normal law: u* [m/s]", "simulated: u* [m/s]")
+    rows = []
+    for label, watch in asked:
+        laws = [criterion_threshold(label, found, patch, watch, n) for n in (None, attempts())]
+        direct = {patch: found, longer: simulated}.get(watch, [])
+        pooled = pool_beds([bracketed(label, each) for each in direct]) if direct else None
+        rows.append((label, *(shown(each) for each in laws), "" if pooled is None else shown(pooled)))
+    return markdown_table(header, rows)
+
+
+def patch_watch(hold: float) -> Watch:
+    """Criterion of the scene's trials."""
+    setting, wind = scene().threshold, scene().wind
+    assert wind is not None
+    area = wind.length * wind.width
+    return Watch(area, hold, max(1, round(setting.share * area / diameter() ** 2 + 0.5)))
+
+
+def criterion(share: float, area: float, time: float) -> Watch:
+    """A share of the surface grains, or one grain, of an area [m2] in a time [s]."""
+    return Watch(area, time, max(1, round(share * area / diameter() ** 2)))
+
+
+def diameter() -> float:
+    """Nominal diameter of the grains [m]."""
+    return nominal_diameter(scene().grains.size)
+
+
+def attempts() -> float:
+    """One attempt a surface grain and gust [m-2 s-1]."""
+    return 1.0 / (diameter() ** 2 * MEMORY)
+
+
+def publish() -> None:
+    """Fill the tables of the page from shares.csv."""
+    beds, hold = read_beds(), scene().threshold.hold
+    page = PAGE.read_text(encoding="utf-8")
+    page = fill_table(page, "shares", share_table(beds, hold))
+    page = fill_table(page, "criteria", criteria_table(beds, hold))
+    write_atomic(PAGE, page.encode())
+
+
+def main(asked: Sequence[str]) -> None:
+    """Simulate what was asked for, then publish."""
+    hold = scene().threshold.hold
+    if list(asked) != ["--page"]:
+        for name in asked or names():
+            write_beds(simulate(name, hold))
+        if not asked or names()[0] in asked:
+            write_beds(simulate(names()[0], LONGER))
+    publish()
+
+
+if __name__ == "__main__":
+    main(words(__doc__))
