@@ -202,13 +202,17 @@ def write(rows: Sequence[Row]) -> None:
     write_atomic(RESULTS, text.getvalue().encode())
 
 
+def bead_table(winds: Sequence[str] = tuple(WINDS)) -> str:
+    """Table of the cases in some kinds of wind, from results.csv."""
+    with RESULTS.open(encoding="utf-8", newline="") as file:
+        lines = [line for line in csv.DictReader(file) if line["wind"] in winds]
+    header = ("layer", "wind", "forces beside drag", "u* [m/s]", "Shields", "Re", "height / d", "moments")
+    return markdown_table(header, [tuple(line.values()) for line in lines])
+
+
 def publish() -> None:
     """Fill the table of README.md from results.csv."""
-    with RESULTS.open(encoding="utf-8", newline="") as file:
-        lines = list(csv.DictReader(file))
-    header = ("layer", "wind", "forces beside drag", "u* [m/s]", "Shields", "Re", "height / d", "moments")
-    cells = [tuple(line.values()) for line in lines]
-    write_atomic(PAGE, fill_tables(PAGE.read_text(), {"beads": markdown_table(header, cells)}).encode())
+    write_atomic(PAGE, fill_tables(PAGE.read_text(encoding="utf-8"), {"beads": bead_table()}).encode())
 
 
 def main(asked: Sequence[str]) -> None:

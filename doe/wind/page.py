@@ -8,6 +8,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from doe.common.cases import STOPPED, Row
+from doe.single_bead.run import bead_table
+from doe.wind import shares
 from doe.wind.blown_sand import (
     Found,
     Table,
@@ -153,6 +155,8 @@ def tables(doe: Path) -> dict[str, str]:
         "lines": line_table(flux, fluxes),
         "splash": splash_table(flux),
         "cost": cost_table((flux, falling, steady, fluid)),
+        "beads": bead_table(("air",)),
+        **shares.tables(),
     }
 
 

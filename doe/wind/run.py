@@ -53,6 +53,7 @@ FALLING = 4  # of an impact threshold
 BLOWN = 3  # of a flux, each of which is averaged over a second
 FEW = 3  # of one that only has to show the way a choice acts
 GUSTS, LIFT = "effects.turbulent_gusts.strength=1", "effects.shear_lift.strength=1"
+RESTING = ("effects.near_wall_drag.strength=1", "effects.rotational_drag.strength=1")  # on a grain at rest
 DEEPER = ("grains.count=1200", "run.time_step_fraction=0.2", "run.overlap_limit=0.6")
 STATED = "materials.soil.density=2130"  # kg m-3, of the grains as the study states it
 COUNT, SIDE = 900, 14.0  # grains, and diameters, of the patch of scenes/wind_threshold.toml
@@ -112,11 +113,11 @@ def fluid_cases() -> list[Case]:
         "drag alone": (),
         "drag and gusts": (GUSTS,),
         "drag and lift": (LIFT,),
-        "drag, gusts and lift": (GUSTS, LIFT),
+        "all forces": (*RESTING, LIFT, GUSTS),
     }
     return [
         *[Case("forces", label, settings(*orders), BEDS) for label, orders in forces.items()],
-        Case("as stated", "2130 kg/m3, drag, gusts and lift", settings(STATED, GUSTS, LIFT), BEDS),
+        Case("as stated", "2130 kg/m3, all forces", settings(STATED, *RESTING, LIFT, GUSTS), BEDS),
         changed("grain density", "2130 kg/m3", STATED),
         changed("criterion", "first grain of a layer", "threshold.share=0.005"),
         changed("criterion", "5 times the grains", "threshold.share=0.05"),

@@ -2,8 +2,8 @@
 
 python -m doe.wind.shares            all cases; writes shares.csv beside this file, bed by bed
 python -m doe.wind.shares CASE...    some of them
-python -m doe.wind.shares --page     only the tables of docs/threshold.md
 
+`python -m doe.wind.run --page` then fills the tables of docs/threshold.md.
 All cases have the same five beds of `scenes/wind_threshold.toml`, so that the ratio of two cases is taken bed
 by bed. A case is named by its effects, joined by +; `none` has none of them.
 """
@@ -30,13 +30,12 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import CONFIDENCE, Bracket, bracketed, pool_beds
-from taichi_erosion.report.markdown import fill_table, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene import Scene, load_scene
 from taichi_erosion.scene.build.sizes import nominal_diameter
 
 SCENE = "scenes/wind_threshold.toml"
 TABLE = Path(__file__).with_name("shares.csv")
-PAGE = ROOT / "docs" / "threshold.md"
 FORCES = {
     "near_wall_drag": "drag near the wall",
     "rotational_drag": "torque of the shear",
@@ -235,24 +234,19 @@ def attempts() -> float:
     return 1.0 / (diameter() ** 2 * MEMORY)
 
 
-def publish() -> None:
-    """Fill the tables of the page from shares.csv."""
+def tables() -> dict[str, str]:
+    """Tables of docs/threshold.md by name, from shares.csv."""
     beds, hold = read_beds(), scene().threshold.hold
-    page = PAGE.read_text(encoding="utf-8")
-    page = fill_table(page, "shares", share_table(beds, hold))
-    page = fill_table(page, "criteria", criteria_table(beds, hold))
-    write_atomic(PAGE, page.encode())
+    return {"shares": share_table(beds, hold), "criteria": criteria_table(beds, hold)}
 
 
 def main(asked: Sequence[str]) -> None:
-    """Simulate what was asked for, then publish."""
+    """Simulate what was asked for."""
     hold = scene().threshold.hold
-    if list(asked) != ["--page"]:
-        for name in asked or names():
-            write_beds(simulate(name, hold))
-        if not asked or names()[0] in asked:
-            write_beds(simulate(names()[0], LONGER))
-    publish()
+    for name in asked or names():
+        write_beds(simulate(name, hold))
+    if not asked or names()[0] in asked:
+        write_beds(simulate(names()[0], LONGER))
 
 
 if __name__ == "__main__":
