@@ -44,7 +44,7 @@ FORCES = {
 }
 NONE = "none"
 BEDS = 5
-LONGER = 1.5  # s: a hold five times that of the scene, against which the extrapolation is checked
+SHORTER = 0.1  # s: a third of the hold of the scene, against which the extrapolation is checked
 MEMORY = 0.02  # s, correlation time of gusts: attempts of a grain are as many
 FLOOR = 1.0  # m2
 SEVERAL = (  # criteria: words, share of the surface grains or one grain, area [m2], time [s]
@@ -193,19 +193,19 @@ def words_of(name: str) -> str:
 
 
 def criteria_table(beds: Sequence[Bed], hold: float) -> str:
-    """The threshold with all forces by other criteria, under both laws; a longer hold simulated too."""
+    """The threshold with all forces by other criteria, under both laws; a shorter hold simulated too."""
     found = list(brackets(beds, names()[0], hold).values())
     patch = patch_watch(hold)
     asked = [("two grains of the patch in 0.3 s, as in the scene", patch)]
     asked += [(label, criterion(share, area, time)) for label, share, area, time in SEVERAL]
-    longer = Watch(patch.area, LONGER, patch.count)
-    asked.append((f"two grains of the patch in {LONGER:g} s", longer))
-    simulated = list(brackets(beds, names()[0], LONGER).values())
+    shorter = Watch(patch.area, SHORTER, patch.count)
+    asked.append((f"two grains of the patch in {SHORTER:g} s", shorter))
+    simulated = list(brackets(beds, names()[0], SHORTER).values())
     header = ("criterion", "Weibull's law: u* [m/s]", "log-normal law: u* [m/s]", "simulated: u* [m/s]")
     rows = []
     for label, watch in asked:
         laws = [criterion_threshold(label, found, patch, watch, n) for n in (None, attempts())]
-        direct = {patch: found, longer: simulated}.get(watch, [])
+        direct = {patch: found, shorter: simulated}.get(watch, [])
         pooled = pool_beds([bracketed(label, each) for each in direct]) if direct else None
         rows.append((label, *(shown(each) for each in laws), "" if pooled is None else shown(pooled)))
     return markdown_table(header, rows)
@@ -246,7 +246,7 @@ def main(asked: Sequence[str]) -> None:
     for name in asked or names():
         write_beds(simulate(name, hold))
     if not asked or names()[0] in asked:
-        write_beds(simulate(names()[0], LONGER))
+        write_beds(simulate(names()[0], SHORTER))
 
 
 if __name__ == "__main__":
