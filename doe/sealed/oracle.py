@@ -61,7 +61,10 @@ def noise_free(case: Case) -> tuple[PreparedProblem, Floats]:
     problem = replace(
         case.problem,
         model=CaseModel(0.0, 0.0, {**model.aliases, **{name: name for name in EFFECTS}}),
-        candidates=tuple(Candidate(name) for name in names),
+        candidates=tuple(
+            Candidate(name, maximum=max(Candidate(name).maximum, case.truth.effects.get(name, 0.0)))
+            for name in names
+        ),
     )
     prepared = prepare(problem, problem.visible(), 0)
     x = position_of(prepared.axes, case.truth.parameters, {})

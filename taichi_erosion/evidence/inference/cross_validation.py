@@ -42,19 +42,20 @@ def fold_scores(prepared: PreparedProblem, expansion: Expansion, folds: Integers
     design = np.hstack([expansion.local, expansion.jacobian, expansion.shared]) * scale
     loose, count = expansion.local.shape[1], len(prepared.axes)
     prior = np.ones(design.shape[1])
-    prior[:loose] = [prepared.candidate(name).prior_scale ** -2.0 for name in expansion.fit.names]
+    own = [prepared.candidate(name, expansion.fit.beyond) for name in expansion.fit.names]
+    prior[:loose] = [candidate.prior_scale**-2.0 for candidate in own]
     origin = np.zeros(design.shape[1])
     origin[: loose + count] = np.concatenate([expansion.fit.psi, expansion.fit.x])
     matrix, gradient = design.T @ design + np.diag(prior), design.T @ work.residual - prior * origin
     scores = []
     for fold in range(int(folds.max()) + 1):
         rows = folds == fold
-        own = design[rows]
-        inverse = np.linalg.inv(matrix - own.T @ own)
-        change = inverse @ (gradient - own.T @ work.residual[rows])
+        chosen = design[rows]
+        inverse = np.linalg.inv(matrix - chosen.T @ chosen)
+        change = inverse @ (gradient - chosen.T @ work.residual[rows])
         change[:loose] = np.maximum(change[:loose], -origin[:loose])
-        gap = work.residual[rows] - own @ change
-        covariance = np.eye(gap.size) + own @ inverse @ own.T
+        gap = work.residual[rows] - chosen @ change
+        covariance = np.eye(gap.size) + chosen @ inverse @ chosen.T
         squares = float(gap @ np.linalg.solve(covariance, gap))
         scores.append(-0.5 * squares - 0.5 * np.linalg.slogdet(covariance)[1])
     return np.array(scores)

@@ -45,6 +45,7 @@ class Fit:
     x: Floats
     psi: Floats  # their strengths
     misfit: float  # deviance + prior; infinite if the model fails here
+    beyond: bool = False  # strengths may exceed the largest that the list allows
 
     def acting(self) -> dict[str, float]:
         return dict(zip(self.names, map(float, self.psi), strict=True))
@@ -67,6 +68,7 @@ class Objective:
     prepared: PreparedProblem
     names: tuple[str, ...]
     seeds: Integers
+    beyond: bool = False  # strengths may exceed the largest that the list allows
 
     @cached_property
     def low(self) -> Floats:
@@ -74,13 +76,14 @@ class Objective:
 
     @cached_property
     def high(self) -> Floats:
-        maxima = [self.prepared.candidate(name).maximum for name in self.names]
+        maxima = [self.prepared.candidate(name, self.beyond).maximum for name in self.names]
         return np.concatenate([self.prepared.high, maxima])
 
     @cached_property
     def scale(self) -> Floats:
         """Prior sd of every entry."""
-        widths = [max(self.prepared.candidate(name).prior_scale, 1e-9) for name in self.names]
+        own = [self.prepared.candidate(name, self.beyond) for name in self.names]
+        widths = [max(candidate.prior_scale, 1e-9) for candidate in own]
         return np.concatenate([np.ones(len(self.prepared.axes)), widths])
 
     def split(self, position: Floats) -> tuple[Floats, dict[str, float]]:
@@ -200,7 +203,12 @@ def refine(objective: Objective, start: Floats, steps: int) -> tuple[Floats, flo
 
 
 def refined(
-    prepared: PreparedProblem, names: tuple[str, ...], start: Floats, steps: int, seeds: Integers
+    prepared: PreparedProblem,
+    names: tuple[str, ...],
+    start: Floats,
+    steps: int,
+    seeds: Integers,
+    beyond: bool = False,
 ) -> tuple[Floats, float]:
     """Best position from one start, and -2 ln of its likelihood times prior.
 
@@ -208,7 +216,7 @@ def refined(
     errors of its own has those of the start first, then those of what was found; the volume
     ln |1 + F^T V^-1 F| of its errors F separates sure fits from vague ones.
     """
-    whole = Objective(prepared, names, seeds)
+    whole = Objective(prepared, names, seeds, beyond)
     there = prepared.with_model_errors(*whole.split(start))
     position, misfit = refine(replace(whole, prepared=there), start, steps)
     if prepared.predictor.uncertainty is None:
@@ -220,14 +228,18 @@ def refined(
 
 
 def fit(
-    prepared: PreparedProblem, names: tuple[str, ...], starts: list[Floats], steps: int | None = None
+    prepared: PreparedProblem,
+    names: tuple[str, ...],
+    starts: list[Floats],
+    steps: int | None = None,
+    beyond: bool = False,
 ) -> Fit:
     """Best of several starts of one hypothesis; by default as many steps as the budget allows."""
     steps = (STEPS_QUICK if prepared.quick else STEPS) if steps is None else steps
-    results = [refined(prepared, names, start, steps, prepared.seeds.fitting) for start in starts]
+    results = [refined(prepared, names, start, steps, prepared.seeds.fitting, beyond) for start in starts]
     position, misfit = min(results, key=lambda result: result[1])
     count = len(prepared.axes)
-    return Fit(names, position[:count], position[count:].copy(), misfit)
+    return Fit(names, position[:count], position[count:].copy(), misfit, beyond)
 
 
 def fit_base(prepared: PreparedProblem, weighted: bool = False) -> tuple[PreparedProblem, Fit, list[str]]:

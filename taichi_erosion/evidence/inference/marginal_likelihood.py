@@ -9,12 +9,12 @@ integrated on a grid, so that the bound psi >= 0 is exact; the calibrated number
 Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import inf
 
 import numpy as np
-from scipy import interpolate
+from scipy import interpolate, special
 
 from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, stack, working
 from taichi_erosion.evidence.data.problem import Bools, Floats
@@ -23,10 +23,11 @@ from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change
 
-GRID = 33  # strengths at which a single effect is integrated
-PAIR_GRID = 21  # per effect of a pair
+GRIDS = (33, 21, 11, 7)  # strengths per effect at which sets of one, two, three, four effects are integrated
+COARSE = 2  # effects up to which the grid has a coarse part over the whole range
 NEAR = 3.0  # posterior sd about the best strength within which nodes of a noisy path count in full
-WIDTH = 4.0  # posterior sd that the fine part of the grid spans to either side
+WIDTHS = (4.0, 4.0, 3.5, 3.0)  # posterior sd that the fine part of the grid spans to either side
+MOVED = 0.5  # posterior sd by which the judging likelihood may lie beside a grid that is kept
 BOUND = 1e-3  # of a prior sd, or of the maximum of a strength: closer to an end a number is called bound
 UNDERCUT, UNDERCUT_NOISY = 0.5, 2.0  # misfit by which an expansion may lie below the fit it starts from [1]
 MOST_LEVELS = 6  # observables whose sets of free levels are all tried
@@ -34,9 +35,21 @@ NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best
 
 
 @dataclass(frozen=True)
+class PathRuns:
+    """Runs of the model along the strength of one effect, the calibrated numbers following."""
+
+    nodes: Floats  # strengths
+    change: Floats  # (nodes, n), of the mean
+    best: float  # strength of the fit
+    spread: float  # posterior sd of the strength
+    ridge: Floats  # (p,), change of the calibrated numbers per unit of strength
+
+
+@dataclass(frozen=True)
 class Path:
     """Change of the mean along the strength of one effect, the calibrated numbers following."""
 
+    runs: PathRuns
     grid: Floats  # strengths
     change: Floats  # (strengths, n)
     shift: Floats  # (strengths, p), of the calibrated numbers
@@ -142,7 +155,7 @@ def outward(
 ) -> Bools:
     """Strengths and numbers at an end of their range whose best values lie beyond it, the others free."""
     fit, loose = expansion.fit, expansion.local.shape[1]
-    maxima = np.array([prepared.candidate(name).maximum for name in fit.names])
+    maxima = np.array([prepared.candidate(name, fit.beyond).maximum for name in fit.names])
     low = np.concatenate([fit.psi < BOUND * maxima, fit.x - prepared.low < BOUND])
     high = np.concatenate([maxima - fit.psi < BOUND * maxima, prepared.high - fit.x < BOUND])
     stuck = np.zeros(low.size, dtype=np.bool_)
@@ -172,7 +185,7 @@ def expand(prepared: PreparedProblem, best: Fit) -> Expansion:
 
 def slopes_of(prepared: PreparedProblem, best: Fit) -> Floats:
     """Derivative of the mean along every calibrated number, in prior sd, then every strength (n, p + k)."""
-    objective = Objective(prepared, best.names, prepared.seeds.signature)
+    objective = Objective(prepared, best.names, prepared.seeds.signature, best.beyond)
     slopes = objective.jacobian(np.concatenate([best.x, best.psi]), central=not prepared.quick)
     return slopes * prepared.sd[:, np.newaxis] / objective.scale
 
@@ -194,12 +207,9 @@ def strength_sd(prepared: PreparedProblem, slopes: Floats, count: int) -> tuple[
 
 
 def path_of(prepared: PreparedProblem, fit: Fit, index: int, spread: float, ridge: Floats) -> Path:
-    """Path along one strength and its ridge, the other strength at its best.
-
-    Its grid is fine about the best strength and coarse over the rest of the allowed range.
-    """
+    """Path along one strength and its ridge, the other strengths at their best."""
     name, seeds = fit.names[index], prepared.seeds.signature
-    candidate, best = prepared.candidate(name), float(fit.psi[index])
+    candidate, best = prepared.candidate(name, fit.beyond), float(fit.psi[index])
     spread = min(spread, 0.5 * candidate.maximum)
     wanted = [best + node * spread for node in NODES] + [0.0, candidate.maximum]
     nodes = np.array(sorted({round(min(max(node, 0.0), candidate.maximum), 12) for node in wanted}))
@@ -211,13 +221,28 @@ def path_of(prepared: PreparedProblem, fit: Fit, index: int, spread: float, ridg
         changes.append(paired_change(runs, bare, predictor))
     change = np.array(changes)
     good = np.all(np.isfinite(change), axis=1)
-    nodes, change = nodes[good], change[good]
-    low, high, count = nodes[0], nodes[-1], GRID if len(fit.names) == 1 else PAIR_GRID
-    fine = np.linspace(max(low, best - WIDTH * spread), min(high, best + WIDTH * spread), (2 * count) // 3)
-    grid = np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [best]]))
-    shift = np.clip(fit.x + np.outer(grid - best, ridge), prepared.low, prepared.high) - fit.x
-    smooth = smooth_path(prepared, nodes, change, best, grid, NEAR * spread)
-    return Path(grid, smooth, shift, log_prior(grid, candidate.prior_scale))
+    found = PathRuns(nodes[good], change[good], best, spread, ridge)
+    return path_on(prepared, fit, index, found, strength_grid(found, len(fit.names), best, spread))
+
+
+def strength_grid(runs: PathRuns, effects: int, centre: float, spread: float) -> Floats:
+    """Strengths of one path: fine about a centre; of one or two effects coarse over the whole range."""
+    low, high, count, width = runs.nodes[0], runs.nodes[-1], GRIDS[effects - 1], WIDTHS[effects - 1] * spread
+    fine_count = (2 * count) // 3 if effects <= COARSE else count
+    fine = np.linspace(max(low, centre - width), min(high, centre + width), fine_count)
+    if effects > COARSE:
+        return fine
+    return np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [centre]]))
+
+
+def path_on(prepared: PreparedProblem, fit: Fit, index: int, runs: PathRuns, grid: Floats) -> Path:
+    """A path on some strengths, from runs that were made."""
+    candidate = prepared.candidate(fit.names[index], fit.beyond)
+    shift = fit.x + np.outer(grid - runs.best, runs.ridge)
+    shift = np.clip(shift, prepared.low, prepared.high) - fit.x
+    smooth = smooth_path(prepared, runs.nodes, runs.change, runs.best, grid, NEAR * runs.spread)
+    prior = log_prior(grid, candidate.prior_scale, candidate.maximum)
+    return Path(runs, grid, smooth, shift, prior)
 
 
 def smooth_path(
@@ -255,10 +280,12 @@ def cell_width(grid: Floats) -> Floats:
     return width
 
 
-def log_prior(grid: Floats, scale: float) -> Floats:
-    """Ln of half-normal density times trapezoid width, normalised on the grid's range."""
-    weight = -0.5 * (grid / max(scale, 1e-9)) ** 2 + np.log(np.maximum(cell_width(grid), 1e-300))
-    return weight - log_sum_exp(weight)
+def log_prior(grid: Floats, scale: float, maximum: float) -> Floats:
+    """Ln of half-normal density on [0, maximum] times trapezoid width."""
+    scale = max(scale, 1e-9)
+    inside = 0.5 * np.sqrt(2.0 * np.pi) * scale * special.erf(maximum / scale / np.sqrt(2.0))
+    width = np.log(np.maximum(cell_width(grid), 1e-300))
+    return width - 0.5 * (grid / scale) ** 2 - np.log(inside)
 
 
 @dataclass(frozen=True)
@@ -274,24 +301,19 @@ class StrengthColumns:
 
 def columns_of(prepared: PreparedProblem, expansion: Expansion) -> StrengthColumns:
     """Changes of the mean, calibrated numbers and ln prior weights over all strengths of a hypothesis."""
-    paths, x = expansion.paths, expansion.fit.x
-    if not paths:
-        zero = np.zeros(1)
-        return StrengthColumns(np.zeros((expansion.mean.size, 1)), x[:, np.newaxis], zero, zero, 0)
-    scales = [max(prepared.candidate(name).prior_scale, 1e-9) for name in expansion.fit.names]
-    penalties = [(path.grid / scale) ** 2 for path, scale in zip(paths, scales, strict=True)]
-    centres = [int(np.argmin(np.abs(p.grid - psi))) for p, psi in zip(paths, expansion.fit.psi, strict=True)]
-    first = paths[0]
-    if len(paths) == 1:
-        return StrengthColumns(first.change.T, (x + first.shift).T, first.log_prior, penalties[0], centres[0])
-    second = paths[1]
-    change = first.change[:, np.newaxis, :] + second.change[np.newaxis, :, :]
-    shift = first.shift[:, np.newaxis, :] + second.shift[np.newaxis, :, :]
-    start = np.clip(x + shift.reshape(-1, x.size), prepared.low, prepared.high)
-    prior = np.add.outer(first.log_prior, second.log_prior).ravel()
-    penalty = np.add.outer(*penalties).ravel()
-    centre = centres[0] * second.grid.size + centres[1]
-    return StrengthColumns(change.reshape(-1, expansion.mean.size).T, start.T, prior, penalty, centre)
+    fit, x = expansion.fit, expansion.fit.x
+    change, shift, size = np.zeros((1, expansion.mean.size)), np.zeros((1, x.size)), 1
+    prior, penalty, centre = np.zeros(1), np.zeros(1), 0
+    for name, path, psi in zip(fit.names, expansion.paths, fit.psi, strict=True):
+        scale = max(prepared.candidate(name, fit.beyond).prior_scale, 1e-9)
+        size *= path.grid.size
+        change = (change[:, np.newaxis] + path.change).reshape(size, -1)
+        shift = (shift[:, np.newaxis] + path.shift).reshape(size, x.size)
+        prior = np.add.outer(prior, path.log_prior).ravel()
+        penalty = np.add.outer(penalty, (path.grid / scale) ** 2).ravel()
+        centre = centre * path.grid.size + int(np.argmin(np.abs(path.grid - psi)))
+    start = np.clip(x + shift, prepared.low, prepared.high)
+    return StrengthColumns(change.T, start.T, prior, penalty, centre)
 
 
 def score(prepared: PreparedProblem, expansion: Expansion) -> ScoredHypothesis:
@@ -299,10 +321,37 @@ def score(prepared: PreparedProblem, expansion: Expansion) -> ScoredHypothesis:
     factors = prepared.doubt.factor
     if not expansion.finite:
         return ScoredHypothesis(expansion, (), np.full(factors.size, -inf))
+    expansion = judged_grids(prepared, expansion)
     columns = columns_of(prepared, expansion)
     found = tuple(likelihood(prepared, expansion, columns, float(factor)) for factor in factors)
     values = np.array([log_sum_exp(each.log_likelihood + columns.log_prior) for each in found])
     return ScoredHypothesis(expansion, found, values)
+
+
+def judged_grids(prepared: PreparedProblem, expansion: Expansion) -> Expansion:
+    """The same with every path's grid about what the judging likelihood says, where it lies elsewhere.
+
+    A grid is laid about the fit, which other seeds made; between kinks its slopes may tell a wrong width.
+    """
+    paths, fit = expansion.paths, expansion.fit
+    if not paths:
+        return expansion
+    factor = float(prepared.doubt.factor[int(np.argmax(prepared.doubt.log_weight))])
+    columns = columns_of(prepared, expansion)
+    table = likelihood(prepared, expansion, columns, factor).log_likelihood + columns.log_prior
+    table = np.exp(table - log_sum_exp(table)).reshape([path.grid.size for path in paths])
+    moved = []
+    for index, path in enumerate(paths):
+        share = table.sum(axis=tuple(k for k in range(len(paths)) if k != index))
+        centre = float(share @ path.grid)
+        spread = float(np.sqrt(max(share @ (path.grid - centre) ** 2, 0.0)))
+        same = abs(centre - path.runs.best) < MOVED * spread and abs(spread / path.runs.spread - 1.0) < MOVED
+        if same or spread <= 0.0:
+            moved.append(path)
+            continue
+        grid = strength_grid(path.runs, len(paths), centre, spread)
+        moved.append(path_on(prepared, fit, index, path.runs, grid))
+    return replace(expansion, paths=tuple(moved))
 
 
 def likelihood(

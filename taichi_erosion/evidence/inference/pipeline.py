@@ -21,6 +21,8 @@ from taichi_erosion.evidence.inference.posterior import Posterior, averaged, lab
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.screen import Screen, screen
+from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
+from taichi_erosion.evidence.inference.search.effect_sets import fit_sets
 from taichi_erosion.evidence.inference.verdict import (
     Decision,
     acting_decision,
@@ -49,6 +51,16 @@ class FittedHypotheses:
         """Probabilities of all explanations."""
         listed = refit.hypotheses(self.prepared, self.base, self.screened, self.ranking, self.refits)
         return posterior_of(self.prepared, listed)
+
+    def leading(self, names: tuple[str, ...]) -> FittedHypothesis:
+        """The likelier fit of a set, within the list or beyond its largest strengths; else the bare model."""
+        doubt = self.prepared.doubt.log_weight
+
+        def value(item: FittedHypothesis) -> float:
+            price = np.log(levels.PRIOR_BEYOND) if item.fit.beyond else 0.0
+            return float(price + log_sum_exp(doubt + item.scored.log_evidence))
+
+        return max((item for item in self.refits if item.names == names), key=value, default=self.base)
 
     def rescored(self, seeds: np.ndarray) -> "FittedHypotheses":
         """The same weighed with other scoring seeds, out of runs that were made already."""
@@ -196,10 +208,13 @@ def account(
     progress("making signatures", 0.15)
     screened = screen(prepared, expansion)
     ranking = familywise_test(prepared, screened, np.ones(RANKING_DRAWS), seed)
-    refits = refit.fit_singles(
-        prepared, screened, refit.shortlist(prepared, screened, ranking), family, progress
-    )
-    refits += refit.fit_pairs(prepared, screened, refits, family, progress)
+    names = refit.shortlist(prepared, screened, ranking)
+    refits = refit.fit_singles(prepared, screened, names, family, progress)
+    refits = with_sets(prepared, screened, refits, family, progress)
+    if not prepared.quick and refit.none_fits(prepared, refits):
+        singles = [item for item in refits if len(item.names) == 1]
+        more = refit.fit_from_other_starts(prepared, screened, singles, family, progress)
+        refits = with_sets(prepared, screened, more, family, progress)
     progress("weighing the evidence", 0.9)
     fitted = FittedHypotheses(prepared, base, screened, ranking, refits, family)
     posterior = fitted.posterior()
@@ -208,6 +223,18 @@ def account(
     test = familywise_test(prepared, screened, factors, seed)
     p_misfit, places = misfit_p(prepared, expansion), misfit_places(prepared, expansion)
     return Account(fitted, posterior, test, p_misfit, places, tuple(warnings))
+
+
+def with_sets(
+    prepared: PreparedProblem,
+    screened: Screen,
+    singles: list[FittedHypothesis],
+    family: list[Floats],
+    progress: Progress,
+) -> list[FittedHypothesis]:
+    """Singles, those beyond the list among them, and sets of several effects."""
+    singles = [*singles, *with_stronger(prepared, singles, family)]
+    return [*singles, *fit_sets(prepared, screened, singles, family, progress)]
 
 
 def concluded(found: Account, posterior: Posterior, seed: int) -> Analysis:
@@ -249,7 +276,7 @@ def final_decision(
 ) -> tuple[Decision, FittedHypothesis, float]:
     """The verdict, the hypothesis whose calibration is reported, and the chance of what that leaves."""
     names = best_hypothesis(posterior, fitted.refits, decision)
-    final = next((item for item in fitted.refits if item.names == names), fitted.base)
+    final = fitted.leading(names)
     p_left = misfit_p(fitted.prepared, final.expansion)
     kept = adequate_decision(acting_decision(decision, final), posterior, p_left)
     return (decision, final, p_left) if kept == decision else final_decision(fitted, posterior, kept)

@@ -6,6 +6,7 @@ The explanations are exclusive: nothing missing, one effect, two effects, someth
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import comb
 from typing import Literal
 
 import numpy as np
@@ -66,15 +67,14 @@ def label(names: tuple[str, ...]) -> str:
 
 def log_prior_of(names: tuple[str, ...], outside: bool, count: int) -> float:
     """Ln prior of an explanation among `count` candidates."""
-    pairs = count * (count - 1) // 2
-    share_pairs = levels.PRIOR_PAIRS if pairs else 0.0
-    singles = 1.0 - levels.PRIOR_NONE - levels.PRIOR_OUTSIDE - share_pairs
     if not names:
         return float(np.log(levels.PRIOR_OUTSIDE if outside else levels.PRIOR_NONE))
-    if len(names) == 1:
-        share = levels.PRIOR_REMAINDER if outside else 1.0 - levels.PRIOR_REMAINDER
-        return float(np.log(singles / count * share))
-    return float(np.log(share_pairs / pairs))
+    several = [share for size, share in enumerate(levels.PRIOR_SETS, 2) if size <= count]
+    if len(names) > 1:
+        return float(np.log(levels.PRIOR_SETS[len(names) - 2] / comb(count, len(names))))
+    singles = 1.0 - levels.PRIOR_NONE - levels.PRIOR_OUTSIDE - sum(several)
+    share = levels.PRIOR_REMAINDER if outside else 1.0 - levels.PRIOR_REMAINDER
+    return float(np.log(singles / count * share))
 
 
 def posterior_of(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Posterior:
@@ -90,7 +90,10 @@ def posterior_of(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Pos
         probability[key] = probability.get(key, 0.0) + float(share)
         for name in () if hypothesis.rejected else hypothesis.names:
             inclusion[name] += float(share)
-    alone = {h.names: log_sum_exp(doubt + h.log_evidence) for h in hypotheses if not h.outside}
+    alone: dict[tuple[str, ...], Floats] = {}
+    for each in (h for h in hypotheses if not h.outside):
+        value = log_sum_exp(doubt + each.log_evidence)
+        alone[each.names] = np.maximum(value, alone.get(each.names, value))
     factors = {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}
     kept = np.array([not h.rejected for h in hypotheses])
     accepted = float(log_sum_exp(joint[kept])) if kept.any() else -np.inf
@@ -131,9 +134,9 @@ def strength_estimates(prepared: PreparedProblem, scored: ScoredHypothesis) -> d
     table = weight.reshape([path.grid.size for path in paths])
     found = {}
     for index, (name, value) in enumerate(best.acting().items()):
-        share = table.sum(axis=1 - index) if len(paths) == 2 else table
+        share = table.sum(axis=tuple(k for k in range(len(paths)) if k != index))
         low, high = (quantile(paths[index].grid, share, q) for q in (TAIL, 1.0 - TAIL))
-        bound = value >= prepared.candidate(name).maximum * (1.0 - BOUND)
+        bound = value >= prepared.candidate(name, best.beyond).maximum * (1.0 - BOUND)
         found[name] = Estimate(value, min(low, value), max(high, value), bound)
     return found
 

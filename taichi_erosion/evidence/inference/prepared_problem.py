@@ -32,6 +32,7 @@ MOST_FITTING = 16
 LEVEL_WIDTHS = (0.05, 0.15, 0.5, 1.5, 4.5)  # prior sd of a free level: of ln factor, or over the typical size
 LEVEL_REACH = 1.5  # least prior sd over the level that the calibrated model leaves
 WIDER = 8.0  # prior sd beyond its range at which a calibrated number is tried: is the range to blame?
+REACH = 3.0  # times the largest strength of the list, up to which one beyond it is looked for
 UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions finite
 
 
@@ -149,8 +150,10 @@ class PreparedProblem:
             if chosen.any():
                 yield observable, chosen
 
-    def candidate(self, name: str) -> Candidate:
-        return next(candidate for candidate in self.problem.candidates if candidate.name == name)
+    def candidate(self, name: str, beyond: bool = False) -> Candidate:
+        """A candidate; with `beyond` one whose strength may exceed the largest that the list allows."""
+        found = next(candidate for candidate in self.problem.candidates if candidate.name == name)
+        return replace(found, prior_scale=found.maximum, maximum=REACH * found.maximum) if beyond else found
 
     def mask(self, name: str) -> Bools:
         """Rows in which a candidate can act."""

@@ -179,7 +179,7 @@ def signature(
     at = int(np.argmin(np.abs(grid - expected_strength(candidate))))
     variance = None if path.variance is None else path.variance * left.scale**2
     norm, absorption, noise = denoised_norm(raw[at], free[at], left.row_basis, variance)
-    prior = log_prior(grid, candidate.prior_scale)
+    prior = log_prior(grid, candidate.prior_scale, float(grid[-1]))
     return Signature(candidate.name, grid, prior, raw, free, norm, absorption, noise)
 
 

@@ -75,16 +75,17 @@ def name_effects(posterior: Posterior, refits: list[FittedHypothesis]) -> Decisi
     ranked = sorted(share.items(), key=lambda item: -item[1])
     sure = [effect for effect, value in ranked if value >= levels.SURE and value * mass >= levels.ALONE]
     rivals = [other for other in equal_rivals(refits, sure) if share.get(other, 0.0) > levels.PLAUSIBLE]
-    if sure and not rivals and not second_effect_open(posterior, sure):
+    if sure and not rivals and not further_effect_open(posterior, sure):
         return Decision("present", tuple(sure))
     group = tuple(dict.fromkeys([*credible_group(posterior), *sure, *rivals]))
     return Decision("group", tuple(sure) if sure and not rivals else (), group)
 
 
-def second_effect_open(posterior: Posterior, sure: list[str]) -> bool:
-    """Whether a second effect acts too, but which one is open."""
-    pairs = sum(value for key, value in posterior.probability.items() if "+" in key)
-    return len(sure) == 1 and pairs / posterior.named > 0.5
+def further_effect_open(posterior: Posterior, sure: list[str]) -> bool:
+    """Whether one more effect acts than those that are sure, but which one is open."""
+    sizes = {key: len(key.split("+")) for key in posterior.probability if key not in (NONE, OUTSIDE)}
+    larger = sum(posterior.probability[key] for key, size in sizes.items() if size > len(sure))
+    return larger / posterior.named > 0.5
 
 
 def equal_rivals(refits: list[FittedHypothesis], sure: list[str]) -> list[str]:

@@ -1,0 +1,215 @@
+"""Sets of two to four effects, found by steps and refitted in the model.
+
+Pairs are searched in two ways. Algebra on the paths at the bare model's best fit ranks all of them at once;
+it fails where one effect is so strong that this fit means nothing. So the best singles, where they leave a
+misfit, are taken for granted in turn, and the others are screened against what each of them leaves. The same
+step adds a third and a fourth effect to the best sets. Of the best set every effect is left out in turn
+(backward), and the others are screened for one that does better in its place (swap).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.problem import Floats, Progress
+from taichi_erosion.evidence.inference import verdict_levels as levels
+from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p
+from taichi_erosion.evidence.inference.map_fit import Fit, fit
+from taichi_erosion.evidence.inference.marginal_likelihood import expand
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.refit import GAIN, WITHIN, FittedHypothesis, scored_expansion
+from taichi_erosion.evidence.inference.screen import Screen, screen
+from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
+
+MOST_EFFECTS = 4  # of a set
+PAIRS, PAIRS_QUICK = 6, 3  # refitted out of the screen of the bare model, at most
+FIRSTS, FURTHER = 3, 3  # singles taken for granted, and effects tried on top of each
+LEADERS = 2  # larger sets that are taken for granted
+BEHIND = 2.0 * (WITHIN + 2.0)  # misfit behind the best set of its size, beyond which a set is not weighed
+EXCHANGES = 2  # rounds of backward and swap steps
+SWAPS = 1  # effects tried in the place of another
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Search:
+    """What has been fitted and screened so far."""
+
+    prepared: PreparedProblem
+    family: list[Floats]  # kernels of the smooth discrepancy
+    found: dict[Names, FittedHypothesis]
+    fits: dict[Names, Fit] = field(default_factory=dict)  # of all sets that were tried
+    screens: dict[Names, Screen] = field(default_factory=dict)
+
+    def sorted(self, names: Sequence[str]) -> Names:
+        """Names in the order of the candidates."""
+        order = [candidate.name for candidate in self.prepared.problem.candidates]
+        return tuple(sorted(names, key=order.index))
+
+    def of_size(self, size: int) -> list[FittedHypothesis]:
+        """Usable hypotheses of so many effects, least misfit first."""
+        fitted = (each for each in self.found.values() if each.usable and len(each.names) == size)
+        return sorted(fitted, key=lambda each: each.fit.misfit)
+
+    def screen_on(self, item: FittedHypothesis) -> Screen:
+        """All other candidates against what a set leaves."""
+        if item.names not in self.screens:
+            self.screens[item.names] = screen(self.prepared, item.expansion)
+        return self.screens[item.names]
+
+
+def fit_sets(
+    prepared: PreparedProblem,
+    screened: Screen,
+    singles: Sequence[FittedHypothesis],
+    family: list[Floats],
+    progress: Progress,
+) -> list[FittedHypothesis]:
+    """All sets of two and more effects that the steps find; none where one effect explains as much."""
+    search = Search(prepared, family, leading(singles))
+    fit_pairs(search, screened, progress)
+    for size in range(3, MOST_EFFECTS + 1):
+        leaders = search.of_size(size - 1)[: 1 if prepared.quick else LEADERS]
+        if not leaders or explains(prepared, leaders[0]):
+            break
+        progress(f"refitting sets of {size} effects", 0.7 + 0.05 * size)
+        for leader in leaders:
+            further_effects(search, leader)
+        weigh(search, size)
+        exchange(search, size)
+    return [each for each in search.found.values() if len(each.names) > 1]
+
+
+def leading(items: Sequence[FittedHypothesis]) -> dict[Names, FittedHypothesis]:
+    """The likelier fit of every set: within the list, or beyond its largest strengths."""
+    found: dict[Names, FittedHypothesis] = {}
+    for item in items:
+        if item.names not in found or item.fit.beyond:
+            found[item.names] = item
+    return found
+
+
+def explains(prepared: PreparedProblem, item: FittedHypothesis) -> bool:
+    """Whether a set leaves so little that no further effect is searched."""
+    return misfit_p(prepared, item.expansion) > levels.SECOND_EFFECT_LEVEL
+
+
+def fit_pairs(search: Search, screened: Screen, progress: Progress) -> None:
+    """The pairs that either search finds."""
+    prepared, singles = search.prepared, search.of_size(1)
+    for first in singles[: 1 if prepared.quick else FIRSTS]:
+        if explains(prepared, first):
+            break
+        progress(f"refitting with {first.names[0]} and another effect", 0.65)
+        further_effects(search, first)
+    for pair, starts in promising_pairs(prepared, screened, singles).items():
+        progress(f"refitting with {pair[0]} and {pair[1]}", 0.7)
+        try_set(search, pair, starts[1:] or starts, False)
+    weigh(search, 2)
+
+
+def try_set(search: Search, names: Names, starts: list[Floats], beyond: bool) -> None:
+    """Best fit of a set from further starts."""
+    best = fit(search.prepared, names, starts[:2], beyond=beyond)
+    if names not in search.fits or best.misfit < search.fits[names].misfit:
+        search.fits[names] = best
+
+
+def weigh(search: Search, size: int) -> None:
+    """Evidence of the fitted sets of one size that are not far behind the best of them."""
+    own = [best for names, best in search.fits.items() if len(names) == size]
+    least = min((best.misfit for best in own), default=0.0)
+    for best in own:
+        known = search.found.get(best.names)
+        if best.misfit < least + BEHIND and (known is None or known.fit.misfit > best.misfit):
+            item = scored_expansion(search.prepared, expand(search.prepared, best), search.family)
+            search.found.update(leading([item, *with_stronger(search.prepared, [item], search.family)]))
+
+
+def further_effects(search: Search, item: FittedHypothesis, without: str = "", most: int = FURTHER) -> None:
+    """Sets of one more effect out of the screen of what a set leaves, strongest first."""
+    rest = search.screen_on(item)
+    gains = [
+        (float(s.log_bayes(rest.residual)), s) for s in rest.signatures if s.resolved and s.name != without
+    ]
+    gains = sorted((each for each in gains if each[0] > GAIN), key=lambda each: -each[0])
+    for gain, signature in gains[:most]:
+        if gain < gains[0][0] - WITHIN:
+            break
+        strengths = {**item.fit.acting(), signature.name: signature.likely_strength(rest.residual)}
+        names = search.sorted(tuple(strengths))
+        if without and names in search.fits:
+            continue
+        position = np.concatenate([item.fit.x, [strengths[name] for name in names]])
+        try_set(search, names, [position], item.fit.beyond)
+
+
+def exchange(search: Search, size: int) -> None:
+    """Backward and swap steps about the best set of one size, until it stays the best."""
+    for _ in range(EXCHANGES):
+        best = search.of_size(size)
+        if not best:
+            return
+        for name in best[0].names:
+            further_effects(search, left_out(search, best[0], name), without=name, most=SWAPS)
+        weigh(search, size)
+        if search.of_size(size)[0].names == best[0].names:
+            return
+
+
+def left_out(search: Search, item: FittedHypothesis, name: str) -> FittedHypothesis:
+    """A set without one of its effects, calibrated anew."""
+    rest = item.fit.acting()
+    del rest[name]
+    names = search.sorted(tuple(rest))
+    if names not in search.found:
+        position = np.concatenate([item.fit.x, [rest[each] for each in names]])
+        best = search.fits.get(names) or fit(search.prepared, names, [position], beyond=item.fit.beyond)
+        search.fits[names] = best
+        search.found[names] = scored_expansion(search.prepared, expand(search.prepared, best), search.family)
+    return search.found[names]
+
+
+def promising_pairs(
+    prepared: PreparedProblem, screened: Screen, singles: Sequence[FittedHypothesis]
+) -> dict[Names, list[Floats]]:
+    """Pairs that the screen of the bare model ranks clearly above their members, with starts of their fit."""
+    ranked = pair_screen(screened)
+    alone = {s.name: float(s.log_bayes(screened.residual)) for s in screened.signatures}
+    best = max((value for value, _ in ranked.values()), default=0.0)
+    clear = [
+        pair
+        for pair in sorted(ranked, key=lambda pair: -ranked[pair][0])
+        if ranked[pair][0] > max(alone[name] for name in pair) + GAIN and ranked[pair][0] > best - WITHIN
+    ]
+    fits = {each.names[0]: each.fit for each in singles}
+    starts: dict[Names, list[Floats]] = {}
+    for pair in clear[: PAIRS_QUICK if prepared.quick else PAIRS]:
+        strengths = ranked[pair][1]
+        starts[pair] = [np.concatenate([screened.base.fit.x, strengths])]
+        for place, name in enumerate(pair):
+            if name in fits:
+                moved = strengths.copy()
+                moved[place] = fits[name].psi[0]
+                starts[pair].append(np.concatenate([fits[name].x, moved]))
+    return starts
+
+
+def pair_screen(screened: Screen) -> dict[Names, tuple[float, Floats]]:
+    """Ln Bayes factor and likely strengths (2,) of every pair, by algebra on the paths alone.
+
+    D(a, b) = D_a + D_b - 2 g_a g_b for effects that act independently on the comparison scale.
+    """
+    resolved = [(s, s.fall(screened.residual)) for s in screened.signatures if s.resolved]
+    results: dict[Names, tuple[float, Floats]] = {}
+    for (first, one), (second, other) in combinations(resolved, 2):
+        fall = one[:, np.newaxis] + other[np.newaxis, :] - 2.0 * first.free @ second.free.T
+        value = 0.5 * fall + first.log_prior[:, np.newaxis] + second.log_prior[np.newaxis, :]
+        i, j = np.unravel_index(int(np.argmax(value)), value.shape)
+        strengths = np.array([first.grid[i], second.grid[j]])
+        results[(first.name, second.name)] = (float(log_sum_exp(value)), strengths)
+    return results
