@@ -24,7 +24,7 @@ from taichi_erosion.evidence.data.findings import (
     Status,
     VaultErrors,
 )
-from taichi_erosion.evidence.data.problem import Budget, Problem, Progress, expected_strength
+from taichi_erosion.evidence.data.problem import Budget, Candidate, Problem, Progress, expected_strength
 from taichi_erosion.evidence.data.transforms import split_setting
 from taichi_erosion.evidence.inference import goodness_of_fit
 from taichi_erosion.evidence.inference import verdict_levels as levels
@@ -199,7 +199,7 @@ def effect_finding(
         strength = rest.strength
     if status == "excluded" and strength.high >= TEXTBOOK:
         status = "not_testable"  # an interval that holds the textbook value excludes nothing
-    gain = found.gains.get(name, ScoreGain())
+    gain, listed = found.gains.get(name, ScoreGain()), found.fitted.prepared.candidate(name)
     return EffectFinding(
         status=status,
         strength=strength.value,
@@ -213,16 +213,27 @@ def effect_finding(
         p=p,
         held_out_gain=gain.gain,
         held_out_error=gain.error,
-        sentence=f"{name}: {effect_reason(signature, status, strength, decision, rest.absorption)}",
+        stronger_than_list=acts and strength.value > listed.maximum,
+        sentence=f"{name}: {effect_reason(signature, status, strength, decision, rest.absorption, listed)}",
     )
 
 
 def effect_reason(
-    signature: Signature, status: Status, strength: Estimate, decision: Decision, absorption: float
+    signature: Signature,
+    status: Status,
+    strength: Estimate,
+    decision: Decision,
+    absorption: float,
+    listed: Candidate,
 ) -> str:
     """Why a candidate has its status."""
     if status == "present":
         interval = f"{strength.value:.2g} ({strength.low:.2g} to {strength.high:.2g})"
+        if strength.value > listed.maximum:
+            return (
+                f"consistent with the measurements at strength {interval}, stronger than the list allows "
+                f"(up to {listed.maximum:.2g})"
+            )
         if strength.at_bound:
             return (
                 f"consistent with the measurements at strength {interval}, which ends at the largest that "
@@ -274,9 +285,11 @@ def plausible_hypotheses(found: Analysis) -> tuple[PlausibleHypothesis, ...]:
 
 
 def closest_hypotheses(found: Analysis) -> tuple[PlausibleHypothesis, ...]:
-    """The single effect and the pair that leave the least misfit, however unlikely."""
-    sizes = [[item for item in found.fitted.refits if len(item.names) == count] for count in (1, 2)]
-    best = [min(items, key=lambda item: item.fit.misfit) for items in sizes if items]
+    """The single effect and the set of several that leave the least misfit, however unlikely."""
+    singles, several = [], []
+    for item in found.fitted.refits:
+        (several if len(item.names) > 1 else singles).append(item)
+    best = [min(items, key=lambda item: item.fit.misfit) for items in (singles, several) if items]
     return tuple(plausible_hypothesis(found, item) for item in best)
 
 

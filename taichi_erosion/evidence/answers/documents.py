@@ -100,7 +100,7 @@ def verdict_sentence(found: Discovery) -> str:
         return silence_sentence(found)
     if found.verdict == "outside_library":
         return (
-            "Something is missing that no one or two effects of the list describe "
+            f"Something is missing that {no_set(len(found.effects))} of the list describes "
             f"(probability {found.probabilities[OUTSIDE]:.2g}; {decisive_chance(found)})."
         )
     if found.verdict == "unstable":
@@ -136,18 +136,34 @@ def level_sentences(found: Discovery) -> list[str]:
 def group_sentence(found: Discovery) -> str:
     """What is sure, and among which effects these measurements do not decide."""
     open_ones = ", ".join(name for name in found.group if name not in found.named)
-    keys = [key for key in found.probabilities if set(key.split("+")) <= set(found.group)]
-    pairs = sum(found.probabilities[key] for key in keys if "+" in key)
-    both = pairs > 0.5 * sum(found.probabilities[key] for key in keys)
+    count = effects_of_group(found) - len(found.named)
+    number = ("one", "two", "three", "four")[min(max(count, 1), 4) - 1]
     if found.named:
         sure = " and ".join(found.named)
         return (
-            f"{sure} is missing, and one of {open_ones} with it; these measurements do not distinguish them."
+            f"{sure} {'is' if len(found.named) == 1 else 'are'} missing, and {number} of {open_ones} with "
+            f"{'it' if len(found.named) == 1 else 'them'}; these measurements do not distinguish them."
         )
-    lead = "Two of" if both else "One of"
     return (
-        f"{lead} {open_ones} {'are' if both else 'is'} missing; these measurements do not distinguish them."
+        f"{number.capitalize()} of {open_ones} {'are' if count > 1 else 'is'} missing; these measurements do "
+        "not distinguish them."
     )
+
+
+def effects_of_group(found: Discovery) -> int:
+    """How many effects of a group act: the size of set that holds most of its probability."""
+    share: dict[int, float] = {}
+    for key, probability in found.probabilities.items():
+        if set(key.split("+")) <= set(found.group):
+            size = len(key.split("+"))
+            share[size] = share.get(size, 0.0) + probability
+    return max(share, key=lambda size: share[size], default=1)
+
+
+def no_set(candidates: int) -> str:
+    """No set of effects among so many candidates, up to the largest that is searched."""
+    most = min(candidates, levels.MOST_EFFECTS)
+    return f"no set of up to {('one', 'two', 'three', 'four')[most - 1]} effects" if most > 1 else "no effect"
 
 
 def decisive_chance(found: Discovery) -> str:

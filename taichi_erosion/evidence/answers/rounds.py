@@ -167,7 +167,7 @@ def discovery_points(found: Discovery) -> Points:
 
 
 def required_points(found: Discovery) -> Points:
-    """The closest single effect and pair, before the verdict is something that no candidate describes."""
+    """The closest single effect and set of several, before the verdict is that no candidate describes it."""
     closest = found.closest if found.verdict == "outside_library" else ()
     return [refinement_point(each.parameters, each.strengths) for each in closest]
 

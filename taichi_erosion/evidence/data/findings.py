@@ -190,6 +190,7 @@ class EffectFinding:
     p: float = 1.0  # family-wise, step-down
     held_out_gain: float = nan  # log score of left-out groups, against the model without it
     held_out_error: float = nan  # its standard error
+    stronger_than_list: bool = False  # its strength lies beyond the largest that the list allows
     sentence: str
 
 
@@ -329,7 +330,7 @@ class Discovery:
     ambiguity: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # effect -> others of its group
     absorbed_by: Mapping[str, str] = field(default_factory=dict)  # effect -> parameter that imitates it best
     survivors: tuple[PlausibleHypothesis, ...] = ()
-    closest: tuple[PlausibleHypothesis, ...] = ()  # effect and pair that leave least misfit
+    closest: tuple[PlausibleHypothesis, ...] = ()  # effect and set of several that leave least misfit
     nearest: NearestHypothesis | None = None
     rows_before: Rows
     rows_after: Rows

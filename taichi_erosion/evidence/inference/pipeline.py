@@ -52,15 +52,9 @@ class FittedHypotheses:
         listed = refit.hypotheses(self.prepared, self.base, self.screened, self.ranking, self.refits)
         return posterior_of(self.prepared, listed)
 
-    def leading(self, names: tuple[str, ...]) -> FittedHypothesis:
-        """The likelier fit of a set, within the list or beyond its largest strengths; else the bare model."""
-        doubt = self.prepared.doubt.log_weight
-
-        def value(item: FittedHypothesis) -> float:
-            price = np.log(levels.PRIOR_BEYOND) if item.fit.beyond else 0.0
-            return float(price + log_sum_exp(doubt + item.scored.log_evidence))
-
-        return max((item for item in self.refits if item.names == names), key=value, default=self.base)
+    def of(self, names: tuple[str, ...]) -> FittedHypothesis:
+        """The fit of a set; the bare model where it was not fitted."""
+        return next((item for item in self.refits if item.names == names), self.base)
 
     def rescored(self, seeds: np.ndarray) -> "FittedHypotheses":
         """The same weighed with other scoring seeds, out of runs that were made already."""
@@ -234,7 +228,7 @@ def with_sets(
 ) -> list[FittedHypothesis]:
     """Singles, those beyond the list among them, and sets of several effects."""
     singles = [*singles, *with_stronger(prepared, singles, family)]
-    return [*singles, *fit_sets(prepared, screened, singles, family, progress)]
+    return fit_sets(prepared, screened, singles, family, progress)
 
 
 def concluded(found: Account, posterior: Posterior, seed: int) -> Analysis:
@@ -276,7 +270,7 @@ def final_decision(
 ) -> tuple[Decision, FittedHypothesis, float]:
     """The verdict, the hypothesis whose calibration is reported, and the chance of what that leaves."""
     names = best_hypothesis(posterior, fitted.refits, decision)
-    final = fitted.leading(names)
+    final = fitted.of(names)
     p_left = misfit_p(fitted.prepared, final.expansion)
     kept = adequate_decision(acting_decision(decision, final), posterior, p_left)
     return (decision, final, p_left) if kept == decision else final_decision(fitted, posterior, kept)

@@ -74,16 +74,26 @@ def shortlist(prepared: PreparedProblem, screened: Screen, test: FamilywiseTest)
 def fit_singles(
     prepared: PreparedProblem, screened: Screen, names: list[str], family: list[Floats], progress: Progress
 ) -> list[FittedHypothesis]:
-    """All shortlisted singles."""
-    singles = []
+    """All shortlisted singles; where none of them fits, every candidate from the prior mean too.
+
+    The screen relies on the slopes at the bare model's best fit. A large missing effect drives that fit to
+    where slopes mean little, and the screen may then dismiss the very effect that is missing.
+    """
+    singles: dict[str, FittedHypothesis] = {}
     for index, name in enumerate(names):
         progress(f"refitting with {name}", 0.2 + 0.4 * index / max(len(names), 1))
         base, strength = screened.base.fit, screened.signature(name).likely_strength(screened.residual)
         best = fit(prepared, (name,), [np.append(base.x, strength)])
         if best.misfit > base.misfit:  # a fit is no worse than the bare model, its own case at strength 0
             best = fit(prepared, (name,), [np.append(base.x, 0.0)])
-        singles.append(scored_expansion(prepared, expand(prepared, best), family))
-    return singles
+        singles[name] = scored_expansion(prepared, expand(prepared, best), family)
+    if prepared.quick or not none_fits(prepared, list(singles.values())):
+        return list(singles.values())
+    for name in (s.name for s in screened.signatures if s.resolved):
+        progress(f"refitting with {name} from the prior mean", 0.6)
+        start = np.append(prepared.prior_mean, expected_strength(prepared.candidate(name)))
+        improve(prepared, singles, name, [start], family)
+    return list(singles.values())
 
 
 def none_fits(prepared: PreparedProblem, items: list[FittedHypothesis]) -> bool:
@@ -98,33 +108,26 @@ def fit_from_other_starts(
     family: list[Floats],
     progress: Progress,
 ) -> list[FittedHypothesis]:
-    """Every candidate from further starts; the better fits of all singles.
-
-    The screen relies on the slopes at the bare model's best fit. A large missing effect drives that fit to
-    where slopes mean little, and the screen may then dismiss the very effect that is missing.
-    """
+    """The better fits of all singles, from the leader's calibration and from the bare model's."""
     singles = {item.names[0]: item for item in found if not item.fit.beyond}
-    for signature in screened.signatures:
-        if signature.resolved:
-            progress(f"refitting with {signature.name} from another start", 0.6)
-            refit_from_other_starts(prepared, singles, screened, signature.name, family)
+    for name in (s.name for s in screened.signatures if s.resolved):
+        progress(f"refitting with {name} from another start", 0.6)
+        unit = expected_strength(prepared.candidate(name))
+        leader = min((each.fit for each in singles.values()), key=lambda best: best.misfit)
+        strength = leader.psi[0] if leader.names == (name,) else 0.5 * unit
+        starts = [np.append(leader.x, strength), np.append(screened.base.fit.x, unit)]
+        improve(prepared, singles, name, starts, family)
     return list(singles.values())
 
 
-def refit_from_other_starts(
+def improve(
     prepared: PreparedProblem,
     singles: dict[str, FittedHypothesis],
-    screened: Screen,
     name: str,
+    starts: list[Floats],
     family: list[Floats],
 ) -> None:
-    """The prior mean and the leader's calibration as further starts; the best fit is kept."""
-    unit = expected_strength(prepared.candidate(name))
-    leader = min((each.fit for each in singles.values()), key=lambda best: best.misfit)
-    strength = leader.psi[0] if leader.names == (name,) else 0.5 * unit
-    starts = [np.append(prepared.prior_mean, unit), np.append(leader.x, strength)]
-    if name not in singles:
-        starts.append(np.append(screened.base.fit.x, unit))
+    """The fit of one effect from further starts, kept where it is better."""
     best = fit(prepared, (name,), starts)
     if name not in singles or best.misfit < singles[name].fit.misfit - GOOD_ENOUGH:
         singles[name] = scored_expansion(prepared, expand(prepared, best), family)

@@ -21,6 +21,7 @@ LEAST_P = 1e-16  # written as "p <"; below, rounding decides
 PRIOR_NONE = 0.50  # t0: nothing missing in 0.51 of the cases, calibration error of the likeliest 0.022
 PRIOR_OUTSIDE = 0.15  # something missing that no candidate describes; t0: 0.12
 PRIOR_SETS = (0.06, 0.02, 0.007)  # two, three, four candidates at once, each shared by all such sets
+MOST_EFFECTS = 1 + len(PRIOR_SETS)  # of a set that is searched
 PRIOR_BEYOND = 0.05  # share of the prior of a set that lets its strengths exceed the largest of the list
 PRIOR_LEVEL = 0.15  # an instrument or the code is off at all conditions alike, asked where the model fails
 PRIOR_RANGE = 0.05  # nothing is missing, but a calibrated number lies beyond its range

@@ -51,9 +51,13 @@ def test_the_evidence_of_an_effect_is_the_integral_over_its_half_normal_prior():
 
 
 def test_weights_of_a_grid_are_a_density_times_its_trapezoids():
-    grid = np.array([0.0, 0.5, 2.0, 3.0])
-    assert cell_width(grid).sum() == pytest.approx(3.0, rel=0.2)
-    assert np.exp(log_prior(grid, 1.5)).sum() == pytest.approx(1.0)
+    grid = np.linspace(0.0, 3.0, 31)
+    assert cell_width(grid).sum() == pytest.approx(3.0)
+    assert np.exp(log_prior(grid, 1.5, 3.0)).sum() == pytest.approx(1.0, abs=1e-3)
+    half = np.exp(log_prior(grid[:16], 1.5, 3.0)).sum()
+    weight = stats.norm(scale=1.5)
+    exact = (weight.cdf(1.5) - 0.5) / (weight.cdf(3.0) - 0.5)
+    assert half == pytest.approx(exact, abs=1e-3), "a grid over a part of the range holds that part's share"
     assert cell_width(np.array([1.0])) == pytest.approx([1.0])
 
 

@@ -1,5 +1,7 @@
 """Posterior probabilities and credible intervals against closed forms."""
 
+from math import comb
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -18,10 +20,11 @@ from taichi_erosion.evidence.inference.posterior import (
 )
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.inference.verdict_levels import (
+    MOST_EFFECTS,
     PRIOR_NONE,
     PRIOR_OUTSIDE,
-    PRIOR_PAIRS,
     PRIOR_REMAINDER,
+    PRIOR_SETS,
 )
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
@@ -31,9 +34,9 @@ SHAPES = {"slope": lambda x: x, "bend": lambda x: x**2}
 @pytest.mark.parametrize("count", [1, 2, 7])
 def test_priors_of_all_explanations_sum_to_one(count):
     single = sum(np.exp(log_prior_of(("a",), outside, count)) for outside in (False, True))
-    pairs = count * (count - 1) // 2
     total = count * single + sum(np.exp(log_prior_of((), outside, count)) for outside in (False, True))
-    total += pairs * np.exp(log_prior_of(("a", "b"), False, count)) if pairs else 0.0
+    for size in range(2, min(count, MOST_EFFECTS) + 1):
+        total += comb(count, size) * np.exp(log_prior_of(tuple("abcd"[:size]), False, count))
     assert total == pytest.approx(1.0)
     assert np.exp(log_prior_of((), False, count)) == pytest.approx(PRIOR_NONE)
     assert np.exp(log_prior_of(("a",), True, count)) == pytest.approx(PRIOR_REMAINDER * single)
@@ -55,7 +58,7 @@ def test_probabilities_are_priors_times_evidence_and_rejected_names_count_outsid
     assert found.named == pytest.approx(9.0 / 20.0)
     assert sum(found.probability.values()) == pytest.approx(1.0)
     assert found.log_bayes == pytest.approx({"slope": 0.0, "bend": 0.0}), "evidence alone, no prior"
-    assert PRIOR_NONE + PRIOR_OUTSIDE + PRIOR_PAIRS < 1.0
+    assert PRIOR_NONE + PRIOR_OUTSIDE + sum(PRIOR_SETS) < 1.0
 
 
 def test_a_quantile_is_linear_within_cells_and_the_upper_bound_is_that_of_a_half_normal():

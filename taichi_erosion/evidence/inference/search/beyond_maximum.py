@@ -15,7 +15,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import BOUND, expand,
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_expansion
 
-FALL = 2.0  # of the misfit that the wider range must bring to be weighed
+FALL = 6.0  # of the misfit that the wider range must bring: what its prior costs, twice ln 20
 
 
 def with_stronger(

@@ -17,14 +17,13 @@ from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p
-from taichi_erosion.evidence.inference.map_fit import Fit, fit
+from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Fit, fit
 from taichi_erosion.evidence.inference.marginal_likelihood import expand
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import GAIN, WITHIN, FittedHypothesis, scored_expansion
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
 
-MOST_EFFECTS = 4  # of a set
 PAIRS, PAIRS_QUICK = 6, 3  # refitted out of the screen of the bare model, at most
 FIRSTS, FURTHER = 3, 3  # singles taken for granted, and effects tried on top of each
 LEADERS = 2  # larger sets that are taken for granted
@@ -69,10 +68,10 @@ def fit_sets(
     family: list[Floats],
     progress: Progress,
 ) -> list[FittedHypothesis]:
-    """All sets of two and more effects that the steps find; none where one effect explains as much."""
+    """Singles with the better fits that steps find, and all sets of more effects that they find."""
     search = Search(prepared, family, leading(singles))
     fit_pairs(search, screened, progress)
-    for size in range(3, MOST_EFFECTS + 1):
+    for size in range(3, levels.MOST_EFFECTS + 1):
         leaders = search.of_size(size - 1)[: 1 if prepared.quick else LEADERS]
         if not leaders or explains(prepared, leaders[0]):
             break
@@ -81,11 +80,11 @@ def fit_sets(
             further_effects(search, leader)
         weigh(search, size)
         exchange(search, size)
-    return [each for each in search.found.values() if len(each.names) > 1]
+    return list(search.found.values())
 
 
 def leading(items: Sequence[FittedHypothesis]) -> dict[Names, FittedHypothesis]:
-    """The likelier fit of every set: within the list, or beyond its largest strengths."""
+    """One fit of every set: beyond the largest strengths of the list where there is one."""
     found: dict[Names, FittedHypothesis] = {}
     for item in items:
         if item.names not in found or item.fit.beyond:
@@ -110,6 +109,7 @@ def fit_pairs(search: Search, screened: Screen, progress: Progress) -> None:
         progress(f"refitting with {pair[0]} and {pair[1]}", 0.7)
         try_set(search, pair, starts[1:] or starts, False)
     weigh(search, 2)
+    exchange(search, 2)
 
 
 def try_set(search: Search, names: Names, starts: list[Floats], beyond: bool) -> None:
@@ -162,15 +162,17 @@ def exchange(search: Search, size: int) -> None:
 
 
 def left_out(search: Search, item: FittedHypothesis, name: str) -> FittedHypothesis:
-    """A set without one of its effects, calibrated anew."""
+    """A set without one of its effects, calibrated anew from where the set lies."""
     rest = item.fit.acting()
     del rest[name]
     names = search.sorted(tuple(rest))
-    if names not in search.found:
-        position = np.concatenate([item.fit.x, [rest[each] for each in names]])
-        best = search.fits.get(names) or fit(search.prepared, names, [position], beyond=item.fit.beyond)
+    position = np.concatenate([item.fit.x, [rest[each] for each in names]])
+    best = fit(search.prepared, names, [position], beyond=item.fit.beyond)
+    known = search.found.get(names)
+    if known is None or best.misfit < known.fit.misfit - GOOD_ENOUGH:
         search.fits[names] = best
         search.found[names] = scored_expansion(search.prepared, expand(search.prepared, best), search.family)
+        search.screens.pop(names, None)
     return search.found[names]
 
 
