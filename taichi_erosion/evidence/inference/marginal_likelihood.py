@@ -27,10 +27,12 @@ GRIDS = (33, 21, 11, 7)  # strengths per effect at which sets of one, two, three
 COARSE = 2  # effects up to which the grid has a coarse part over the whole range
 NEAR = 3.0  # posterior sd about the best strength within which nodes of a noisy path count in full
 WIDTHS = (4.0, 4.0, 3.5, 3.0)  # posterior sd that the fine part of the grid spans to either side
+NARROWEST = 0.05  # posterior sd that the slopes tell, below which no grid is laid
 MOVED = 0.5  # posterior sd by which the judging likelihood may lie beside a grid that is kept
 BOUND = 1e-3  # of a prior sd, or of the maximum of a strength: closer to an end a number is called bound
 UNDERCUT, UNDERCUT_NOISY = 0.5, 2.0  # misfit by which an expansion may lie below the fit it starts from [1]
 MOST_LEVELS = 6  # observables whose sets of free levels are all tried
+DIGITS = 12  # of strengths behind the point, beyond which two of them are one
 NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best strength
 
 
@@ -212,7 +214,7 @@ def path_of(prepared: PreparedProblem, fit: Fit, index: int, spread: float, ridg
     candidate, best = prepared.candidate(name, fit.beyond), float(fit.psi[index])
     spread = min(spread, 0.5 * candidate.maximum)
     wanted = [best + node * spread for node in NODES] + [0.0, candidate.maximum]
-    nodes = np.array(sorted({round(min(max(node, 0.0), candidate.maximum), 12) for node in wanted}))
+    nodes = np.array(sorted({round(min(max(node, 0.0), candidate.maximum), DIGITS) for node in wanted}))
     changes, predictor = [], prepared.predictor
     bare = predictor.predict(fit.x, fit.acting(), seeds)
     for node in nodes:
@@ -232,7 +234,8 @@ def strength_grid(runs: PathRuns, effects: int, centre: float, spread: float) ->
     fine = np.linspace(max(low, centre - width), min(high, centre + width), fine_count)
     if effects > COARSE:
         return fine
-    return np.unique(np.concatenate([np.linspace(low, high, count - fine.size), fine, [centre]]))
+    whole = np.concatenate([np.linspace(low, high, count - fine.size), fine, [centre]])
+    return np.unique(np.round(whole, DIGITS))
 
 
 def path_on(prepared: PreparedProblem, fit: Fit, index: int, runs: PathRuns, grid: Floats) -> Path:
@@ -281,7 +284,9 @@ def cell_width(grid: Floats) -> Floats:
 
 
 def log_prior(grid: Floats, scale: float, maximum: float) -> Floats:
-    """Ln of half-normal density on [0, maximum] times trapezoid width."""
+    """Ln of half-normal density on [0, maximum] times trapezoid width; a single strength has it all."""
+    if grid.size < 2:
+        return np.zeros(grid.size)
     scale = max(scale, 1e-9)
     inside = 0.5 * np.sqrt(2.0 * np.pi) * scale * special.erf(maximum / scale / np.sqrt(2.0))
     width = np.log(np.maximum(cell_width(grid), 1e-300))
@@ -345,8 +350,9 @@ def judged_grids(prepared: PreparedProblem, expansion: Expansion) -> Expansion:
         share = table.sum(axis=tuple(k for k in range(len(paths)) if k != index))
         centre = float(share @ path.grid)
         spread = float(np.sqrt(max(share @ (path.grid - centre) ** 2, 0.0)))
+        spread = max(spread, NARROWEST * path.runs.spread)  # below, the grid does not resolve it
         same = abs(centre - path.runs.best) < MOVED * spread and abs(spread / path.runs.spread - 1.0) < MOVED
-        if same or spread <= 0.0:
+        if same:
             moved.append(path)
             continue
         grid = strength_grid(path.runs, len(paths), centre, spread)
