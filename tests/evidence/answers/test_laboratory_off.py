@@ -148,8 +148,7 @@ def test_residuals_are_those_of_the_misfit():
 
 def test_an_effect_beyond_its_maximum_is_told_as_one():
     found = answer(heap_problem({"bridge": 4.0}))  # of 3 at most
-    assert found.verdict == "outside_library"
-    assert found.nearest is not None
-    assert "bridge" in found.nearest.at_maximum
-    assert any("largest strength that the list allows" in sentence for sentence in found.sentences)
-    assert any("no one or two effects of the list" in sentence for sentence in found.sentences)
+    assert found.named == ("bridge",)
+    assert found.effects["bridge"].stronger_than_list
+    assert found.effects["bridge"].strength_low < 4.0 < found.effects["bridge"].strength_high
+    assert any("stronger than the list allows (up to 3)" in sentence for sentence in found.sentences)
