@@ -1,8 +1,8 @@
 """Sealed cases with several effects at once or one beyond its list: draws, solves, opens, fills the page.
 
-python -m doe.several.run draw FOLDER     problems and the truth into a folder outside the tree, its digest here
-python -m doe.several.run solve FOLDER    in processes that are given problem files only; goes on where it stopped
-python -m doe.several.run score FOLDER --method COMMIT    compares the truth with its digest, writes the table
+python -m doe.several.run draw FOLDER     problems, and the truth, outside the tree; its digest here
+python -m doe.several.run solve FOLDER    in processes that are given problem files only; goes on
+python -m doe.several.run score FOLDER --method COMMIT    opens the truth, writes the table
 """
 
 import csv
