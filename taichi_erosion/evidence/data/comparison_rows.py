@@ -35,6 +35,7 @@ class ComparisonRows:
     shared: Floats  # (n, q): change of z per sd of each instrument's systematic error
     conditions: Conditions
     group: tuple[str, ...]
+    source: tuple[str, ...]
     slope: Floats  # dz/dy at the measured value
     freedom: float  # degrees of freedom behind the noise level
     noise: Mapping[str, ObservableNoise]
@@ -62,6 +63,7 @@ class ComparisonRows:
             shared=shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0],
             conditions={name: column[index] for name, column in self.conditions.items()},
             group=tuple(self.group[i] for i in index),
+            source=tuple(self.source[i] for i in index),
             slope=self.slope[index],
         )
 
@@ -106,7 +108,8 @@ def merged_rows(
     shapes = scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    keys = np.array([f"{c}|{g}|{b}" for c, g, b in zip(cell, table.group, table.censored, strict=True)])
+    labels = zip(cell, table.group, table.source, table.censored, strict=True)
+    keys = np.array(["|".join(map(str, each)) for each in labels])
     first, mean, total = weighted_means(z, weight, keys)
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
@@ -126,6 +129,7 @@ def merged_rows(
         shared=shared,
         conditions={name: column[first] for name, column in table.conditions.items()},
         group=tuple(table.group[i] for i in first),
+        source=tuple(table.source[i] for i in first),
         slope=steep,
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
@@ -206,6 +210,7 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
             name: np.concatenate([part.conditions[name] for part in parts]) for name in parts[0].conditions
         },
         group=tuple(group for part in parts for group in part.group),
+        source=tuple(source for part in parts for source in part.source),
         slope=np.concatenate([part.slope for part in parts]),
         noise={name: noise for part in parts for name, noise in part.noise.items()},
         warnings=tuple(note for part in parts for note in part.warnings),

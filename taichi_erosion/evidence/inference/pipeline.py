@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from math import nan
+from typing import Literal
 
 import numpy as np
 from scipy.special import expit
@@ -12,12 +13,13 @@ from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference import refit
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain, log_score_gain
+from taichi_erosion.evidence.inference.error_accounts import ErrorAccount, Reference, error_accounts
 from taichi_erosion.evidence.inference.familywise_test import DRAWS, FamilywiseTest, familywise_test, power
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places, stuck_numbers
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.model_discrepancy import kernels
-from taichi_erosion.evidence.inference.posterior import Posterior, averaged, label, posterior_of
+from taichi_erosion.evidence.inference.posterior import Posterior, label, log_prior_of, mixed, posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.screen import Screen, screen
@@ -34,6 +36,7 @@ from taichi_erosion.evidence.inference.verdict_levels import UNSTABLE, too_few_r
 from taichi_erosion.evidence.models.predictor import seed_mean
 
 RANKING_DRAWS = 200  # of a null that only ranks
+REFERENCES = 3  # sets of effects by which accounts of errors are estimated, beside the bare model
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ class FittedHypotheses:
 
 @dataclass(frozen=True)
 class Account:
-    """All hypotheses weighed on one account of the errors that rows share: as stated, or with free levels."""
+    """All hypotheses weighed on one account of the errors: as stated, with free levels, or others."""
 
     fitted: FittedHypotheses
     posterior: Posterior
@@ -107,6 +110,8 @@ class Analysis:
     level_probability: float = 0.0  # that instrument or code is off at all conditions alike
     p_misfit_stated: float = nan  # of the bare model with the stated errors, where levels are free
     range_suffices: bool = False  # the misfit is gone if calibrated numbers may leave their ranges
+    errors: ErrorAccount | None = None  # errors other than stated, on which the answer rests
+    errors_probability: float = 0.0  # that errors are other than stated, levels apart
 
 
 def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysis:
@@ -114,25 +119,92 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
 
     Where the model fails, or an effect is seen, everything is weighed once more with the level of every
     observable free: the commonest misfit is an instrument or a code that is off at all conditions alike. Free
-    levels that leave something unexplained themselves are no answer.
+    levels that leave something unexplained themselves are no answer. Errors of sources, of batches, of single
+    rows and of the scatter compete too. Probabilities are averaged over all accounts, and the likeliest one
+    decides what is calibrated.
     """
     stated = account(prepared, seed, progress)
-    freed, share = None, 0.0
-    if levels_matter(stated):
-        bare = stated.fitted
-        free, best = fit_free_levels(bare.prepared, bare.base.expansion.mean)
-        if not settled(stated, free, best):
-            freed = account(free, seed, progress, best)
-            share = level_share(stated.posterior.log_total, freed.posterior.log_total)
-    if freed is None or freed.posterior.probability[OUTSIDE] > levels.LEVEL_ODDS:
-        return with_ranges(concluded(stated, stated.posterior, seed), stated)
-    if share > levels.LEVEL_ODDS:
-        posterior = averaged(freed.posterior, stated.posterior, 1.0 - share)
-        found = concluded(freed, posterior, seed)
-        found = replace(found, level_probability=share, p_misfit_stated=stated.p_misfit)
-        return with_ranges(found, freed)
-    found = concluded(stated, averaged(stated.posterior, freed.posterior, share), seed)
-    return with_ranges(replace(found, level_probability=share), stated)
+    tried = stated_or_free_levels(stated, seed, progress)
+    tried += other_errors(stated, seed, progress)
+    logs = np.array([each.log_weight for each in tried])
+    weight = np.exp(logs - log_sum_exp(logs))
+    lead = tried[int(np.argmax(weight))]
+    posterior = mixed(lead.account.posterior, [each.account.posterior for each in tried], weight)
+    found = replace(
+        concluded(lead.account, posterior, seed),
+        level_probability=chance_of("levels", tried, weight),
+        errors=lead.errors,
+        errors_probability=chance_of("errors", tried, weight),
+    )
+    if lead.kind != "stated":
+        found = replace(found, p_misfit_stated=stated.p_misfit)
+    return with_ranges(found, lead.account)
+
+
+@dataclass(frozen=True)
+class WeighedAccount:
+    """An account of the errors with the ln of its probability, up to a constant."""
+
+    account: Account
+    log_weight: float
+    kind: Literal["stated", "levels", "errors"]
+    errors: ErrorAccount | None = None
+
+
+def chance_of(kind: str, tried: list[WeighedAccount], weight: Floats) -> float:
+    """Probability of the accounts of one kind."""
+    return float(sum(w for w, each in zip(weight, tried, strict=True) if each.kind == kind))
+
+
+def stated_or_free_levels(stated: Account, seed: int, progress: Progress) -> list[WeighedAccount]:
+    """Stated errors, and free levels where these could change the answer and leave nothing unexplained.
+
+    Free levels are compared with the stated errors by what measurements do not reject; with other accounts
+    both together count by all explanations.
+    """
+    alone = [WeighedAccount(stated, stated.posterior.log_all, "stated")]
+    if not levels_matter(stated):
+        return alone
+    bare = stated.fitted
+    free, best = fit_free_levels(bare.prepared, bare.base.expansion.mean)
+    if settled(stated, free, best):
+        return alone
+    freed = account(free, seed, progress, best)
+    if freed.posterior.probability[OUTSIDE] > levels.LEVEL_ODDS:
+        return alone
+    share = level_share(stated.posterior.log_total, freed.posterior.log_total)
+    prior = np.log([1.0 - levels.PRIOR_LEVEL, levels.PRIOR_LEVEL])
+    both = float(log_sum_exp(prior + np.array([stated.posterior.log_all, freed.posterior.log_all])))
+    with np.errstate(divide="ignore"):
+        one, other = both + np.log([1.0 - share, share])
+    return [WeighedAccount(stated, float(one), "stated"), WeighedAccount(freed, float(other), "levels")]
+
+
+def other_errors(stated: Account, seed: int, progress: Progress) -> list[WeighedAccount]:
+    """Everything weighed once more with errors of sources, of batches, of rows or of the scatter."""
+    if not levels_matter(stated):
+        return []
+    fitted, tried = stated.fitted, list[WeighedAccount]()
+    for errors in error_accounts(fitted.prepared, references(stated))[: levels.MOST_ACCOUNTS]:
+        prepared, base = errors.prepared, fitted.base.fit
+        best = fit(prepared, (), [base.x, prepared.prior_mean])
+        found = account(prepared, seed, progress, best)
+        tried.append(WeighedAccount(found, errors.log_odds + found.posterior.log_all, "errors", errors))
+    return tried
+
+
+def references(stated: Account) -> list[Reference]:
+    """The bare model and the likeliest sets of effects, by which accounts of errors are estimated."""
+    fitted = stated.fitted
+    count = max(len(fitted.screened.signatures), 1)
+
+    def total(item: FittedHypothesis) -> float:
+        doubt = fitted.prepared.doubt.log_weight
+        return log_prior_of(item.names, False, count) + float(log_sum_exp(doubt + item.scored.log_evidence))
+
+    usable = sorted((each for each in fitted.refits if each.usable), key=total, reverse=True)
+    chosen = [fitted.base, *usable[:REFERENCES]]
+    return [Reference(each.expansion, log_prior_of(each.names, False, count)) for each in chosen]
 
 
 def with_ranges(found: Analysis, leading: Account) -> Analysis:

@@ -3,7 +3,7 @@
 The explanations are exclusive: nothing missing, one effect, two effects, something that is not in the list.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import comb
@@ -53,6 +53,7 @@ class Posterior:
     log_bayes: Mapping[str, float]  # effect -> ln evidence over the base
     noise_weight: Floats  # of every noise factor
     log_total: float = 0.0  # ln evidence of all explanations that the measurements do not reject
+    log_all: float = 0.0  # ln evidence of all explanations
 
     @property
     def named(self) -> float:
@@ -97,20 +98,24 @@ def posterior_of(prepared: PreparedProblem, hypotheses: list[Hypothesis]) -> Pos
     factors = {names[0]: float(value - alone[()]) for names, value in alone.items() if len(names) == 1}
     kept = np.array([not h.rejected for h in hypotheses])
     accepted = float(log_sum_exp(joint[kept])) if kept.any() else -np.inf
-    return Posterior(probability, inclusion, factors, weight.sum(axis=0), accepted)
+    return Posterior(probability, inclusion, factors, weight.sum(axis=0), accepted, float(total))
 
 
-def averaged(first: Posterior, other: Posterior, share: float) -> Posterior:
-    """Probabilities averaged over two accounts of the same measurements; `share` is that of the other one.
+def mixed(first: Posterior, each: Sequence[Posterior], weight: Floats) -> Posterior:
+    """Probabilities averaged over accounts of the same measurements, with weights that sum to 1.
 
     What belongs to one account alone, factors and noise, is that of the first.
     """
 
-    def mixed(one: Mapping[str, float], two: Mapping[str, float]) -> dict[str, float]:
-        return {k: (1.0 - share) * one.get(k, 0.0) + share * two.get(k, 0.0) for k in {**one, **two}}
+    def mean(tables: Sequence[Mapping[str, float]]) -> dict[str, float]:
+        keys = dict.fromkeys(key for table in tables for key in table)
+        return {
+            key: float(sum(w * table.get(key, 0.0) for w, table in zip(weight, tables, strict=True)))
+            for key in keys
+        }
 
-    probability = mixed(first.probability, other.probability)
-    return replace(first, probability=probability, inclusion=mixed(first.inclusion, other.inclusion))
+    probability = mean([posterior.probability for posterior in each])
+    return replace(first, probability=probability, inclusion=mean([one.inclusion for one in each]))
 
 
 def joint_weight(prepared: PreparedProblem, scored: ScoredHypothesis, with_prior: bool) -> Floats:

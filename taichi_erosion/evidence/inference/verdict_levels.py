@@ -26,6 +26,12 @@ PRIOR_BEYOND = 0.05  # share of the prior of a set that lets its strengths excee
 PRIOR_LEVEL = 0.15  # an instrument or the code is off at all conditions alike, asked where the model fails
 PRIOR_RANGE = 0.05  # nothing is missing, but a calibrated number lies beyond its range
 PRIOR_LEVEL_EACH = 0.3  # of one observable where any level is off
+ODDS_SOURCE = 0.3  # prior odds of an unstated error by source over stated errors, where two sources are given
+ODDS_BATCH = 0.2  # of one by batch
+ODDS_SCATTER = 0.2  # of scatter that differs between observables or grows along a condition
+ODDS_ROW = 0.01  # of a row to be off, each
+ACCOUNT_BEHIND = 3.0  # ln evidence behind stated errors at which an account of errors is left aside
+MOST_ACCOUNTS = 2  # accounts of errors beside stated ones and free levels that are fitted anew
 PRIOR_REMAINDER = 0.10  # share of a single's prior that allows a smooth remainder beside it
 
 NONE_LIMIT = 0.4  # probability of "none" for a name; t0: with p, 0.6 % of nulls and all singles above 4.5 sd

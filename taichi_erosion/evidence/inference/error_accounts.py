@@ -1,0 +1,249 @@
+"""Errors that nobody stated, as explanations in the race: of sources, of batches, of rows, of the scatter.
+
+Every account replaces the stated errors by others, and all hypotheses are weighed on it anew:
+
+    source   rows of one source share an error of sd tau, by observable        V + tau_o^2 S_o S_o^T
+    batch    the same for rows of one `group`                                  V + tau_o^2 B_o B_o^T
+    rows     a few rows have an error of OUTLIER sd beside the stated one
+    scatter  true over stated sd differs between observables or grows along a condition
+
+What an account leaves open (tau, which rows, the growth) is estimated by the marginal likelihood of the
+hypotheses fitted with stated errors, linear about their best fits, and the account pays for the choice:
+ln of the mean likelihood over the grid, less that of the best. tau^2 is its posterior mean, so that
+few batches do not count as none.
+
+Reference: Harville (1977), J. Am. Stat. Assoc. 72, 320 (variance components); Box & Tiao (1968), Biometrika
+55, 119 (rows with a larger variance).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import log
+from typing import Literal
+
+import numpy as np
+
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection
+from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.inference import verdict_levels as levels
+from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
+from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, level_shape
+
+Kind = Literal["source", "batch", "rows", "scatter"]
+
+TAUS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # sd of a shared error over the typical sd of a row
+ROUNDS = 2  # in which the tau of every observable is found, the others kept
+LEAST_BATCHES, LEAST_SHARING = 3, 3  # batches of an observable, and rows beyond the first of each
+OUTLIER = 8.0  # sd of the further error of a row that is off, in stated sd
+MOST_OUTLIERS, SHARE_OUTLIERS = 4, 0.1  # rows that may be off
+FACTORS = (1.5, 2.25, 3.4)  # true over stated sd of one observable
+GROWTHS = (-0.8, -0.4, 0.4, 0.8)  # change of ln sd per sd of a condition
+SCATTER_STEPS = 2  # of the kind above, one on top of the other
+
+LogLikelihood = Callable[[PreparedProblem], float]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A hypothesis fitted with stated errors, by which accounts are estimated."""
+
+    expansion: Expansion
+    log_prior: float
+
+
+@dataclass(frozen=True)
+class ErrorAccount:
+    """A problem with other errors than stated."""
+
+    kind: Kind
+    prepared: PreparedProblem
+    log_odds: float  # ln of its prior over that of the stated errors, and of what its estimates cost
+    gain: float  # ln evidence over the stated errors by the linear estimate, `log_odds` included
+    rows: tuple[int, ...] = ()  # that are off
+    taus: tuple[tuple[str, float], ...] = ()  # observable, sd of the shared error over that of a row
+
+
+def error_accounts(prepared: PreparedProblem, references: Sequence[Reference]) -> list[ErrorAccount]:
+    """Accounts that could change the answer, the most promising first."""
+
+    def likelihood(other: PreparedProblem) -> float:
+        found = [each.log_prior + linear_evidence(other, each.expansion) for each in references]
+        return float(log_sum_exp(np.array(found)))
+
+    stated = likelihood(prepared)
+    tried = [
+        shared_account(prepared, "source", prepared.rows.source, likelihood, stated),
+        shared_account(prepared, "batch", prepared.rows.group, likelihood, stated),
+        rows_account(prepared, references, likelihood, stated),
+        scatter_account(prepared, likelihood, stated),
+    ]
+    found = [each for each in tried if each is not None and each.gain > -levels.ACCOUNT_BEHIND]
+    return sorted(found, key=lambda each: -each.gain)
+
+
+def linear_evidence(prepared: PreparedProblem, expansion: Expansion) -> float:
+    """Ln marginal likelihood of a hypothesis about its best fit, linear in its numbers and strengths.
+
+        ln Z = ln mean_f exp(-sum ln(f s_i) - |M e+|^2 / 2 f^2) - 1/2 ln |D^T D|
+
+    The noise factor f scales rows and prior alike. Censored rows stand as ordinary ones in their weights.
+    """
+    fit, rows = expansion.fit, prepared.rows
+    scales = np.array([max(prepared.candidate(name).prior_scale, 1e-9) for name in fit.names])
+    work = prepared.working(expansion.mean)
+    weight = (work.weight / prepared.sd)[:, np.newaxis]
+    columns = np.hstack([expansion.local * scales, expansion.jacobian]) * weight
+    part = projection(columns, rows.shared * weight)
+    start = np.concatenate([fit.psi / scales, fit.x])
+    below = np.concatenate([work.residual, -start, np.zeros(rows.shared.shape[1])])
+    free, plain = part.free(below), ~rows.censored
+    misfit, factor = float(free @ free), prepared.doubt.factor
+    by_factor = prepared.doubt.log_weight - plain.sum() * np.log(factor) - 0.5 * misfit / factor**2
+    volume = float(np.sum(np.log(prepared.sd[plain]))) + 0.5 * part.log_determinant
+    return float(log_sum_exp(by_factor)) - volume
+
+
+def sharing_columns(
+    prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...]
+) -> Iterator[tuple[str, Floats]]:
+    """Every observable with rows that share an error, and the columns (n, labels) of errors of one row's sd.
+
+    Columns have mean zero over the observable: an error common to all its rows is a level, not one of these.
+    """
+    named = np.array(labels)
+    for observable, chosen in prepared.by_observable():
+        names, counts = np.unique(named[chosen], return_counts=True)
+        least = 2 if kind == "source" else LEAST_BATCHES
+        if names.size < least or chosen.sum() - names.size < LEAST_SHARING or counts.max() < 2:
+            continue
+        columns = (named[:, np.newaxis] == names) & chosen[:, np.newaxis]
+        unit = float(np.median(prepared.sd[chosen]))
+        centred = np.where(chosen[:, np.newaxis], columns - counts / chosen.sum(), 0.0)
+        yield observable.name, unit * centred * level_shape(observable, prepared.rows.z)[:, np.newaxis]
+
+
+def with_shared(prepared: PreparedProblem, columns: Sequence[Floats]) -> PreparedProblem:
+    """The same with further errors that rows share."""
+    shared = np.hstack([prepared.rows.shared, *columns])
+    return replace(prepared, rows=replace(prepared.rows, shared=shared))
+
+
+def shared_account(
+    prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...], likelihood: LogLikelihood, stated: float
+) -> ErrorAccount | None:
+    """Random effects of sources or batches with estimated variances; None where rows tell nothing of them."""
+    sharing = list(sharing_columns(prepared, kind, labels))
+    if not sharing:
+        return None
+    chosen, cost, grid = np.zeros(len(sharing)), 0.0, np.array(TAUS)
+    for _ in range(ROUNDS):
+        cost = 0.0
+        for index in range(len(sharing)):
+            found = np.empty(grid.size)
+            for k, tau in enumerate(grid):
+                trial = chosen.tolist()
+                trial[index] = float(tau)
+                found[k] = likelihood(with_taus(prepared, sharing, trial))
+            weight = np.exp(found - log_sum_exp(found))
+            chosen[index] = float(np.sqrt(weight @ grid**2))
+            cost += float(log_sum_exp(found)) - log(grid.size) - float(found.max())
+    there = with_taus(prepared, sharing, chosen)
+    odds = log(levels.ODDS_SOURCE if kind == "source" else levels.ODDS_BATCH) + cost
+    taus = tuple((name, float(tau)) for (name, _), tau in zip(sharing, chosen, strict=True))
+    return ErrorAccount(kind, there, odds, likelihood(there) - stated + odds, taus=taus)
+
+
+def with_taus(
+    prepared: PreparedProblem, sharing: Sequence[tuple[str, Floats]], taus: Sequence[float] | Floats
+) -> PreparedProblem:
+    """The same with shared errors of these sizes."""
+    acting = [tau * columns for (_, columns), tau in zip(sharing, taus, strict=True) if tau > 0.0]
+    return with_shared(prepared, acting) if acting else prepared
+
+
+def with_variances(prepared: PreparedProblem, factor: Floats) -> PreparedProblem:
+    """The same with the laboratory's variance of every row times a factor."""
+    variance = prepared.rows.variance * factor
+    total = prepared.variance + variance - prepared.rows.variance
+    return replace(prepared, rows=replace(prepared.rows, variance=variance), variance=total)
+
+
+def rows_account(
+    prepared: PreparedProblem, references: Sequence[Reference], likelihood: LogLikelihood, stated: float
+) -> ErrorAccount | None:
+    """The rows that are off, one after the other while each is worth its prior."""
+    size = prepared.rows.size
+    factor, off, best = np.ones(size), list[int](), stated
+    for _ in range(max(1, min(MOST_OUTLIERS, int(SHARE_OUTLIERS * size)))):
+        there = with_variances(prepared, factor)
+        worst = {worst_row(there, each.expansion, off) for each in references}
+        trials = []
+        for row in worst:
+            trial = factor.copy()
+            trial[row] = 1.0 + OUTLIER**2
+            trials.append((likelihood(with_variances(prepared, trial)), row))
+        found, row = max(trials)
+        if found - best < -log(levels.ODDS_ROW):
+            break
+        best, factor[row] = found, 1.0 + OUTLIER**2
+        off.append(row)
+    if not off:
+        return None
+    odds = len(off) * log(levels.ODDS_ROW)
+    return ErrorAccount(
+        "rows", with_variances(prepared, factor), odds, best - stated + odds, rows=tuple(sorted(off))
+    )
+
+
+def worst_row(prepared: PreparedProblem, expansion: Expansion, off: Sequence[int]) -> int:
+    """The row without which a hypothesis, its numbers and strengths refitted, loses most of its misfit."""
+    work = prepared.working(expansion.mean)
+    weight = (work.weight / prepared.sd)[:, np.newaxis]
+    columns = np.hstack([expansion.local, expansion.jacobian]) * weight
+    part = projection(columns, prepared.rows.shared * weight, expansion.local.shape[1])
+    below = np.concatenate(
+        [
+            work.residual,
+            np.zeros(expansion.local.shape[1]),
+            -expansion.fit.x,
+            np.zeros(prepared.rows.shared.shape[1]),
+        ]
+    )
+    free = part.free(below)[: work.residual.size]
+    own = 1.0 - np.sum(part.basis[: work.residual.size] ** 2, axis=1)
+    fall = free**2 / np.maximum(own, 1e-3)
+    fall[list(off)] = -1.0
+    return int(np.argmax(fall))
+
+
+def scatter_options(prepared: PreparedProblem) -> list[Floats]:
+    """Ln of true over stated sd (n,) of every kind of uneven scatter that is tried."""
+    found = []
+    if len(list(prepared.by_observable())) > 1:
+        for (_, chosen), factor in product(prepared.by_observable(), FACTORS):
+            found.append(np.where(chosen, log(factor), 0.0))
+    for axis, growth in product(condition_axes(prepared).values(), GROWTHS):
+        found.append(growth * axis)
+    return found
+
+
+def scatter_account(
+    prepared: PreparedProblem, likelihood: LogLikelihood, stated: float
+) -> ErrorAccount | None:
+    """Scatter that differs between observables or grows along a condition."""
+    options = scatter_options(prepared)
+    if not options:
+        return None
+    logs, best, cost = np.zeros(prepared.rows.size), stated, 0.0
+    for _ in range(SCATTER_STEPS):
+        found = np.array([likelihood(with_variances(prepared, np.exp(2.0 * (logs + o)))) for o in options])
+        if float(log_sum_exp(found)) - log(found.size) < best:
+            break
+        cost += float(log_sum_exp(found)) - log(found.size) - float(found.max())
+        logs, best = logs + options[int(np.argmax(found))], float(found.max())
+    if not logs.any():
+        return None
+    odds = log(levels.ODDS_SCATTER) + cost
+    return ErrorAccount("scatter", with_variances(prepared, np.exp(2.0 * logs)), odds, best - stated + odds)
