@@ -30,6 +30,7 @@ from taichi_erosion.evidence.inference import goodness_of_fit
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
+from taichi_erosion.evidence.inference.error_findings import error_findings, likeliest_words
 from taichi_erosion.evidence.inference.familywise_test import power
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
@@ -87,6 +88,9 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         levels=level_shifts(prepared, found.final.scored),
         level_probability=found.level_probability,
         p_misfit_stated=found.p_misfit_stated,
+        errors=error_findings(found),
+        errors_probability=found.errors_probability,
+        errors_stated=likeliest_words(found.stated),
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),
         stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
         range_suffices=found.range_suffices,

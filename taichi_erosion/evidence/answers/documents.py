@@ -47,7 +47,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
         return NO_CANDIDATE, *found.noise.sentences
     if not found.noise.known:
         return found.noise.sentences
-    sentences = [*level_sentences(found), verdict_sentence(found)]
+    sentences = [*level_sentences(found), *error_sentences(found), verdict_sentence(found)]
     if found.calibrated_with and levels.fails(found.p_misfit_after):
         names, chance = " and ".join(found.calibrated_with), levels.p_text(found.p_misfit_after)
         sentences.append(
@@ -72,6 +72,19 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
     if found.decoy_rank == 1 and found.named:
         sentences.append(RED_FLAG)
     return *sentences, rival_sentence(found)
+
+
+def error_sentences(found: Discovery) -> list[str]:
+    """Errors that nobody stated and on which the answer rests, and what it were without them."""
+    told = [each.sentence for each in found.errors]
+    if told and found.errors_stated:
+        sure = (
+            "" if found.errors_probability > levels.SURE_LEVEL else f" ({found.errors_probability:.0%} sure)"
+        )
+        told.append(
+            f"The answer rests on this{sure}; with errors as stated the likeliest is {found.errors_stated}."
+        )
+    return told
 
 
 def nearest_sentences(nearest: NearestHypothesis | None) -> list[str]:

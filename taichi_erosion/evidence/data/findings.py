@@ -140,6 +140,15 @@ class LevelShift:
 
 
 @dataclass(frozen=True)
+class ErrorFinding:
+    """An error that nobody stated and on which the answer rests."""
+
+    kind: Literal["source", "batch", "rows", "scatter"]
+    observable: str  # empty where it concerns all
+    sentence: str
+
+
+@dataclass(frozen=True)
 class RowMisfit:
     """The row that holds most of a misfit."""
 
@@ -316,6 +325,9 @@ class Discovery:
     p_misfit_stated: float = nan  # the same with the declared shared errors alone, where levels are free
     levels: tuple[LevelShift, ...] = ()  # offsets between code and laboratory that are part of the model here
     level_probability: float = 0.0  # that any level is off [1]
+    errors: tuple[ErrorFinding, ...] = ()  # of sources, batches, rows or scatter, that nobody stated
+    errors_probability: float = 0.0  # that there are any [1]
+    errors_stated: str = ""  # what the stated errors would say, where the answer rests on others
     stuck: tuple[str, ...] = ()  # calibrated numbers of the bare model that would leave their range
     stuck_after: tuple[str, ...] = ()  # those of the recalibrated model
     range_suffices: bool = False  # the misfit is gone if they may: nothing is concluded on effects

@@ -32,6 +32,9 @@ from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, level_shape
 
 Kind = Literal["source", "batch", "rows", "scatter"]
+Sharing = tuple[
+    str, tuple[str, ...], Floats
+]  # observable, labels, columns (n, labels) of errors of one row's sd
 
 TAUS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # sd of a shared error over the typical sd of a row
 ROUNDS = 2  # in which the tau of every observable is found, the others kept
@@ -59,10 +62,31 @@ class ErrorAccount:
 
     kind: Kind
     prepared: PreparedProblem
+    stated_variance: Floats  # (n,), of the rows with stated errors
     log_odds: float  # ln of its prior over that of the stated errors, and of what its estimates cost
     gain: float  # ln evidence over the stated errors by the linear estimate, `log_odds` included
     rows: tuple[int, ...] = ()  # that are off
-    taus: tuple[tuple[str, float], ...] = ()  # observable, sd of the shared error over that of a row
+    shared: tuple["SharedError", ...] = ()
+    scatter: tuple["UnevenScatter", ...] = ()
+
+
+@dataclass(frozen=True)
+class SharedError:
+    """Random effects of one observable: by source, or by batch."""
+
+    observable: str
+    labels: tuple[str, ...]
+    tau: float  # sd of the shared error over the typical sd of a row
+    first: int  # column of the shared errors that belongs to the first label
+
+
+@dataclass(frozen=True)
+class UnevenScatter:
+    """True over stated sd: a factor of one observable, or growth along a condition."""
+
+    place: str  # observable or condition
+    log_factor: float  # ln of true over stated sd, or of its change over the range of the condition
+    along: bool  # a condition
 
 
 def error_accounts(prepared: PreparedProblem, references: Sequence[Reference]) -> list[ErrorAccount]:
@@ -105,10 +129,8 @@ def linear_evidence(prepared: PreparedProblem, expansion: Expansion) -> float:
     return float(log_sum_exp(by_factor)) - volume
 
 
-def sharing_columns(
-    prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...]
-) -> Iterator[tuple[str, Floats]]:
-    """Every observable with rows that share an error, and the columns (n, labels) of errors of one row's sd.
+def sharing_columns(prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...]) -> Iterator[Sharing]:
+    """Every observable with rows that share an error, its labels, and columns of errors of one row's sd.
 
     Columns have mean zero over the observable: an error common to all its rows is a level, not one of these.
     """
@@ -121,13 +143,8 @@ def sharing_columns(
         columns = (named[:, np.newaxis] == names) & chosen[:, np.newaxis]
         unit = float(np.median(prepared.sd[chosen]))
         centred = np.where(chosen[:, np.newaxis], columns - counts / chosen.sum(), 0.0)
-        yield observable.name, unit * centred * level_shape(observable, prepared.rows.z)[:, np.newaxis]
-
-
-def with_shared(prepared: PreparedProblem, columns: Sequence[Floats]) -> PreparedProblem:
-    """The same with further errors that rows share."""
-    shared = np.hstack([prepared.rows.shared, *columns])
-    return replace(prepared, rows=replace(prepared.rows, shared=shared))
+        shape = level_shape(observable, prepared.rows.z)[:, np.newaxis]
+        yield observable.name, tuple(names.tolist()), unit * centred * shape
 
 
 def shared_account(
@@ -151,16 +168,22 @@ def shared_account(
             cost += float(log_sum_exp(found)) - log(grid.size) - float(found.max())
     there = with_taus(prepared, sharing, chosen)
     odds = log(levels.ODDS_SOURCE if kind == "source" else levels.ODDS_BATCH) + cost
-    taus = tuple((name, float(tau)) for (name, _), tau in zip(sharing, chosen, strict=True))
-    return ErrorAccount(kind, there, odds, likelihood(there) - stated + odds, taus=taus)
+    shared, first = list[SharedError](), prepared.rows.shared.shape[1]
+    for (name, names, _), tau in zip(sharing, chosen, strict=True):
+        shared.append(SharedError(name, names, float(tau), first))
+        first += len(names)
+    return ErrorAccount(
+        kind, there, prepared.variance, odds, likelihood(there) - stated + odds, shared=tuple(shared)
+    )
 
 
 def with_taus(
-    prepared: PreparedProblem, sharing: Sequence[tuple[str, Floats]], taus: Sequence[float] | Floats
+    prepared: PreparedProblem, sharing: Sequence[Sharing], taus: Sequence[float] | Floats
 ) -> PreparedProblem:
     """The same with shared errors of these sizes."""
-    acting = [tau * columns for (_, columns), tau in zip(sharing, taus, strict=True) if tau > 0.0]
-    return with_shared(prepared, acting) if acting else prepared
+    acting = [tau * columns for (*_, columns), tau in zip(sharing, taus, strict=True)]
+    shared = np.hstack([prepared.rows.shared, *acting])
+    return replace(prepared, rows=replace(prepared.rows, shared=shared))
 
 
 def with_variances(prepared: PreparedProblem, factor: Floats) -> PreparedProblem:
@@ -192,9 +215,9 @@ def rows_account(
     if not off:
         return None
     odds = len(off) * log(levels.ODDS_ROW)
-    return ErrorAccount(
-        "rows", with_variances(prepared, factor), odds, best - stated + odds, rows=tuple(sorted(off))
-    )
+    there = with_variances(prepared, factor)
+    gain = best - stated + odds
+    return ErrorAccount("rows", there, prepared.variance, odds, gain, rows=tuple(sorted(off)))
 
 
 def worst_row(prepared: PreparedProblem, expansion: Expansion, off: Sequence[int]) -> int:
@@ -218,14 +241,15 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion, off: Sequence[int
     return int(np.argmax(fall))
 
 
-def scatter_options(prepared: PreparedProblem) -> list[Floats]:
-    """Ln of true over stated sd (n,) of every kind of uneven scatter that is tried."""
+def scatter_options(prepared: PreparedProblem) -> list[tuple[UnevenScatter, Floats]]:
+    """Every kind of uneven scatter that is tried, with ln of true over stated sd (n,)."""
     found = []
     if len(list(prepared.by_observable())) > 1:
-        for (_, chosen), factor in product(prepared.by_observable(), FACTORS):
-            found.append(np.where(chosen, log(factor), 0.0))
-    for axis, growth in product(condition_axes(prepared).values(), GROWTHS):
-        found.append(growth * axis)
+        for (observable, chosen), factor in product(prepared.by_observable(), FACTORS):
+            uneven = UnevenScatter(observable.name, log(factor), False)
+            found.append((uneven, np.where(chosen, log(factor), 0.0)))
+    for (name, axis), growth in product(condition_axes(prepared).items(), GROWTHS):
+        found.append((UnevenScatter(name, growth * float(np.ptp(axis)), True), growth * axis))
     return found
 
 
@@ -234,16 +258,21 @@ def scatter_account(
 ) -> ErrorAccount | None:
     """Scatter that differs between observables or grows along a condition."""
     options = scatter_options(prepared)
-    if not options:
-        return None
-    logs, best, cost = np.zeros(prepared.rows.size), stated, 0.0
-    for _ in range(SCATTER_STEPS):
-        found = np.array([likelihood(with_variances(prepared, np.exp(2.0 * (logs + o)))) for o in options])
-        if float(log_sum_exp(found)) - log(found.size) < best:
+    logs, best, cost, uneven = np.zeros(prepared.rows.size), stated, 0.0, list[UnevenScatter]()
+    for _ in range(SCATTER_STEPS if options else 0):
+        trials = [np.exp(2.0 * (logs + option)) for _, option in options]
+        found = np.array([likelihood(with_variances(prepared, trial)) for trial in trials])
+        mean = float(log_sum_exp(found)) - log(found.size)
+        if mean < best:
             break
-        cost += float(log_sum_exp(found)) - log(found.size) - float(found.max())
-        logs, best = logs + options[int(np.argmax(found))], float(found.max())
-    if not logs.any():
+        top = int(np.argmax(found))
+        cost, best = cost + mean - float(found[top]), float(found[top])
+        uneven.append(options[top][0])
+        logs = logs + options[top][1]
+    if not uneven:
         return None
     odds = log(levels.ODDS_SCATTER) + cost
-    return ErrorAccount("scatter", with_variances(prepared, np.exp(2.0 * logs)), odds, best - stated + odds)
+    there = with_variances(prepared, np.exp(2.0 * logs))
+    return ErrorAccount(
+        "scatter", there, prepared.variance, odds, best - stated + odds, scatter=tuple(uneven)
+    )

@@ -112,6 +112,7 @@ class Analysis:
     range_suffices: bool = False  # the misfit is gone if calibrated numbers may leave their ranges
     errors: ErrorAccount | None = None  # errors other than stated, on which the answer rests
     errors_probability: float = 0.0  # that errors are other than stated, levels apart
+    stated: Posterior | None = None  # with stated errors and free levels, where the answer rests on others
 
 
 def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysis:
@@ -136,6 +137,8 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
         errors=lead.errors,
         errors_probability=chance_of("errors", tried, weight),
     )
+    if lead.kind == "errors":
+        found = replace(found, stated=stated.posterior)
     if lead.kind != "stated":
         found = replace(found, p_misfit_stated=stated.p_misfit)
     return with_ranges(found, lead.account)
