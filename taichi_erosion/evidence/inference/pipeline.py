@@ -184,15 +184,19 @@ def stated_or_free_levels(stated: Account, seed: int, progress: Progress) -> lis
 
 
 def other_errors(stated: Account, seed: int, progress: Progress) -> list[WeighedAccount]:
-    """Everything weighed once more with errors of sources, of batches, of rows or of the scatter."""
-    if not levels_matter(stated):
+    """Everything weighed once more with errors of sources, of batches, of rows or of the scatter.
+
+    Of few rows nothing is estimated on their errors; errors that leave something unexplained are no answer.
+    """
+    if not levels_matter(stated) or stated.fitted.prepared.rows.size < levels.LEAST_ROWS:
         return []
     fitted, tried = stated.fitted, list[WeighedAccount]()
     for errors in error_accounts(fitted.prepared, references(stated))[: levels.MOST_ACCOUNTS]:
         prepared, base = errors.prepared, fitted.base.fit
         best = fit(prepared, (), [base.x, prepared.prior_mean])
         found = account(prepared, seed, progress, best)
-        tried.append(WeighedAccount(found, errors.log_odds + found.posterior.log_all, "errors", errors))
+        if found.posterior.probability[OUTSIDE] <= levels.LEVEL_ODDS:
+            tried.append(WeighedAccount(found, errors.log_odds + found.posterior.log_all, "errors", errors))
     return tried
 
 
