@@ -22,7 +22,7 @@ def publish(folder: Path) -> None:
         for method in dict.fromkeys(row["method"] for row in rows):
             cases = judged([row for row in rows if row["method"] == method])
             tables[f"{path.stem} {method}"] = metric_table(cases)
-            tables[f"{path.stem} {method} nulls"] = disturbance_table(cases)
+            tables[f"{path.stem} {method} by disturbance"] = disturbance_table(cases)
     text = page.read_text(encoding="utf-8")
     present = {name: table for name, table in tables.items() if f"<!-- table: {name} -->" in text}
     write_atomic(page, fill_tables(text, present).encode())
