@@ -21,6 +21,7 @@ from taichi_erosion.evidence.data.findings import (
     Estimate,
     NearestHypothesis,
     PlausibleHypothesis,
+    RowMisfit,
     Status,
     VaultErrors,
 )
@@ -90,11 +91,11 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         p_misfit_stated=found.p_misfit_stated,
         errors=error_findings(found),
         errors_probability=found.errors_probability,
-        errors_stated=likeliest_words(found.stated),
+        errors_stated=likeliest_words(found.stated.posterior) if found.stated else "",
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),
         stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
         range_suffices=found.range_suffices,
-        worst_row=goodness_of_fit.worst_row(prepared, base),
+        worst_row=stated_worst_row(found),
         scatter_factor=goodness_of_fit.scatter_factor(prepared, base),
         noise=goodness_of_fit.noise_table(prepared, screened.seed_correlation),
         ambiguity=confounded_effects(prepared, screened, expected),
@@ -104,6 +105,12 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         nearest=nearest_hypothesis(found) if outside else None,
     )
     return replace(record, sentences=discovery_sentences(record))
+
+
+def stated_worst_row(found: Analysis) -> RowMisfit | None:
+    """The row that holds most of the misfit of the bare model, with its error as stated."""
+    fitted = found.stated.fitted if found.stated else found.fitted
+    return goodness_of_fit.worst_row(fitted.prepared, fitted.base.expansion)
 
 
 def nameless_discovery(problem: Problem, seed: int, progress: Progress) -> Discovery:

@@ -123,10 +123,8 @@ def scatter_words(errors: ErrorAccount) -> tuple[str, str]:
     ), f"The scatter is not as stated: it {' and '.join(told)}."
 
 
-def likeliest_words(posterior: Posterior | None) -> str:
-    """The likeliest explanation with its probability; empty for none."""
-    if posterior is None:
-        return ""
+def likeliest_words(posterior: Posterior) -> str:
+    """The likeliest explanation with its probability."""
     name, chance = max(posterior.probability.items(), key=lambda item: item[1])
     words = {NONE: "nothing missing", OUTSIDE: "something that is not in the list"}
     return f"{words.get(name, name.replace('+', ' and '))} (probability {chance:.2g})"

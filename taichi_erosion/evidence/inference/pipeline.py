@@ -112,7 +112,7 @@ class Analysis:
     range_suffices: bool = False  # the misfit is gone if calibrated numbers may leave their ranges
     errors: ErrorAccount | None = None  # errors other than stated, on which the answer rests
     errors_probability: float = 0.0  # that errors are other than stated, levels apart
-    stated: Posterior | None = None  # with stated errors and free levels, where the answer rests on others
+    stated: Account | None = None  # with the errors as stated, where the answer rests on others
 
 
 def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysis:
@@ -138,7 +138,7 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
         errors_probability=chance_of("errors", tried, weight),
     )
     if lead.kind == "errors":
-        found = replace(found, stated=stated.posterior)
+        found = replace(found, stated=stated)
     if lead.kind != "stated":
         found = replace(found, p_misfit_stated=stated.p_misfit)
     return with_ranges(found, lead.account)

@@ -110,7 +110,8 @@ def test_one_bad_row_is_told_with_what_the_others_leave():
     )
     assert worst.residual_sd == pytest.approx(10.0, abs=2.5)  # 3.0 deg over 0.3 deg, and the row's own noise
     assert not fails(worst.p_without)
-    assert "One row holds" in found.sentences[0]
+    assert "sd above every plausible explanation" in found.sentences[0]
+    assert "with errors as stated the likeliest is" in found.sentences[1]
 
 
 def test_an_effect_that_no_condition_lets_act_has_no_probability():
