@@ -44,16 +44,16 @@ def held(case: Judged) -> bool:
 
 
 def metrics(cases: Sequence[Judged]) -> Iterator[Metric]:
-    """Every metric with its target, met by the bound."""
+    """Every metric with its target."""
     nulls = [case for case in cases if case.truth.kind == "null"]
-    yield bound_met(share("nulls: any name", [bool(c.told) for c in nulls], ("<=", 0.02)))
-    yield bound_met(share('nulls: "not in the list"', [flagged(c) for c in nulls], ("<=", 0.05)))
+    yield share("nulls: any name", [bool(c.told) for c in nulls], ("<=", 0.02))
+    yield share('nulls: "not in the list"', [flagged(c) for c in nulls], ("<=", 0.05))
     singles = [case for case in cases if case.truth.kind == "single"]
     for low, high in RATIOS:
         some = [c for c in singles if low <= c.hard.ratio < high]
         words = f"single, ratio {low:g} to {high:g}" if isfinite(high) else f"single, ratio >= {low:g}"
         target = {3.0: (">=", 0.74), STRONG: (">=", 0.95)}.get(low, (">=", 0.0))
-        yield bound_met(share(f"{words}: right or in the told set", [held(c) for c in some], target))
+        yield share(f"{words}: right or in the told set", [held(c) for c in some], target)
         yield share(f"{words}: named alone", [exact(c) for c in some], (">=", 0.0))
         yield share(f"{words}: not in the list", [flagged(c) for c in some], ("<=", 1.0))
     for kind in ("pair", "triple", "four"):
@@ -95,7 +95,9 @@ def intervals(cases: Sequence[Judged]) -> Iterator[Metric]:
 
 
 def bound_met(metric: Metric) -> Metric:
-    """The metric, met where its bound on the side of the target is."""
+    """The metric, met where its bound on the side of the target is; a median by itself."""
+    if metric.name.startswith("seconds"):
+        return metric
     relation, limit = metric.target.split()
     met = metric.high <= float(limit) if relation == "<=" else metric.low >= float(limit)
     return Metric(metric.name, metric.value, metric.low, metric.high, metric.count, metric.target, met)
@@ -112,7 +114,7 @@ def metric_table(cases: Sequence[Judged]) -> str:
             "" if m.target in (">= 0", "<= 1") else m.target,
             "" if not m.count or m.target in (">= 0", "<= 1") else "yes" if m.met else "**no**",
         )
-        for m in metrics(cases)
+        for m in map(bound_met, metrics(cases))
     ]
     return markdown_table(("metric", "value", "bounds", "cases", "target", "met"), rows)
 
