@@ -16,6 +16,7 @@ from taichi_erosion.evidence.answers.discover import discover, nameless_discover
 from taichi_erosion.evidence.answers.start_values import model_at_start
 from taichi_erosion.evidence.data.findings import Discovery, Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.problem import Bools, Floats, Progress
+from taichi_erosion.evidence.inference.prepared_problem import NO_VALUE
 from taichi_erosion.evidence.inference.verdict_levels import fails
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.predictor import seed_mean
@@ -36,7 +37,6 @@ UNITS = {  # factors, and what they would be
 ANGULAR = (180.0 / pi,)
 SHARPEST = 2.0  # half width of the interval of a level, as a factor, from which it points at no unit
 ANGLES = ("deg", "degree", "degrees", "\N{DEGREE SIGN}", "rad", "1", "")
-FAILED = "the model fails at"  # first words of a warning on conditions without a value
 WAITS = "The verdict on physics waits until this is settled: what follows describes the set-up, not the soil."
 NOTHING = "Nothing is named: the set-up comes first."
 
@@ -74,7 +74,7 @@ def set_up_faults(
         units = list(unit_faults(study, name, rows, start, chosen, strained))
         found += units or offset_faults(name, rows, chosen, free.get(name))
     found += bound_faults(study, parameters)
-    failed = [words for words in warnings if words.startswith(FAILED)]
+    failed = [words for words in warnings if words.startswith(NO_VALUE)]
     return (*found, *(SetUpFault("failed_runs", "model", words, False) for words in failed))
 
 

@@ -33,6 +33,7 @@ LEVEL_WIDTHS = (0.05, 0.15, 0.5, 1.5, 4.5)  # prior sd of a free level: of ln fa
 LEVEL_REACH = 1.5  # least prior sd over the level that the calibrated model leaves
 WIDER = 8.0  # prior sd beyond its range at which a calibrated number is tried: is the range to blame?
 REACH = 3.0  # times the largest strength of the list, up to which one beyond it is looked for
+NO_VALUE = "the model gives no value at"  # first words of a warning on conditions that are left out
 UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions finite
 
 
@@ -200,9 +201,9 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     failed = ~np.isfinite(seed_mean(values))
     warnings = list(rows.warnings)
     if failed.all() and rows.size:
-        warnings.append("the model fails at every condition with the start values")
+        warnings.append(f"{NO_VALUE} any condition with the start values")
     if failed.any():
-        words = f"the model fails at {int(failed.sum())} of {rows.size} conditions; they are left out"
+        words = f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out"
         warnings.append(words)
         rows, variance = rows.rows(~failed), variance[~failed]
     known = rows.known

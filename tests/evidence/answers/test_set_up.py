@@ -92,7 +92,7 @@ def test_a_level_that_is_off_everywhere_is_told_and_blocks_nothing():
 
 
 def test_conditions_without_a_value_of_the_model_are_told():
-    words = "the model fails at 2 of 10 conditions; they are left out"
+    words = "the model gives no value at 2 of 10 conditions; they are left out"
     found = faults(rows(MODEL), warnings=("another note", words))
     assert [fault.sentence for fault in found] == [words]
 

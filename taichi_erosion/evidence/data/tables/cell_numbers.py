@@ -31,6 +31,13 @@ DATES = (
 )
 DATE = re.compile("|".join(DATES), re.IGNORECASE)
 SPREAD = re.compile(r"\s*\(\s*(?:±\s*)?[\d.,]+\s*\)$")
+LOOK_ALIKES = str.maketrans("OoОоlI|SBZ", "0000111582")  # letters typed for digits, two of them Cyrillic
+SLIPPED = re.compile(  # a number with such letters: among digits, before a decimal mark, or O and l at its end
+    r"[+-]?(?=[^\d]*\d)(?:(?:[OoОоlI|](?=\d*[.,]\d)|\d)"
+    r"(?:[\dOoОоlI|.,]|[SBZ](?=[\d.,]))*|[OoОоlI|][.,](?:[\dOoОоlI|]|[SBZ](?=\d))+)(?![^\W\d_])"
+)
+PARTS = re.compile(r"(\s*(?:±|\+/-|\+-|[<>])\s*)")  # a value, its limit, its scatter
+ABOUT = re.compile(r"(?:~|≈|∼|(?:ca|approx|circa|etwa|about)\b\.?)\s*|\s*(?:[*†‡?!#'´`]+|[.,;:])$")
 
 
 class CellFault(ValueError):
@@ -73,9 +80,43 @@ def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
 
 
 def is_quantity(cell: str) -> bool:
-    """Whether a cell holds a number, or says that it has none."""
+    """Whether a cell holds a number, a misprint of one, or says that it has none."""
     plain = plain_cell(cell)
-    return plain.lower() in MISSING + UNSEEN + NO_TRANSPORT or QUANTITY.fullmatch(plain) is not None
+    if plain.lower() in MISSING + UNSEEN + NO_TRANSPORT or QUANTITY.fullmatch(plain):
+        return True
+    return likely_number(plain) is not None
+
+
+def likely_number(plain: str) -> str | None:
+    """Number that a misprinted cell may mean, `70,3` for `7O,3`; None for a number, and for any other text.
+
+    Looked for: letters that look like digits, marks that stand twice, blanks about a mark, footnote marks,
+    and words such as `ca.`; nothing is converted, the reading is for the message.
+    """
+    bare = ABOUT.sub("", plain)
+    known = bare.lower() in MISSING + UNSEEN + NO_TRANSPORT or DATE.fullmatch(bare)
+    if known or (QUANTITY.fullmatch(plain) and not letters_in_number(plain)):
+        return None
+    bare = re.sub(r"([.,])(?!\.)[.,](?=\d)", r"\1", re.sub(r"(?<=\d)\s*([.,])\s*(?=\d)", r"\1", bare))
+    parts = [with_digits(part) for part in PARTS.split(bare)]
+    found = "".join(parts)
+    return found if found != plain and QUANTITY.fullmatch(found) else None
+
+
+def misprint(likely: str) -> str:
+    """What is told of a misprinted cell; `likely` is the number that it may mean."""
+    return f"is nearly a number: a misprint of '{likely}'? correct the cell"
+
+
+def letters_in_number(plain: str) -> bool:
+    """Whether letters that look like digits stand in a number; `3 l` and `3 mm` are numbers with a unit."""
+    return any(with_digits(part) != part for part in PARTS.split(plain))
+
+
+def with_digits(part: str) -> str:
+    """A number with digits in place of the letters that look like them; any other text as it stands."""
+    found = SLIPPED.match(part)
+    return part if found is None else found[0].translate(LOOK_ALIKES) + part[found.end() :]
 
 
 def read_cell(text: str, comma: bool) -> CellNumber:
@@ -83,7 +124,9 @@ def read_cell(text: str, comma: bool) -> CellNumber:
     plain = plain_cell(text)
     if plain.lower() in MISSING:
         return CellNumber("")
-    match = QUANTITY.fullmatch(plain)
+    match, likely = QUANTITY.fullmatch(plain), likely_number(plain)
+    if likely is not None:
+        raise CellFault(misprint(likely))
     if match is None or DATE.fullmatch(plain):
         raise CellFault(reason(plain))
     if match["sd"] and match["sd_unit"] and match["sd_unit"] != (match["unit"] or match["sd_unit"]):
@@ -108,6 +151,8 @@ def reason(plain: str) -> str:
         return "write the scatter behind '±', or in a column of its own"
     if re.fullmatch(rf"{NUMBER}\s*(?:-|–|bis|to|…|\.\.)\s*{NUMBER}.*", plain):
         return "is a range; write its middle, and half its width behind '±'"
+    if re.fullmatch(r"[\d.,]+(?: [\d.,]+)+", plain):
+        return "has a blank in the number, or is two numbers; write one"
     return "must be a number; words belong into a column of their own"
 
 

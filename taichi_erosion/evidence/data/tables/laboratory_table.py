@@ -128,7 +128,7 @@ class LaboratoryTable:
             factor = conversion(parse_unit(written), parse_scale(unit)) if unit else None
         except UnknownUnit as error:
             faults.append(
-                f"{self.where(line, column)}: unit '{written}' is not known; {error.hint or 'remove it'}"
+                f"{self.where(line, column)}: unit '{written}' is not known; {error.hint or 'write the number alone'}"
             )
             return 1.0
         if factor is None:

@@ -16,6 +16,7 @@ from math import isfinite, nan
 from typing import Any, TypeVar
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.tables.cell_numbers import likely_number, misprint, plain_cell
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale, parse_unit
 
@@ -29,6 +30,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,3})?")
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
 MOST_REPEATS = 10**9
+OF_NUMBERS = "any other column is a condition; words belong into 'source' or 'note'"
 LONGEST_SHOWN = 40  # characters of a cell that a message repeats
 
 
@@ -185,10 +187,9 @@ def condition_columns(
     for line, cells in lines:
         for column in found:
             if cells[column.place] and not NUMBER.fullmatch(cells[column.place]):
-                faults.append(
-                    f"{name}: row {line}, {column.name} = {quoted(cells[column.place])} must be a number: "
-                    f"any other column is a condition; words belong into 'source' or 'note'"
-                )
+                likely = likely_number(plain_cell(cells[column.place]))
+                told = f"must be a number: {OF_NUMBERS}" if likely is None else misprint(likely)
+                faults.append(f"{name}: row {line}, {column.name} = {quoted(cells[column.place])} {told}")
     return found
 
 
@@ -234,6 +235,9 @@ def read_value(text: str, where: str) -> tuple[float, bool]:
     if text.lower() in CENSORED:
         return nan, True
     limit = text.removeprefix("<").strip()
+    likely = None if NUMBER.fullmatch(limit) else likely_number(plain_cell(text))
+    if likely is not None:
+        raise BadInput(f"{where}, value = {quoted(text)} {misprint(likely)}")
     if not NUMBER.fullmatch(limit):
         raise BadInput(
             f"{where}, value = {quoted(text)} must be a number, '<' and a number, or empty for 'no transport'"
