@@ -32,6 +32,13 @@ Apparatus = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
 ]
+Units = Annotated[
+    Pairs, typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
+]
+Roughness = Annotated[
+    str | None,
+    typer.Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height."),
+]
 ClosedForm = Annotated[
     bool, typer.Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
 ]
@@ -45,6 +52,8 @@ def new(
     yes: Yes = False,
     observable: Observables = None,
     condition: Conditions = None,
+    unit: Units = None,
+    roughness: Roughness = None,
     apparatus: Apparatus = None,
     closed_form: ClosedForm = False,
     as_json: AsJson = False,
@@ -53,8 +62,8 @@ def new(
     from taichi_erosion.evidence.answers.new_study import Wishes, new_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
-    told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"))
-    wishes = Wishes(told, out, apparatus, closed_form)
+    told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
+    wishes = Wishes(told, out, apparatus, closed_form, roughness)
     document = new_study(table, wishes, guessed if yes or as_json else asked)
     output.print_result(document, as_json, print_new_study)
 

@@ -3,7 +3,7 @@
 All faults are told at once, each in one line; parts that rest on a faulty one are left out.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
@@ -34,9 +34,8 @@ from taichi_erosion.evidence.emulator.training_runs import (
 from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, load_study, study_effect_files
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
+from taichi_erosion.evidence.models.study_values import study_value_faults
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.scene.paths import number_at
-from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Document = dict[str, Any]
 PLANS = ("quick", "full")
@@ -76,30 +75,9 @@ def checked_table(path: Path, file: StudyFile, files: tuple[EffectFile, ...], fa
     table = faults.of(read_table, path.parent / file.study.measurements, file.study.measurements, file)
     places = faults.of(place_units, file, path, files)
     if table is not None and places is not None:
-        if faults.of(study_measurements, table, file, str(path), places) is not None and places:
-            faults.extend(range_faults(table, file.conditions))
+        faults.of(study_measurements, table, file, str(path), places)
+        faults.extend(study_value_faults(table, file, path.parent))
     return table
-
-
-def range_faults(table: Table, conditions: Mapping[str, str]) -> Iterator[str]:
-    """Conditions of rows that lie outside what a scene takes, which is a wrong unit more often than not."""
-    for name, paths in conditions.items():
-        number = number_at(dotted_paths(paths)[0])
-        if number is None or name not in table.conditions:
-            continue
-        place = table.conditions.index(name)
-        written = table.units[place]
-        scale = scale_between(written or number.unit, parse_unit(number.unit))
-        if scale is None:
-            continue
-        allowed = f"outside [{number.low:g}, {number.high:g}]; check number and unit"
-        for row in table.rows:
-            value = row.conditions[place]
-            used = scale.used(value)
-            if isfinite(value) and not number.low <= used <= number.high:
-                stated = f"{value:g} {written}" if written else f"{value:g} (no unit: {number.unit})"
-                where = f"{table.file}: row {row.line}, {name} = {stated}"
-                yield f"{where} is {used:g} {number.unit}, {allowed}"
 
 
 def scene_faults(path: Path, file: StudyFile, files: tuple[EffectFile, ...]) -> Iterator[tuple[str, str]]:

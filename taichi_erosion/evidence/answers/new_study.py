@@ -3,7 +3,7 @@
 What the table does not say is asked; every question has a guess, which counts where nobody is asked.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers import closed_form
-from taichi_erosion.evidence.answers.check_study import acting_candidates, check_study, range_faults
+from taichi_erosion.evidence.answers.check_study import acting_candidates, check_study
 from taichi_erosion.evidence.answers.scene_templates import (
     TEMPLATES,
     WIND_COLUMN,
@@ -24,25 +24,22 @@ from taichi_erosion.evidence.answers.scene_templates import (
     templates_for,
 )
 from taichi_erosion.evidence.answers.study_text import StudyText, study_text, table_text
-from taichi_erosion.evidence.data.tables.column_roles import Column, Told, column_roles
-from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells, tidy_name
+from taichi_erosion.evidence.answers.table_interview import Ask, Interview, TableWishes, understood
+from taichi_erosion.evidence.data.physical_ranges import (
+    condition_faults,
+    observable_faults,
+    observed_range,
+    place_range,
+)
+from taichi_erosion.evidence.data.tables.column_roles import Column, Told
+from taichi_erosion.evidence.data.tables.laboratory_table import tidy_name
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
-from taichi_erosion.evidence.data.tables.tidy_table import Table, is_tidy, pointed, tidy_table
-from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, known_places, meaning_of
+from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table, is_tidy, pointed, tidy_table
+from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, meaning_of, near_meaning
 from taichi_erosion.evidence.models.load_study import load_study
-from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
-Ask = Callable[[str, str], str]  # (question, guess) -> answer
 Document = dict[str, Any]
-NOT_USED = "-"
-UNITS = {  # of the program's measures, where a heading has none
-    **dict.fromkeys(
-        ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle"), "deg"
-    ),
-    **dict.fromkeys(("threshold_u_star", "impact_threshold", "threshold_wind_speed", "rolling_onset"), "m/s"),
-    "flux": "kg/(m s)",
-}
 
 
 @dataclass(frozen=True)
@@ -53,21 +50,7 @@ class Wishes:
     folder: Path | None = None
     apparatus: str | None = None  # of TEMPLATES
     closed_form: bool = False  # the reduced model answers in place of scenes
-
-
-@dataclass
-class Interview:
-    """Questions that were asked, and what was assumed where a guess was taken."""
-
-    ask: Ask
-    assumed: list[str] = field(default_factory=list)
-
-    def choice(self, question: str, guess: str, meaning: str) -> str:
-        """Answer to a question; an accepted guess is recorded with its meaning."""
-        answer = self.ask(question, guess).strip() or guess
-        if answer == guess:
-            self.assumed.append(meaning)
-        return answer
+    roughness: str | None = None  # length of the bed under winds that were measured at a height
 
 
 def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
@@ -75,20 +58,12 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
 
     Raises BadInput with all faults of the table, or where a file would be replaced.
     """
-    cells = read_cells(table, table.name)
-    if not cells.rows:
-        raise BadInput(f"{table.name}: is empty; the first row names the columns")
-    if not cells.lines:
-        raise BadInput(f"{table.name}: has a heading but no measured value")
     interview = Interview(ask)
-    tidy, columns = understood(cells, wishes.told, interview)
-    measured = tidy_table(pointed(tidy))
+    tidy, measured, columns = read_laboratory_table(table, wishes, interview)
     names = list(dict.fromkeys(row.observable for row in measured.rows))
     folder = wishes.folder or table.with_name(table.stem)
     refuse_existing(folder, table)
     places = condition_places(measured, columns, wishes.told)
-    if faults := list(range_faults(measured, places)):
-        raise BadInput(*faults)
     if wishes.closed_form:
         text, scenes = closed_form.study(measured, names, places), {}
     else:
@@ -101,12 +76,52 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     write_atomic(study, study_text(text).encode())
     return {
         "table": str(table),
-        "form": cells.form,
-        "columns": [told_column(column, cells, text) for column in columns],
+        "form": tidy.form,
+        "columns": [told_column(column, text) for column in columns],
         "assumed": list(interview.assumed),
         "written": [str(study), str(folder / tidy_file(table)), *(str(folder / f"{n}.toml") for n in scenes)],
         **checked_study(study, text),
     }
+
+
+def read_laboratory_table(
+    table: Path, wishes: Wishes, interview: Interview
+) -> tuple[Cells, Table, list[Column]]:
+    """A table in tidy form, as cells and as rows, with the columns of a laboratory's own.
+
+    Raises BadInput with all faults of its cells, headings, units and ranges.
+    """
+    cells = read_cells(table, table.name, faults := Faults())
+    if not cells.rows:
+        raise BadInput(*faults or [f"{table.name}: is empty; the first row names the columns"])
+    if not cells.lines:
+        raise BadInput(*faults or [f"{table.name}: has a heading but no measured value"])
+    columns: list[Column] = []
+    if not is_tidy(cells.heading):
+        stated = TableWishes(wishes.told, wishes.roughness)
+        cells, columns = understood(cells, stated, interview, faults)
+    measured = faults.of(tidy_table, pointed(cells), faults)
+    if measured is not None:
+        places = faults.of(condition_places, measured, columns, wishes.told) or {}
+        faults += value_faults(measured, places, wishes.told)
+    faults.tell()
+    assert measured is not None
+    return cells, measured, columns
+
+
+def value_faults(table: Table, places: Mapping[str, str], told: Told) -> Iterator[str]:
+    """Impossible values of conditions and observables, and units that seem mistaken.
+
+    A unit that the user states counts.
+    """
+    for name, place in places.items():
+        allowed = place_range(place.split(",")[0].strip())
+        if allowed is not None:
+            yield from condition_faults(table, name, allowed, usual=not told.units)
+    for name in dict.fromkeys(row.observable for row in table.rows):
+        allowed = observed_range(name)
+        if allowed is not None:
+            yield from observable_faults(table, name, allowed, usual=not told.units)
 
 
 def tidy_file(table: Path) -> str:
@@ -121,94 +136,6 @@ def refuse_existing(folder: Path, table: Path) -> None:
             raise BadInput(f"{path}: exists; remove it, or name another folder with --out")
 
 
-def understood(cells: Cells, told: Told, interview: Interview) -> tuple[Cells, list[Column]]:
-    """The tidy table and the meaning of the columns that it was made of."""
-    if is_tidy(cells.heading):
-        return cells, []
-    columns = [settled(column, interview) for column in column_roles(cells, told)]
-    if not any(column.role == "observable" for column in columns):
-        known = ", ".join(dict.fromkeys(name for t in TEMPLATES.values() for name in t.observables))
-        raise BadInput(
-            f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
-            f"'COLUMN=NAME', NAME one of {known}"
-        )
-    refuse_unknown(columns, cells)
-    units = {c.place: unit_of(c, interview) for c in columns if c.role == "observable" and not c.heading.unit}
-    scatter = "sd"
-    if any("±" in cell or "+-" in cell or "+/-" in cell for _, row in cells.lines for cell in row):
-        question = "What stands behind ±: sd of single repeats (sd) or standard error of the mean (se)?"
-        told_as = "numbers behind ± are standard deviations of single repeats"
-        scatter = interview.choice(question, "sd", told_as)
-    if not any(column.role == "n" for column in columns):
-        interview.assumed.append(
-            "no column counts repeats: n is left empty, and a value counts as one measurement"
-        )
-    if scatter not in ("sd", "se"):
-        raise BadInput(f"{cells.file}: '{scatter}' is not one of sd, se")
-    return tidy_cells(cells, columns, Choices("se" if scatter == "se" else "sd", units)), columns
-
-
-def settled(column: Column, interview: Interview) -> Column:
-    """A column of which only a guess was known, as the user calls it."""
-    if column.sure or not column.numeric:
-        return column
-    question = (
-        f"Column '{column.heading.text}' is a measured quantity (its name), sets a place, or is not used (-)?"
-    )
-    meaning = f"column '{column.heading.text}' is not used: its heading says nothing known"
-    answer = interview.choice(question, NOT_USED, meaning)
-    if answer == NOT_USED:
-        return replace(column, sure=True)
-    role, name = meaning_of(answer)
-    if "." in answer:
-        return replace(column, role="condition", name=answer, sure=True)
-    if role in ("observable", "condition"):
-        return replace(column, role=role, name=name, sure=True)
-    return replace(column, role="observable", name=answer, sure=True)
-
-
-def refuse_unknown(columns: Sequence[Column], cells: Cells) -> None:
-    """Refuse what no scene measures or has, and two columns for one condition."""
-    faults = []
-    seen: dict[str, str] = {}
-    for column in columns:
-        where = f"{cells.file}: column '{column.heading.text}'"
-        if column.role == "observable" and not templates_for(column.name):
-            known = ", ".join(dict.fromkeys(name for t in TEMPLATES.values() for name in t.observables))
-            faults.append(f"{where}: no scene measures '{column.name}'; known: {known}")
-        if column.role in ("observable", "condition"):
-            if column.name in seen:
-                faults.append(
-                    f"{where} means {column.name}, as column '{seen[column.name]}' does; say what it is with "
-                    f"--condition '{column.heading.name}=PATH', or remove one"
-                )
-            seen.setdefault(column.name, column.heading.text)
-        if column.role == "condition":
-            faults += list(kind_faults(column, where))
-    if faults:
-        raise BadInput(*faults)
-
-
-def kind_faults(column: Column, where: str) -> Iterator[str]:
-    """A condition that no scene has, or in a unit of another kind than its place."""
-    place = column.name.split(",")[0].strip()
-    unit = unit_of_path(place)
-    if unit is None:
-        known = ", ".join(known_places())
-        yield f"{where}: no scene has a place '{place}'; known: {known}"
-    elif column.heading.unit and scale_between(column.heading.unit, parse_unit(unit)) is None:
-        slope = " (a slope in % is a tangent: write its angle)" if place.endswith("slope") else ""
-        told = "a pure number" if unit == "1" else unit
-        yield f"{where}: {place} counts in {told}; give it in that unit{slope}"
-
-
-def unit_of(column: Column, interview: Interview) -> str:
-    """Unit of an observable whose heading has none."""
-    usual = UNITS.get(column.name, "m")
-    meaning = f"'{column.heading.text}' has no unit in its heading: taken as {usual}"
-    return interview.choice(f"Unit of '{column.heading.text}'?", usual, meaning)
-
-
 def condition_places(table: Table, columns: Sequence[Column], told: Told) -> dict[str, str]:
     """Place that every condition of the tidy table sets."""
     if columns:
@@ -216,7 +143,7 @@ def condition_places(table: Table, columns: Sequence[Column], told: Told) -> dic
     stated = {name: told.conditions.get(name) or meaning_of(name)[1] for name in table.conditions}
     faults = [
         f"{table.file}: column '{name}': no place of a scene is known by that name; say which one it sets: "
-        f"--condition {name}=PATH"
+        f"--condition {name}={near_meaning(name)[1] or 'PATH'}"
         for name, place in stated.items()
         if not place
     ]
@@ -309,7 +236,7 @@ def checked_study(study: Path, text: StudyText) -> Document:
     return check_study(study) | {"inactive": inactive}
 
 
-def told_column(column: Column, cells: Cells, text: StudyText) -> Document:
+def told_column(column: Column, text: StudyText) -> Document:
     """What was understood of a column."""
     words = {"sd": "scatter of single repeats", "se": "standard error of the mean", "n": "number of repeats"}
     words |= {"group": "set-up of a row", "source": "source", "remark": "not used"}

@@ -1,7 +1,9 @@
 """Measurements of a study: rows of its table in the units of the model, and sentences about the others."""
 
-from collections.abc import Mapping, Sequence
-from math import isfinite, nan
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from math import isfinite, isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +11,12 @@ import numpy as np
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Measurements
-from taichi_erosion.evidence.data.tables.column_roles import Told, column_roles
+from taichi_erosion.evidence.data.tables.column_roles import Column, Told, column_roles
 from taichi_erosion.evidence.data.tables.headings import read_heading
 from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells, tidy_name
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
-from taichi_erosion.evidence.data.tables.tidy_table import Row, Table, is_tidy, pointed, tidy_table
-from taichi_erosion.evidence.data.tables.vocabulary import plain_words
+from taichi_erosion.evidence.data.tables.tidy_table import Faults, Row, Table, is_tidy, pointed, tidy_table
+from taichi_erosion.evidence.data.tables.vocabulary import NEAR, plain_words
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     PURE,
@@ -33,17 +35,55 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
 
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
-    cells = read_cells(path, (file or str(path)).replace("\n", "?"))
+    faults = Faults()
+    cells = read_cells(path, (file or str(path)).replace("\n", "?"), faults)
+    notes: list[str] = []
     if cells.rows and not is_tidy(cells.heading) and len(cells.heading) > 1 and study is not None:
-        told = named_by_study(cells, study)
-        columns = column_roles(cells, told)
+        columns = column_roles(cells, named_by_study(cells, study), faults)
+        columns = list(settled_columns(columns, study, cells, faults, notes))
         if not any(column.role == "observable" for column in columns):
             wanted = ", ".join(study.observables)
             told = f"no column is known as {wanted}; name it in the study"
-            raise BadInput(f"{cells.file}: {told}: [columns] 'HEADING' = NAME")
+            raise BadInput(*faults, f"{cells.file}: {told}: [columns] 'HEADING' = NAME")
         names = {c.place: study_name(c.name, c.heading.name, study) for c in columns if c.role == "condition"}
-        cells = tidy_cells(cells, columns, Choices(names=names))
-    return tidy_table(pointed(cells))
+        cells = tidy_cells(cells, columns, Choices(names=names), faults)
+    found = faults.of(tidy_table, pointed(cells), faults)
+    faults.tell()
+    assert found is not None
+    return replace(found, notes=(*found.notes, *notes))
+
+
+def settled_columns(
+    columns: Sequence[Column], study: StudyFile, cells: Cells, faults: list[str], notes: list[str]
+) -> Iterator[Column]:
+    """The columns of a study's table; one with several readings is a fault, one without any a note."""
+    for column in columns:
+        if not column.sure and column.numeric:
+            text, where = column.heading.text, f"{cells.file}: column '{column.heading.text}'"
+            near = near_of_study(column, study)
+            if column.role == "spread":
+                faults.append(f"{where}: sd of single repeats, or standard error? head it 'sd' or 's.e.'")
+            elif not isnan(column.height):
+                faults.append(
+                    f"{where}: a wind at {column.height:g} m is no friction velocity: ./erosion study new "
+                    "--roughness LENGTH makes one of it"
+                )
+            elif near:
+                faults.append(
+                    f"{where}: did you mean {near}? name it in the study, [columns] '{text}' = '{near}', or "
+                    "begin the heading of a column that is not used with 'note'"
+                )
+            else:
+                notes.append(f"column '{text}' of {cells.file} is not used: the study has no such name.")
+            column = replace(column, role="remark", sure=True)
+        yield column
+
+
+def near_of_study(column: Column, study: StudyFile) -> str:
+    """Condition or observable of a study, or known place, that an unknown heading seems to misspell."""
+    named = [*study.conditions, *study.observables]
+    near = get_close_matches(plain_words(column.heading.name).replace(" ", "_"), named, n=1, cutoff=NEAR)
+    return near[0] if near else tidy_name(column.near) if "." in column.near else column.near
 
 
 def named_by_study(cells: Cells, study: StudyFile) -> Told:
@@ -104,17 +144,30 @@ def study_measurements(
 
 def refuse_absent(table: Table, file: StudyFile, name: str) -> None:
     """Refuse a study that names conditions or observables which the table has not."""
+    faults = []
     for column in file.conditions:
         if column not in table.conditions:
             there = ", ".join(table.conditions) or "none"
-            raise BadInput(
+            faults.append(
                 f"{name}: conditions.{column} is no column of {table.file}; conditions there: {there}"
+                f"{did_you_mean(column, table.conditions)}"
             )
-    measured = dict.fromkeys(row.observable for row in table.rows)
+    measured = list(dict.fromkeys(row.observable for row in table.rows))
     for observable in file.observables:
         if observable not in measured:
             there = ", ".join(measured)
-            raise BadInput(f"{name}: observables.{observable} has no row in {table.file}; there: {there}")
+            faults.append(
+                f"{name}: observables.{observable} has no row in {table.file}; there: {there}"
+                f"{did_you_mean(observable, measured)}"
+            )
+    if faults:
+        raise BadInput(*faults)
+
+
+def did_you_mean(wanted: str, there: Sequence[str]) -> str:
+    """The name of a table that is near to one of a study, as a question; empty where none is."""
+    near = get_close_matches(wanted, there, n=1, cutoff=NEAR)
+    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:

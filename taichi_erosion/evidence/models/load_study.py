@@ -33,6 +33,7 @@ from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.own_effects import InstrumentedModel, instrument_candidate, instruments
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
+from taichi_erosion.evidence.models.study_values import study_value_faults
 
 BudgetName = Literal["quick", "full"]
 EffectFiles = tuple[EffectFile, ...]
@@ -93,6 +94,8 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     files = study_effect_files(path, file, options)
     table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
     measurements, notes = study_measurements(table, file, str(path), place_units(file, path, files))
+    if impossible := list(study_value_faults(table, file, path.parent)):
+        raise BadInput(*impossible)
     hidden, vault_note = split(measurements, file.vault.fraction, file.vault.ranges)
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)

@@ -32,7 +32,7 @@ DATES = (
 DATE = re.compile("|".join(DATES), re.IGNORECASE)
 SPREAD = re.compile(r"\s*\(\s*(?:±\s*)?[\d.,]+\s*\)$")
 LOOK_ALIKES = str.maketrans("OoОоlI|SBZ", "0000111582")  # letters typed for digits, two of them Cyrillic
-SLIPPED = re.compile(  # a number with such letters: among digits, before a decimal mark, or O and l at its end
+SLIPPED = re.compile(  # a number with such letters: among digits, before a mark, or O and l at the end
     r"[+-]?(?=[^\d]*\d)(?:(?:[OoОоlI|](?=\d*[.,]\d)|\d)"
     r"(?:[\dOoОоlI|.,]|[SBZ](?=[\d.,]))*|[OoОоlI|][.,](?:[\dOoОоlI|]|[SBZ](?=\d))+)(?![^\W\d_])"
 )

@@ -7,12 +7,20 @@ marked as one, so that it can be asked.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from math import isnan, nan
 
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.tables.cell_numbers import MISSING, is_quantity, plain_cell
-from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Heading, read_heading
+from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Heading, read_heading, stated_unit
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
-from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, Role, meaning_of, plain_words
+from taichi_erosion.evidence.data.tables.vocabulary import (
+    DIAMETER,
+    SCATTER,
+    Role,
+    meaning_of,
+    near_meaning,
+    plain_words,
+)
+from taichi_erosion.evidence.data.tables.wind_heights import wind_height
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
@@ -35,6 +43,9 @@ class Column:
     sure: bool = True  # False: a guess from the cells
     numeric: bool = True
     of: int = -1  # place of the observable whose scatter or repeats stand here
+    near: str = ""  # what an unknown heading may mean: misspelt, or with several readings
+    height: float = nan  # above the bed at which a wind was measured [m]; NaN: no wind, or none is stated
+    factor: float = 1.0  # from the numbers of the column to those of what it measures or sets
 
 
 @dataclass(frozen=True)
@@ -43,17 +54,30 @@ class Told:
 
     observables: Mapping[str, str] = field(default_factory=dict)
     conditions: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
-def column_roles(cells: Cells, told: Told) -> list[Column]:
-    """Columns in their order; raises BadInput with all that is wrong with their headings."""
-    faults = list(heading_faults(cells))
+def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
+    """Columns in their order; all that is wrong with their headings is added to `faults`.
+
+    A column with a fault is a remark.
+    """
+    faults += heading_faults(cells)
     named = stated_names(cells, told, faults)
-    columns = [column_of(cells, place, named) for place in range(len(cells.heading))]
-    faults += [fault for column in columns for fault in unit_faults(cells, column)]
-    if faults:
-        raise BadInput(*faults)
-    return with_partners(columns)
+    columns = [with_unit(column_of(cells, place, named), told) for place in range(len(cells.heading))]
+    found = []
+    for column in columns:
+        wrong = list(unit_faults(cells, column))
+        faults += wrong
+        found.append(replace(column, role="remark", sure=True) if wrong else column)
+    return with_partners(found)
+
+
+def with_unit(column: Column, told: Told) -> Column:
+    """A column with the unit that the user states for it."""
+    texts = {plain_words(column.heading.text), plain_words(column.heading.name)}
+    unit = next((unit for text, unit in told.units.items() if plain_words(text) in texts), None)
+    return column if unit is None else replace(column, heading=stated_unit(column.heading, unit))
 
 
 def heading_faults(cells: Cells) -> Iterator[str]:
@@ -64,7 +88,7 @@ def heading_faults(cells: Cells) -> Iterator[str]:
         if not text:
             if any(row[place] for _, row in cells.lines):
                 yield f"{where} has no heading; name it, or empty it"
-        elif text in seen and meaning_of(read_heading(text).name)[0] not in ("sd", "se", "n", "remark"):
+        elif text in seen and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):
             yield f"{where}: heading '{text}' stands in column {seen[text] + 1} too; give each its own name"
         seen.setdefault(text, place)
 
@@ -74,8 +98,8 @@ def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple
     known = {plain_words(text): place for place, text in reversed(list(enumerate(cells.heading)))}
     known |= {plain_words(read_heading(text).name): place for place, text in enumerate(cells.heading) if text}
     found: dict[int, tuple[Role, str]] = {}
-    stated: tuple[tuple[Role, Mapping[str, str]], ...]
-    stated = (("observable", told.observables), ("condition", told.conditions))
+    stated: tuple[tuple[str, Mapping[str, str]], ...]
+    stated = (("observable", told.observables), ("condition", told.conditions), ("unit", told.units))
     for role, names in stated:
         for text, name in names.items():
             place = known.get(plain_words(text))
@@ -87,8 +111,8 @@ def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple
                     else "there are: " + ", ".join(filter(None, cells.heading))
                 )
                 faults.append(f"{cells.file}: --{role} {text}={name}: no column '{text}'; {hint}")
-            else:
-                found[place] = (role, name)
+            elif role != "unit":
+                found[place] = ("observable" if role == "observable" else "condition", name)
     return found
 
 
@@ -106,10 +130,14 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if not numeric:
         kept: Role = role if role in ("group", "source") else "remark"
         return Column(place, heading, kept, numeric=False)
-    if role == "group" or counts_rows(content) or not content:
+    if role == "group" or not content or (role in ("unknown", "remark") and counts_rows(content)):
         return Column(place, heading, "group" if role == "group" else "remark")
-    sure = role != "unknown"
-    return Column(place, heading, role if sure else "remark", name, sure)
+    height = wind_height(heading, name)
+    if not isnan(height):
+        return Column(place, heading, "remark", sure=False, height=height)
+    if role == "unknown":
+        return Column(place, heading, "remark", sure=False, near=near_meaning(heading.name)[1])
+    return Column(place, heading, role, name, sure=role != "spread")
 
 
 def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
@@ -131,7 +159,7 @@ def counts_rows(content: Sequence[str]) -> bool:
 def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     """A unit that cannot be read, or that is another quantity than the place."""
     where = f"{cells.file}: column '{column.heading.text}'"
-    if column.role in ("observable", "condition", "sd", "se") and column.heading.unreadable:
+    if column.role in ("observable", "condition", "sd", "se", "spread") and column.heading.unreadable:
         try:
             parse_scale(column.heading.unreadable)
         except UnknownUnit as error:
@@ -151,7 +179,7 @@ def with_partners(columns: Sequence[Column]) -> list[Column]:
     measured = [column for column in columns if column.role == "observable"]
     found = []
     for column in columns:
-        if column.role in ("sd", "se", "n") and measured:
+        if column.role in SCATTER and measured:
             before = [each for each in measured if each.place < column.place]
             words = plain_words(column.heading.name)
             called = [each for each in measured if plain_words(each.heading.name) in words]

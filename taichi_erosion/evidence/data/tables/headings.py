@@ -1,7 +1,7 @@
 """Headings of columns as laboratories write them: `Korngröße [µm]`, `Feuchte in %`, `d / mm`."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 
@@ -68,6 +68,12 @@ def read_heading(text: str) -> Heading:
         if unit is not None:
             return Heading(text, match["name"].strip(" ,/:"), unit)
     return Heading(text, text)
+
+
+def stated_unit(heading: Heading, text: str) -> Heading:
+    """The heading with the unit that the user states; one that cannot be read is kept as such."""
+    unit = unit_in(text)
+    return replace(heading, unit=unit or "", unreadable="" if unit else text)
 
 
 def bracketed_heading(text: str, match: re.Match[str], square: bool) -> Heading:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Literal
 
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.tables.cell_numbers import (
     NO_TRANSPORT,
     CellFault,
@@ -30,17 +29,16 @@ class Choices:
     """What the table itself does not say."""
 
     scatter: Literal["sd", "se"] = "sd"  # what a number behind `±` is
-    units: Mapping[int, str] | None = None  # of columns without one, by place
     names: Mapping[int, str] | None = None  # tidy names of conditions, by place
 
 
-def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices) -> Cells:
-    """The tidy table; raises BadInput with all faults of its cells."""
+def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices, faults: list[str]) -> Cells:
+    """The tidy table of what can be read; all faults of its cells are added to `faults`."""
     observables = [column for column in columns if column.role == "observable"]
     conditions = [column for column in columns if column.role == "condition"]
     table = LaboratoryTable(cells, columns, choices)
     headings = [condition_heading(column, choices, table.cell_unit(column)) for column in conditions]
-    faults = list(copy_faults(cells, columns))
+    faults += copy_faults(cells, columns)
     rows = []
     for line, row in cells.lines:
         summary = next((cell for cell in row if is_summary(cell)), None)
@@ -55,8 +53,6 @@ def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices) -> Cel
                 rows.append((line, (column.name, *measured, table.group(row), *ends)))
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measured value")
-    if faults:
-        raise BadInput(*faults)
     heading = (cells.rows[0][0], (*FORMAT, *headings, "source"))
     return Cells(cells.file, (heading, *rows), False, cells.form, ",")
 
@@ -107,7 +103,7 @@ class LaboratoryTable:
 
     def unit(self, column: Column) -> str:
         """Unit of a column: of its heading, else as chosen."""
-        return column.heading.unit or (self.choices.units or {}).get(column.place, "")
+        return column.heading.unit
 
     def cell_unit(self, column: Column) -> str:
         """Unit of a column, else the first one that stands behind a number in it."""
@@ -123,17 +119,17 @@ class LaboratoryTable:
         """Factor from the unit behind a number to that of its column."""
         unit = self.cell_unit(column)
         if not written or written == unit:
-            return 1.0
+            return column.factor
         try:
             factor = conversion(parse_unit(written), parse_scale(unit)) if unit else None
         except UnknownUnit as error:
-            faults.append(
-                f"{self.where(line, column)}: unit '{written}' is not known; {error.hint or 'write the number alone'}"
-            )
-            return 1.0
+            hint = error.hint or "write the number alone"
+            faults.append(f"{self.where(line, column)}: unit '{written}' is not known; {hint}")
+            return column.factor
         if factor is None:
-            faults.append(f"{self.where(line, column)}: a number in {written} in a column in {unit}")
-        return factor or 1.0
+            told = f"in a column in {unit}" if unit else "in a column without unit"
+            faults.append(f"{self.where(line, column)}: a number in {written} {told}")
+        return (factor or 1.0) * column.factor
 
     def condition(self, line: int, row: Sequence[str], column: Column, faults: list[str]) -> str:
         """Number of a condition in the unit of its column."""

@@ -43,13 +43,13 @@ class Cells:
         return self.rows[1:]
 
 
-def read_cells(path: Path, name: str) -> Cells:
-    """Cells of a file; raises BadInput with all rows that do not fit."""
+def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
+    """Cells of a file; rows that do not fit are left out and added to `faults`. Raises BadInput."""
     content = file_bytes(path, name)
     if content.startswith(OLD_WORKBOOK) or path.suffix.lower() in (".xls", ".ods", ".numbers"):
         raise BadInput(f"{name}: this kind of workbook is not read; save it as .xlsx or .csv")
     if content.startswith(WORKBOOK):
-        return workbook_cells(content, name)
+        return workbook_cells(content, name, faults)
     if path.suffix.lower() in (".xlsx", ".xlsm"):
         raise BadInput(f"{name}: is no workbook; save it again as .xlsx or .csv")
     text, encoding = decoded(content, name)
@@ -58,7 +58,7 @@ def read_cells(path: Path, name: str) -> Cells:
     comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
     mark = "decimal commas" if comma else "decimal points"
     form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
-    return Cells(name, tuple(rectangular(rows, name, separator)), comma, form, separator)
+    return Cells(name, tuple(rectangular(rows, name, separator, faults)), comma, form, separator)
 
 
 def file_bytes(path: Path, name: str) -> bytes:
@@ -138,27 +138,24 @@ def below_titles(rows: Sequence[tuple[int, list[str]]]) -> Iterator[tuple[int, l
 
 
 def rectangular(
-    rows: Sequence[tuple[int, list[str]]], name: str, separator: str
+    rows: Sequence[tuple[int, list[str]]], name: str, separator: str, faults: list[str]
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Rows as wide as the heading; empty columns behind the last heading are cut off."""
+    """Rows as wide as the heading, others are faults; empty columns behind the last heading are cut off."""
     if not rows:
         return
     heading = rows[0][1]
     width = max((k + 1 for k, cell in enumerate(heading) if cell), default=0)
     hint = "; put text with commas into quotes, write decimals with a point" if separator == "," else ""
-    faults = []
     for line, cells in rows:
         filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
         if filled > width or (len(cells) < width and len(cells) < len(heading)):
             count = max(filled, len(cells)) if filled > width else len(cells)
             faults.append(f"{name}: row {line} has {count} cells, the heading {width}{hint}")
-    if faults:
-        raise BadInput(*faults)
-    for line, cells in rows:
-        yield line, tuple(cells[:width])
+        else:
+            yield line, tuple(cells[:width])
 
 
-def workbook_cells(content: bytes, name: str) -> Cells:
+def workbook_cells(content: bytes, name: str, faults: list[str]) -> Cells:
     """Cells of the first sheet with content of a workbook."""
     sheets = [(title, rows) for title, rows in sheets_of(content, name) if rows]
     if not sheets:
@@ -171,7 +168,7 @@ def workbook_cells(content: bytes, name: str) -> Cells:
     form = f"workbook, sheet '{title}'"
     if len(sheets) > 1:
         form += f" (not read: {', '.join(repr(other) for other, _ in sheets[1:])})"
-    return Cells(name, tuple(rectangular(list(below_titles(shown)), name, "")), comma, form)
+    return Cells(name, tuple(rectangular(list(below_titles(shown)), name, "", faults)), comma, form)
 
 
 def sheets_of(content: bytes, name: str) -> list[tuple[str, list[tuple[int, list[Any]]]]]:

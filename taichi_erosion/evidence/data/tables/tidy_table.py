@@ -70,9 +70,13 @@ class Column:
     unit: str | None = None
 
 
-def tidy_table(cells: Cells) -> Table:
-    """Rows of a tidy table, every cell checked; raises BadInput with all its faults."""
-    name, faults = cells.file, Faults()
+def tidy_table(cells: Cells, faults: "Faults | None" = None) -> Table:
+    """Rows of a tidy table, every cell checked; raises BadInput with all its faults.
+
+    Where `faults` is given, those of cells are added to it in place of an error, and what is wrong is NaN.
+    """
+    name, collected = cells.file, faults is not None
+    faults = Faults() if faults is None else faults
     if not cells.rows:
         raise BadInput(f"{name}: is empty; the first row names the columns: {', '.join(REQUIRED)}, ...")
     columns = read_heading(cells.heading, name)
@@ -80,10 +84,11 @@ def tidy_table(cells: Cells) -> Table:
     lines, notes = without_lower_limits(cells, fixed["value"])
     conditions = condition_columns(columns, lines, name, faults)
     rows = [read_row(line, row, fixed, conditions, name, faults) for line, row in lines]
-    if not cells.lines:
+    if not cells.lines and not faults:
         faults.append(f"{name}: has a heading but no measurement")
     faults.of(refuse_copies, lines, columns, name)
-    faults.tell()
+    if not collected:
+        faults.tell()
     names, units = tuple(c.name for c in conditions), tuple(c.unit for c in conditions)
     return Table(name, names, units, tuple(rows), tuple(notes))
 

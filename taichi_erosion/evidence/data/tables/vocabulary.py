@@ -6,13 +6,17 @@ A heading means what its longest known word means. Words are compared without ac
 import re
 import tomllib
 import unicodedata
+from collections.abc import Iterator
+from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 from typing import Literal
 
-Role = Literal["observable", "condition", "sd", "se", "n", "group", "source", "remark", "unknown"]
+Role = Literal["observable", "condition", "sd", "se", "spread", "n", "group", "source", "remark", "unknown"]
+SCATTER = ("sd", "se", "spread", "n")  # roles of columns that belong to another one
 DIAMETER = "grains.size.diameter"  # place of the grain diameter in the scenes that `study new` writes
 IDEOGRAPHS = 0x2E80  # from here on a sign is a word, or half of one
+NEAR = 0.8  # similarity of two words from which one may be the other misspelt [1]
 COMPOUND = 5  # letters of a word that may be the part of a compound
 
 
@@ -29,6 +33,7 @@ def vocabulary() -> dict[str, dict[str, tuple[str, ...]]]:
 def plain_words(text: str) -> str:
     """A heading without accents, capitals and signs between words."""
     opened = unicodedata.normalize("NFKD", text.casefold().replace("ß", "ss"))
+    opened = opened.replace("+/-", "±").replace("+-", "±")
     bare = "".join(sign for sign in opened if not unicodedata.combining(sign))
     return " ".join(re.sub(r"[_\-./,:;]+", " ", bare).split())
 
@@ -46,16 +51,70 @@ def found_length(word: str, heading: str) -> int:
 
 
 def meaning_of(heading: str) -> tuple[Role, str]:
-    """Role of a column and what it measures or sets; unknown for a heading without known words."""
-    plain, best, role, meant = plain_words(heading), 0, "unknown", ""
-    for kind in ("observables", "conditions", "roles"):
+    """Role of a column and what it measures or sets; unknown for a heading without known words.
+
+    A word for scatter or repeats at either end of a heading makes it one, whatever else is known in it:
+    `SD repose angle`. Of a condition's scatter nothing is known to a table: a remark.
+    """
+    plain = plain_words(heading)
+    whole = next((role for role, words in vocabulary()["whole"].items() if plain in words), None)
+    if whole is not None:
+        return whole, ""  # pyright: ignore[reportReturnType]
+    length, role, meant = longest_meaning(heading, plain, ("observables", "conditions"))
+    scatter = scatter_role(plain)
+    if scatter is not None and (length == 0 or len(plain) > length):
+        return ("remark", "") if role == "condition" else (scatter, "")
+    other, kind, _ = longest_meaning(heading, plain, ("roles",))
+    return (kind, "") if other > length else (role, meant)
+
+
+def longest_meaning(heading: str, plain: str, kinds: tuple[str, ...]) -> tuple[int, Role, str]:
+    """Length of the longest known word of some kinds in a heading, its role, and its meaning."""
+    best, role, meant = 0, "unknown", ""
+    for kind in kinds:
         for name, words in vocabulary()[kind].items():
             length = max(found_length(word, plain) for word in words)
             if kind != "roles" and heading.strip() == name.rpartition(".")[2]:
                 length = len(heading) + 1
             if length > best:
                 best, role, meant = length, name if kind == "roles" else kind.removesuffix("s"), name
-    return role, "" if meant == role else meant  # pyright: ignore[reportReturnType]
+    return best, role, meant  # pyright: ignore[reportReturnType]
+
+
+def scatter_role(plain: str) -> Role | None:
+    """Kind of scatter, or repeats, of which a word stands at the beginning or the end of a heading."""
+    found: list[tuple[int, Role]] = []
+    for role in SCATTER:
+        for word in vocabulary()["roles"][role]:
+            if re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
+                found.append((len(word), role))
+    return max(found)[1] if found else None
+
+
+def near_meaning(heading: str) -> tuple[Role, str, str]:
+    """Role, meaning and word of the observable or condition that a heading seems to misspell; else unknown.
+
+    The word is empty where the heading is none misspelt, but may mean something else too.
+    """
+    plain = plain_words(heading)
+    for name, asked in vocabulary()["asked"].items():
+        if any(found_length(word, plain) for word in asked):
+            return "observable", name, ""
+    words = {word: (role, name) for role, name, word in words_of_columns() if len(word) >= COMPOUND}
+    for part in (plain, *(part for part in plain.split() if len(part) >= COMPOUND)):
+        near = get_close_matches(part, words, n=1, cutoff=NEAR)
+        if near:
+            role, name = words[near[0]]
+            return role, name, near[0]
+    return "unknown", "", ""
+
+
+def words_of_columns() -> Iterator[tuple[Role, str, str]]:
+    """(role, meaning, word) of all observables and conditions."""
+    for kind in ("observables", "conditions"):
+        for name, words in vocabulary()[kind].items():
+            for word in (*words, plain_words(name.rpartition(".")[2])):
+                yield kind.removesuffix("s"), name, word  # pyright: ignore[reportReturnType]
 
 
 def known_places() -> tuple[str, ...]:

@@ -23,7 +23,7 @@ WANTED = ["grains.size.diameter", "conditions.moisture", "repose_angle"]
 
 def cells_of(folder: Path, content: bytes, name: str = "t.csv"):
     (folder / name).write_bytes(content)
-    return read_cells(folder / name, name)
+    return read_cells(folder / name, name, [])
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def cells_of(folder: Path, content: bytes, name: str = "t.csv"):
 )
 def test_columns_are_known_in_any_code_page_and_language(tmp_path, text, encoding):
     cells = cells_of(tmp_path, text.encode(encoding))
-    columns = column_roles(cells, Told())
+    columns = column_roles(cells, Told(), [])
     assert [column.name for column in columns if column.name] == WANTED
     angle = next(column.place for column in columns if column.role == "observable")
     found = [read_cell(row[angle], cells.decimal_comma).value for _, row in cells.lines]

@@ -1,0 +1,171 @@
+"""Physical ranges of measured quantities and of conditions: impossible values, and units that seem mistaken.
+
+The possible range of a condition is that of the place which it sets (the schema of scenes). An observable has
+its own here. The usual range is that of soil, sand and wind on Earth: a column outside of it that another
+unit would put inside has most likely the wrong unit.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, nan
+
+from taichi_erosion.evidence.data.tables.tidy_table import Row, Table
+from taichi_erosion.scene.paths import number_at
+from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
+
+GRAIN = (2e-6, 2e-2)  # m: from clay to gravel
+SOLO_ROWS = 3  # rows outside a range that are told one by one; more are told in one line
+NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is taken as meant
+UNIT_FAMILIES = (
+    ("um", "mm", "cm", "m"),
+    ("%", "1"),
+    ("deg", "rad"),
+    ("m/s", "cm/s", "mm/s"),
+    ("degC", "K"),
+    ("Pa", "hPa", "kPa"),
+    ("s", "min", "h", "d"),
+)
+
+
+@dataclass(frozen=True)
+class PhysicalRange:
+    """Possible and usual values of a quantity, ends included."""
+
+    unit: str
+    low: float
+    high: float
+    usual: tuple[float, float] | None = None
+    above_low: bool = False  # the low end itself is impossible
+
+    def possible(self, value: float) -> bool:
+        """Whether a value can be."""
+        return self.low <= value <= self.high and not (self.above_low and value == self.low)
+
+    def is_usual(self, value: float) -> bool:
+        """Whether a value is possible and, where a usual range is known, within it; zero always is."""
+        low, high = self.usual or (self.low, self.high)
+        return self.possible(value) and (low <= value <= high or value == 0.0)
+
+    def told(self) -> str:
+        """The possible range in words."""
+        return f"{'(' if self.above_low else '['}{self.low:g}, {self.high:g}]"
+
+
+ANGLE = PhysicalRange("deg", 0.0, 90.0, (5.0, 70.0))
+THRESHOLD = PhysicalRange("m/s", 0.0, 10.0, (0.03, 3.0), above_low=True)
+TUNNEL_WIND = PhysicalRange("m/s", 0.0, 100.0, (1.0, 60.0), above_low=True)
+LENGTH = PhysicalRange("m", 0.0, 100.0)
+SHARE = PhysicalRange("1", 0.0, 1.0)
+OBSERVED: Mapping[str, PhysicalRange] = {
+    **dict.fromkeys(
+        ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle"), ANGLE
+    ),
+    **dict.fromkeys(("threshold_u_star", "fluid_threshold", "impact_threshold", "rolling_onset"), THRESHOLD),
+    "impact_threshold_linear": THRESHOLD,
+    "threshold_wind_speed": TUNNEL_WIND,
+    "flux": PhysicalRange("kg/(m s)", 0.0, 100.0),
+    **dict.fromkeys(
+        ("pile_height", "centroid_height", "radius_90", "runout_radius", "column_height", "flux_height"),
+        LENGTH,
+    ),
+    "rebound_share": SHARE,
+}
+USUAL: Mapping[str, tuple[float, float]] = {  # of places, in their units
+    "grains.size.diameter": GRAIN,
+    "conditions.diameter": GRAIN,
+    "conditions.moisture": (5e-5, 0.6),
+    "conditions.temperature": (230.0, 350.0),
+    "conditions.pressure": (4e4, 1.2e5),
+    "conditions.friction_velocity": (0.02, 5.0),
+    "conditions.wind_speed": (0.2, 60.0),
+}
+
+
+def observed_range(measure: str) -> PhysicalRange | None:
+    """Range of a measure of the program; None for one whose values are not bounded here."""
+    return OBSERVED.get(measure)
+
+
+def place_range(path: str) -> PhysicalRange | None:
+    """Range of the number at a dotted path of a scene: the schema's, with the usual one where it is known."""
+    number = number_at(path)
+    return None if number is None else PhysicalRange(number.unit, number.low, number.high, USUAL.get(path))
+
+
+def condition_faults(
+    table: Table, name: str, allowed: PhysicalRange, own: float = nan, usual: bool = True
+) -> Iterator[str]:
+    """Impossible values of a condition, and a column whose unit seems mistaken, one line each.
+
+    `own` is the scene's number at the place: a column near it is meant as it stands. `usual`: whether values
+    that are possible but unusual are looked at.
+    """
+    place = table.conditions.index(name)
+    unit = table.units[place]
+    cells = [(row, row.conditions[place]) for row in table.rows if isfinite(row.conditions[place])]
+    yield from column_faults(
+        table.file, name, [(row, value, unit) for row, value in cells], allowed, own, usual
+    )
+
+
+def observable_faults(table: Table, name: str, allowed: PhysicalRange, usual: bool = True) -> Iterator[str]:
+    """Impossible values of an observable, and a column whose unit seems mistaken, one line each."""
+    rows = [row for row in table.rows if row.observable == name and isfinite(row.value)]
+    yield from column_faults(
+        table.file, name, [(row, row.value, row.unit) for row in rows], allowed, nan, usual
+    )
+
+
+def column_faults(
+    file: str,
+    name: str,
+    cells: Sequence[tuple[Row, float, str | None]],
+    allowed: PhysicalRange,
+    own: float,
+    usual: bool,
+) -> Iterator[str]:
+    """Faults of the numbers of one column, given as (row, number, unit as written)."""
+    scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells]
+    known = [(row, value, unit, scale) for row, value, unit, scale in scaled if scale is not None]
+    wrong = [each for each in known if not allowed.possible(each[3].used(each[1]))]
+    odd = [each for each in known if not allowed.is_usual(each[3].used(each[1]))]
+    meant = likely_units([value for _, value, _, _ in known], known[0][2] if known else None, allowed)
+    if not wrong and usual and meant and 2 * len(odd) > len(known) and not near_own(odd, own):
+        wrong = odd
+    hint = f": did you mean [{'] or ['.join(meant)}]?" if meant else ""
+    for row, value, unit, scale in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
+        stated = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
+        used = scale.used(value)
+        outside = f"outside {allowed.told()}" if not allowed.possible(used) else "which is unusual"
+        more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
+        where = f"{file}: row {row.line}, {name} = {stated} is {used:g} {allowed.unit}"
+        yield f"{where}, {outside}{more}; check number and unit{hint}"
+
+
+def near_own(cells: Sequence[tuple[Row, float, str | None, Scale]], own: float) -> bool:
+    """Whether all numbers lie near the one of the scene."""
+    if not (isfinite(own) and own > 0.0):
+        return False
+    return all(own / NEAR_SCENE <= scale.used(value) <= own * NEAR_SCENE for _, value, _, scale in cells)
+
+
+def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
+    """Scale from a unit as written to that of a range; None where they differ in kind."""
+    try:
+        return scale_between(unit or allowed.unit, parse_unit(allowed.unit))
+    except UnknownUnit:
+        return None
+
+
+def likely_units(values: Sequence[float], unit: str | None, allowed: PhysicalRange) -> list[str]:
+    """Other units that put all numbers of a column within the usual range."""
+    kind = parse_unit(allowed.unit).kind
+    written = parse_scale(unit or allowed.unit)
+    found = []
+    for other in (each for family in UNIT_FAMILIES for each in family):
+        target = parse_scale(other)
+        same = target.kind == kind and (target.factor, target.origin) != (written.factor, written.origin)
+        scale = scale_of(other, allowed) if same else None
+        if scale is not None and any(values) and all(allowed.is_usual(scale.used(v)) for v in values):
+            found.append(other)
+    return found
