@@ -218,6 +218,7 @@ def live(
 
 def recording_of(file: Path) -> Path:
     """Recording file; the recording of a study is written from its results."""
+    refuse_neither(file)
     if file.suffix != ".toml":
         return file
     from taichi_erosion.report import write_recording

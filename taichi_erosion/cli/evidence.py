@@ -14,6 +14,7 @@ from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.file_kind import refuse_neither
 from taichi_erosion.evidence.inference.verdict_levels import CONSISTENT_MISFIT, fails
 
 if TYPE_CHECKING:
@@ -132,6 +133,7 @@ def report(source: ReportSource, to: PageFile = None, force: Force = False, as_j
     """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
     from taichi_erosion.report import write_report
 
+    refuse_neither(source)
     page = str(write_report(source, to, force))
     output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
     if not as_json:

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.file_kind import refuse_other_kind
 from taichi_erosion.scene.checks import air_checks, cross_checks
 from taichi_erosion.scene.diameters import expand_diameters
 from taichi_erosion.scene.paths import apply_override
@@ -66,6 +67,7 @@ def is_air_scene(path: Path) -> bool:
 def toml_table(path: str | Path) -> dict[str, Any]:
     """Raw table of a TOML file."""
     name = one_line_name(path)
+    refuse_other_kind(Path(path), "scene")
     try:
         return tomllib.loads(file_text(Path(path), name))
     except (ValueError, RecursionError) as error:

@@ -190,7 +190,8 @@ def settled_wind(
     if not answer:
         faults.append(
             f"{cells.file}: column '{text}': a wind at {height:g} m is no friction velocity; give the "
-            "roughness length of the bed, --roughness '0.008 mm' (flat sand: grain diameter / 30), or a column of u*"
+            "roughness length of the bed, --roughness '0.008 mm' (flat sand: grain diameter / 30), or a "
+            "column of u*"
         )
         return replace(column, sure=True)
     roughness = roughness_length(answer, height)

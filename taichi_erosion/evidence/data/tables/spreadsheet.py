@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.file_kind import refuse_other_kind
 from taichi_erosion.evidence.data.tables.cell_numbers import has_decimal_comma
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
@@ -45,6 +46,8 @@ class Cells:
 
 def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
     """Cells of a file; rows that do not fit are left out and added to `faults`. Raises BadInput."""
+    if path.suffix.lower() == ".toml" or path.is_dir():
+        refuse_other_kind(path, "table")
     content = file_bytes(path, name)
     if content.startswith(OLD_WORKBOOK) or path.suffix.lower() in (".xls", ".ods", ".numbers"):
         raise BadInput(f"{name}: this kind of workbook is not read; save it as .xlsx or .csv")

@@ -111,10 +111,11 @@ def near_meaning(heading: str) -> tuple[Role, str, str]:
 
 def words_of_columns() -> Iterator[tuple[Role, str, str]]:
     """(role, meaning, word) of all observables and conditions."""
-    for kind in ("observables", "conditions"):
+    kinds: tuple[tuple[Role, str], ...] = (("observable", "observables"), ("condition", "conditions"))
+    for role, kind in kinds:
         for name, words in vocabulary()[kind].items():
             for word in (*words, plain_words(name.rpartition(".")[2])):
-                yield kind.removesuffix("s"), name, word  # pyright: ignore[reportReturnType]
+                yield role, name, word
 
 
 def known_places() -> tuple[str, ...]:

@@ -1,0 +1,75 @@
+"""What a file is, where a command is given one of another kind: a table for a study, a scene for a table.
+
+Only what its name or its sections make certain is told; any other file is left to its own reader.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from taichi_erosion.core.errors import BadInput
+
+Wanted = Literal["table", "study", "scene"]
+ENDINGS: Mapping[str, str] = {
+    **dict.fromkeys((".csv", ".tsv", ".xlsx", ".xlsm", ".xls", ".ods"), "table"),
+    **dict.fromkeys((".rrd",), "recording"),
+    **dict.fromkeys((".json", ".html", ".htm"), "result"),
+    **dict.fromkeys((".py",), "effect"),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".pdf", ".npz", ".docx"), "other"),
+}
+REMEDIES: Mapping[str, str] = {
+    "table": "is a table of measurements; make a study of it: ./erosion study new {path}",
+    "study": "is a study; the commands on it are: ./erosion study check {path}, ./erosion compare {path}",
+    "scene": "is a scene; simulate it: ./erosion run {path}",
+    "recording": "is the recording of a run; look at it: ./erosion view {path}",
+    "result": "is a result of this program, not its input",
+    "effect": "is a Python file; an effect file is named beside a study or a scene: --effect {path}",
+    "other": "is no text of this program",
+}
+NAMED = 3  # files of a folder that a message names
+
+
+def refuse_other_kind(path: Path, wanted: Wanted) -> None:
+    """Refuse a file that is certainly of another kind than wanted; raises BadInput with the right command."""
+    name = str(path).replace("\n", "?")
+    if path.is_dir():
+        raise BadInput(f"{name}: is a folder; {folder_remedy(path, wanted)}")
+    found = file_kind(path)
+    if found is not None and found != wanted and path.is_file():
+        raise BadInput(f"{name}: {REMEDIES[found].format(path=name)}; a {wanted} is wanted here")
+
+
+def refuse_neither(path: Path) -> None:
+    """Refuse what is certainly neither a study nor a run, for commands that take both; raises BadInput."""
+    if path.is_dir() or file_kind(path) in ("table", "effect", "scene"):
+        refuse_other_kind(path, "study")
+
+
+def file_kind(path: Path) -> str | None:
+    """Kind of a file; None where its name does not tell, or its content cannot be read."""
+    if path.suffix.lower() != ".toml":
+        return ENDINGS.get(path.suffix.lower())
+    try:
+        return toml_kind(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def toml_kind(table: Mapping[str, Any]) -> str | None:
+    """Kind of a TOML file by its sections; None for one that has neither those of a study nor of a scene."""
+    if "study" in table or "observables" in table:
+        return "study"
+    return "scene" if "scene" in table or "grains" in table else None
+
+
+def folder_remedy(folder: Path, wanted: Wanted) -> str:
+    """What to name in place of a folder."""
+    try:
+        there = sorted(path.name for path in folder.iterdir() if file_kind(path) == wanted)
+    except OSError:
+        there = []
+    if not there:
+        return f"name a {wanted}"
+    more = ", ..." if len(there) > NAMED else ""
+    return f"name a {wanted} in it: {', '.join(there[:NAMED])}{more}"
