@@ -34,4 +34,4 @@ def test_a_file_of_another_kind_is_told_with_its_own_command(tmp_path, monkeypat
     assert main(list(words)) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert remedy in line
-    assert "is a" in line
+    assert " is " in line
