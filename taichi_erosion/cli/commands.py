@@ -24,6 +24,7 @@ from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.cli.study import study as study_commands
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
+from taichi_erosion.core.file_kind import refuse_neither
 from taichi_erosion.core.files import check_writable, refuse_foreign
 
 if TYPE_CHECKING:

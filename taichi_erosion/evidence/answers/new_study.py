@@ -16,7 +16,6 @@ from taichi_erosion.evidence.answers import closed_form
 from taichi_erosion.evidence.answers.check_study import acting_candidates, check_study
 from taichi_erosion.evidence.answers.scene_templates import (
     TEMPLATES,
-    WIND_COLUMN,
     Template,
     places_of,
     safe_grains,
@@ -24,7 +23,6 @@ from taichi_erosion.evidence.answers.scene_templates import (
     templates_for,
 )
 from taichi_erosion.evidence.answers.study_text import StudyText, study_text, table_text
-from taichi_erosion.evidence.answers.table_interview import Ask, Interview, TableWishes, understood
 from taichi_erosion.evidence.data.physical_ranges import (
     condition_faults,
     observable_faults,
@@ -32,10 +30,16 @@ from taichi_erosion.evidence.data.physical_ranges import (
     place_range,
 )
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview, TableWishes, understood
 from taichi_erosion.evidence.data.tables.laboratory_table import tidy_name
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
 from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table, is_tidy, pointed, tidy_table
-from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, meaning_of, near_meaning
+from taichi_erosion.evidence.data.tables.vocabulary import (
+    DIAMETER,
+    FRICTION_VELOCITY,
+    meaning_of,
+    near_meaning,
+)
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
@@ -98,7 +102,8 @@ def read_laboratory_table(
         raise BadInput(*faults or [f"{table.name}: has a heading but no measured value"])
     columns: list[Column] = []
     if not is_tidy(cells.heading):
-        stated = TableWishes(wishes.told, wishes.roughness)
+        measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
+        stated = TableWishes(wishes.told, wishes.roughness, tuple(measures))
         cells, columns = understood(cells, stated, interview, faults)
     measured = faults.of(tidy_table, pointed(cells), faults)
     if measured is not None:
@@ -173,7 +178,7 @@ def scene_study(
                 [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
             )
             conditions[name] = ", ".join(filter(None, stated))
-        if template.wind and WIND_COLUMN not in places.values():
+        if template.wind and FRICTION_VELOCITY not in places.values():
             interview.assumed.append("no column states the friction velocity: the wind is that of the scene")
     observables = {name: key for key, own in found.items() for name in own}
     positive = {n for n in names if all(r.value > 0.0 for r in table.rows if r.observable == n)}

@@ -9,13 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER
+from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, FRICTION_VELOCITY
 from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
 from taichi_erosion.scene.shipped import SCENES
 
 FLATTER = 0.8  # of the smallest measured angle, down to which a heap is large enough for its measure [1]
 USUAL_HEAP, USUAL_SAND = 2e-3, 2.5e-4  # grain diameters where the table states none [m]
-WIND_COLUMN = "conditions.friction_velocity"
 Changes = Mapping[str, Any]  # dotted path -> value; None: the entry is left out
 
 
@@ -237,6 +236,6 @@ def places_of(template: Template, place: str) -> str:
     """Places of the scene that a column sets, given the one that its heading means."""
     if place == DIAMETER and not template.varies:
         return "conditions.diameter"
-    if place == WIND_COLUMN and template.wind:
-        return ", ".join((WIND_COLUMN, *template.wind))
+    if place == FRICTION_VELOCITY and template.wind:
+        return ", ".join((FRICTION_VELOCITY, *template.wind))
     return place

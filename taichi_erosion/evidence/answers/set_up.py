@@ -14,14 +14,16 @@ import numpy as np
 
 from taichi_erosion.evidence.answers.discover import discover, nameless_discovery
 from taichi_erosion.evidence.answers.start_values import model_at_start
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.findings import Discovery, Estimate, LevelShift, Rows, SetUpFault
-from taichi_erosion.evidence.data.problem import Bools, Floats, Progress
+from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Problem, Progress
 from taichi_erosion.evidence.inference.prepared_problem import NO_VALUE
-from taichi_erosion.evidence.inference.verdict_levels import fails
+from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL, fails, least_rows, too_few_rows
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.predictor import seed_mean
 
 FAR = 5.0  # sd by which every row of an observable is off that is off as a whole
+UNLIKE = 2.0  # scatter of repeated rows over the stated one from which they differ much more than stated
 LEAST_ROWS = 3  # fewer have no level of their own
 SEEDS = 4  # of the model at its start values, where a unit is looked for
 NEAR = log(1.6)  # of a ratio to the factor of a unit, in logarithms: what is missing may move it too
@@ -63,7 +65,11 @@ def set_up_faults(
 
     An observable whose level the answer leaves free (`levels`) blocks nothing by its level.
     """
-    found = [*study.faults, *(fault for shift in levels for fault in level_unit(study, shift))]
+    found = [
+        *table_faults(study.problem),
+        *study.faults,
+        *(fault for shift in levels for fault in level_unit(study, shift)),
+    ]
     start = values_at_start(study, rows)
     strained = any(number.at_bound or moved_far(study, path, number) for path, number in parameters.items())
     useless = {fault.place for fault in study.faults if fault.blocks}
@@ -76,6 +82,65 @@ def set_up_faults(
     found += bound_faults(study, parameters)
     failed = [words for words in warnings if words.startswith(NO_VALUE)]
     return (*found, *(SetUpFault("failed_runs", "model", words, False) for words in failed))
+
+
+def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:
+    """What the table of a study cannot carry, known before its model is asked."""
+    return (*row_faults(problem), *repeat_faults(problem))
+
+
+def row_faults(problem: Problem) -> Iterator[SetUpFault]:
+    """Fewer rows under different conditions than tell effects apart, where there are candidates."""
+    table = problem.visible()
+    calibrated = len(problem.parameters) + len(problem.adopted)
+    points = len(set(condition_keys(table)))
+    if not problem.candidates or not too_few_rows(points, calibrated):
+        return
+    hidden = f", {len(problem.vault.rows)} more held out" if len(problem.vault.rows) else ""
+    words = (
+        f"too few rows to tell effects apart: {points} under different conditions{hidden}, where "
+        f"{calibrated} numbers are calibrated; an effect and a level take one more each, and one row must be left to "
+        f"contradict: at least {least_rows(calibrated)} rows"
+    )
+    yield SetUpFault("too_few_rows", "table", words, True)
+
+
+def repeat_faults(problem: Problem) -> Iterator[SetUpFault]:
+    """Rows under the same conditions that differ much more than their stated scatter."""
+    table = problem.visible()
+    for name, noise in comparison_rows(problem, table).noise.items():
+        factor = noise.stated_factor
+        if not factor > UNLIKE or not noise.p < REJECTION_LEVEL:
+            continue
+        words = (
+            f"{name}: rows under the same conditions differ {factor:.2g} times as much as their stated "
+            f"scatter ({widest_repeats(table, name)}): a condition that the table or the study lacks, or a "
+            "scatter that is stated too small"
+        )
+        yield SetUpFault("repeats", name, words, factor > FAR)
+
+
+def condition_keys(table: Measurements) -> list[tuple[str, ...]]:
+    """Observable and conditions of every row."""
+    columns = list(table.conditions.values())
+    return [
+        (name, *(f"{column[row]:.9g}" for column in columns)) for row, name in enumerate(table.observable)
+    ]
+
+
+def widest_repeats(table: Measurements, name: str) -> str:
+    """Repeated rows of an observable that differ most: values and conditions as the table has them."""
+    cells: dict[tuple[str, ...], list[int]] = {}
+    for row, key in enumerate(condition_keys(table)):
+        if key[0] == name and np.isfinite(table.value[row]):
+            cells.setdefault(key, []).append(row)
+    rows = max(cells.values(), key=lambda rows: float(np.ptp(table.value[rows])))
+    at = []
+    for key, column in table.conditions.items():
+        value, unit = table.written(key, float(column[rows[0]]))
+        at.append(f"{key} = {value:.4g} {unit}".rstrip())
+    told = f"{table.value[rows].min():.3g} to {table.value[rows].max():.3g} {table.unit[rows[0]]}"
+    return told + (f" at {', '.join(at)}" if at else "")
 
 
 def values_at_start(study: Study, rows: Rows) -> Floats:
@@ -196,7 +261,8 @@ def bound_faults(study: Study, parameters: Mapping[str, Estimate]) -> Iterator[S
 
 def discovery(study: Study, seed: int, progress: Progress) -> Discovery:
     """The answer of `discover` with the faults of its set-up; where one blocks, nothing is named."""
-    start, problem, waits = perf_counter(), study.problem, blocked(study.faults)
+    start, problem = perf_counter(), study.problem
+    waits = blocked((*table_faults(problem), *study.faults))
     if waits:
         found = nameless_discovery(problem, seed, progress)
     else:

@@ -23,7 +23,10 @@ FIGURES = (
 )  # columns of `Rows`
 
 
-FaultKind = Literal["too_small", "not_converged", "no_value", "failed_runs", "unit", "offset", "at_bound"]
+FaultKind = Literal[
+    *("too_small", "not_converged", "no_value", "failed_runs", "unit", "offset", "at_bound"),
+    *("too_few_rows", "repeats"),
+]
 
 
 @dataclass(frozen=True)

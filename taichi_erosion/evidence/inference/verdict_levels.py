@@ -80,9 +80,19 @@ def fails(p: float | None) -> bool:
     return p is not None and p < MISFIT_LEVEL
 
 
+def least_rows(calibrated: int) -> int:
+    """Least number of rows under different conditions that can tell one effect from another.
+
+    An explanation holds the calibrated numbers and the strength of one effect; that the level of an
+    observable is off instead is one number more. Only what is left after these can contradict an explanation:
+    at least one row.
+    """
+    return calibrated + 3
+
+
 def too_few_rows(rows: int, calibrated: int) -> bool:
-    """Whether there are no more rows than calibrated numbers: almost anything would explain them."""
-    return rows <= calibrated
+    """Whether rows are so few that every explanation describes them, whatever they say."""
+    return rows < least_rows(calibrated)
 
 
 def p_text(p: float) -> str:

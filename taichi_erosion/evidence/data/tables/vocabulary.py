@@ -14,6 +14,7 @@ from typing import Literal
 
 Role = Literal["observable", "condition", "sd", "se", "spread", "n", "group", "source", "remark", "unknown"]
 SCATTER = ("sd", "se", "spread", "n")  # roles of columns that belong to another one
+FRICTION_VELOCITY = "conditions.friction_velocity"
 DIAMETER = "grains.size.diameter"  # place of the grain diameter in the scenes that `study new` writes
 IDEOGRAPHS = 0x2E80  # from here on a sign is a word, or half of one
 NEAR = 0.8  # similarity of two words from which one may be the other misspelt [1]
@@ -100,7 +101,9 @@ def near_meaning(heading: str) -> tuple[Role, str, str]:
     for name, asked in vocabulary()["asked"].items():
         if any(found_length(word, plain) for word in asked):
             return "observable", name, ""
-    words = {word: (role, name) for role, name, word in words_of_columns() if len(word) >= COMPOUND}
+    words: dict[str, tuple[Role, str]] = {
+        word: (role, name) for role, name, word in words_of_columns() if len(word) >= COMPOUND
+    }
     for part in (plain, *(part for part in plain.split() if len(part) >= COMPOUND)):
         near = get_close_matches(part, words, n=1, cutoff=NEAR)
         if near:

@@ -10,7 +10,6 @@ from math import isnan
 from typing import Literal
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.scene_templates import TEMPLATES, WIND_COLUMN, templates_for
 from taichi_erosion.evidence.data.physical_ranges import likely_units, place_range
 from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, CellNumber, read_cell
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told, column_roles, with_partners
@@ -18,7 +17,7 @@ from taichi_erosion.evidence.data.tables.headings import stated_unit
 from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.data.tables.tidy_table import Faults
-from taichi_erosion.evidence.data.tables.vocabulary import known_places, meaning_of
+from taichi_erosion.evidence.data.tables.vocabulary import FRICTION_VELOCITY, known_places, meaning_of
 from taichi_erosion.evidence.data.tables.wind_heights import friction_factor, roughness_length
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
@@ -64,6 +63,7 @@ class TableWishes:
 
     told: Told = field(default_factory=Told)
     roughness: str | None = None  # length of the bed under winds that were measured at a height
+    measures: tuple[str, ...] = ()  # what the scenes of the program measure
 
 
 def understood(
@@ -75,12 +75,11 @@ def understood(
         interview = Interview(lambda _, guess: guess)
     measured = any(column.role == "observable" for column in columns)
     answers = [settled(column, interview, wishes, measured, cells, faults) for column in columns]
-    columns = with_partners(without_unknown(answers, cells, faults))
+    columns = with_partners(without_unknown(answers, wishes, cells, faults))
     if not any(column.role == "observable" for column in columns):
-        known = ", ".join(dict.fromkeys(name for t in TEMPLATES.values() for name in t.observables))
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
-            f"'COLUMN=NAME', NAME one of {known}"
+            f"'COLUMN=NAME', NAME one of {', '.join(wishes.measures)}"
         )
     columns = [with_asked_unit(column, cells, interview) for column in columns]
     choices = Choices(scatter_behind_sign(cells, interview))
@@ -201,16 +200,18 @@ def settled_wind(
         f"{height:g} m and the roughness length z0 = {roughness:.3g} m"
     )
     threshold = "threshold" in meaning_of(column.heading.name)[1] or not measured
-    role, name = ("observable", "threshold_u_star") if threshold else ("condition", WIND_COLUMN)
+    role, name = ("observable", "threshold_u_star") if threshold else ("condition", FRICTION_VELOCITY)
     return replace(column, role=role, name=name, sure=True, factor=factor)
 
 
-def without_unknown(columns: Sequence[Column], cells: Cells, faults: Faults) -> list[Column]:
+def without_unknown(
+    columns: Sequence[Column], wishes: TableWishes, cells: Cells, faults: Faults
+) -> list[Column]:
     """The columns without what no scene measures or has, and without a second one for one condition."""
     found = []
     seen: dict[str, str] = {}
     for column in columns:
-        wrong = list(column_faults(column, seen, cells))
+        wrong = list(column_faults(column, seen, wishes, cells))
         if column.role in ("observable", "condition"):
             seen.setdefault(column.name, column.heading.text)
         faults += wrong
@@ -218,12 +219,13 @@ def without_unknown(columns: Sequence[Column], cells: Cells, faults: Faults) -> 
     return found
 
 
-def column_faults(column: Column, seen: Mapping[str, str], cells: Cells) -> Iterator[str]:
+def column_faults(
+    column: Column, seen: Mapping[str, str], wishes: TableWishes, cells: Cells
+) -> Iterator[str]:
     """What is wrong with the meaning of a column."""
     where = f"{cells.file}: column '{column.heading.text}'"
-    if column.role == "observable" and not templates_for(column.name):
-        known = ", ".join(dict.fromkeys(name for t in TEMPLATES.values() for name in t.observables))
-        yield f"{where}: no scene measures '{column.name}'; known: {known}"
+    if column.role == "observable" and column.name not in wishes.measures:
+        yield f"{where}: no scene measures '{column.name}'; known: {', '.join(wishes.measures)}"
     if column.role in ("observable", "condition") and column.name in seen:
         yield (
             f"{where} means {column.name}, as column '{seen[column.name]}' does; say what it is with "
