@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.file_kind import refuse_other_kind
+from taichi_erosion.scene.file_kind import refuse_other_kind
 from taichi_erosion.scene.load import file_text, first_line, with_tuples
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
 from taichi_erosion.scene.validation_messages import problem_lines

@@ -24,8 +24,8 @@ from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.cli.study import study as study_commands
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
-from taichi_erosion.core.file_kind import refuse_neither
 from taichi_erosion.core.files import check_writable, refuse_foreign
+from taichi_erosion.scene.file_kind import refuse_neither
 
 if TYPE_CHECKING:
     from taichi_erosion.verification.claim import Claim

@@ -14,8 +14,8 @@ from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.file_kind import refuse_neither
 from taichi_erosion.evidence.inference.verdict_levels import CONSISTENT_MISFIT, fails
+from taichi_erosion.scene.file_kind import refuse_neither
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.models.load_study import StudyOptions

@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.file_kind import refuse_other_kind
 from taichi_erosion.scene.checks import air_checks, cross_checks
 from taichi_erosion.scene.diameters import expand_diameters
+from taichi_erosion.scene.file_kind import refuse_other_kind
 from taichi_erosion.scene.paths import apply_override
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.geometry import Mesh

@@ -30,6 +30,7 @@ from taichi_erosion.evidence.answers.set_up import (
     discovery,
     sentences,
     set_up_faults,
+    table_faults,
 )
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, HypothesisFit, SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
@@ -50,6 +51,7 @@ def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study
     """
     with threadpool_limits(1, user_api="blas"):
         study = load_study(path, options)
+        study = replace(study, faults=(*study.faults, *table_faults(study.problem)))
         try:
             yield study
         finally:

@@ -65,11 +65,7 @@ def set_up_faults(
 
     An observable whose level the answer leaves free (`levels`) blocks nothing by its level.
     """
-    found = [
-        *table_faults(study.problem),
-        *study.faults,
-        *(fault for shift in levels for fault in level_unit(study, shift)),
-    ]
+    found = [*study.faults, *(fault for shift in levels for fault in level_unit(study, shift))]
     start = values_at_start(study, rows)
     strained = any(number.at_bound or moved_far(study, path, number) for path, number in parameters.items())
     useless = {fault.place for fault in study.faults if fault.blocks}
@@ -99,8 +95,8 @@ def row_faults(problem: Problem) -> Iterator[SetUpFault]:
     hidden = f", {len(problem.vault.rows)} more held out" if len(problem.vault.rows) else ""
     words = (
         f"too few rows to tell effects apart: {points} under different conditions{hidden}, where "
-        f"{calibrated} numbers are calibrated; an effect and a level take one more each, and one row must be left to "
-        f"contradict: at least {least_rows(calibrated)} rows"
+        f"{calibrated} numbers are calibrated; an effect and a level take one more each, and one row must be "
+        f"left to contradict: at least {least_rows(calibrated)} rows"
     )
     yield SetUpFault("too_few_rows", "table", words, True)
 
@@ -261,8 +257,7 @@ def bound_faults(study: Study, parameters: Mapping[str, Estimate]) -> Iterator[S
 
 def discovery(study: Study, seed: int, progress: Progress) -> Discovery:
     """The answer of `discover` with the faults of its set-up; where one blocks, nothing is named."""
-    start, problem = perf_counter(), study.problem
-    waits = blocked((*table_faults(problem), *study.faults))
+    start, problem, waits = perf_counter(), study.problem, blocked(study.faults)
     if waits:
         found = nameless_discovery(problem, seed, progress)
     else:

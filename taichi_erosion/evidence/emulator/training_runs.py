@@ -299,7 +299,7 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         problem=emulated_problem(study.problem, Emulator(emulators)),
         notes=(*study.notes, *notes),
         simulations=len({request.key for request in requests}),
-        faults=tuple(faults),
+        faults=(*study.faults, *faults),
     )
 
 

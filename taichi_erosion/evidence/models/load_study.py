@@ -71,7 +71,7 @@ class Study:
     simulations: int | None = None  # that trained the emulator; None for a model function
     options: StudyOptions = NO_OPTIONS
     fresh: str = ""  # mark of runs with other seeds than those of the file; "" for the file's own
-    faults: tuple[SetUpFault, ...] = ()  # of the runs that trained the emulator
+    faults: tuple[SetUpFault, ...] = ()  # of the table, and of the runs that trained the emulator
     effect_files: tuple[EffectFile, ...] = ()  # named by the study or the command
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.file_kind import refuse_other_kind
 from taichi_erosion.evidence.data.tables.cell_numbers import has_decimal_comma
+from taichi_erosion.scene.file_kind import refuse_other_kind
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
