@@ -8,7 +8,12 @@ import numpy as np
 
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.measured import condition_scales, named_by_study, study_name
+from taichi_erosion.evidence.data.measured import (
+    condition_scales,
+    named_by_study,
+    settled_columns,
+    study_name,
+)
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column, column_roles
 from taichi_erosion.evidence.data.tables.laboratory_table import Choices, LaboratoryTable
@@ -40,10 +45,11 @@ def read_new_conditions(
     `places` are the units of what the conditions set, `known` the measurements of the study: a column without
     a unit is in the unit of the study's own table.
     """
-    cells = read_cells(path, str(path).replace("\n", "?"))
+    faults: list[str] = []
+    cells = read_cells(path, str(path).replace("\n", "?"), faults)
     if not cells.rows or not cells.lines:
         raise BadInput(f"{path}: holds no conditions; the first row names the columns, the others set them")
-    columns = condition_columns(cells, file)
+    columns = condition_columns(cells, file, faults)
     scales = scales_of(cells, columns, file, places, known)
     numbers = condition_numbers(cells, columns)
     constant = {name: constant_value(cells, name, known) for name in file.conditions if name not in columns}
@@ -62,10 +68,17 @@ def read_new_conditions(
     )
 
 
-def condition_columns(cells: Cells, file: StudyFile) -> dict[str, Column]:
-    """Columns that set conditions of the study, by its names; raises BadInput where two set the same."""
+def condition_columns(cells: Cells, file: StudyFile, faults: list[str]) -> dict[str, Column]:
+    """Columns that set conditions of the study, by its names; raises BadInput with `faults` and their own.
+
+    A heading that nearly says a condition is one.
+    """
     found: dict[str, Column] = {}
-    for column in column_roles(cells, named_by_study(cells, file)):
+    columns = column_roles(cells, named_by_study(cells, file), faults)
+    columns = list(settled_columns(columns, file, cells, faults, []))
+    if faults:
+        raise BadInput(*faults)
+    for column in columns:
         name = study_name(column.name, column.heading.name, file) if column.role == "condition" else ""
         if name in found:
             raise BadInput(f"{cells.file}: '{column.heading.text}' sets {name}, as another column does")

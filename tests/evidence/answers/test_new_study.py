@@ -1,8 +1,10 @@
 """A stranger's table becomes a study; whatever is wrong with it is told in one line with place and remedy."""
 
 import io
+import math
 from pathlib import Path
 
+import numpy as np
 import openpyxl
 import pytest
 
@@ -136,6 +138,33 @@ WRONG_FILES = {
         "row 2, Böschungswinkel",
         "needs the number of repeats",
     ),
+    "a letter for a digit": (changed("33,5", "3O,5"), "row 2, Böschungswinkel (°) = '3O,5'", "'30,5'"),
+    "a letter before the comma": (changed("1,6", "l,6"), "row 2, Feuchte in % = 'l,6'", "misprint of '1,6'"),
+    "a footnote behind a number": (changed("33,5", "33,5*"), "row 2, Böschungswinkel", "misprint of '33,5'"),
+    "micrometres called millimetres": (changed("[µm]", "[mm]"), "row 2, diameter = 250 mm", "mean [um]?"),
+    "Celsius called kelvin": (
+        changed("Feuchte in %", "Temperatur [K]").replace(b"1,6", b"20").replace(b";0;", b";15;"),
+        "row 2, temperature = 20 K",
+        "did you mean [degC]?",
+    ),
+    "a heading misspelt": (changed("Feuchte", "Fechte"), "'Fechte in %'", "--condition 'Fechte="),
+    "a quantity misspelt": (
+        changed("Böschungswinkel", "Böschungswinkl"),
+        "'Böschungswinkl (°)'",
+        "repose_angle",
+    ),
+    "an angle that cannot be": (changed("33,5", "-33,5"), "row 2, repose_angle = -33.5 °", "outside [0, 90]"),
+    "a threshold below zero": (
+        changed("Böschungswinkel (°)", "u*t [m/s]").replace(b"33,5", b"-0,23").replace(b"[\xb0]", b"[m/s]"),
+        "row 2, threshold_u_star = -0.23 m/s",
+        "outside (0, 10]",
+    ),
+    "a wind at a height": (
+        changed("Böschungswinkel (°)", "u at 1 m [m/s]").replace(b"[\xb0]", b"[m/s]"),
+        "'u at 1 m [m/s]': a wind at 1 m is no friction velocity",
+        "--roughness",
+    ),
+    "grains of no size": (changed("250", "0"), "row 2, diameter = 0 µm", "check number and unit"),
     "a row twice": (
         (GOOD + ROWS[0]).replace("A;", "B;").encode("cp1252"),
         "row 5 repeats row 2",
@@ -190,6 +219,58 @@ def test_a_wrong_word_on_the_command_line_is_told_with_what_is_allowed(tmp_path,
 
 def test_a_stranger_was_wrong_in_forty_ways_and_more():
     assert len(WRONG_FILES) + len(WRONG_WORDS) >= 40
+
+
+def test_faults_of_every_layer_are_told_at_once(tmp_path):
+    text = GOOD.replace("Feuchte", "Fechte").replace("33,5", "3O,5").replace("31,2", "-31,2") + "D;300;1\n"
+    told = faults_of(tmp_path, text.encode("cp1252"))
+    places = ("row 5 has 3 cells", "'Fechte in %'", "'3O,5'", "= -31.2 °")
+    assert all(any(place in fault for fault in told) for place in places), told
+
+
+def test_a_unit_that_is_missing_is_told_once_for_its_column(tmp_path):
+    rows = "".join(f"S{k};{100 + k};1;33,5;0,7;5\n" for k in range(21))
+    (told,) = faults_of(tmp_path, (HEAD.replace(" [µm]", "") + rows).encode("cp1252"))
+    assert "row 2, diameter = 100 (no unit: m)" in told
+    assert "20 rows more" in told
+    assert "did you mean [um]?" in told
+
+
+def test_a_unit_that_the_user_states_counts(tmp_path):
+    (tmp_path / "heap.csv").write_bytes(GOOD.replace(" [µm]", "").encode("cp1252"))
+    new_study(tmp_path / "heap.csv", Wishes(Told(units={"Korngröße": "mm"}), closed_form=True), guess)
+    assert "diameter [mm]" in (tmp_path / "heap" / "heap_tidy.csv").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("heading", "role"),
+    [
+        *((word, "scatter of single repeats") for word in ("s", "Std", "SD", "stdev", "s.d.", "sigma")),
+        *((word, "scatter of single repeats") for word in ("Standardabweichung", "SD Winkel", "+-", "error")),
+        *((word, "standard error of the mean") for word in ("s.e.", "SEM", "Standardfehler")),
+        *((word, "number of repeats") for word in ("n", "N", "replicates", "Wdh.", "Anzahl")),
+    ],
+)
+def test_columns_of_scatter_and_repeats_are_known_by_their_usual_headings(tmp_path, heading, role):
+    text = (
+        GOOD.replace("SD [°];n", f"{heading};n")
+        if "repeats" not in role[-8:] or "single" in role
+        else (GOOD.replace(";n\n", f";{heading}\n"))
+    )
+    (tmp_path / "heap.csv").write_bytes(text.encode("cp1252"))
+    document = new_study(tmp_path / "heap.csv", Wishes(closed_form=True), guess)
+    assert {column["column"]: column["told"] for column in document["columns"]}[heading] == role
+
+
+def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(tmp_path):
+    text = "Korngröße [µm];u at 1 m [m/s];sd;n\n250;6;0,3;5\n400;8;0,4;5\n600;10;0,5;5\n"
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    document = new_study(tmp_path / "t.csv", Wishes(closed_form=True, roughness="0.02 mm"), guess)
+    study = load_study(tmp_path / "t" / "t.toml")
+    factor = 0.4 / math.log(1.0 / 2e-5)
+    assert study.problem.measurements.value == pytest.approx(factor * np.array([6.0, 8.0, 10.0]))
+    assert study.problem.measurements.sd == pytest.approx(factor * np.array([0.3, 0.4, 0.5]))
+    assert any("becomes a friction velocity" in words for words in document["assumed"])
 
 
 def test_all_faults_of_a_table_are_told_at_once_and_in_lines_of_their_own(tmp_path, capsys):

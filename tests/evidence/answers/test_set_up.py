@@ -10,6 +10,7 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.answers import set_up
+from taichi_erosion.evidence.answers.commands import open_study
 from taichi_erosion.evidence.data.findings import Estimate, SetUpFault
 from taichi_erosion.evidence.data.problem import Parameter
 from tests.evidence.small_study import study_text, table_text
@@ -143,3 +144,55 @@ def test_a_wrong_unit_blocks_where_the_answer_cannot_leave_its_factor_free(tmp_p
     printed = capsys.readouterr().out
     assert printed.startswith("set-up: threshold_u_star: measured over modelled values are")
     assert "Mend the set-up first" in printed
+
+
+def small_table(folder, rows: str):
+    """A study of thresholds alone with the rows of a table."""
+    head = "observable,value,sd,n,unit,group,moisture,diameter [mm],source\n"
+    (folder / "heap.csv").write_text(head + rows, encoding="utf-8")
+    text = study_text().replace("[observables.repose_angle]\n", "")
+    for number in ("sliding", "rolling"):
+        start = text.index(f"[parameters.friction_{number}]")
+        end = text.index("[", start + 1)
+        text = text[:start] + text[end:]
+    (folder / "heap.toml").write_text(text.replace("fraction = 0.3", "fraction = 0"), encoding="utf-8")
+    return folder / "heap.toml"
+
+
+def measured_rows(count: int) -> str:
+    """Thresholds that grow with moisture."""
+    values = enumerate(0.2 + 0.03 * k for k in range(count))
+    return "".join(f"threshold_u_star,{v:.3g},0.004,5,m/s,g{k},{0.002 * k},0.25,x\n" for k, v in values)
+
+
+@pytest.mark.parametrize(("count", "enough"), [(2, False), (3, False), (4, True)])
+def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(tmp_path, capsys, count, enough):
+    study = small_table(tmp_path, measured_rows(count))
+    assert main(["discover", str(study), "--budget", "quick", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    told = [words for words in found["set_up"] if words.startswith("too few rows")]
+    assert bool(told) is not enough
+    if not enough:
+        assert f"{count} under different conditions, where 1 numbers are calibrated" in told[0]
+        assert found["named"] == []
+
+
+def test_repeats_count_once_among_the_rows_that_tell_effects_apart(tmp_path):
+    with open_study(small_table(tmp_path, 9 * measured_rows(3).replace(",0.004,", ",,"))) as found:
+        assert [fault.kind for fault in found.faults] == ["too_few_rows"]
+
+
+@pytest.mark.parametrize(("factor", "blocks"), [(1.0, None), (3.0, False), (12.0, True)])
+def test_rows_of_the_same_conditions_that_differ_more_than_stated_are_told(tmp_path, factor, blocks):
+    random = np.random.default_rng(3)
+    rows = "".join(
+        f"threshold_u_star,{0.25 + 0.05 * m + 0.004 * factor * random.normal():.5f},0.004,1,m/s,g{m}{k},"
+        f"{0.002 * m},0.25,x\n"
+        for m in range(6)
+        for k in range(4)
+    )
+    with open_study(small_table(tmp_path, rows)) as found:
+        told = [fault for fault in found.faults if fault.kind == "repeats"]
+    assert [fault.blocks for fault in told] == ([] if blocks is None else [blocks])
+    if told:
+        assert "a condition that the table or the study lacks" in told[0].sentence
