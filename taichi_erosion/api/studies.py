@@ -291,15 +291,14 @@ def new_study(
     observables: Mapping[str, str] | None = None,
     conditions: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
-    roughness: str | None = None,
     apparatus: str | None = None,
     closed_form: bool = False,
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
 
     `table` is a file (.csv, .xlsx) or a DataFrame whose column names carry units; `out` is the folder to
-    write, which a DataFrame needs. `units` are those of columns, `roughness` is the roughness length of the
-    bed (`"0.02 mm"`) under winds that were measured at a height. Raises BadInput with all faults of the table.
+    write, which a DataFrame needs. `units` are those of columns. Raises BadInput with all
+    faults of the table.
     """
     from taichi_erosion.evidence.answers.new_study import Wishes
     from taichi_erosion.evidence.answers.new_study import new_study as write_study
@@ -310,7 +309,6 @@ def new_study(
         None if out is None else Path(out),
         apparatus,
         closed_form,
-        roughness,
     )
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["written"][0])
