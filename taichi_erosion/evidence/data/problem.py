@@ -140,6 +140,15 @@ class Candidate:
     mask: Mask | None = None  # conditions -> where the effect can act at all; None: anywhere
 
 
+@dataclass(frozen=True)
+class Mechanism:
+    """A place in the model where something can be missing, and the doses for which the model has values."""
+
+    name: str
+    low: float  # least dose [1]
+    high: float  # largest dose [1]
+
+
 def expected_strength(candidate: Candidate) -> float:
     """Strength at which power is judged: the prior's scale, within the allowed range."""
     return min(candidate.prior_scale, candidate.maximum)
@@ -189,6 +198,7 @@ class Problem:
     vault: Vault = field(default_factory=Vault)
     adopted: tuple[Candidate, ...] = ()  # effects already in the model; their strengths are calibrated too
     uncertainty: Uncertainty | None = None  # of the model itself; None: it has no error
+    mechanisms: tuple[Mechanism, ...] = ()  # places that the model declares
 
     def visible(self) -> Measurements:
         """The rows outside the vault."""

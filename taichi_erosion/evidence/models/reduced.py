@@ -208,7 +208,12 @@ def expected(observable: str, conditions: Conditions, parameters: Numbers, effec
     """The model without its scatter."""
     at = complete_conditions(conditions)
     given = {**PARAMETERS, **parameters}
-    shifts = [EFFECTS[name](psi, at) for name, psi in effects.items() if psi != 0.0]
+    return shifted(observable, conditions, given, [EFFECTS[k](v, at) for k, v in effects.items() if v != 0.0])
+
+
+def shifted(observable: str, conditions: Conditions, given: Numbers, shifts: list[Shift]) -> Floats:
+    """The model without its scatter, with some shifts; `given` are all its parameters."""
+    at = complete_conditions(conditions)
     if observable == "repose_angle":
         angle = np.degrees(np.arctan(given["friction_sliding"]))
         bare = angle + DEGREES_PER_ROLLING * given["friction_rolling"]

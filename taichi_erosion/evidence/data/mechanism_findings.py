@@ -1,0 +1,68 @@
+"""Findings beyond the list of effects: mechanisms, the doses that the measurements ask for, and their law."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from taichi_erosion.evidence.data.findings import Estimate
+
+BeyondVerdict = Literal["mechanism", "group", "none"]
+
+
+@dataclass(frozen=True)
+class DoseEstimate:
+    """Dose that one set of conditions asks for."""
+
+    conditions: Mapping[str, float]
+    dose: float  # [1]
+    sd: float  # [1], calibrated numbers and shared errors integrated out
+    law: float  # dose of the law there [1]; NaN without a law
+
+
+@dataclass(frozen=True)
+class DoseLaw:
+    """Law that the doses follow: a form with its numbers and their 90 % intervals."""
+
+    form: str  # name of the form
+    expression: str  # the law in writing, of conditions as the study has them
+    conditions: tuple[str, ...]
+    numbers: Mapping[str, Estimate]  # of the expression
+    exponents: Mapping[str, Estimate]  # condition -> exponent, where the form leaves it free
+    score: float  # ln score of left-out groups over that without any dose
+    held_out_share: (
+        float  # share of the misfit of left-out groups that it explains, the form chosen without them
+    )
+    stability: float  # share of the left-out groups without which the same form is chosen [1]
+    python: str  # the same as a Python expression of `dose_of`
+
+
+@dataclass(frozen=True)
+class MechanismFinding:
+    """What one mechanism explains."""
+
+    name: str
+    title: str
+    observable: str  # whose readings an instrument changes; "" for physics
+    log_bayes_factor: float  # against the bare model
+    odds: float  # of the best mechanism over this one [1]
+    p_left: float  # of the misfit that it leaves
+    p_one_dose: float  # of one dose for all observables; NaN where it moves one only
+    moves: tuple[str, ...]  # observables that it moves
+    axis: str  # condition along which its doses vary; "" for all together
+    curvature: float  # of the model along the doses within their error [1]
+    explains: bool  # enough evidence, no misfit left, one dose for all observables
+
+
+@dataclass(frozen=True)
+class BeyondList:
+    """Where something is missing, and the law that it follows, where no listed effect explains a misfit."""
+
+    verdict: BeyondVerdict
+    mechanisms: tuple[MechanismFinding, ...]  # best first
+    group: tuple[str, ...]  # names that these measurements do not separate, best first
+    log_bayes_discrepancy: float  # of a free smooth discrepancy of every observable, against the bare model
+    log_bayes_listed: float  # of the best listed effects
+    listed: str  # those: a+b
+    doses: tuple[DoseEstimate, ...]  # of the best mechanism
+    law: DoseLaw | None  # of the best mechanism
+    sentences: tuple[str, ...] = ()

@@ -1,0 +1,130 @@
+"""The reduced wind-erosion model with places for mechanisms, beside its listed effects.
+
+Effects that are named after a mechanism come with their dose D (see `mechanisms/basis/`); what one does to
+threshold, flux and angle follows the scaling of `reduced.py`, its size is plausible:
+
+    contact_pull          u*t x sqrt(1 + D), angle + 9 D / (1 + D) deg       pull over weight
+    sliding_friction      angle of mu_s (1 + D), u*t x (1 + D)^1/4
+    rolling_friction      angle + 15 mu_r D deg, u*t x (1 + D)^1/8
+    restitution           flux x (1 + D)^1/2, angle - 2 D deg
+    grain_weight          u*t x sqrt(1 + D)
+    drag                  u*t / sqrt(1 + D), flux x (1 + D)^1/2
+    lift                  u*t / sqrt(1 + 0.3 D)
+    vertical_force        u*t x sqrt(1 - D), angle - 3 D deg
+    bed_stress            u* x sqrt(1 + D)
+    gustiness             u*t / (1 + 2 D), flux x (1 + 3 D^2)
+    wall_sliding_friction angle + 4 D deg
+
+Use it as `model = "taichi_erosion.evidence.models.reduced_places:predict"`.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers
+from taichi_erosion.evidence.models import reduced
+from taichi_erosion.evidence.models.reduced import Shift
+
+Place = Callable[[float, Numbers], Shift]  # (dose, parameters)
+
+
+def contact_pull(dose: float, given: Numbers) -> Shift:
+    return Shift(threshold=0.5 * np.log1p(dose), repose=9.0 * dose / (1.0 + dose))
+
+
+def sliding_friction(dose: float, given: Numbers) -> Shift:
+    mu = given["friction_sliding"]
+    angle = np.degrees(np.arctan(mu * (1.0 + dose)) - np.arctan(mu))
+    return Shift(threshold=0.25 * np.log1p(dose), repose=angle)
+
+
+def rolling_friction(dose: float, given: Numbers) -> Shift:
+    angle = reduced.DEGREES_PER_ROLLING * given["friction_rolling"] * dose
+    return Shift(threshold=0.125 * np.log1p(dose), repose=angle)
+
+
+def restitution(dose: float, given: Numbers) -> Shift:
+    return Shift(flux=0.5 * np.log1p(dose), repose=-2.0 * dose)
+
+
+def grain_weight(dose: float, given: Numbers) -> Shift:
+    return Shift(threshold=0.5 * np.log1p(dose))
+
+
+def drag(dose: float, given: Numbers) -> Shift:
+    return Shift(threshold=-0.5 * np.log1p(dose), flux=0.5 * np.log1p(dose))
+
+
+def lift(dose: float, given: Numbers) -> Shift:
+    return Shift(threshold=-0.5 * np.log1p(0.3 * dose))
+
+
+def vertical_force(dose: float, given: Numbers) -> Shift:
+    return Shift(threshold=0.5 * np.log1p(-dose), repose=-3.0 * dose)
+
+
+def bed_stress(dose: float, given: Numbers) -> Shift:
+    return Shift(threshold=-0.5 * np.log1p(dose), flux=1.5 * np.log1p(dose))
+
+
+def gustiness(dose: float, given: Numbers) -> Shift:
+    return Shift(threshold=-np.log1p(2.0 * dose), flux=np.log1p(3.0 * dose**2))
+
+
+def wall_sliding_friction(dose: float, given: Numbers) -> Shift:
+    return Shift(repose=4.0 * dose)
+
+
+PLACES: dict[str, Place] = {
+    place.__name__: place
+    for place in (
+        contact_pull,
+        sliding_friction,
+        rolling_friction,
+        restitution,
+        grain_weight,
+        drag,
+        lift,
+        vertical_force,
+        bed_stress,
+        gustiness,
+        wall_sliding_friction,
+    )
+}
+
+
+def predict(
+    observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
+) -> Floats:
+    """The model of the study contract: one observable, n conditions, r seeds -> (r, n), paired by seed."""
+    value = expected(observable, conditions, parameters, effects)
+    kick = reduced.SCATTER[observable] * reduced.disturbance(observable, conditions, seeds)
+    return value + kick if observable == "repose_angle" else value * np.exp(kick)
+
+
+def expected(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
+    """The model without its scatter."""
+    given = {**reduced.PARAMETERS, **parameters}
+    at = reduced.complete_conditions(conditions)
+    acting = {name: size for name, size in effects.items() if size != 0.0}
+    shifts = [
+        PLACES[name](size, given) if name in PLACES else reduced.EFFECTS[name](size, at)
+        for name, size in acting.items()
+    ]
+    return reduced.shifted(observable, conditions, given, shifts)
+
+
+predict_mechanisms = {  # doses at which the model has values
+    "contact_pull": (-0.9, 10.0),
+    "sliding_friction": (-0.9, 4.0),
+    "rolling_friction": (-0.9, 19.0),
+    "restitution": (-0.9, 1.5),
+    "grain_weight": (-0.9, 9.0),
+    "drag": (-0.9, 4.0),
+    "lift": (-2.0, 10.0),
+    "vertical_force": (-5.0, 0.9),
+    "bed_stress": (-0.9, 3.0),
+    "gustiness": (0.0, 1.0),
+    "wall_sliding_friction": (-1.0, 4.0),
+}
