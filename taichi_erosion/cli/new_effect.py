@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import Environment
 
+from taichi_erosion.cli.mechanism_file import has_law, mechanism_law_file
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
 
@@ -63,6 +64,9 @@ def law_file(name: str, source: Path) -> str:
     result, study = discovery_of(source)
     document = discovery_document(result, source)
     names = NamesOfStudy() if study is None else names_of_study(study)
+    if has_law(document):
+        columns = {column: known_column(column, names) for column in document["beyond"]["law"]["conditions"]}
+        return mechanism_law_file(name, document, columns, result.name, scaffold("mechanism_law"))
     environment = Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     page, title = environment.from_string(scaffold("law")), name.replace("_", " ").capitalize()
     law = law_fields(proposed_law(document, result), names, document.get("units", {}))
@@ -151,6 +155,12 @@ def law_fields(law: dict[str, Any], names: NamesOfStudy, units: Mapping[str, str
         "terms": list(zip(terms, law["coefficients"], strict=True)),
         "widest": WIDEST,
     }
+
+
+def known_column(column: str, names: NamesOfStudy) -> tuple[str, float]:
+    """Condition that an effect reads for a column, and the unit of the column over that of SI."""
+    name = condition_of(column, names)
+    return name, names.factors.get(name, 1.0)
 
 
 def condition_of(column: str, names: NamesOfStudy) -> str:

@@ -130,6 +130,7 @@ class Effect:
     prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
     most: float = 3.0  # largest strength that is physical [1]
     expected: Mapping[str, int] = field(default_factory=dict)  # observable -> +1 up, -1 down: literature
+    mechanism: str = ""  # whose dose is strength times `dose`: a law found beyond the list of effects
 
     def __post_init__(self) -> None:
         """Raise ValueError for a grain state that nothing updates, or at a place without grains."""

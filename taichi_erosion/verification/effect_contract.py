@@ -17,6 +17,7 @@ from taichi_erosion.core.effect import Check, Effect, Probe, check_range, docume
 from taichi_erosion.core.effect_loading import compile_failure
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.mechanisms.law import numbers_in
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.conditions import OF_SCENE, Conditions
@@ -268,17 +269,6 @@ def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str
     except BadInput:
         return []
     return list(numbers_in(resolved(scene)))
-
-
-def numbers_in(tree: Any) -> Iterator[float]:
-    """Numbers of nested tables and lists."""
-    if isinstance(tree, dict):
-        tree = list(tree.values())
-    if isinstance(tree, list):
-        for branch in tree:
-            yield from numbers_in(branch)
-    elif isinstance(tree, int | float):
-        yield float(tree)
 
 
 Clause = Callable[[Effect, Probe], Iterator[str]]

@@ -13,6 +13,7 @@ import numpy as np
 from taichi_erosion.evidence.answers.compare import calibrated_base
 from taichi_erosion.evidence.answers.documents import discovery_sentences
 from taichi_erosion.evidence.answers.effect_action import effect_actions
+from taichi_erosion.evidence.answers.mechanism_sentences import mechanism_sentences
 from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,
@@ -25,6 +26,7 @@ from taichi_erosion.evidence.data.findings import (
     Status,
     VaultErrors,
 )
+from taichi_erosion.evidence.data.mechanism_findings import BeyondList
 from taichi_erosion.evidence.data.problem import Budget, Candidate, Problem, Progress, expected_strength
 from taichi_erosion.evidence.data.transforms import split_setting
 from taichi_erosion.evidence.inference import goodness_of_fit
@@ -34,6 +36,7 @@ from taichi_erosion.evidence.inference.cross_validation import ScoreGain
 from taichi_erosion.evidence.inference.error_findings import error_findings, likeliest_words
 from taichi_erosion.evidence.inference.familywise_test import power
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
+from taichi_erosion.evidence.inference.mechanism_search import beyond_list
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
 from taichi_erosion.evidence.inference.posterior import (
     label,
@@ -103,6 +106,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         survivors=plausible_hypotheses(found),
         closest=closest_hypotheses(found),
         nearest=nearest_hypothesis(found) if outside else None,
+        beyond=found_beyond(found),
     )
     return replace(record, sentences=discovery_sentences(record))
 
@@ -111,6 +115,16 @@ def stated_worst_row(found: Analysis) -> RowMisfit | None:
     """The row that holds most of the misfit of the bare model, with its error as stated."""
     fitted = found.stated.fitted if found.stated else found.fitted
     return goodness_of_fit.worst_row(fitted.prepared, fitted.base.expansion)
+
+
+def found_beyond(found: Analysis) -> BeyondList | None:
+    """Mechanisms, where the model has places for them and no listed effect explains a misfit."""
+    silent = found.decision.verdict in ("none_detected", "not_testable") and levels.fails(found.p_misfit)
+    asked = found.decision.verdict == "outside_library" or (silent and not found.range_suffices)
+    if not asked or not found.fitted.prepared.problem.mechanisms:
+        return None
+    beyond = beyond_list(found.fitted)
+    return replace(beyond, sentences=mechanism_sentences(beyond))
 
 
 def nameless_discovery(problem: Problem, seed: int, progress: Progress) -> Discovery:

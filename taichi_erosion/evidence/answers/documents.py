@@ -66,6 +66,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
     sentences += [
         place.sentence for place in found.where if levels.fails(place.p) and not found.range_suffices
     ]
+    sentences += [] if found.beyond is None else found.beyond.sentences
     sentences += [trend.sentence for trend in found.clues]
     sentences += [found.varying.sentence] if found.varying else []
     sentences += found.noise.sentences

@@ -3,11 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import nan
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Bools, Floats
+
+if TYPE_CHECKING:
+    from taichi_erosion.evidence.data.mechanism_findings import BeyondList
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "not_testable"]
@@ -347,6 +350,7 @@ class Discovery:
     survivors: tuple[PlausibleHypothesis, ...] = ()
     closest: tuple[PlausibleHypothesis, ...] = ()  # effect and set of several that leave least misfit
     nearest: NearestHypothesis | None = None
+    beyond: "BeyondList | None" = None  # mechanisms, where no listed effect explains a misfit
     rows_before: Rows
     rows_after: Rows
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of the effects of the final model

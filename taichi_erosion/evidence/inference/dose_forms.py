@@ -169,7 +169,7 @@ def onset_form(name: str, column: Floats) -> Form:
         (-LARGEST_DOSE, 0.05, least),
         (LARGEST_DOSE, STEEPEST, least + 0.9 * (most - least)),
         f"{{a}} (max({name} - {{k}}, 0) / {scale:g})^{{p}}",
-        f'{{a}} * (max(at["{name}"] - {{k}}, 0.0) / {scale:g}) ** {{p}}',
+        f'{{a}} * (np.maximum(at["{name}"] - {{k}}, 0.0) / {scale:g}) ** {{p}}',
         {name: "p"},
     )
 
@@ -190,7 +190,7 @@ def saturating_form(name: str, column: Floats) -> Form:
         (-LARGEST_DOSE, 0.02 * scale),
         (LARGEST_DOSE, 2.0 * most),
         f"{{a}} (1 - exp(-{name} / {{k}}))",
-        f'{{a}} * (1.0 - exp(-at["{name}"] / {{k}}))',
+        f'{{a}} * (1.0 - np.exp(-at["{name}"] / {{k}}))',
         {},
     )
 
@@ -212,6 +212,6 @@ def exponential_form(name: str, column: Floats) -> Form:
         (-LARGEST_DOSE, -4.0 / width),
         (LARGEST_DOSE, 4.0 / width),
         f"{{a}} exp({{b}} ({name} - {centre:g}))",
-        f'{{a}} * exp({{b}} * (at["{name}"] - {centre:g}))',
+        f'{{a}} * np.exp({{b}} * (at["{name}"] - {centre:g}))',
         {},
     )

@@ -2,10 +2,11 @@
 
 A law is fitted to the rows themselves, through the path of the mechanism, with the calibrated numbers and
 shared errors at their best: this is what the doses with their covariance say, without the prior that smooths
-them. Forms are ranked by their log score on left-out groups, less PRICE for every number; the share of misfit
-that is told comes from groups that neither the fit nor the choice of the form has seen.
+them. Forms are ranked by their log score on left-out groups, less 1/2 ln n for every number (Schwarz); the
+share of misfit that is told comes from groups that neither the fit nor the choice of the form has seen.
 
-Reference: Varma & Simon (2006), BMC Bioinformatics 7, 91 (nested cross-validation).
+Reference: Varma & Simon (2006), BMC Bioinformatics 7, 91 (nested cross-validation); Schwarz (1978), Ann.
+Stat. 6, 461 (price of a number).
 """
 
 from collections.abc import Sequence
@@ -23,7 +24,6 @@ from taichi_erosion.evidence.inference.dose_inference import DoseEvidence
 from taichi_erosion.evidence.inference.dose_path import DosePath
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
-PRICE = 1.0  # ln score of one more number
 SIMPLE = 1.0  # the same of a form that is neither a power nor a constant
 POWERS = ("constant", "power", *GROUPS)  # forms that are taken where others are hardly better
 FOLDS = 6  # of the groups, at most
@@ -125,21 +125,21 @@ def held_out_score(
     return -0.5 * squares - 0.5 * float(np.linalg.slogdet(covariance)[1]), squares
 
 
-def price(form: Form) -> float:
+def price(rows: LawRows, form: Form) -> float:
     """Ln score by which a form must be better than one without numbers."""
-    return PRICE * form.size + (0.0 if form.name in POWERS else SIMPLE)
+    return 0.5 * float(np.log(rows.target.size)) * form.size + (0.0 if form.name in POWERS else SIMPLE)
 
 
-def ranked_forms(fits: Sequence[FittedForm]) -> list[FittedForm]:
+def ranked_forms(rows: LawRows, fits: Sequence[FittedForm]) -> list[FittedForm]:
     """The best of fitted forms, by misfit and number of numbers."""
     fits = list(fits)
-    fits.sort(key=lambda fit: 0.5 * fit.misfit + price(fit.form))
+    fits.sort(key=lambda fit: 0.5 * fit.misfit + price(rows, fit.form))
     return fits[:KEPT]
 
 
 def chosen_form(rows: LawRows, fits: Sequence[FittedForm], chosen: Bools) -> tuple[FittedForm, float]:
     """The form that predicts groups within some rows best, of forms fitted to them, and its score."""
-    ranked = ranked_forms(fits)
+    ranked = ranked_forms(rows, fits)
     folds = [
         fold
         for fold in np.unique(rows.folds[chosen])
@@ -149,7 +149,7 @@ def chosen_form(rows: LawRows, fits: Sequence[FittedForm], chosen: Bools) -> tup
         return ranked[0], float("nan")
     totals = []
     for fit in ranked:
-        total = -price(fit.form)
+        total = -price(rows, fit.form)
         for fold in folds:
             outside = chosen & (rows.folds == fold)
             inside = chosen & ~outside
@@ -158,7 +158,7 @@ def chosen_form(rows: LawRows, fits: Sequence[FittedForm], chosen: Bools) -> tup
             total -= held_out_score(rows, None, inside, outside)[0]
         totals.append(total)
     top = int(np.argmax(totals))
-    return ranked[top], float(totals[top]) + price(ranked[top].form)
+    return ranked[top], float(totals[top]) + price(rows, ranked[top].form)
 
 
 def law_doses(rows: LawRows, fitted: FittedForm) -> Floats:

@@ -14,7 +14,7 @@ from taichi_erosion.evidence.data.problem import Candidate, Floats, Mechanism, N
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import Predictor, paired_change, seed_mean
 
-NODES = 19  # doses at which the model is asked
+NODES = 13  # doses at which the model is asked
 SOFT = 0.05  # of the range, over which a change levels off beyond its ends
 STEP = 0.05  # of a calibrated number, in prior sd, for slopes
 
@@ -68,16 +68,17 @@ def dose_path(prepared: PreparedProblem, mechanism: Mechanism, x: Floats) -> Dos
     )
     seeds, doses = prepared.seeds.signature, dose_nodes(mechanism)
     bare = predictor.predict(x, {}, seeds)
-    flat = slopes_at(prepared, predictor, x, {})
+    flat = forward_slopes(prepared, predictor, x, {})
     changes, steeper = [], []
     for dose in doses:
         acting = {mechanism.name: float(dose)}
         changes.append(paired_change(predictor.predict(x, acting, seeds), bare, predictor))
-        steeper.append(slopes_at(prepared, predictor, x, acting) - flat)
+        steeper.append(forward_slopes(prepared, predictor, x, acting) - flat)
     table, slopes = np.array(changes), np.array(steeper)
     good = np.all(np.isfinite(table), axis=1)
     doses, table, slopes = doses[good], table[good], slopes[good]
     ends = (float(doses[0]), float(doses[-1])) if doses.size else (0.0, 0.0)
+    flat = slopes_at(prepared, x)
     if doses.size < 2 or not table.any():
         return DosePath(mechanism.name, x, seed_mean(bare), flat, None, *ends, None)
     curve = interpolate.PchipInterpolator(doses, table, axis=0)
@@ -95,14 +96,27 @@ def dose_nodes(mechanism: Mechanism) -> Floats:
     return np.sign(roots) * roots**2
 
 
-def slopes_at(prepared: PreparedProblem, predictor: Predictor, x: Floats, acting: Numbers) -> Floats:
-    """Derivative of the mean along every calibrated number, by central differences (n, p)."""
-    seeds, columns = prepared.seeds.signature, []
+def slopes_at(prepared: PreparedProblem, x: Floats) -> Floats:
+    """Derivative of the bare mean along every calibrated number, by central differences (n, p)."""
+    predictor, seeds, columns = prepared.predictor, prepared.seeds.signature, []
     for index in range(x.size):
         up, down = x.copy(), x.copy()
         up[index] = min(x[index] + STEP, prepared.high[index])
         down[index] = max(x[index] - STEP, prepared.low[index])
         gap = max(up[index] - down[index], 1e-12)
-        ends = (predictor.predict(place, acting, seeds) for place in (up, down))
+        ends = (predictor.predict(place, {}, seeds) for place in (up, down))
         columns.append(np.nan_to_num(paired_change(*ends, predictor)) / gap)
+    return np.column_stack(columns) if columns else np.zeros((prepared.rows.size, 0))
+
+
+def forward_slopes(prepared: PreparedProblem, predictor: Predictor, x: Floats, acting: Numbers) -> Floats:
+    """The same with a mechanism acting, by differences to one side; their change along the dose is used."""
+    seeds, columns = prepared.seeds.signature, []
+    here = predictor.predict(x, acting, seeds)
+    for index in range(x.size):
+        step = STEP if x[index] + STEP <= prepared.high[index] else -STEP
+        there = x.copy()
+        there[index] += step
+        change = paired_change(predictor.predict(there, acting, seeds), here, predictor)
+        columns.append(np.nan_to_num(change) / step)
     return np.column_stack(columns) if columns else np.zeros((prepared.rows.size, 0))

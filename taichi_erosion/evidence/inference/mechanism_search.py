@@ -110,7 +110,7 @@ def weigh(prepared: PreparedProblem, path: DosePath, free: float) -> Weighed:
     nothing = averaged(prepared, bare_log_evidence(prepared, path))
     declared = {mechanism.name: mechanism for mechanism in prepared.problem.mechanisms}
     found = [settled(prepared, path, declared.get(path.name))]
-    if path.name in declared:
+    if path.name in declared and np.max(np.abs(path.x - prepared.prior_mean), initial=0.0) > FARTHEST:
         other = dose_path(prepared, declared[path.name], prepared.prior_mean)
         if other.curve is not None and np.all(np.isfinite(other.bare)):
             found.append(settled(prepared, other, declared[path.name]))

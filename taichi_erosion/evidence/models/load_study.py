@@ -30,7 +30,7 @@ from taichi_erosion.evidence.data.problem import (
     with_stated,
 )
 from taichi_erosion.evidence.models.column_units import place_units
-from taichi_erosion.evidence.models.own_effects import InstrumentedModel, instrument_candidate, instruments
+from taichi_erosion.evidence.models.own_effects import function_candidate, function_effects, with_effects
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 from taichi_erosion.evidence.models.study_values import study_value_faults
@@ -119,6 +119,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         vault=Vault(hidden, openings(results, digest)),
         adopted=found.adopted,
         uncertainty=uncertainty,
+        mechanisms=() if found.plugin is None else found.plugin.mechanisms,
     )
     fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
     notes = (*notes, vault_note)
@@ -147,15 +148,15 @@ def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
 
 
 def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFiles) -> StudyModel:
-    """Model function with its cache, and the instruments through which its values are read."""
+    """Model function with its cache, and the effects of files that it takes."""
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
-    read = instruments(path, files)
-    own = {name: instrument_candidate(effect, file.conditions) for name, effect in read.items()}
+    added = function_effects(path, files, plugin.mechanisms)
+    own = {name: function_candidate(effect, file.conditions) for name, effect in added.items()}
     adopted = tuple(candidate_of(name, entry, own.get(name)) for name, entry in file.adopted.items())
     candidates = candidates_of(file, str(path), own)
     cached = CachedModel(plugin, identity, store, file.budget.runs)
-    model = InstrumentedModel(cached, read) if read else cached
+    model = with_effects(cached, added)
     named = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
     return StudyModel(model, named, candidates, adopted, plugin=plugin)
 

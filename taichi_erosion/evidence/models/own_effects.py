@@ -1,6 +1,8 @@
-"""Effects of the user's own files on a model function: those of place `instrument`, which change readings.
+"""Effects of the user's own files on a model function.
 
-A model function has its own effects inside. Any other place acts within a simulation, which a function hides.
+A model function has its own effects inside. Two kinds of files can be added to it: effects of the place
+`instrument`, which change readings, and laws of a mechanism that the function declares, which give it the
+dose of that mechanism row by row. Any other place acts within a simulation, which a function hides.
 """
 
 from collections.abc import Mapping
@@ -21,6 +23,7 @@ from taichi_erosion.evidence.data.problem import (
     Conditions,
     Floats,
     Integers,
+    Mechanism,
     Model,
     Numbers,
     row_count,
@@ -46,6 +49,48 @@ class InstrumentedModel:
         return values
 
 
+@dataclass(frozen=True)
+class DosedModel:
+    """A model function with laws for the doses of its mechanisms; one of strength 0 is not called."""
+
+    model: Model
+    laws: Mapping[str, Effect]
+
+    def __call__(
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
+    ) -> Floats:
+        """Values [seed, row]; rows of the same doses are asked together."""
+        acting = {name: effects[name] for name in sorted(self.laws) if effects.get(name, 0.0) != 0.0}
+        inside = {name: strength for name, strength in effects.items() if name not in self.laws}
+        if not acting:
+            return self.model(observable, conditions, parameters, inside, seeds)
+        count = row_count(conditions)
+        doses: dict[str, Floats] = {}
+        for name, strength in acting.items():
+            law = self.laws[name]
+            before = doses.get(law.mechanism, np.zeros(count))
+            doses[law.mechanism] = before + strength * row_doses(law, conditions)
+        table = np.column_stack(list(doses.values()))
+        _, kinds = np.unique(table, axis=0, return_inverse=True)
+        values = np.empty((seeds.size, count))
+        for kind in np.unique(kinds):
+            rows = np.flatnonzero(kinds.reshape(-1) == kind)
+            own = {name: column[rows] for name, column in conditions.items()}
+            with_doses = inside | {name: float(column[rows[0]]) for name, column in doses.items()}
+            values[:, rows] = self.model(observable, own, parameters, with_doses, seeds)
+        return values
+
+
+def row_doses(law: Effect, conditions: Conditions) -> Floats:
+    """Dose of strength 1 in every row."""
+    params, doses = law.params(), np.zeros(row_count(conditions))
+    for row in range(doses.size):
+        known = {name: float(column[row]) for name, column in conditions.items() if isfinite(column[row])}
+        with failures_of(law, "dose"):
+            doses[row] = law.dose(params, known)
+    return doses
+
+
 def read_through(
     effect: Effect, strength: float, conditions: Conditions, observable: str, values: Floats
 ) -> Floats:
@@ -58,15 +103,19 @@ def read_through(
     return read
 
 
-def instruments(path: Path, files: tuple[EffectFile, ...]) -> dict[str, Effect]:
+def function_effects(
+    path: Path, files: tuple[EffectFile, ...], mechanisms: tuple[Mechanism, ...]
+) -> dict[str, Effect]:
     """Effects of some files by name. Raises BadInput for one that a model function cannot take."""
     found: dict[str, Effect] = {}
+    places = {mechanism.name for mechanism in mechanisms}
     for file in files:
         effect = effect_in(file)
-        if effect.place != "instrument":
+        if effect.place != "instrument" and effect.mechanism not in places:
             raise BadInput(
                 f"{path}: effect '{effect.name}' of {file} has place '{effect.place}', which acts inside a "
-                "simulation; a study with model = ... takes effects of place 'instrument' alone"
+                "simulation; a study with model = ... takes effects of place 'instrument', and laws of the "
+                "mechanisms that its function declares"
             )
         if effect.name in found:
             raise BadInput(f"{file}: effect '{effect.name}' exists already in another file")
@@ -74,8 +123,16 @@ def instruments(path: Path, files: tuple[EffectFile, ...]) -> dict[str, Effect]:
     return found
 
 
-def instrument_candidate(effect: Effect, columns: Mapping[str, str]) -> Candidate:
-    """An instrument effect as a candidate, with the priors of its file."""
+def with_effects(model: Model, effects: Mapping[str, Effect]) -> Model:
+    """A model function with effects of files: laws of mechanisms inside, instruments around."""
+    read = {name: effect for name, effect in effects.items() if effect.place == "instrument"}
+    laws = {name: effect for name, effect in effects.items() if effect.place != "instrument"}
+    dosed = DosedModel(model, laws) if laws else model
+    return InstrumentedModel(dosed, read) if read else dosed
+
+
+def function_candidate(effect: Effect, columns: Mapping[str, str]) -> Candidate:
+    """An effect of a file as a candidate, with the priors of its file."""
     return Candidate(effect.name, effect.prior_scale, effect.most, partial(mask, effect, dict(columns)))
 
 

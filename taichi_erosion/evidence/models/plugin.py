@@ -6,7 +6,7 @@ Beside it the adapter that maps the study's column and observable names to the m
 import contextlib
 import importlib.util
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -19,14 +19,17 @@ from taichi_erosion.evidence.data.problem import (
     Conditions,
     Floats,
     Integers,
+    Mechanism,
     Model,
     Numbers,
     Observable,
     row_count,
 )
 from taichi_erosion.evidence.data.transforms import slope
+from taichi_erosion.mechanisms.library import load_mechanisms
 
 COVARIANCE = "_covariance"  # after a function's name: the function that gives the covariance of its errors
+MECHANISMS = "_mechanisms"  # after a function's name: mechanism -> least and largest dose of the function
 READ = "READS"  # of a module: the files beside it that it reads
 
 Covariance = Callable[[str, Conditions, Numbers, Numbers], Floats]
@@ -40,6 +43,7 @@ class Plugin:
     function: Model
     version: str  # digest of the files beside it: an edited model has no earlier runs
     covariance: Covariance | None = None  # of the model's own errors over rows; None: without error
+    mechanisms: tuple[Mechanism, ...] = ()  # places in which something can be missing
 
     def __call__(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
@@ -105,7 +109,21 @@ def load_plugin(name: str, folder: Path, file: str) -> Plugin:
     if not callable(function):
         raise BadInput(f"{where}: {module_name} has no function {function_name}")
     covariance = getattr(module, function_name + COVARIANCE, None)
-    return Plugin(name, function, source_digest(module, where), covariance)  # pyright: ignore[reportArgumentType]
+    places = declared_mechanisms(getattr(module, function_name + MECHANISMS, {}), where + MECHANISMS)
+    return Plugin(name, function, source_digest(module, where), covariance, places)  # pyright: ignore[reportArgumentType]
+
+
+def declared_mechanisms(stated: object, where: str) -> tuple[Mechanism, ...]:
+    """Mechanisms of a model function with their doses. Raises BadInput."""
+    known = load_mechanisms()
+    if not isinstance(stated, Mapping):
+        raise BadInput(f"{where}: is not a table from mechanism to (least, largest) dose")
+    for name, ends in stated.items():
+        if name not in known:
+            raise BadInput(f"{where}: '{name}' is no mechanism; `effects --mechanisms` lists them")
+        if not (isinstance(ends, Sequence) and len(ends) == 2 and ends[0] <= 0.0 < ends[1]):
+            raise BadInput(f"{where}: {name} = {ends!r}; least and largest dose are needed, 0 among them")
+    return tuple(Mechanism(name, float(low), float(high)) for name, (low, high) in stated.items())
 
 
 def load_module(name: str, folder: Path, where: str) -> ModuleType:

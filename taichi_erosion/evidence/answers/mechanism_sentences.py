@@ -1,0 +1,72 @@
+"""Mechanisms in words: what acts like what, the law of its dose, what cannot be told apart."""
+
+from math import isnan
+
+from taichi_erosion.evidence.data.mechanism_findings import BeyondList, DoseLaw, MechanismFinding
+from taichi_erosion.evidence.inference.verdict_levels import p_text
+
+MOST_TOLD = 3  # members of a group, and mechanisms that explain it worse
+LEAST_ODDS, MOST_ODDS = 1.5, 1e6  # written as about equal, and as "more than"
+
+
+def mechanism_sentences(found: BeyondList) -> tuple[str, ...]:
+    """What acts, by which law, what else would do, what does not."""
+    best = found.mechanisms[0]
+    if found.verdict == "none":
+        return none_sentences(found)
+    group = [each for each in found.mechanisms if each.name in found.group]
+    told = [lead_sentence(best, alone=len(group) == 1)]
+    if found.law is not None:
+        told.append(law_sentence(found.law))
+    if len(group) > 1:
+        names = " or ".join(each.title for each in group[1 : MOST_TOLD + 1])
+        more = f" ({len(group) - 1} in all)" if len(group) > MOST_TOLD + 1 else ""
+        told.append(f"Not distinguished from it by these measurements: {names}{more}.")
+    worse = [each for each in found.mechanisms if each.name not in found.group][:MOST_TOLD]
+    told += [worse_sentence(each) for each in worse[:1]]
+    return tuple(told)
+
+
+def lead_sentence(best: MechanismFinding, alone: bool) -> str:
+    """The mechanism, and what it has been tested on."""
+    where = f"along {best.axis}" if best.axis else "along the conditions"
+    observables = (
+        f"only {best.moves[0]} tells of it"
+        if isnan(best.p_one_dose)
+        else f"the same dose serves {', '.join(best.moves)} ({p_text(best.p_one_dose)})"
+    )
+    lead = "The misfit is consistent with something that acts like" if alone else "Something that acts like"
+    end = "" if alone else " would explain the misfit"
+    left = f"left misfit {p_text(best.p_left)}"
+    return f"{lead} {best.title}{end}: its dose varies {where}, {observables}; {left}."
+
+
+def law_sentence(law: DoseLaw) -> str:
+    """The law of the dose with its exponents and how well it predicts."""
+    told = f"Its dose follows {law.expression}"
+    if law.exponents:
+        powers = [f"{name}^{e.value:.2g} ({e.low:.2g} to {e.high:.2g})" for name, e in law.exponents.items()]
+        told += f", growing as {' '.join(powers)}" if law.form != "onset" else f", exponent {powers[0]}"
+    if not isnan(law.held_out_share):
+        told += f"; it explains {max(law.held_out_share, 0.0):.0%} of the misfit of left-out groups"
+    return told + "."
+
+
+def worse_sentence(other: MechanismFinding) -> str:
+    """A mechanism that explains the misfit worse, and why."""
+    if other.odds > MOST_ODDS:
+        odds = f"odds less than 1 : {MOST_ODDS:.0e}"
+    else:
+        odds = (
+            f"odds 1 : {other.odds:.2g}"
+            if other.odds > LEAST_ODDS
+            else "about as likely, but it fails a test"
+        )
+    return f"{other.title.capitalize()} explains it worse ({odds}; left misfit {p_text(other.p_left)})."
+
+
+def none_sentences(found: BeyondList) -> tuple[str, ...]:
+    """No mechanism explains all observables."""
+    best = found.mechanisms[0]
+    told = "No single mechanism explains the misfit of all observables with one dose"
+    return (f"{told}; {best.title} comes closest (left misfit {p_text(best.p_left)}).",)

@@ -1,0 +1,97 @@
+"""Laws of a mechanism: how a file that a discovery wrote gives a mechanism its dose, and checks itself."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
+from taichi_erosion.core.effect_probe import TYPICAL
+from taichi_erosion.scene import Scene, resolved
+from taichi_erosion.scene.change import sample_scene
+
+DoseOf = Callable[[Any, Mapping[str, Any]], Any]  # (params, conditions) -> dose [1]
+Point = tuple[dict[str, float], float, float]  # conditions, dose there [1], response of a device effect there
+WIND = {"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5}
+SAMPLE_READING = 0.3  # value that an instrument is checked on
+
+
+def law_constants(mechanism: Effect, dose_of: DoseOf) -> Callable[[Any, float, Conditions], Constants] | None:
+    """Constants of a mechanism on the device at the dose of a law; None for one of the host."""
+    constants = mechanism.constants
+    if constants is None:
+        return None
+
+    def of_law(params: Any, strength: float, conditions: Conditions) -> Constants:
+        return constants(at_dose(mechanism, strength * float(dose_of(params, conditions))), 1.0, conditions)
+
+    return of_law
+
+
+def law_act(mechanism: Effect, dose_of: DoseOf, observable: str = "") -> Callable[..., Any]:
+    """`act` of a mechanism at the dose of a law; of an instrument for one observable."""
+    if mechanism.place == "scene":
+
+        def change(params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
+            dose = strength * float(dose_of(params, conditions))
+            return mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
+
+        return change
+    if mechanism.place == "instrument":
+
+        def read(params: Any, strength: float, conditions: Conditions, name: str, value: float) -> float:
+            dose = strength * float(dose_of(params, conditions))
+            if name != observable or dose == 0.0:
+                return value
+            return mechanism.act(at_dose(mechanism, dose), 1.0, conditions, name, value)
+
+        return read
+    return mechanism.act
+
+
+def at_dose(mechanism: Effect, dose: float) -> Any:
+    """Parameters of a mechanism at one dose."""
+    return mechanism.params(dose=dose)
+
+
+def law_checks(
+    mechanism: Effect, probe: Probe, params: Any, points: Sequence[Point], observable: str = ""
+) -> Iterator[Check]:
+    """One line for each point: the effect does there what the mechanism does at the dose of the point."""
+    for conditions, dose, response in points:
+        where = ", ".join(f"{name} = {value:g}" for name, value in conditions.items())
+        claim = f"at {where} the dose is {dose:.4g}"
+        if mechanism.place == "scene":
+            scene = sample_scene(wind=WIND)
+            found = probe(params, conditions, scene=scene)
+            wanted = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
+            yield Check(claim, scene_difference(found, wanted), 0.0, atol=1e-4)
+        elif mechanism.place == "instrument":
+            got = probe(params, conditions, observable=observable, value=SAMPLE_READING)
+            want = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, observable, SAMPLE_READING)
+            yield Check(claim, got, want, rtol=1e-4)
+        else:
+            yield Check(claim, device_response(mechanism, probe, params, conditions), response, rtol=1e-3)
+
+
+def device_response(mechanism: Effect, probe: Probe, params: Any, conditions: Conditions) -> float:
+    """Largest component of what an effect on the device does in a typical situation."""
+    answer = np.ravel(probe(params, conditions, **TYPICAL[mechanism.place]))
+    return float(answer[int(np.argmax(np.abs(answer)))])
+
+
+def scene_difference(first: Scene, second: Scene) -> float:
+    """Largest relative difference of the numbers of two scenes [1]."""
+    pairs = list(zip(numbers_in(resolved(first)), numbers_in(resolved(second)), strict=True))
+    return max(abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in pairs)
+
+
+def numbers_in(tree: Any) -> Iterator[float]:
+    """Numbers of nested tables and lists."""
+    if isinstance(tree, dict):
+        tree = list(tree.values())
+    if isinstance(tree, list):
+        for branch in tree:
+            yield from numbers_in(branch)
+    elif isinstance(tree, int | float):
+        yield float(tree)
