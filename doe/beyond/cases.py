@@ -67,7 +67,7 @@ def draw(family: int, number: int) -> tuple[Problem, Truth]:
     count = int(generator.integers(*SET_UPS))
     conditions: Conditions = {
         "moisture": 0.01 * generator.integers(0, 5, count),
-        "diameter": np.exp(generator.uniform(np.log(1.2e-4), np.log(8e-4), count)),
+        "diameter": np.asarray(np.exp(generator.uniform(np.log(1.2e-4), np.log(8e-4), count)), float),
         "u_star": generator.uniform(0.35, 0.8, count),
     }
     table = measured(generator, truth, conditions, float(np.exp(generator.uniform(np.log(0.5), np.log(1.5)))))

@@ -57,7 +57,7 @@ def main(
             list(pool.map(solve_file, [folder / f"{k:04d}.pickle" for k in range(cases)]))
     rows = [opened(folder, seed, k) for k in range(cases) if (folder / f"{k:04d}.json").exists()]
     page = io.StringIO()
-    writer = csv.DictWriter(page, list(COLUMNS), lineterminator="\n")
+    writer = csv.DictWriter(page, list[str](COLUMNS), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     write_atomic(FOLDER / "results.csv", page.getvalue().encode())

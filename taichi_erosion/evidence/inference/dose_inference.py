@@ -143,7 +143,8 @@ def censored_part(work: Working, prepared: PreparedProblem) -> float:
 
 def ridge(columns: Floats, residual: Floats) -> Floats:
     """Most likely coefficients with unit priors."""
-    return np.linalg.solve(columns.T @ columns + np.eye(columns.shape[1]), columns.T @ residual)
+    matrix = columns.T @ columns + np.eye(columns.shape[1])
+    return np.asarray(np.linalg.solve(matrix, columns.T @ residual), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -200,7 +201,7 @@ class DoseSearch:
         count = self.origin.size
         doses = self.amplitude * self.prior.factor
         near = np.linalg.solve(doses.T @ doses + SLACK * np.eye(doses.shape[1]), doses.T @ fit.doses)
-        return np.concatenate([fit.theta[:count], near])
+        return np.asarray(np.concatenate([fit.theta[:count], near]), dtype=np.float64)
 
     def run(self, theta: Floats, steps: int) -> Floats:
         """Best [x, s, f] from a start."""

@@ -104,8 +104,8 @@ def slopes_at(prepared: PreparedProblem, x: Floats) -> Floats:
         up[index] = min(x[index] + STEP, prepared.high[index])
         down[index] = max(x[index] - STEP, prepared.low[index])
         gap = max(up[index] - down[index], 1e-12)
-        ends = (predictor.predict(place, {}, seeds) for place in (up, down))
-        columns.append(np.nan_to_num(paired_change(*ends, predictor)) / gap)
+        above, below = (predictor.predict(place, {}, seeds) for place in (up, down))
+        columns.append(np.nan_to_num(paired_change(above, below, predictor)) / gap)
     return np.column_stack(columns) if columns else np.zeros((prepared.rows.size, 0))
 
 

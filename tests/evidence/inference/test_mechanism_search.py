@@ -1,0 +1,77 @@
+"""A mechanism that no list holds is found on the reduced model, with its law; nothing is found in a null."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from doe.beyond.cases import Truth, draw, measured
+from taichi_erosion.evidence.answers.compare import no_progress
+from taichi_erosion.evidence.answers.discover import discover
+from taichi_erosion.evidence.data.problem import Candidate, Problem
+from taichi_erosion.evidence.models import reduced
+
+WET = Truth("outside", "rolling_friction", "moisture", "power", 5.0, 0.7, dict(reduced.PARAMETERS))
+NOTHING = Truth("null", parameters=dict(reduced.PARAMETERS))
+PLACES = ("rolling_friction", "sliding_friction", "contact_pull")
+
+
+def problem_of(truth: Truth, seed: int = 5) -> Problem:
+    """A study of 16 set-ups with three observables; few candidates and mechanisms keep it short."""
+    generator = np.random.default_rng(seed)
+    conditions = {
+        "moisture": np.tile(0.01 * np.arange(4), 4),
+        "diameter": np.repeat([1.5e-4, 2.5e-4, 4e-4, 6e-4], 4),
+        "u_star": np.full(16, 0.6),
+    }
+    bare, _ = draw(5, 0)
+    table = measured(generator, truth, conditions, 0.7)
+    places = tuple(each for each in bare.mechanisms if each.name in PLACES)
+    return replace(
+        bare,
+        measurements=table,
+        mechanisms=places,
+        candidates=(Candidate("liquid_bridge"), Candidate("gusts")),
+        vault=replace(bare.vault, rows=np.zeros(0, dtype=np.int64)),
+    )
+
+
+def test_an_unlisted_mechanism_is_named_with_its_law():
+    problem = problem_of(WET)
+    found = discover(problem, 1, problem.budget, no_progress)
+    assert found.verdict == "outside_library"
+    assert found.beyond is not None
+    assert found.beyond.group[0] == "rolling_friction"
+    best = found.beyond.mechanisms[0]
+    assert best.p_one_dose > 0.01
+    assert best.log_bayes_factor > found.beyond.log_bayes_listed + 3.0
+    law = found.beyond.law
+    assert law is not None
+    assert law.form == "power"
+    assert law.exponents["moisture"].low < 0.7 < law.exponents["moisture"].high
+    words = " ".join(found.sentences)
+    assert "acts like a factor of rolling friction" in words
+    assert "caused" not in words
+
+
+def test_in_a_null_no_mechanism_is_asked_for():
+    problem = problem_of(NOTHING)
+    found = discover(problem, 1, problem.budget, no_progress)
+    assert found.beyond is None
+    assert found.verdict in ("none_detected", "not_testable")
+
+
+def test_a_model_without_places_for_mechanisms_gets_no_such_answer():
+    problem = replace(problem_of(WET), mechanisms=())
+    found = discover(problem, 1, problem.budget, no_progress)
+    assert (found.verdict, found.beyond) == ("outside_library", None)
+
+
+def test_forms_are_zero_where_a_condition_that_reaches_zero_is_zero():
+    from taichi_erosion.evidence.inference.dose_forms import forms_of
+
+    conditions = {"moisture": np.array([0.0, 0.01, 0.02, 0.04]), "diameter": np.array([1.0, 2.0, 3.0, 4.0])}
+    for form in forms_of(conditions):
+        if form.conditions == ("moisture",):
+            numbers = np.array([1.0, *form.starts[0]])
+            assert form.dose(conditions, numbers)[0] == pytest.approx(0.0, abs=1e-9)
