@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taichi_erosion.api.notebook import frame
+from taichi_erosion.api.wording import in_python
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
+@in_python
 def effects(effect_files: Sequence[str | Path] = ()) -> "pd.DataFrame":
     """All effects, those of own files too: name, title, place, conditions, largest strength [1]."""
     from taichi_erosion.effects import load_library

@@ -1,7 +1,7 @@
 """Display of results in notebooks and terminals: progress, HTML of sentences and tables, figures."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -42,10 +42,16 @@ def html(title: str, sentences: Iterable[str], tables: Iterable["pd.DataFrame"])
     )
 
 
-def frame(rows: Iterable[dict[str, Any]], units: dict[str, str] | None = None) -> "pd.DataFrame":
-    """Table of rows; `.attrs["units"]` has the unit of every column that has one."""
+def frame(
+    rows: Iterable[dict[str, Any]], units: dict[str, str] | None = None, columns: Sequence[str] = ()
+) -> "pd.DataFrame":
+    """Table of rows; `.attrs["units"]` has the unit of every column that has one.
+
+    `columns` are those of a table without rows.
+    """
     import pandas as pd
 
-    table = pd.DataFrame(list(rows))
+    stated = list(rows)
+    table = pd.DataFrame(stated) if stated else pd.DataFrame(columns=list(columns))
     table.attrs["units"] = {name: unit for name, unit in (units or {}).items() if name in table.columns}
     return table

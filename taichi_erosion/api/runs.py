@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html, progress
+from taichi_erosion.api.wording import in_python, python_words
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ SceneLike = PathLike | Mapping[str, Any]
 OPTIONS = ("seed", "replicas", "threads", "precision", "arch", "force")  # of a run beside its scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """A run of a scene: its document as `run --json` prints it, and its recording if it has one."""
 
@@ -88,6 +89,7 @@ class Run:
             },
         )
 
+    @in_python
     def report(self, to: PathLike | None = None) -> Path:
         """Page of the run (HTML). Raises BadInput for a run without a recording."""
         from taichi_erosion.report import write_report
@@ -96,10 +98,26 @@ class Run:
             raise BadInput("the run has no recording; run it with record=True")
         return write_report(self.recording.with_suffix(".json"), None if to is None else Path(to), True)
 
+    @property
+    def warnings(self) -> list[str]:
+        """What to know about the set-up and its replicas, each sentence once."""
+        told = [*self.document.get("limits", {}).get("warnings", ())]
+        told += [each for replica in self.document["replicas"] for each in replica.get("warnings", ())]
+        return [python_words(sentence) for sentence in dict.fromkeys(told)]
+
+    def __repr__(self) -> str:
+        found = (
+            f"{name} {each['value']:.4g} {each['unit']}" if each["value"] is not None else f"{name} no value"
+            for name, each in self.document["measures"].items()
+        )
+        seeds = f"{len(self.document['replicas'])} seeds"
+        return f"Run({self.document['scene']}, {seeds}: {', '.join(found) or 'no measures'})"
+
     def _repr_html_(self) -> str:
-        return html(self.document["title"] or self.document["scene"], (), [self.table])
+        return html(self.document["title"] or self.document["scene"], self.warnings, [self.table])
 
 
+@in_python
 def run(
     scene: SceneLike,
     changes: Mapping[str, Any] | None = None,
@@ -140,6 +158,7 @@ def stated_changes(changes: Mapping[str, Any] | None, entries: Mapping[str, Any]
     return dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
 
 
+@in_python
 def open_run(file: PathLike) -> Run:
     """A run from its document (.json) or recording (.rrd). Raises BadInput where there is none."""
     document = Path(file).with_suffix(".json")

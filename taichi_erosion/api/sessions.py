@@ -6,23 +6,30 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.runs import PathLike, override, stated_changes
+from taichi_erosion.api.wording import in_python
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 
 class LiveSession:
     """One replica of a scene under the caller's control; times in s of the simulation."""
 
+    @in_python
     def __init__(
         self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike], changes: Mapping[str, Any]
     ) -> None:
         from taichi_erosion.run.session import open_session
+        from taichi_erosion.run.session_queries import keep_sample
+        from taichi_erosion.verification.effect_examination import refuse_unusable
 
         files = [Path(file) for file in effect_files]
+        refuse_unusable(files)
         self.session = open_session(
             Path(scene), tuple(override(*one) for one in changes.items()), seed, files
         )
+        self.session.callbacks.append(keep_sample)
 
     @property
     def time(self) -> float:
@@ -47,6 +54,7 @@ class LiveSession:
         )
         return frame(rows).set_index("measure")
 
+    @in_python
     def run(self, seconds: float) -> "LiveSession":
         """Run for a simulated time [s]. Raises SimulationStopped."""
         from taichi_erosion.run.session import run_for
@@ -54,6 +62,7 @@ class LiveSession:
         run_for(self.session, seconds)
         return self
 
+    @in_python
     def run_until_rest(self) -> "LiveSession":
         """Run until the grains rest or the stage's time is over. Raises SimulationStopped."""
         from taichi_erosion.run.session import run_until_rest
@@ -61,6 +70,7 @@ class LiveSession:
         run_until_rest(self.session)
         return self
 
+    @in_python
     def step(self, count: int = 1) -> "LiveSession":
         """Run time steps."""
         from taichi_erosion.run.session import step
@@ -68,6 +78,7 @@ class LiveSession:
         step(self.session, count)
         return self
 
+    @in_python
     def next_stage(self) -> "LiveSession":
         """Begin the next stage of the scene. Raises BadInput after the last one."""
         from taichi_erosion.run.session import next_stage
@@ -75,6 +86,7 @@ class LiveSession:
         next_stage(self.session)
         return self
 
+    @in_python
     def set(self, path: str, value: Any) -> "LiveSession":
         """Change an entry of the scene by its dotted path. Raises BadInput where it is fixed."""
         from taichi_erosion.run.session import set_entry
@@ -82,6 +94,61 @@ class LiveSession:
         set_entry(self.session, path, override(path, value).partition("=")[2])
         return self
 
+    @in_python
+    def get(self, path: str) -> Any:
+        """Value of an entry of the scene by its dotted path, or a mapping of those below. Raises BadInput."""
+        from taichi_erosion.run.session_queries import entry
+
+        return entry(self.session, path)
+
+    @in_python
+    def help(self, path: str) -> str:
+        """Meaning, unit, default and range of an entry, of effects too. Raises BadInput."""
+        from taichi_erosion.run.session_queries import meaning
+
+        return meaning(self.session, path)
+
+    @in_python
+    def diff(self, before: str | None = None, after: str | None = None) -> "pd.DataFrame":
+        """Entries that differ: from the scene file, or a saved state, to the present, or another saved state.
+
+        Raises BadInput for an unknown state.
+        """
+        from taichi_erosion.run.session_queries import differences
+
+        pairs = differences(self.session, before, after).items()
+        rows = [{"entry": path, "before": old, "after": new} for path, (old, new) in pairs]
+        return frame(rows or [], columns=("entry", "before", "after")).set_index("entry")
+
+    @in_python
+    def watch(self, *names: str) -> "LiveSession":
+        """Keep measures for `samples` and `plot` from now on, beside the numbers of the status."""
+        from taichi_erosion.run.session_queries import watch
+
+        watch(self.session, *names)
+        return self
+
+    @property
+    def samples(self) -> "pd.DataFrame":
+        """Numbers of the status, and watched measures, at every check so far, by time [s]."""
+        return frame(self.session.samples, columns=("time_s",)).set_index("time_s")
+
+    @in_python
+    def plot(self, name: str) -> "Figure":
+        """Figure of a number over the simulated time. Raises BadInput before the first sample."""
+        from taichi_erosion.report.pictures.session import curve_figure
+        from taichi_erosion.run.session_queries import curve
+
+        return curve_figure(*curve(self.session, name), name)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know about the present strengths of effects."""
+        from taichi_erosion.run.session import warnings_now
+
+        return warnings_now(self.session)
+
+    @in_python
     def save(self, name: str) -> "LiveSession":
         """Keep the present state under a name."""
         from taichi_erosion.run.session import save
@@ -89,6 +156,7 @@ class LiveSession:
         save(self.session, name)
         return self
 
+    @in_python
     def restore(self, name: str) -> "LiveSession":
         """Return to a saved state, bit for bit. Raises BadInput for an unknown name."""
         from taichi_erosion.run.session import restore
@@ -96,11 +164,15 @@ class LiveSession:
         restore(self.session, name)
         return self
 
+    @in_python
     def snapshot(self, to: PathLike) -> Path:
         """Write a picture from the side (PNG)."""
         from taichi_erosion.run.session import write_picture
 
         return write_picture(self.session, Path(to))
+
+    def __repr__(self) -> str:
+        return f"LiveSession({self.session.path}, {self.time:.6g} s, stage {self.status['stage']})"
 
     def _repr_html_(self) -> str:
         words = ", ".join(f"{name} {value}" for name, value in self.status.items())

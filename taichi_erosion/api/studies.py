@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.api.runs import PathLike
+from taichi_erosion.api.wording import in_python, python_words
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def row_frame(rows: Document | None, units: Mapping[str, str]) -> "pd.DataFrame"
     return table
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """Answer to a command of the loop: its document as `--json` prints it, with the rows of its figures."""
 
@@ -43,7 +44,7 @@ class Result:
     @property
     def sentences(self) -> list[str]:
         """What was found, in plain sentences."""
-        return [*self.document.get("set_up", ()), *self.found]
+        return [python_words(each) for each in (*self.document.get("set_up", ()), *self.found)]
 
     @property
     def found(self) -> list[str]:
@@ -61,11 +62,15 @@ class Result:
 
         return first_figure(self.study)
 
+    def __repr__(self) -> str:
+        first = next(iter(self.sentences), "nothing found")
+        return f"{type(self).__name__}({self.study}: {first})"
+
     def _repr_html_(self) -> str:
         return html(self.document["title"] or str(self.study), self.sentences, [self.table])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ComparisonResult(Result):
     """Where the calibrated model fails."""
 
@@ -88,7 +93,7 @@ class ComparisonResult(Result):
         return frame(rows).set_index("observable")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DiscoveryResult(Result):
     """Which effect is missing."""
 
@@ -126,7 +131,7 @@ class DiscoveryResult(Result):
     effects = table
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AdoptionResult(Result):
     """Error on fitted and held-out rows before and after effects are added, beside controls."""
 
@@ -152,7 +157,7 @@ class AdoptionResult(Result):
         return [Path(file) for file in self.document["files"]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ExperimentsResult(Result):
     """Experiments that would decide."""
 
@@ -166,7 +171,7 @@ class ExperimentsResult(Result):
         return frame(dict(each) for each in self.document["next_experiments"])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PredictionResult(Result):
     """What the calibrated, adopted model says at new conditions."""
 
@@ -208,24 +213,28 @@ class Study:
         runs = self.budget if isinstance(self.budget, int) else None
         return StudyOptions(named, runs, self.workers, self.seed, self.effect_files)
 
+    @in_python
     def check(self) -> Document:
         """Validate study, table, scenes and model; run nothing. Raises BadInput with all faults."""
         from taichi_erosion.evidence.answers.check_study import check_study
 
-        return check_study(self.path)
+        return check_study(self.path, self.options)
 
+    @in_python
     def compare(self) -> ComparisonResult:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
         return ComparisonResult(self.path, self.answered("comparing", compare_study))
 
+    @in_python
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
         return DiscoveryResult(self.path, self.answered("discovering", discover_study))
 
+    @in_python
     def adopt(self, *effects: str, force: bool = False) -> AdoptionResult:
         """Add effects, calibrate again, open the vault. Raises BadInput for what is no candidate."""
         from taichi_erosion.evidence.answers.commands import adopt_study
@@ -238,12 +247,14 @@ class Study:
 
         return AdoptionResult(self.path, self.answered("adopting", adopted))
 
+    @in_python
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
         return ExperimentsResult(self.path, self.answered("planning", next_study))
 
+    @in_python
     def predict(self, table: "PathLike | pd.DataFrame", *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
 
@@ -260,6 +271,7 @@ class Study:
 
             return PredictionResult(self.path, self.answered("predicting", predicted))
 
+    @in_python
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
         from taichi_erosion.report import write_report
@@ -284,6 +296,7 @@ def study(
     return Study(Path(path), budget, workers, seed, tuple(Path(file) for file in effect_files))
 
 
+@in_python
 def new_study(
     table: "PathLike | pd.DataFrame",
     out: PathLike | None = None,

@@ -28,6 +28,7 @@ from taichi_erosion.core.files import check_writable, refuse_foreign
 from taichi_erosion.scene.file_kind import refuse_neither
 
 if TYPE_CHECKING:
+    from taichi_erosion.core.effect_file import EffectFile
     from taichi_erosion.verification.claim import Claim
 
 app = typer.Typer(
@@ -156,14 +157,23 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
     """Validate a scene and print its hash."""
     from taichi_erosion.run import check_scene
 
-    document = check_scene(scene, overrides, effects)
+    document = check_scene(scene, overrides, effects, examine_effect)
 
     def print_text(found: output.Record) -> None:
         typer.echo(f"{scene}: valid, hash {found['hash']}")
+        for sentence in output.examined_effects(found["effects"]):
+            typer.echo(sentence)
         for sentence in output.consequences(found):
             typer.echo(sentence)
 
     output.print_result(document, as_json, print_text)
+
+
+def examine_effect(file: "EffectFile") -> dict[str, Any]:
+    """Check of the effect of a file; imports the device."""
+    from taichi_erosion.verification.effect_examination import examined_file
+
+    return examined_file(file)
 
 
 def check_options(record: Path | None, no_record: bool, checkpoint: Path | None, every: float | None) -> None:
@@ -207,6 +217,11 @@ def live(
 
     if web and viewer:
         raise BadInput("--web and --viewer exclude each other")
+    if effect:
+        from taichi_erosion.verification.effect_examination import refuse_unusable
+
+        for sentence in output.examined_effects(refuse_unusable(effect)):
+            typer.echo(sentence, err=True)
     session = open_session(scene, tuple(override or ()), seed, effect or ())
     path = record or unused_name(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
     if record and record.exists():

@@ -4,7 +4,6 @@ Measured shifts and known answers are the tables in `effects/measured/`, which s
 """
 
 import csv
-from contextlib import suppress
 from dataclasses import fields
 from importlib.resources import files
 from pathlib import Path
@@ -16,10 +15,10 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.new_effect import NEW, ScaffoldPlace, write_effect_file
 from taichi_erosion.cli.output import AsJson, EffectFiles
-from taichi_erosion.core.errors import BadInput, ExitCode
+from taichi_erosion.core.errors import BadInput, ExitCode, did_you_mean
 
 if TYPE_CHECKING:
-    from taichi_erosion.core.effect import Check, Effect, Probe
+    from taichi_erosion.core.effect import Check, Effect
 
 Row = dict[str, str]  # of a table of measured shifts or known answers
 
@@ -84,9 +83,10 @@ def effects(
                 typer.echo(LIST_NOTES[mechanisms])
         case [name]:
             library = asked_library(effect, mechanisms)
-            if name not in library:
-                raise BadInput(f"effects {name}: is not in the library: {', '.join(library)}")
-            show_effect(library[name], as_json)
+            if name in library:
+                show_effect(library[name], as_json)
+            else:
+                show_shift(name, list(library), as_json)
         case _:
             raise BadInput(f"effects {' '.join(words or [])}: give one NAME, or new NAME")
 
@@ -112,22 +112,46 @@ def asked_library(effect_files: list[Path] | None, mechanisms: bool) -> "dict[st
     return load_library(effect_files or ())
 
 
+def show_shift(name: str, library: "list[str]", as_json: bool) -> None:
+    """What an effect of the reduced model does there. Raises BadInput where neither has the name."""
+    from taichi_erosion.evidence.models import reduced
+
+    if name not in reduced.EFFECTS:
+        near = did_you_mean(name, [*library, *reduced.EFFECTS])
+        raise BadInput(
+            f"effects {name}: is not in the library{near}; `effects` lists it: {', '.join(library)}"
+        )
+    told = " ".join((reduced.EFFECTS[name].__doc__ or "").split())
+    if as_json:
+        return output.print_json({"effects": {name: {"model": reduced.__name__, "description": told}}})
+    typer.echo(f"{name} is an effect of the reduced model ({reduced.__name__}), not of scenes:")
+    typer.echo(told)
+    typer.echo("A study with this model names it under [candidates]; its strength is 0: absent, 1: textbook.")
+    if near := did_you_mean(name, library):
+        typer.echo(f"For scenes{near.removeprefix(';')}")
+
+
 def show_library(library: "list[Effect]", as_json: bool) -> None:
     """Table of all effects: name, place, measured shifts, reference."""
     measured = measured_shifts()
     if as_json:
         return output.print_json({"effects": {effect.name: record(effect, measured) for effect in library}})
+    from taichi_erosion.core.effect import reference
+
     answers, rows = known_answers(), []
     for effect in library:
         shifts = [shift_text(row) for row in reference_shifts(measured.get(effect.name, []))]
         values = "; ".join(shifts + answers.get(effect.name, [])) or output.MARK_MISSING
-        rows.append((effect.name, effect.title, effect.place, values, first_reference(effect)))
+        rows.append((effect.name, effect.title, effect.place, values, reference(effect)))
     output.print_table("effects", ("name", "what it is", "place", "measured shifts", "reference"), rows)
 
 
 def show_effect(effect: "Effect", as_json: bool) -> None:
     """Page of one effect: law, parameters, verification table, measured shifts."""
-    checks, breaches = examined(effect)
+    from taichi_erosion.verification.effect_examination import examine
+
+    found = examine(effect)
+    checks, breaches = list(found.table), list(found.breaches)
     measured = measured_shifts()
     if as_json:
         lines = [{"claim": c.claim, "got": c.got, "want": c.want, "rtol": c.rtol} for c in checks]
@@ -160,9 +184,11 @@ def print_effect(
 
 def print_parameters(effect: "Effect") -> None:
     """Entries of the effect in a scene file."""
+    from taichi_erosion.core.effect import STRENGTH_MOST
     from taichi_erosion.verification.effect_contract import own_conditions
 
-    rows = [("strength", "1", "1", f"0 to {effect.most:g}", "0: absent, 1: textbook")]
+    above = f"0: absent, 1: textbook; more is simulated with a warning, up to {STRENGTH_MOST:g}"
+    rows = [("strength", "1", "1", f"0 to {effect.most:g}", above)]
     for f in fields(effect.params):
         span = f"{f.metadata['low']:g} to {f.metadata['high']:g}"
         rows.append((f.name, f"{f.default:g}", f.metadata["unit"], span, f.metadata["meaning"]))
@@ -181,32 +207,10 @@ def print_parameters(effect: "Effect") -> None:
         typer.echo(f"expected from the literature: {directions}")
 
 
-def examined(effect: "Effect") -> "tuple[list[Check], list[str]]":
-    """Verification table of an effect and its breaches of the contract."""
-    from taichi_erosion.core.device import start_device, stop_device
-    from taichi_erosion.core.effect_probe import make_bench, probe_of
-    from taichi_erosion.core.setup import Numerics
-    from taichi_erosion.verification.effect_contract import breaches
-
-    start_device(Numerics(threads=1))
-    bench = make_bench()
-    try:
-        return lines_of_table(effect, probe_of(effect, bench)), breaches(effect, bench)
-    finally:
-        stop_device()
-
-
-def lines_of_table(effect: "Effect", probe: "Probe") -> "list[Check]":
-    """Verification table of an effect as far as it can be computed; the contract names what is missing."""
-    lines = []
-    with suppress(Exception):
-        for check in effect.checks(probe):
-            lines.append(check)
-    return lines
-
-
 def record(effect: "Effect", measured: dict[str, list[Row]]) -> dict[str, Any]:
     """JSON record of an effect."""
+    from taichi_erosion.core.effect import reference
+
     state = fields(effect.grain_state) if effect.grain_state else ()
     return {
         "title": effect.title,
@@ -215,19 +219,13 @@ def record(effect: "Effect", measured: dict[str, list[Row]]) -> dict[str, Any]:
         "uncertain": dict(effect.uncertain),
         "expected": dict(effect.expected),
         "measured": measured.get(effect.name, []),
-        "reference": first_reference(effect),
+        "reference": reference(effect),
         "prior_scale": effect.prior_scale,
         "max": effect.most,
         "parameters": {f.name: {"value": f.default, **f.metadata} for f in fields(effect.params)},
         "memory": {f.name: dict(f.metadata) for f in state},
         "description": effect.doc or "",
     }
-
-
-def first_reference(effect: "Effect") -> str:
-    """First reference in an effect's docstring."""
-    _, _, works = (effect.doc or "").partition("Reference:")
-    return " ".join(works.split()).partition(";")[0].rstrip(".")
 
 
 def measured_table(name: str) -> list[Row]:

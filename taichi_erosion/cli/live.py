@@ -5,22 +5,20 @@ import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
 import typer
 
 from taichi_erosion.cli.text_plot import text_plot
-from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import terminal_colours, terminal_shades
 from taichi_erosion.run import session as live
+from taichi_erosion.run import session_queries as queries
 from taichi_erosion.run.session import Session
-from taichi_erosion.scene import resolved
-from taichi_erosion.scene.paths import meaning_of, scene_paths
+from taichi_erosion.scene.paths import scene_paths
 
 PROMPT = "erosion> "
 PICTURE_COLUMNS = 72
@@ -70,18 +68,15 @@ def run(session: Session, words: list[str]) -> str:
 def set_entry(session: Session, words: list[str]) -> str:
     if len(words) != 2:
         raise BadInput(f"usage: {COMMANDS['set'].usage}")
-    return f"{words[0]} = {words[1]} {live.set_entry(session, words[0], words[1])}"
+    before = live.warnings_now(session)
+    done = live.set_entry(session, words[0], words[1])
+    new = [f"\nwarning: {each}" for each in live.warnings_now(session) if each not in before]
+    return f"{words[0]} = {words[1]} {done}{''.join(new)}"
 
 
 def get_entry(session: Session, words: list[str]) -> str:
-    found: Any = resolved(session.scene)
-    for key in only(words, "get").split("."):
-        if not isinstance(found, dict) or key not in found:
-            entries = list(found) if isinstance(found, dict) else []
-            meant = did_you_mean(key, entries)
-            raise BadInput(f"no entry '{words[0]}'{meant}; entries there: {', '.join(entries) or 'none'}")
-        found = found[key]
-    return f"{words[0]} = {found}"
+    path = only(words, "get")
+    return f"{path} = {queries.entry(session, path)}"
 
 
 def measure(session: Session, words: list[str]) -> str:
@@ -96,42 +91,13 @@ def spoken(found: Measurement) -> str:
     return f"{found.name}: no value, {found.notes[0] if found.notes else 'the state holds none'}"
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`; did you mean X?` where a known word is close; empty otherwise."""
-    close = get_close_matches(word, list(known), n=1)
-    return f"; did you mean {close[0]}?" if close else ""
-
-
-def number_now(session: Session, name: str) -> float:
-    """A number of the status, or a measure, in the present state. Raises BadInput for an unknown name."""
-    status = live.session_status(session)
-    if isinstance(status.get(name), (int, float)):
-        return float(status[name])
-    measures = live.measure_now(session)
-    if name not in measures:
-        known = numbers(session)
-        raise BadInput(f"no number '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}")
-    return measures[name].value
-
-
-def numbers(session: Session) -> list[str]:
-    """Names that can be plotted and watched."""
-    status = live.session_status(session)
-    return [name for name, value in status.items() if not isinstance(value, str)] + list(
-        session.scene.measure
-    )
-
-
 def plot(session: Session, words: list[str]) -> str:
     """Curve of a number over the session so far, in the terminal or as PNG."""
     if not 1 <= len(words) <= 2:
-        raise BadInput(f"usage: {COMMANDS['plot'].usage}; NAME is one of {', '.join(numbers(session))}")
+        usage = f"usage: {COMMANDS['plot'].usage}"
+        raise BadInput(f"{usage}; NAME is one of {', '.join(queries.number_names(session))}")
     name, *files = words
-    number_now(session, name)
-    samples = [sample for sample in session.samples if name in sample]
-    if not samples:
-        raise BadInput(f"'{name}' has no samples: `watch {name}` before the run keeps them")
-    time, value = ([float(sample[key]) for sample in samples] for key in ("time_s", name))
+    time, value = queries.curve(session, name)
     if not files:
         return text_plot(time, value, name)
     from taichi_erosion.report.pictures.session import curve_png
@@ -140,27 +106,11 @@ def plot(session: Session, words: list[str]) -> str:
 
 
 def diff(session: Session, words: list[str]) -> str:
-    """Entries that differ from the scene file, or from a saved state."""
-    if words and words[0] not in session.saved:
-        raise BadInput(f"nothing is saved as '{words[0]}'{did_you_mean(words[0], session.saved)}")
-    before = live.saved_scene(session, words[0]) if words else live.first_scene(session)
-    old, new = (dict(leaves(resolved(scene))) for scene in (before, session.scene))
-    changes = [
-        f"{path}: {old.get(path, 'not set')} -> {new.get(path, 'not set')}"
-        for path in sorted({*old, *new})
-        if old.get(path) != new.get(path)
-    ]
-    return "\n".join(changes) or "no entry was changed"
-
-
-def leaves(table: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted paths and values of all entries below a table."""
-    for key, value in table.items():
-        path = f"{above}.{key}" if above else key
-        if isinstance(value, dict):
-            yield from leaves(value, path)
-        else:
-            yield path, value
+    """Entries that differ: from the scene file, or from a saved state to another or to the present."""
+    if len(words) > 2:
+        raise BadInput(f"usage: {COMMANDS['diff'].usage}")
+    found = queries.differences(session, *words).items()
+    return "\n".join(f"{path}: {old} -> {new}" for path, (old, new) in found) or "no entry differs"
 
 
 def watch(session: Session, words: list[str]) -> str:
@@ -168,22 +118,13 @@ def watch(session: Session, words: list[str]) -> str:
     if words == ["off"]:
         session.watched.clear()
         return "watching nothing"
-    for name in words:
-        number_now(session, name)
-    session.watched[:] = dict.fromkeys([*session.watched, *words])
+    queries.watch(session, *words)
     return f"watching {', '.join(session.watched) or 'nothing'}"
 
 
 def sample(session: Session) -> None:
     """Keep the numbers of this check for `plot`, and print those that are watched."""
-    now: dict[str, float] = {
-        name: float(value)
-        for name, value in live.session_status(session).items()
-        if not isinstance(value, str)
-    }
-    now |= {name: number_now(session, name) for name in session.watched if name not in now}
-    session.samples[:] = [each for each in session.samples if each["time_s"] < now["time_s"]]
-    session.samples.append(now)
+    now = queries.keep_sample(session)
     if session.watched:
         values = "  ".join(f"{name} {now[name]:.5g}" for name in session.watched)
         typer.echo(f"{now['time_s']:.6g} s  {values}")
@@ -218,13 +159,18 @@ def script(session: Session, words: list[str]) -> str:
     path = Path(only(words, "script"))
     if not path.is_file():
         raise BadInput(f"{path}: no such file")
-    texts = [execute(session, line) for line in path.read_text(encoding="utf-8").splitlines()]
+    texts = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            texts.append(execute(session, line))
+        except BadInput as error:
+            raise BadInput(f"{path}: line {number}: {error}") from None
     return "\n".join(text for text in texts if text)
 
 
 def help_text(session: Session, words: list[str]) -> str:
     if words:
-        return COMMANDS[words[0]].meaning if words[0] in COMMANDS else meaning_of(words[0])
+        return COMMANDS[words[0]].meaning if words[0] in COMMANDS else queries.meaning(session, words[0])
     width = max(len(command.usage) for command in COMMANDS.values())
     return "\n".join(f"{command.usage:<{width}}  {command.meaning}" for command in COMMANDS.values())
 
@@ -242,7 +188,9 @@ COMMANDS = {
     "measure": LiveCommand("measure", "evaluate the scene's measures now", measure),
     "plot": LiveCommand("plot NAME [FILE]", "curve of a number so far, here or as PNG", plot),
     "watch": LiveCommand("watch NAME... | watch off", "print numbers while the scene runs", watch),
-    "diff": LiveCommand("diff [NAME]", "entries changed since the scene file, or since a saved state", diff),
+    "diff": LiveCommand(
+        "diff [NAME [NAME]]", "entries changed since the scene file or a saved state, or between two", diff
+    ),
     "status": LiveCommand("status", "time, grains, energies", lambda session, words: status(session)),
     "show": LiveCommand("show", "a small picture and the numbers", show),
     "snapshot": LiveCommand(
@@ -261,7 +209,10 @@ COMMANDS = {
 
 def execute(session: Session, line: str) -> str:
     """Text of one line's command; "" for a comment. Raises BadInput, SimulationStopped."""
-    words = shlex.split(line, comments=True)
+    try:
+        words = shlex.split(line, comments=True)
+    except ValueError as error:
+        raise BadInput(f"{line.strip()}: {error}; a text in quotes needs both") from None
     if not words:
         return ""
     if words[0] not in COMMANDS:

@@ -45,8 +45,12 @@ def write_effect_file(
     from taichi_erosion.effects import load_library
 
     path = Path(f"{name}.py")
-    if not FILE_NAME.fullmatch(name) or name == NEW or name in load_library():
-        raise BadInput(f"effects new {name}: a new name has lower-case letters, digits and _")
+    if not FILE_NAME.fullmatch(name) or name == NEW:
+        allowed = "a name begins with a lower-case letter and has lower-case letters, digits and _"
+        raise BadInput(f"effects new {name}: {allowed}, 60 at most")
+    if name in load_library():
+        taken = f"the library has an effect of this name: `effects {name}` describes it"
+        raise BadInput(f"effects new {name}: {taken}; take another name")
     if path.exists():
         raise BadInput(f"{path}: exists already")
     blank = scaffold("stateful_effect" if memory else f"{place}_effect").replace("NAME", name)

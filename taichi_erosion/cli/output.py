@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import floor, isfinite, log10
 from pathlib import Path
 from typing import Annotated, Any
@@ -93,6 +93,15 @@ def consequences(document: Record) -> Iterator[str]:
         weights = adhesion["bond_number"]
         yield f"adhesion: pull-off force {force:.3g} N, {weights:.3g} weights; sticking speed {speed:.3g} m/s"
     yield from (f"warning: {line}" for line in limits.get("warnings", ()))
+
+
+def examined_effects(found: Sequence[Record]) -> Iterator[str]:
+    """Sentences on the check of effect files."""
+    if not found:
+        return
+    from taichi_erosion.verification.effect_examination import examined_words
+
+    yield from (("warning: " if each["breaches"] else "") + examined_words(each) for each in found)
 
 
 def run_warnings(document: Record) -> list[str]:

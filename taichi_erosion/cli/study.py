@@ -8,7 +8,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import AsJson, Record, print_table
+from taichi_erosion.cli.output import AsJson, EffectFiles, Record, print_table
 from taichi_erosion.core.errors import BadInput
 
 study = typer.Typer(help="Make a study of a table, or validate one.", no_args_is_help=True)
@@ -69,11 +69,13 @@ def new(
 
 
 @study.command("check", **help_of("study check"))
-def check(study: StudyPath, as_json: AsJson = False) -> None:
-    """Validate a study, its table, scenes and model; run nothing."""
+def check(study: StudyPath, effect: EffectFiles = None, as_json: AsJson = False) -> None:
+    """Validate a study, its table, scenes, model and effect files; run nothing."""
     from taichi_erosion.evidence.answers.check_study import check_study
+    from taichi_erosion.evidence.models.load_study import StudyOptions
 
-    output.print_result(check_study(study), as_json, print_check)
+    options = StudyOptions(effect_files=tuple(effect or ()))
+    output.print_result(check_study(study, options), as_json, print_check)
 
 
 def pairs(stated: Pairs, option: str) -> Mapping[str, str]:
@@ -118,6 +120,8 @@ def print_check(document: Record) -> None:
     """Print that a study is valid, what it holds, and what an answer costs."""
     typer.echo(f"{document['study']}: valid; nothing was run")
     if document["kind"] == "evidence":
+        for sentence in output.examined_effects(document["effects"]):
+            typer.echo(sentence)
         print_content(document)
 
 

@@ -23,12 +23,13 @@ restored beds. Pair effects read the state of both grains, grain effects that of
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields
-from math import inf
+from math import inf, isfinite
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
 
 Conditions = Mapping[str, float]  # stated beside a measurement, in SI units
@@ -49,13 +50,14 @@ def quantity(default: float, unit: str, meaning: str, *, low: float = -inf, high
     return field(default=default, metadata={"unit": unit, "meaning": meaning, "low": low, "high": high})
 
 
-def check_range(params: Any) -> None:
-    """Raise ValueError naming the first parameter outside its range."""
+def check_range(params: Any, effect: str) -> None:
+    """Raise ValueError naming the first parameter of an effect outside its range."""
     for f in fields(params):
         value, low, high = getattr(params, f.name), f.metadata["low"], f.metadata["high"]
         if not low <= value <= high:
-            owner, unit = type(params).__module__, f.metadata["unit"]
-            raise ValueError(f"{owner}: {f.name} = {value} {unit} lies outside [{low}, {high}] {unit}")
+            unit = "" if f.metadata["unit"] == "1" else f" {f.metadata['unit']}"
+            allowed = f"[{low:g}, {high:g}]{unit}"
+            raise ValueError(f"effects.{effect}.{f.name} = {value:g}{unit} lies outside {allowed}")
 
 
 def documented(f: "Field[Any]") -> bool:
@@ -158,15 +160,29 @@ def read_params(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, floa
     """Parameters and strength from a scene's entries. Raises ValueError naming what is out of range."""
     strength = float(entries.get(STRENGTH, 1.0))
     if not 0.0 <= strength <= STRENGTH_MOST:
-        raise ValueError(f"effects.{effect.name}.strength = {strength} lies outside [0, {STRENGTH_MOST}]")
+        raise ValueError(f"effects.{effect.name}.strength = {strength} lies outside [0, {STRENGTH_MOST:g}]")
     params = effect.params(**{name: value for name, value in entries.items() if name != STRENGTH})
-    check_range(params)
+    check_range(params, effect.name)
     return params, strength
+
+
+def strength_warning(effect: Effect, strength: float) -> str | None:
+    """What to know about a strength beyond the largest that is physical; None within."""
+    if strength <= effect.most:
+        return None
+    told = f"is more than {effect.most:g}, the largest that its literature supports"
+    return f"effects.{effect.name}.{STRENGTH} = {strength:g} {told}"
 
 
 def parameter_names(effect: Effect) -> tuple[str, ...]:
     """Entries that a scene may give for an effect."""
     return (STRENGTH, *(f.name for f in fields(effect.params)))
+
+
+def reference(effect: Effect) -> str:
+    """First reference in an effect's docstring; empty without one."""
+    _, _, works = (effect.doc or "").partition("Reference:")
+    return " ".join(works.split()).partition(";")[0].rstrip(".")
 
 
 def replica_effect(
@@ -175,8 +191,26 @@ def replica_effect(
     """Constants and reach of a device effect in one replica; `radius` is that of its largest grain [m]."""
     assert effect.constants is not None
     constants = effect.constants(params, strength, conditions)
+    refuse_no_numbers(effect, constants)
     start = initial_state(effect, params, strength, conditions)
     return ReplicaEffect(effect, constants, effect.reach(constants, radius), start)
+
+
+def refuse_no_numbers(effect: Effect, constants: Any) -> None:
+    """Raise BadInput where the constants of an effect are not finite numbers by name."""
+    if not isinstance(constants, dict):
+        raise BadInput(
+            f"effects.{effect.name}: constants must give a dict of numbers by name, not {constants!r}"
+        )
+    for name, value in constants.items():
+        try:
+            finite = isfinite(value)
+        except (TypeError, ValueError):
+            finite = False
+        if not finite:
+            raise BadInput(
+                f"effects.{effect.name}: its constants give {name} = {value!r}, not a finite number"
+            )
 
 
 def initial_state(effect: Effect, params: Any, strength: float, conditions: Conditions) -> Constants:

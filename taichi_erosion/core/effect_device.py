@@ -147,7 +147,7 @@ def total_vector_force(effects: ti.template(), r, pair: ti.template(), i, j):
     for k in ti.static(range(len(effects.functions))):
         if ti.static(effects.vector[k]):
             if effects.present[r, k] == 1:
-                total += pair_effect(effects, k, r, pair, i, j)
+                total += pair_effect(effects, k, r, pair, i, j).xyz  # a number has no xyz
     return total
 
 
@@ -217,8 +217,8 @@ def total_grain_force(effects: ti.template(), r, grain: ti.template(), i):
     for k in ti.static(range(len(effects.functions))):
         if effects.present[r, k] == 1:
             part, moment = grain_effect(effects, k, r, grain, i)
-            force += part
-            torque += moment
+            force += part.xyz  # a number has no xyz: it would count along all three axes
+            torque += moment.xyz
     return force, torque
 
 

@@ -16,6 +16,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
 
+import numpy as np
+
 from taichi_erosion.core.effect import Effect, Place
 from taichi_erosion.core.effect_file import DIGITS, EffectFile
 from taichi_erosion.core.engine.choice import is_device_function
@@ -37,8 +39,19 @@ ACT = {
 COMPILED = re.compile(
     rf'File "([^"]+):[0-9a-f]{{{DIGITS}}}", line (\d+), in (\w+):'
 )  # in a compiler's message
+SOURCE = re.compile(rf"(.+):[0-9a-f]{{{DIGITS}}}")  # name under which the text of a file is compiled
+EXECUTED = "effect_file_"  # first letters of the module of an effect file
 STRUCT = re.compile(r"'Struct\d+' object")  # name of the compiler for what `act` reads
 STATES = {"pair": ("state_i", "state_j"), "grain": ("state",)}
+GIVES = {  # function of core/effect_device.py -> function of an effect, and what it must give
+    "total_attraction": ("act", "one number, the attraction [N]; a vector needs vector=True"),
+    "total_vector_force": ("act", "a vector, the force on grain i [N]; one number needs vector=False"),
+    "any_passes": ("act", "one number: 1 where the two grains pass each other, else 0"),
+    "total_grain_force": ("act", "two vectors, force [N] and torque [N m]"),
+    "total_drag_factor": ("drag", "one number, the factor of the drag [1]"),
+    "update_states": ("update_state", "the state, with every variable"),
+}
+USE = re.compile(r'effect_device\.py", line \d+, in (\w+):')  # where the result of an effect is used
 ARGUMENTS = {
     "constants": ("params", "strength", "conditions"),
     "initial_state": ("params", "strength", "conditions"),
@@ -69,7 +82,7 @@ def checked_effect(effect: Any, origin: str) -> Effect:
 
 def executed(file: EffectFile) -> ModuleType:
     """Module of the text of a file; the compiler reads that text too, whatever becomes of the file."""
-    name, source = f"effect_{file.path.stem}_{file.digest}", f"{file.path}:{file.digest}"
+    name, source = f"{EXECUTED}{file.path.stem}_{file.digest}", f"{file.path}:{file.digest}"
     linecache.cache[source] = (len(file.text), None, file.text.splitlines(keepends=True), source)
     module = sys.modules[name] = ModuleType(name)  # dataclasses look their module up by name
     module.__file__ = str(file.path)
@@ -139,7 +152,7 @@ def argument_problems(effect: Effect) -> Iterator[str]:
 
 @contextmanager
 def failures_of(effect: Effect, function: str) -> Iterator[None]:
-    """An error in a function of an effect becomes one line, BadInput."""
+    """Raise BadInput with one line for an error in a function of an effect."""
     try:
         yield
     except BadInput:
@@ -152,19 +165,67 @@ def failures_of(effect: Effect, function: str) -> Iterator[None]:
         ) from None
     except Exception as error:
         told = " ".join(f"{type(error).__name__}: {error}".split())
-        raise BadInput(f"effects.{effect.name}: its {function} failed: {told}") from None
+        reason = f"effects.{effect.name}: its {function} failed{line_of(error)}: {told}"
+        raise BadInput(compile_failure(error) or reason) from None
+
+
+def line_of(error: BaseException) -> str:
+    """` (FILE, line N)` for the last line of an effect file that an error passed, else nothing."""
+    place, trace = "", error.__traceback__
+    while trace is not None:
+        found = SOURCE.fullmatch(trace.tb_frame.f_code.co_filename)
+        place = f" ({Path(found[1]).name}, line {trace.tb_lineno})" if found else place
+        trace = trace.tb_next
+    return place
 
 
 def compile_failure(error: Exception) -> str | None:
     """File, line and reason where a device function of an effect file cannot be compiled, else None."""
     places = COMPILED.findall(str(error))
     if not places:
-        return None
+        return wrong_result(error)
     path, line, function = places[-1]
     last = [text for text in str(error).splitlines() if text.strip()][-1]
     last = STRUCT.sub("its argument", last)
     hint = "; core/effect.py lists the members of what `act` reads" if "has no attribute" in last else ""
     return f"{Path(path).name}: line {line}, in {function}: cannot be compiled: {last.strip()}{hint}"
+
+
+def wrong_result(error: Exception) -> str | None:
+    """Place and remedy where the result of a device function of an effect file cannot be used, else None."""
+    uses = [name for name in USE.findall(str(error)) if name in GIVES]
+    if not uses:
+        return None
+    member, wanted = GIVES[uses[-1]]
+    places = [place for effect in effects_of_files() if (place := definition(getattr(effect, member)))]
+    return f"{' or '.join(places) or 'an effect'}: {member} must give {wanted}"
+
+
+def effects_of_files() -> list[Effect]:
+    """Effects on the device of all files that were executed in this process."""
+    modules = (module for name, module in list(sys.modules.items()) if name.startswith(EXECUTED))
+    found = (getattr(module, MEMBER, None) for module in modules)
+    return [one for one in found if isinstance(one, Effect) and one.place in ON_DEVICE]
+
+
+def definition(function: Any) -> str:
+    """`FILE: line N, in FUNCTION` of a function of an effect file; nothing for any other."""
+    code = getattr(inspect.unwrap(function), "__code__", None) if function is not None else None
+    found = SOURCE.fullmatch(code.co_filename) if code is not None else None
+    return f"{Path(found[1]).name}: line {code.co_firstlineno}, in {code.co_name}" if code and found else ""
+
+
+def checked_number(effect: Effect, value: Any) -> float:
+    """The number that an instrument gives. Raises BadInput for anything else."""
+    if isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool):
+        return float(value)
+    raise BadInput(f"effects.{effect.name}: its act gives {value!r}, not a number{at(effect.act)}")
+
+
+def at(function: Any) -> str:
+    """` (FILE: line N, in FUNCTION)` for a function of an effect file, else nothing."""
+    place = definition(function)
+    return f" ({place})" if place else ""
 
 
 def takes(function: Callable[..., Any], count: int) -> bool:

@@ -10,6 +10,7 @@ interval; `state_before=None` stands for the initial state. The device must have
 that act on it.
 """
 
+from collections import defaultdict
 from dataclasses import asdict, fields, replace
 from math import pi
 from typing import Any
@@ -37,6 +38,7 @@ from taichi_erosion.core.effect_device import (
     total_vector_force,
     update_states,
 )
+from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record, download, read, upload
 
@@ -184,7 +186,9 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
     """Probe of an effect on the device; members that are not named are 0."""
     assert effect.constants is not None
     constants = effect.constants
-    effects = bind(effect.place, [[replica_effect(effect, effect.params(), 1.0, {}, 0.0)]], PLACES)
+    anywhere = defaultdict[str, float](lambda: 1.0)  # conditions: the names of the constants alone count here
+    with failures_of(effect, "constants"):
+        effects = bind(effect.place, [[replica_effect(effect, effect.params(), 1.0, anywhere, 0.0)]], PLACES)
 
     def probe(params: Any, conditions: Conditions, strength: float = 1.0, **members: Any) -> Any:
         numbers = constants(params, strength, conditions)

@@ -1,5 +1,7 @@
 """Exit codes of the command line, and the two exceptions that stand for an expected failure."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from enum import IntEnum
 
 
@@ -28,3 +30,9 @@ class BadInput(Exception):
 
 class SimulationStopped(Exception):
     """Simulation ended by a guard; one line with grains, time and likely cause (ExitCode.STOPPED)."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`; did you mean X?` where a known word is close; empty otherwise."""
+    close = get_close_matches(word, list(known), n=1)
+    return f"; did you mean {close[0]}?" if close else ""

@@ -1,7 +1,7 @@
 """Checks of a scene that need no device: validation, and compatibility with others in one ensemble."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
 
 EffectFiles = tuple[EffectFile, ...]
+Examine = Callable[[EffectFile], dict[str, Any]]  # check of the effect of a file, from above
 
 MIXABLE_PLACES = ("pair", "scene", "instrument")  # effects that replicas of one ensemble need not share
 
@@ -49,12 +50,50 @@ def with_effects(scene: Scene, files: EffectFiles) -> Scene:
     library = load_library(files)
     if lines := list(effect_problems(scene, {n: parameter_names(effect) for n, effect in library.items()})):
         raise BadInput(summary(lines))
+    if lines := list(range_problems(scene, library)):
+        raise BadInput(summary(lines))
     own = {effect_in(file).name: file for file in files}
     used = {name: own[name] for name in sorted(scene.effects) if name in own}
     scene._effect_files = tuple(used.values())
     digests = {name: file.digest for name, file in used.items()}
     scene._effect_digests = digests | package_digests(scene.effects)
     return scene
+
+
+def range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
+    """Strengths and parameters of effects outside the ranges that the effects declare."""
+    from taichi_erosion.core.effect import read_params
+
+    for name, entries in scene.effects.items():
+        try:
+            read_params(library[name], entries)
+        except ValueError as error:
+            yield str(error)
+
+
+def explained(scene: Scene) -> dict[str, Any]:
+    """Time step, limits and warnings of a scene with its effects; SI units."""
+    found = explain(scene)
+    return found | {"warnings": [*found["warnings"], *effect_warnings(scene)]}
+
+
+def effect_warnings(scene: Scene) -> list[str]:
+    """Strengths of effects that are accepted, and larger than the literature supports."""
+    from taichi_erosion.core.effect import STRENGTH, strength_warning
+
+    library = library_of(scene)
+    found = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
+    return [sentence for sentence in found if sentence is not None]
+
+
+def refuse_failing_effects(scene: Scene) -> None:
+    """Raise BadInput where a function of an effect on the host fails in a scene; starts no device."""
+    from taichi_erosion.scene.build.sizes import size_range
+    from taichi_erosion.simulation.scene_setup import device_effects, effective_scene
+
+    library = library_of(scene)
+    after = effective_scene(scene, library)
+    device_effects(after, library, 0.5 * size_range(after.grains.size)[1])
 
 
 def named_effects(paths: Sequence[Path]) -> EffectFiles:
@@ -94,16 +133,31 @@ def read_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
 
 
 def check_scene(
-    path: Path, overrides: tuple[str, ...] = (), effect_files: tuple[Path, ...] = ()
+    path: Path,
+    overrides: tuple[str, ...] = (),
+    effect_files: tuple[Path, ...] = (),
+    examine: Examine | None = None,
 ) -> dict[str, Any]:
-    """Hash, resolved scene, time-step limits and warnings; starts no device. Raises BadInput."""
+    """Hash, resolved scene, time-step limits and warnings. Raises BadInput.
+
+    Starts no device, unless `examine` does, which is called with every effect file of the scene and of the
+    arguments; what it finds stands under `effects`.
+    """
+    examined: list[dict[str, Any]] = []
     if is_air_scene(path):
         scene = read_air_scene(path, overrides)
         limits = {"time_step": air_time_step(scene), "time_step_longest": longest_step(scene), "warnings": []}
     else:
-        scene = read_scene(path, overrides, named_effects(effect_files))
-        limits = explain(scene)
-    return {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": limits}
+        named = named_effects(effect_files)
+        scene = read_scene(path, overrides, named)
+        if examine is not None:
+            examined = [examine(file) for file in dict.fromkeys((*scene.effect_files, *named))]
+        if scene.effects:
+            refuse_failing_effects(scene)
+        limits = explained(scene)
+        limits["warnings"] += idle_effects(scene, named)
+    found = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": limits}
+    return found | {"effects": examined}
 
 
 def compatibility_key(scene: Scene) -> str:

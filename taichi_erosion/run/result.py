@@ -37,7 +37,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.core.effect_loading import failures_of
+from taichi_erosion.core.effect_loading import checked_number, failures_of
 from taichi_erosion.core.engine.choice import engine_name
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
@@ -64,7 +64,7 @@ def apply_instruments(
             continue
         for name, true in read.items():
             with failures_of(effect, "act"):
-                value = effect.act(params, strength, conditions, name, true.value)
+                value = checked_number(effect, effect.act(params, strength, conditions, name, true.value))
             if isfinite(true.value) and value != true.value:
                 factor = abs(value / true.value) if true.value else 1.0
                 note = f"{true.value:.6g} {true.unit} before {effect.name}"

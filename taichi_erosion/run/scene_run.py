@@ -21,7 +21,7 @@ from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
 from taichi_erosion.recording.outputs import refuse_foreign_outputs
 from taichi_erosion.run import CHECKPOINT_INTERVAL, RunOptions
 from taichi_erosion.run.checkpointer import Checkpointer
-from taichi_erosion.run.checks import idle_effects, library_of, named_effects, read_scene
+from taichi_erosion.run.checks import explained, idle_effects, library_of, named_effects, read_scene
 from taichi_erosion.run.ensemble_loop import Callback, EnsembleRun, ProgressReporter, run_ensemble
 from taichi_erosion.run.recorder import (
     Recorder,
@@ -39,7 +39,7 @@ from taichi_erosion.run.result import (
 from taichi_erosion.run.resume import restore_run, seeds_of
 from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
-from taichi_erosion.scene import Scene, explain, laws, resolved, scene_hash
+from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
 from taichi_erosion.simulation.team import mean_threads
 
@@ -214,7 +214,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         wall_s=seconds,
         recording=None,
         numerics=numerics | mean_threads(sim.team),
-        limits=explain(scene),
+        limits=explained(scene),
         restitution={i.pair: {"stated": i.stated, "found": i.found} for i in impacts},
         convention=SURFACE_ENERGY_CONVENTION,
         resolved=resolved(scene),

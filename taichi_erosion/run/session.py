@@ -19,14 +19,14 @@ from typing import Any
 
 from taichi_erosion import simulation
 from taichi_erosion.core.effect import Effect
-from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.core.files import marked_png, refuse_foreign, write_atomic
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.pictures import SideView, png_bytes
-from taichi_erosion.run.checks import EffectFiles, library_of, named_effects, read_scene
+from taichi_erosion.run.checks import EffectFiles, effect_warnings, library_of, named_effects, read_scene
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
     Image,
@@ -53,6 +53,17 @@ MARGIN = 0.01  # m, half the width of a window without grains
 WINDOW = (480, 240)  # px: a line of a terminal is twice as high as a character is wide
 
 
+@dataclass(frozen=True)
+class SavedState:
+    """What a session returns to: the grains, and all that was set and kept until then."""
+
+    state: dict[str, Any]
+    time: float  # s
+    stage: int
+    overrides: tuple[str, ...]
+    samples: tuple[dict[str, float], ...]
+
+
 @dataclass
 class Session:
     """One replica, the overrides that were set, and the states that were saved."""
@@ -66,8 +77,8 @@ class Session:
     time: float = 0.0  # s
     stage: int = 0
     history: list[str] = field(default_factory=list)
-    saved: dict[str, tuple[dict[str, Any], float, int, tuple[str, ...]]] = field(default_factory=dict)
-    callbacks: list[Callable[["Session"], None]] = field(default_factory=list)  # after each check interval
+    saved: dict[str, SavedState] = field(default_factory=dict)
+    callbacks: list[Callable[["Session"], object]] = field(default_factory=list)  # after each check interval
     samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each check so far
     watched: list[str] = field(default_factory=list)  # names of numbers that are printed at each check
     effect_files: EffectFiles = ()  # beside those that the scene names
@@ -154,6 +165,11 @@ def set_entry(session: Session, path: str, value: str) -> str:
     return done if changed else f"{path} is {value} already"
 
 
+def warnings_now(session: Session) -> list[str]:
+    """What to know about the present strengths of effects."""
+    return effect_warnings(session.scene) if session.scene.effects else []
+
+
 def changed_fields(before: Any, after: Any) -> list[str]:
     """Names of the fields in which two models differ."""
     return [name for name in type(after).model_fields if getattr(before, name) != getattr(after, name)]
@@ -206,17 +222,27 @@ def measure_now(session: Session) -> dict[str, Measurement]:
 
 def save(session: Session, name: str) -> None:
     state = simulation.export_state(session.sim)
-    session.saved[name] = (state, session.time, session.stage, session.overrides)
+    kept = tuple(session.samples)
+    session.saved[name] = SavedState(state, session.time, session.stage, session.overrides, kept)
 
 
 def restore(session: Session, name: str) -> None:
-    """Restore a saved state, parameters included. Raises BadInput for an unknown name."""
-    if name not in session.saved:
-        raise BadInput(f"nothing is saved as '{name}'; there is {', '.join(session.saved) or 'nothing'}")
-    state, session.time, session.stage, session.overrides = session.saved[name]
+    """Restore a saved state, its parameters and samples included. Raises BadInput for an unknown name."""
+    saved = saved_state(session, name)
+    session.time, session.stage, session.overrides = saved.time, saved.stage, saved.overrides
+    session.samples[:] = saved.samples
     session.scene = read_scene(session.path, session.overrides, session.effect_files)
+    session.library = library_of(session.scene)
     session.sim = build(session.scene, session.seed, session.library)
-    simulation.import_state(session.sim, state)
+    simulation.import_state(session.sim, saved.state)
+
+
+def saved_state(session: Session, name: str) -> SavedState:
+    """The state saved under a name. Raises BadInput for an unknown one."""
+    if name not in session.saved:
+        there = ", ".join(session.saved) or "nothing"
+        raise BadInput(f"nothing is saved as '{name}'{did_you_mean(name, session.saved)}; there is {there}")
+    return session.saved[name]
 
 
 def session_status(session: Session) -> dict[str, float | int | str]:
@@ -262,16 +288,6 @@ def write_file(session: Session, path: Path, picture: bytes) -> Path:
     """Write a PNG of this session; one of another scene, or a file of the user, stays."""
     refuse_foreign(path, session.path)
     return write_atomic(path, marked_png(path, session.path, picture))
-
-
-def first_scene(session: Session) -> Scene:
-    """The scene as its file has it."""
-    return read_scene(session.path, (), session.effect_files)
-
-
-def saved_scene(session: Session, name: str) -> Scene:
-    """The scene as it was when a state was saved."""
-    return read_scene(session.path, session.saved[name][3], session.effect_files)
 
 
 def record_session(session: Session, path: Path, viewer: str | None = None) -> Recorder:

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.scene.diameters import DIAMETERS, SCALING_UNITS
 from taichi_erosion.scene.schema import air
 from taichi_erosion.scene.schema.air import AirScene
@@ -91,12 +91,16 @@ def meaning_of(path: str) -> str:
     schema = scene_schema()
     found: Any = schema
     for key in path.split("."):
-        found = descend(schema, found, key)
+        above, found = found, descend(schema, found, key)
         if found is None:
-            raise BadInput(f"no scene has an entry '{path}'")
+            raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, entry_names(schema, above))}")
     bounds = [
         f"{name} {found[word]:g}" for name, word in (("from", "minimum"), ("to", "maximum")) if word in found
     ]
+    if isinstance(found.get("default"), (str, int, float)):
+        bounds.append(f"default {found['default']}")
+    if "enum" in found:
+        bounds.append(f"one of {', '.join(map(str, found['enum']))}")
     return " ".join([f"{path}: {found.get('description', 'a section')}", *bounds])
 
 
@@ -114,6 +118,11 @@ def descend(schema: dict[str, Any], node: dict[str, Any], key: str) -> dict[str,
         if key.isdigit() and "items" in option:
             return option["items"]
     return None
+
+
+def entry_names(schema: dict[str, Any], node: dict[str, Any]) -> list[str]:
+    """Names of the entries below a section, of all options of a union."""
+    return [name for option in options(schema, node) for name in option.get("properties", {})]
 
 
 def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_params, replica_effect
-from taichi_erosion.core.effect_loading import failures_of
+from taichi_erosion.core.effect_loading import at, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
@@ -55,7 +55,10 @@ def changed_by(
     """The scene after one effect. Raises BadInput where the effect refuses it."""
     try:
         with failures_of(effect, "act"):
-            return effect.act(params, strength, conditions, scene)
+            changed = effect.act(params, strength, conditions, scene)
+        if not isinstance(changed, Scene):
+            raise BadInput(f"effects.{effect.name}: its act gives {changed!r}, not the scene{at(effect.act)}")
+        return changed
     except BadInput as error:
         raise BadInput(f"{scene.file}: {error}") from None
 

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.effect import Check, Effect, Probe, check_range, documented
-from taichi_erosion.core.effect_loading import compile_failure
+from taichi_erosion.core.effect_loading import checked_number, compile_failure, failures_of, line_of
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.mechanisms.law import numbers_in
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.conditions import OF_SCENE, Conditions
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit
 
 LEAST_CHECKS = 3
 LIKE = 0.8  # likeness of names from which one is taken for a misspelling of the other [1]
@@ -111,10 +112,25 @@ def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
             yield f"{f.name} is declared without unit or meaning; use quantity"
         elif not isfinite(f.metadata["low"]) or not isfinite(f.metadata["high"]):
             yield f"{f.name} has no range"
+        else:
+            yield from unit_problems(f)
     try:
-        check_range(effect.params())
+        check_range(effect.params(), effect.name)
     except ValueError as error:
         yield str(error)
+
+
+def unit_problems(f: Any) -> Iterator[str]:
+    """A unit that is not known, or not that of SI; an angle may be in degrees."""
+    unit = f.metadata["unit"]
+    try:
+        factor = parse_unit(unit).factor
+    except UnknownUnit as error:
+        hint = error.hint or "write for example N m-1 or 1"
+        yield f"{f.name} has the unit '{unit}', which is not known; {hint}"
+        return
+    if factor != 1.0 and unit != "deg":
+        yield f"{f.name} is declared in {unit}; numbers of an effect are in SI units, or in deg"
 
 
 def is_declared(f: Any) -> bool:
@@ -208,6 +224,20 @@ def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "it acts at strength 0"
 
 
+def does_something(effect: Effect, probe: Probe) -> Iterator[str]:
+    """Some line of its table is another one without the effect, at strength 0."""
+
+    def without(params: Any, conditions: Mapping[str, float], **members: Any) -> Any:
+        return probe(params, conditions, **(members | {"strength": 0.0}))
+
+    found: tuple[list[float], list[float]] = ([], [])
+    for each, got in zip((probe, without), found, strict=True):
+        with suppress(Exception):  # a line that cannot be computed without the effect is another one
+            got.extend(check.got for check in effect.checks(each))
+    if found[0] and found[0] == found[1]:
+        yield "every line of its table is the same without it"
+
+
 def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
     """A pair effect is silent beyond its reach, which is finite and not negative."""
     if effect.place != "pair" or effect.constants is None:
@@ -241,7 +271,8 @@ def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -
         return np.array([n for scene in scenes for n in scene_numbers(probe, params, strength, scene)])
     if effect.place == "instrument":
         known = conditions_for(effect)
-        return np.array([effect.act(params, strength, known, name, 0.3) for name in READINGS])
+        shown = (effect.act(params, strength, known, name, 0.3) for name in READINGS)
+        return np.array([checked_number(effect, one) for one in shown])
     situation = TYPICAL[effect.place]
     if effect.grain_state is None:
         return np.ravel(probe(params, conditions_for(effect), strength=strength, **situation))
@@ -268,6 +299,8 @@ def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str
         scene: Scene = probe(params, before.conditions.stated(), scene=before, strength=strength)
     except BadInput:
         return []
+    if not isinstance(scene, Scene):
+        raise TypeError(f"act gives {scene!r}, not the scene")
     return list(numbers_in(resolved(scene)))
 
 
@@ -280,14 +313,27 @@ CLAUSES: dict[str, Clause] = {
     "it names the conditions that it reads": names_what_it_reads,
     "it is finite at the ends of every range": is_finite_everywhere,
     "it does nothing at strength 0": vanishes_at_no_strength,
+    "it does something": does_something,
     "it is silent beyond its reach": has_a_sane_reach,
     "what it leaves to calibration is its own": leaves_open_its_own,
     "its state variables are declared and finite": grain_state_is_sound,
 }
 
 
+def unusable(effect: Effect, bench: Bench) -> str | None:
+    """Why an effect with its default parameters cannot act: one line with its place, None where it can."""
+    try:
+        with failures_of(effect, "act"):
+            effect_numbers(effect, probe_of(effect, bench), effect.params(), 1.0)
+    except BadInput as error:
+        return str(error)
+    return None
+
+
 def breaches(effect: Effect, bench: Bench) -> list[str]:
     """Everything in which an effect breaks the contract."""
+    if (reason := unusable(effect, bench)) is not None:
+        return [reason]
     probe = probe_of(effect, bench)
     sentences = [line for name, clause in CLAUSES.items() for line in told(name, clause, effect, probe)]
     return list(dict.fromkeys(sentences))
@@ -297,7 +343,11 @@ def told(name: str, clause: Clause, effect: Effect, probe: Probe) -> list[str]:
     """Breaches of one clause; an error in the effect is one."""
     try:
         return list(clause(effect, probe))
+    except KeyError as error:
+        stated = f"probe(params, {{{error}: ...}}, ...)"
+        return [f"{name}: it reads {error}{line_of(error)}, which its checks do not state: {stated}"]
     except Exception as error:
         if (reason := compile_failure(error)) is not None:
             return [reason]
-        return [f"{name}: cannot be told: {' '.join(f'{type(error).__name__}: {error}'.split())}"]
+        words = " ".join(f"{type(error).__name__}: {error}".split())
+        return [f"{name}: cannot be told{line_of(error)}: {words}"]

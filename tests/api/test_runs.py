@@ -51,6 +51,31 @@ def test_a_session_runs_changes_and_returns_bit_for_bit():
     stop_device()
 
 
+def test_a_session_tells_entries_differences_and_curves():
+    session = te.live(SCENE)
+    with pytest.raises(te.BadInput, match=r"nothing has run yet; session\.run\(0\.1\) makes some"):
+        session.plot("kinetic_J")
+    assert session.diff().empty
+    session.run(1e-3).save("before").set("gravity.magnitude", 3.0).run(1e-3)
+    assert session.get("gravity.magnitude") == 3.0
+    assert session.get("gravity")["magnitude"] == 3.0
+    assert list(session.diff("before").loc["gravity.magnitude"]) == [9.81, 3.0]
+    (line,) = session.plot("kinetic_J").axes[0].lines
+    assert line.get_xdata()[-1] == pytest.approx(2e-3)
+    assert session.samples.index[-1] == pytest.approx(2e-3)
+    assert repr(session).count("\n") == 0
+    session.set("effects.dry_adhesion.strength", 4.0)
+    assert "effects.dry_adhesion.strength = 4 is more than 3" in session.warnings[0]
+    assert "source: " in session.help("effects.dry_adhesion.beta")
+    stop_device()
+
+
+def test_a_run_is_one_line_in_words(run):
+    assert repr(run).startswith("Run(")
+    assert len(repr(run)) < 300
+    assert "\n" not in repr(run)
+
+
 def test_functions_are_found_before_and_after_the_rooms_of_their_names_are_imported():
     code = (
         "import taichi_erosion as te; first = te.effects();"

@@ -84,3 +84,55 @@ def test_annotations_may_be_postponed_in_a_file_of_the_host(tmp_path):
     file = tmp_path / "method.py"
     file.write_text(text.replace('name="repose_method"', 'name="my_method"'), encoding="utf-8")
     assert effect_in(read_effect_file(file)).name == "my_method"
+
+
+UNUSABLE = {  # change of a good file -> what is told of it by `run --check`, in one line with its place
+    ("pair.gap <=", "pair.gapp <="): "glue.py: line 32, in pull: cannot be compiled: AttributeError",
+    ("constants.pull, 0.0)", "constants.pull, 0.0) * pair.normal"): "in pull: act must give one number",
+    ("return ti.select(", "force = ti.select("): "in pull: act must give one number, the attraction [N]",
+    ("strength * params", "strength * float('nan') * params"): "its constants give pull = nan, not a finite",
+    ('"pull": strength * params.pull_off', '"pull": "strong"'): "give pull = 'strong', not a finite number",
+    ('{"pull": strength * params.pull_off}', "strength"): "not a dict of numbers by name",
+    ("strength * params", "strength / 0.0 * params"): "ZeroDivisionError",
+}
+
+
+@pytest.mark.parametrize(("old", "new"), UNUSABLE)
+def test_an_effect_that_cannot_act_is_refused_before_a_run(old, new, tmp_path, monkeypatch, capsys):
+    assert old in PULL
+    monkeypatch.chdir(tmp_path)
+    Path("glue.py").write_text(PULL.replace(old, new), encoding="utf-8")
+    scene = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
+    words = ["run", scene, "--check", "--effect", "glue.py", "--set", "effects.constant_pull.strength=1"]
+    assert main(words) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("glue.py: effect 'constant_pull' cannot act: ")
+    assert told.count("\n") == 1
+    assert UNUSABLE[old, new] in told
+    assert "Traceback" not in told
+    assert "effect_device" not in told
+
+
+def test_a_run_tells_the_line_of_a_result_of_the_wrong_shape(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("glue.py").write_text(PULL.replace("constants.pull, 0.0)", "constants.pull, 0.0) * pair.normal"))
+    scene = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
+    words = ["run", scene, "--no-record", "--effect", "glue.py", "--set", "effects.constant_pull.strength=1"]
+    assert main([*words, "--set", "grains.count=20", "--replicas", "1"]) == 2
+    told = capsys.readouterr().err
+    assert "glue.py: line 29, in pull: act must give one number, the attraction [N]" in told
+    assert "effect_device" not in told
+
+
+def test_a_check_says_that_a_file_keeps_or_breaks_the_contract(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    scene = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
+    for text, told in (
+        (PULL, "compiles and keeps the contract"),
+        (PULL.replace('"N"', '"uN"'), "declared in uN"),
+    ):
+        Path("glue.py").write_text(text, encoding="utf-8")
+        assert main(["run", scene, "--check", "--effect", "glue.py"]) == 0
+        out = capsys.readouterr().out
+        assert told in out
+        assert "effect 'constant_pull' does not act: the scene does not name it" in out

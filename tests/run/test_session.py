@@ -245,6 +245,9 @@ def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) 
     save(session, "before")
     set_entry(session, path, "0.3")
     assert prompt.execute(session, "diff before") == f"{path}: 0.12 -> 0.3"
+    save(session, "after")
+    assert prompt.execute(session, "diff before after") == f"{path}: 0.12 -> 0.3"
+    assert prompt.execute(session, "diff after before") == f"{path}: 0.3 -> 0.12"
     with pytest.raises(BadInput, match="did you mean before"):
         prompt.execute(session, "diff befor")
 
@@ -272,3 +275,62 @@ def test_commands_of_a_pipe_are_echoed_and_comments_are_kept(session, capsys) ->
     prompt.read_commands(session, ["# begin", "", "get grains.count", "quit"], is_strict=True)
     out = capsys.readouterr().out.splitlines()
     assert out == ["erosion> # begin", "erosion> get grains.count", "grains.count = 60", "erosion> quit"]
+
+
+def test_a_plot_shows_the_branch_of_the_saved_state(session) -> None:
+    session.callbacks.append(prompt.sample)
+    with pytest.raises(BadInput, match="nothing has run yet"):
+        prompt.execute(session, "plot kinetic_J")
+    interval = session.scene.run.check_interval
+    run_for(session, interval)
+    save(session, "one")
+    run_for(session, 2.0 * interval)
+    save(session, "three")
+    restore(session, "one")
+    assert [sample["time_s"] for sample in session.samples] == pytest.approx([interval])
+    restore(session, "three")
+    times = [sample["time_s"] for sample in session.samples]
+    assert times == pytest.approx([interval, 2.0 * interval, 3.0 * interval])
+
+
+@pytest.mark.parametrize(
+    ("path", "told"),
+    [
+        ("effects.dry_adhesion.beta", "[N m-1] from 0 to 0.1, default 0.00015; source: Shao & Lu (2000)"),
+        ("effects.dry_adhesion.strength", "[1] from 0 to 3 where its literature supports it, to 100 at most"),
+        ("effects.dry_adhesion", "entries: strength, beta, range"),
+        ("effects", "liquid_bridge"),
+        ("laws.friction_cap", "one of thornton, edem"),
+    ],
+)
+def test_help_tells_unit_range_default_and_source(session, path, told) -> None:
+    assert told in prompt.execute(session, f"help {path}")
+
+
+@pytest.mark.parametrize(
+    ("path", "meant"),
+    [
+        ("effects.dry_adhesion.bta", "beta"),
+        ("effects.dry_adhesio", "dry_adhesion"),
+        ("laws.frction_cap", "friction_cap"),
+    ],
+)
+def test_help_on_a_mistyped_entry_names_the_nearest(session, path, meant) -> None:
+    with pytest.raises(BadInput, match=rf"did you mean {meant}\?"):
+        prompt.execute(session, f"help {path}")
+
+
+def test_a_strength_beyond_the_literature_is_told_when_it_is_set(session) -> None:
+    assert "warning: effects.dry_adhesion.strength = 4" in prompt.execute(
+        session, "set effects.dry_adhesion.strength 4"
+    )
+    assert "warning" not in prompt.execute(session, "set gravity.magnitude 9.0"), "it is told once"
+    with pytest.raises(BadInput, match=r"beta = 7 N m-1 lies outside \[0, 0\.1\]"):
+        prompt.execute(session, "set effects.dry_adhesion.beta 7")
+
+
+def test_a_line_of_a_script_is_named(session, tmp_path) -> None:
+    script = tmp_path / "orders.txt"
+    script.write_text("status\nset nonsense 1\n", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"orders\.txt: line 2: "):
+        prompt.execute(session, f"script {script}")

@@ -33,17 +33,27 @@ from taichi_erosion.evidence.emulator.training_runs import (
     study_scenes,
 )
 from taichi_erosion.evidence.models.column_units import place_units
-from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, load_study, study_effect_files
+from taichi_erosion.evidence.models.load_study import (
+    NO_OPTIONS,
+    Study,
+    StudyOptions,
+    load_study,
+    study_effect_files,
+)
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
 from taichi_erosion.evidence.models.study_values import study_value_faults
 from taichi_erosion.run.checks import read_scene
+from taichi_erosion.verification.effect_examination import examined_file
 
 Document = dict[str, Any]
 PLANS = ("quick", "full")
 
 
-def check_study(path: Path) -> Document:
-    """What a valid study holds, and what an answer costs; raises BadInput with all faults."""
+def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
+    """What a valid study holds, and what an answer costs; raises BadInput with all faults.
+
+    Effect files are examined against the contract of effects, which starts the device.
+    """
     file, faults = read_any_study(path), Faults()
     if file.targets and not file.study.measurements:
         scenes = {name: path.parent / str(entry.scene) for name, entry in file.observables.items()}
@@ -51,14 +61,15 @@ def check_study(path: Path) -> Document:
             faults.of(read_scene, scene, ())
         faults.tell()
         return {"study": str(path), "kind": "calibration", "observables": list(file.observables)}
-    files = faults.of(study_effect_files, path, file, NO_OPTIONS) or ()
+    files = faults.of(study_effect_files, path, file, options) or ()
     table = checked_table(path, file, files, faults)
     for place, fault in scene_faults(path, file, files):
         faults.append(f"{path}: {place}: {fault}")
     faults.extend(candidate_faults(path, file, files))
+    examined = [found for each in files if (found := faults.of(examined_file, each)) is not None]
     faults.tell()
     assert table is not None
-    return study_document(load_study(path), table)
+    return study_document(load_study(path, options), table) | {"effects": examined}
 
 
 def read_any_study(path: Path) -> StudyFile:

@@ -15,7 +15,7 @@ import numpy as np
 
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.effect_file import EffectFile
-from taichi_erosion.core.effect_loading import effect_in, failures_of
+from taichi_erosion.core.effect_loading import checked_number, effect_in, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -99,7 +99,8 @@ def read_through(
     for row in range(row_count(conditions)):
         known = {name: float(column[row]) for name, column in conditions.items() if isfinite(column[row])}
         with failures_of(effect, "act"):
-            read[:, row] = [effect.act(params, strength, known, observable, float(v)) for v in values[:, row]]
+            shown = (effect.act(params, strength, known, observable, float(v)) for v in values[:, row])
+            read[:, row] = [checked_number(effect, one) for one in shown]
     return read
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from taichi_erosion.core.errors import did_you_mean
 from taichi_erosion.core.setup import (
     AdhesionBranch,
     FrictionCap,
@@ -308,7 +309,8 @@ def effect_problems(scene: Scene, known: Known | None) -> Iterator[str]:
             continue
         for key in values:
             if key not in known[name]:
-                yield f"effects.{name}.{key} is unknown; allowed: {', '.join(known[name])}"
+                near = did_you_mean(key, known[name])
+                yield f"effects.{name}.{key} is unknown{near}; allowed: {', '.join(known[name])}"
 
 
 def effect_hint(name: str, known: Known) -> str:

@@ -1,0 +1,65 @@
+"""Words of messages for callers in Python: calls and keywords in place of commands and their options.
+
+Rooms below write messages for the command line; this module is the one place that puts them into words of
+Python. Documents keep what the command line prints.
+"""
+
+import re
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
+
+KEYWORDS = {  # option of the command line with its value -> keyword of the call
+    r"--set (\S+?)=([^\s;,]+)(?=$|[\s;,])": r'changes={"\1": \2}',
+    r"--set ([^\s:]+)": r"changes: \1",
+    r"--force\b": "force=True",
+    r"--no-record\b": "record=False",
+    r"--record another FILE": "record=FILE with another name",
+    r"--effect (\S+?)(?=$|[\s,;`])": r"effect_files=[\1]",
+    r"--replicas (\d+)": r"replicas=\1",
+    r"--arch (\w+)": r'arch="\1"',
+    r"--precision (\w+)": r'precision="\1"',
+    r"--budget (\w+)": r'budget="\1"',
+    r"--apparatus (\w+)": r'apparatus="\1"',
+    r"--apparatus": "apparatus=NAME",
+    r"--out\b": "out=FOLDER",
+    r"--observable\s+'?([^'\s=]+)=(\w+)'?": r'observables={"\1": "\2"}',
+    r"--condition\s+'?([^'\s=]+)=([\w.]+)'?": r'conditions={"\1": "\2"}',
+}
+CALLS = {  # command -> call
+    r"`?(?:\./erosion )?\b(compare|discover|next|report) \S+\.toml`?": r"study.\1()",
+    r"`(compare|discover|next|report)`": r"study.\1()",
+    r"`?(?:\./erosion )?\badopt \S+\.toml (\w+)`?": r'study.adopt("\1")',
+    r"`adopt`": "study.adopt(...)",
+    r"`run ([\d.]+)s`": r"session.run(\1)",
+    r"`watch (\w+)`": r'session.watch("\1")',
+    r"`help effects`": "te.effects()",
+}
+RULES = [(re.compile(old), new) for old, new in (CALLS | KEYWORDS).items()]
+
+
+def python_words(text: str) -> str:
+    """A message of the command line in words of Python."""
+    for old, new in RULES:
+        text = old.sub(new, text)
+    return text
+
+
+def in_python(call: Callable[Given, Found]) -> Callable[Given, Found]:
+    """The same call, with the messages of its exceptions in words of Python."""
+
+    @wraps(call)
+    def worded(*arguments: Given.args, **keywords: Given.kwargs) -> Found:
+        try:
+            return call(*arguments, **keywords)
+        except BadInput as error:
+            raise BadInput(*map(python_words, error.faults)) from None
+        except SimulationStopped as error:
+            raise SimulationStopped(python_words(str(error))) from None
+
+    return worded
