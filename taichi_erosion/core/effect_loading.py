@@ -204,7 +204,8 @@ def wrong_result(error: Exception) -> str | None:
 def effects_of_files() -> list[Effect]:
     """Effects on the device of all files that were executed in this process."""
     modules = (module for name, module in list(sys.modules.items()) if name.startswith(EXECUTED))
-    found = (getattr(module, MEMBER, None) for module in modules)
+    latest = {module.__file__: module for module in modules}  # of a file that was edited
+    found = (getattr(module, MEMBER, None) for module in latest.values())
     return [one for one in found if isinstance(one, Effect) and one.place in ON_DEVICE]
 
 

@@ -79,6 +79,8 @@ def explained(scene: Scene) -> dict[str, Any]:
 
 def effect_warnings(scene: Scene) -> list[str]:
     """Strengths of effects that are accepted, and larger than the literature supports."""
+    if not scene.effects:
+        return []
     from taichi_erosion.core.effect import STRENGTH, strength_warning
 
     library = library_of(scene)
@@ -108,6 +110,8 @@ def named_effects(paths: Sequence[Path]) -> EffectFiles:
 
 def idle_effects(scene: Scene, files: EffectFiles) -> list[str]:
     """Sentences on effects of named files that do not act in a scene."""
+    if not files:
+        return []
     from taichi_erosion.core.effect_loading import effect_in
 
     names = [effect_in(file).name for file in files]

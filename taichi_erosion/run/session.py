@@ -167,7 +167,7 @@ def set_entry(session: Session, path: str, value: str) -> str:
 
 def warnings_now(session: Session) -> list[str]:
     """What to know about the present strengths of effects."""
-    return effect_warnings(session.scene) if session.scene.effects else []
+    return effect_warnings(session.scene)
 
 
 def changed_fields(before: Any, after: Any) -> list[str]:

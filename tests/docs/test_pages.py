@@ -4,6 +4,7 @@ import re
 import shlex
 import shutil
 from pathlib import Path
+from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
@@ -110,7 +111,7 @@ def test_the_commands_of_a_page_run_one_after_another(
 
 
 def test_the_python_session_of_the_live_page_measures_a_heap(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = (ROOT / "docs" / "live.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
@@ -121,8 +122,12 @@ def test_the_python_session_of_the_live_page_measures_a_heap(
     (tmp_path / "scenes").mkdir()
     (tmp_path / "scenes" / "column_collapse.toml").write_text(scene, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    exec(compile(block, "docs/live.md", "exec"), {})
-    assert "unit='deg'" in capsys.readouterr().out
+    names: dict[str, Any] = {}
+    exec(compile(block, "docs/live.md", "exec"), names)
+    session = names["session"]
+    assert session.table.loc["angle_of_repose", "unit"] == "deg"
+    assert list(session.diff("at rest").index) == ["contact.grain-grain.friction_rolling"]
+    assert len(session.plot("pile_height").axes[0].lines[0].get_xdata()) > 2
 
 
 @pytest.mark.parametrize(("page", "words"), named_commands())

@@ -152,13 +152,21 @@ class Contact(Section):
     )
     rolling_radius: Literal["effective", "grain"] = Field(
         default="effective",
-        description="that radius: R*, half a grain's between equal ones; or the grain's own (EDEM standard)",
+        description=(
+            "that radius: R*, half a grain's between equal ones; or the grain's own (EDEM standard), "
+            "2 R*, which is that of both grains only where they are equal"
+        ),
     )
     rolling_damping: float = number(
         0.3, "1", "rolling damping over its critical value (Ai et al. 2011)", 0.0, 1.0
     )
     surface_energy: float = number(
-        0.0, "J m-2", "surface energy of one surface; work of adhesion w = 2 gamma", 0.0, 1e3
+        0.0,
+        "J m-2",
+        "surface energy gamma of one surface, as in EDEM and LAMMPS; work of adhesion w = 2 gamma, "
+        "pull-off force 3 pi gamma R*",
+        0.0,
+        1e3,
     )
     effects: bool | None = Field(
         default=None, description="false: no effect acts on it, it is as stated in every run"

@@ -106,10 +106,17 @@ class LawChoice(Section):
     normal: NormalLaw = Field(default=Laws.normal, description="normal force")
     adhesion_branch: AdhesionBranch = Field(
         default=Laws.adhesion_branch,
-        description="touch: adhesion acts after contact only; edem: on approach too",
+        description=(
+            "where adhesion acts: touch, from zero overlap until the neck tears, as in LAMMPS; "
+            "edem, on approach too, wherever a neck can exist, as in EDEM"
+        ),
     )
     friction_cap: FrictionCap = Field(
-        default=Laws.friction_cap, description="normal force in the Coulomb cap under adhesion"
+        default=Laws.friction_cap,
+        description=(
+            "normal force that limits friction under adhesion: thornton, |F + 6 pi gamma R*|, as in LAMMPS; "
+            "edem, the repulsive part 4 E* a^3 / (3 R*)"
+        ),
     )
     rolling: RollingLaw = Field(
         default=Laws.rolling, description="rolling resistance: none, type A, type C (Ai et al. 2011)"
