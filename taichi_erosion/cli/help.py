@@ -43,6 +43,7 @@ study new TABLE
 study new TABLE --yes --closed-form --out my_study
 study new TABLE --observable "Winkel=repose_angle" --condition "w=conditions.moisture"
 study check doe/impact_threshold_reduced.toml
+study check STUDY --effect my_pull.py
 compare doe/impact_threshold_reduced.toml
 discover doe/impact_threshold_reduced.toml
 discover STUDY --budget quick

@@ -150,7 +150,7 @@ def panels(found: Results) -> list[Panel]:
 def first_figure(study: Path) -> figure_style.Figure:
     """First figure of the page of a study. Raises BadInput where it has no answer yet."""
     return figure_style.detached(
-        lambda: study_figures.draw_first(panels(stored_results(study))[0], figure_style.WIDE)
+        lambda: study_figures.draw_with_key(panels(stored_results(study)), figure_style.WIDE)
     )
 
 

@@ -37,6 +37,12 @@ from taichi_erosion.report.plain_words import effect_words, listed, short, with_
 Record = Mapping[str, Any]
 
 COLOURS = {"before": BEFORE, "after": AFTER, "best_wrong": CONTROL, "random_wrong": OTHER}
+KEY = {
+    "before": "model before",
+    "after": "model after",
+    "best_wrong": "control: best other effect",
+    "random_wrong": "control: drawn at random",
+}
 HALF_WIDTH = 1.645  # of a normal 90 % interval, in sd
 MOST_SERIES = 5  # sets of the other conditions that have lines of their own
 DASHES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)))
@@ -159,6 +165,31 @@ def draw_first(panel: Panel, width: float) -> Figure:
     if 1 < len(names) <= MOST_SERIES:
         draw_series_key(frame, names)
     return figure
+
+
+def draw_with_key(panels: Sequence[Panel], width: float) -> Figure:
+    """First figure that stands alone, with the key that a page has beside it.
+
+    It is the first panel of its observable whose other conditions are few enough for lines.
+    """
+    own = [panel for panel in panels if panel.observable == panels[0].observable]
+    panel = next((each for each in own if len(series_names(each)) <= MOST_SERIES), own[0])
+    figure = draw_first(panel, width)
+    (frame,) = figure.axes
+    lines = [frame.plot([], [], "o", ms=5.0, color=INK, label="measured, fitted")]
+    if panel.layers[0].held:
+        lines.append(frame.plot([], [], "o", ms=5.0, color=INK, mfc=PAPER, label="measured, held out"))
+    for layer in panel.layers:
+        lines.append(frame.plot([], [], "-", lw=2.0, color=COLOURS[layer.key], label=KEY[layer.key]))
+    figure.legend(handles=[line for (line,) in lines], loc="outside lower center", ncols=3, fontsize=8.0)
+    return figure
+
+
+def series_names(panel: Panel) -> list[str]:
+    """Sets of the other conditions of a panel."""
+    base = panel.layers[0]
+    every = [points_of(panel, rows).series for rows in (base.fitted, base.held) if rows]
+    return list(dict.fromkeys(name for series in every for name in series))
 
 
 def label_axes(frame: Axes, panel: Panel, x: Floats, y: Floats) -> None:

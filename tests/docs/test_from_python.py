@@ -29,6 +29,17 @@ def test_the_notebook_has_the_cells_of_the_page():
     assert cells_of_notebook() == cells_of_page()[:CELLS]
 
 
+def test_the_notebook_shows_what_its_cells_give():
+    notebook = json.loads((DOCS / "from_python.ipynb").read_text(encoding="utf-8"))
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    shown = [set().union(*(output["data"] for output in cell["outputs"])) for cell in cells]
+    assert all(shown[1:]), "run python docs/notebook.py again"
+    assert sum("text/html" in kinds for kinds in shown) >= 3, "tables"
+    assert sum("image/png" in kinds for kinds in shown) == 1, "the figure"
+    (named,) = [cell for cell in cells if "".join(cell["source"]) == "discovery.named"]
+    assert "".join(named["outputs"][0]["data"]["text/plain"]) == "['liquid_bridge']"
+
+
 def test_the_cells_lead_from_a_table_to_a_lower_error(tmp_path, monkeypatch):
     for name in ("doe", "scenes"):
         (tmp_path / name).symlink_to(ROOT / name)
