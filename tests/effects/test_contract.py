@@ -95,7 +95,32 @@ def pull_anyway(constants, pair, state_i, state_j):
     return ti.min(state_i.age, 1e-9)
 
 
+def declared(unit: str) -> type:
+    from dataclasses import make_dataclass
+
+    number = quantity(1e-7, unit, "pull-off force", low=0.0, high=1e-3)
+    return make_dataclass("Params", [("pull_off", float, number)], frozen=True)
+
+
+def nothing(params, strength, conditions):
+    return {"pull": 0.0}
+
+
+def not_finite(params, strength, conditions):
+    return {"pull": float("nan")}
+
+
+@ti.func
+def along_the_normal(constants, pair):
+    return constants.pull * pair.normal
+
+
 BAD: dict[str, Effect] = {
+    "pull_off has the unit 'Nn/fur', which is not known": replace(GOOD, params=declared("Nn/fur")),
+    "pull_off is declared in uN; numbers of an effect are in SI units": replace(GOOD, params=declared("uN")),
+    "every line of its table is the same without it": replace(GOOD, constants=nothing),
+    "its constants give pull = nan, not a finite number": replace(GOOD, constants=not_finite),
+    "act must give one number, the attraction [N]": replace(GOOD, act=along_the_normal),
     "got 4e-06, want 2e-06": replace(GOOD, constants=twice),
     "its table has 1 lines": replace(GOOD, checks=tableless),
     "no line of its table notices that pull_off": replace(GOOD, checks=tableless),
