@@ -8,6 +8,7 @@ from typing import Any
 from taichi_erosion import api
 
 PAGE = Path(__file__).with_name("api.md")
+WIDEST = 110  # characters of a line
 HEAD = """# Python interface
 
 The package itself has everything here: `import taichi_erosion as te`, then `te.run`, `te.study`, `te.live`.
@@ -33,7 +34,10 @@ def page() -> str:
 def function_part(name: str, function: Any, level: int) -> str:
     """Heading, call and docstring of a function."""
     parameters = [p for p in inspect.signature(function).parameters.values() if p.name != "self"]
-    call = f"{name}({', '.join(argument(p) for p in parameters)})"
+    arguments = ", ".join(argument(p) for p in parameters)
+    call = f"{name}({arguments})"
+    if len(call) > WIDEST:
+        call = f"{name}(\n    {arguments}\n)"
     return f"{'#' * level} `{name}`\n\n```python\n{call}\n```\n\n{described(function)}"
 
 

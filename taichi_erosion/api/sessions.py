@@ -10,7 +10,8 @@ from taichi_erosion.api.wording import in_python
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+    from taichi_erosion.report.figure_style import Figure
 
 
 class LiveSession:
