@@ -227,6 +227,7 @@ def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool
         z=zero,
         variance=zero + 1.0,
         censored=np.zeros(which.size, dtype=np.bool_),
+        reach=zero,
         shared=np.zeros((which.size, 0)),
         conditions=conditions,
         group=("",) * which.size,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -29,9 +30,10 @@ class ComparisonRows:
 
     observables: tuple[Observable, ...]
     which: Integers  # index of each row's observable
-    z: Floats  # value on the comparison scale; the limit where censored
+    z: Floats  # value on the comparison scale; the limit where censored, the middle of an interval
     variance: Floats  # of z: laboratory and numerical tolerance; NaN where the noise is unknown
     censored: Bools
+    reach: Floats  # on that scale: 0; of censored values -inf below z, +inf above, h between z - h and z + h
     shared: Floats  # (n, q): change of z per sd of each instrument's systematic error
     conditions: Conditions
     group: tuple[str, ...]
@@ -44,6 +46,14 @@ class ComparisonRows:
     @property
     def size(self) -> int:
         return int(self.z.size)
+
+    @property
+    def limits(self) -> tuple[Literal["", "below", "above", "between"], ...]:
+        """On which side of `z` the value of each row lies; empty for an ordinary row."""
+        return tuple(
+            "" if reach == 0.0 else "below" if reach == -np.inf else "above" if reach == np.inf else "between"
+            for reach in self.reach
+        )
 
     @property
     def known(self) -> Bools:
@@ -60,6 +70,7 @@ class ComparisonRows:
             z=self.z[index],
             variance=self.variance[index],
             censored=self.censored[index],
+            reach=self.reach[index],
             shared=shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0],
             conditions={name: column[index] for name, column in self.conditions.items()},
             group=tuple(self.group[i] for i in index),
@@ -99,16 +110,18 @@ def merged_rows(
     """Rows of one observable, repeats merged by inverse variance."""
     observable = observables[index]
     value = np.where(table.censored, table.limit, table.value)
-    z, steepness = to_scale(observable, value), slope(observable, value)
+    z, reach = censored_scale(observable, value, table.reaches)
+    steepness = slope(observable, value)
     usable = np.isfinite(z) & np.isfinite(steepness)
     notes = row_notes(observable, table, usable)
     table, value, z, steepness = table.rows(usable), value[usable], z[usable], steepness[usable]
+    reach = reach[usable]
     cell = condition_numbers(table)
     repeats = np.where(table.n >= 1.0, table.n, 1.0)
     shapes = scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    labels = zip(cell, table.group, table.source, table.censored, strict=True)
+    labels = zip(cell, table.group, table.source, reach, strict=True)
     keys = np.array(["|".join(map(str, each)) for each in labels])
     first, mean, total = weighted_means(z, weight, keys)
     steep = steepness[first]
@@ -126,6 +139,7 @@ def merged_rows(
         z=mean,
         variance=variance,
         censored=table.censored[first],
+        reach=reach[first],
         shared=shared,
         conditions={name: column[first] for name, column in table.conditions.items()},
         group=tuple(table.group[i] for i in first),
@@ -136,6 +150,20 @@ def merged_rows(
         warnings=tuple(notes),
     )
     return rows, scatter
+
+
+def censored_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:
+    """Values and reaches on the comparison scale; an interval with an end off it has the upper one.
+
+    The middle of an interval on that scale is not that of the interval in its unit.
+    """
+    z, inside = to_scale(observable, value), np.isfinite(reach) & (reach > 0.0)
+    if not inside.any():
+        return z, reach
+    low, high = (to_scale(observable, value + sign * np.where(inside, reach, 0.0)) for sign in (-1.0, 1.0))
+    open_below = inside & ~np.isfinite(low)
+    z = np.where(open_below, high, np.where(inside, 0.5 * (low + high), z))
+    return z, np.where(open_below, -np.inf, np.where(inside, 0.5 * (high - low), reach))
 
 
 def weighted_means(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[Integers, Floats, Floats]:
@@ -205,6 +233,7 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
         z=np.concatenate([part.z for part in parts]),
         variance=np.concatenate([part.variance for part in parts]),
         censored=np.concatenate([part.censored for part in parts]),
+        reach=np.concatenate([part.reach for part in parts]),
         shared=shared[:, np.any(shared != 0.0, axis=0)],
         conditions={
             name: np.concatenate([part.conditions[name] for part in parts]) for name in parts[0].conditions

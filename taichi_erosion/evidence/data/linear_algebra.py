@@ -79,24 +79,43 @@ class Working:
         return float(self.deviances)
 
 
-def working(residual: Floats, censored: Bools) -> Working:
+def working(residual: Floats, reach: Floats | Bools) -> Working:
     """Working residuals of one whitened residual, or of columns of them.
 
-    A censored value lies below its limit: with u = (limit - m) / s its deviance is
-    -2 ln Phi(u); l = phi(u) / Phi(u) is its score and w = l (l + u) its curvature.
+    `reach` is 0 for an ordinary row, and says where a censored value lies: -inf below its limit z (as True
+    does), +inf above it, h between z - h and z + h, in sd. With the ends a < b of (that range - m) / s its
+    deviance is -2 ln P, P = Phi(b) - Phi(a); l = (phi(b) - phi(a)) / P is its score and
+    w = l^2 + (b phi(b) - a phi(a)) / P its curvature.
 
     Reference: Tobin (1958), Econometrica 26, 24.
     """
+    spans = np.where(reach, -np.inf, 0.0) if reach.dtype == np.bool_ else np.asarray(reach, dtype=np.float64)
+    censored = spans != 0.0
     if not censored.any():
         return Working(residual, np.ones_like(residual), np.sum(residual**2, axis=0))
     u = residual[censored]
-    log_tail = special.log_ndtr(u)
-    score = np.exp(-0.5 * u**2 - 0.5 * np.log(2.0 * np.pi) - log_tail)
-    curvature = np.clip(score * (score + u), 1e-12, 1.0)
+    log_share, score, curvature = censored_terms(u, spans[censored].reshape(-1, *([1] * (u.ndim - 1))))
     weight, adjusted = np.ones_like(residual), residual.copy()
     weight[censored] = np.sqrt(curvature)
     adjusted[censored] = -score / np.sqrt(curvature)
-    return Working(adjusted, weight, np.sum(residual[~censored] ** 2, axis=0) - 2.0 * log_tail.sum(axis=0))
+    ordinary = np.sum(residual[~censored] ** 2, axis=0)
+    return Working(adjusted, weight, ordinary - 2.0 * log_share.sum(axis=0))
+
+
+def censored_terms(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
+    """Ln probability, score and curvature of censored values; both ends in the lower tail by symmetry."""
+    low = np.where(reach == np.inf, u, np.where(reach == -np.inf, -np.inf, u - np.abs(reach)))
+    high = np.where(reach == np.inf, np.inf, np.where(reach == -np.inf, u, u + np.abs(reach)))
+    flip = low + high > 0.0
+    a, b = np.where(flip, -high, low), np.where(flip, -low, high)
+    log_upper = special.log_ndtr(b)
+    below = np.minimum(special.log_ndtr(a) - log_upper, -1e-12)
+    log_share = log_upper + np.log1p(-np.exp(below))
+    density_a, density_b = (np.exp(-0.5 * x**2 - 0.5 * np.log(2.0 * np.pi) - log_share) for x in (a, b))
+    ends = [np.where(np.isfinite(x), x, 0.0) * d for x, d in ((a, density_a), (b, density_b))]
+    score = density_b - density_a
+    curvature = np.clip(score**2 + ends[1] - ends[0], 1e-12, 1.0)
+    return log_share, np.where(flip, -score, score), curvature
 
 
 def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:

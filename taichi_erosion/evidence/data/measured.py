@@ -138,6 +138,7 @@ def study_measurements(
         limit=np.array(limits),
         source=tuple(row.source for row in rows),
         scales=scales,
+        reach=np.array([s * row.reach for row, s in zip(rows, factors, strict=True)]),
     )
     return measurements, [*table.notes, *unused_notes(table, file), *ignored_notes(table, file)]
 
@@ -228,7 +229,7 @@ def unit_factor(row: Row, unit: str, file: str) -> float:
 
 
 def censoring_limit(row: Row, factor: float, entry: ObservableEntry, file: str) -> float:
-    """Upper limit of a censored value in the model's unit; NaN for an ordinary value."""
+    """Limit of a censored value in the model's unit, the middle of an interval; NaN for an ordinary value."""
     if not row.censored:
         if entry.transform != "identity" and row.value <= 0.0 and not entry.floor:
             raise BadInput(

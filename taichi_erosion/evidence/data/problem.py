@@ -61,10 +61,11 @@ class Measurements:
     group: tuple[str, ...]  # physical set-up: the unit of hold-out
     unit: tuple[str, ...]
     conditions: Conditions  # NaN where a condition was not written down
-    censored: Bools  # the true value lies below `limit` ("no transport")
-    limit: Floats  # NaN where not censored
+    censored: Bools  # only limits of the true value are known
+    limit: Floats  # below which ("no transport"), above which or about which it lies; NaN where not censored
     source: tuple[str, ...]
     scales: Mapping[str, Scale] = field(default_factory=dict)  # of the conditions: from table to use
+    reach: Floats | None = None  # of censored values: -inf below `limit`, +inf above, h within; None: below
 
     @property
     def size(self) -> int:
@@ -85,7 +86,14 @@ class Measurements:
             limit=self.limit[index],
             source=tuple(self.source[i] for i in index),
             scales=self.scales,
+            reach=None if self.reach is None else self.reach[index],
         )
+
+    @property
+    def reaches(self) -> Floats:
+        """How far the true value may lie from `limit`, 0 for an ordinary row."""
+        below = np.full(self.size, -np.inf)
+        return np.where(self.censored, below if self.reach is None else self.reach, 0.0)
 
     def written(self, condition: str, used: float) -> tuple[float, str]:
         """A condition as the table has it: number and unit."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from taichi_erosion.evidence.data.linear_algebra import working
-from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
+from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import paired_change, seed_mean
 
@@ -51,9 +51,9 @@ class Fit:
         return dict(zip(self.names, map(float, self.psi), strict=True))
 
 
-def deviance(residual: Floats, shared: Floats, censored: Bools) -> float:
+def deviance(residual: Floats, shared: Floats, reach: Floats) -> float:
     """Deviance of a whitened residual (n,) with the whitened shared errors (n, q) at their best."""
-    work = working(residual, censored)
+    work = working(residual, reach)
     if not shared.shape[1]:
         return work.deviance
     columns = shared * work.weight[:, np.newaxis]
@@ -102,8 +102,8 @@ class Objective:
         if not np.all(np.isfinite(residual)):
             return inf
         prior = position / self.scale
-        rows = self.prepared.rows
-        return deviance(residual, self.prepared.white_shared, rows.censored) + float(prior @ prior)
+        whole = deviance(residual, self.prepared.white_shared, self.prepared.white_reach)
+        return whole + float(prior @ prior)
 
     def jacobian(self, position: Floats, central: bool, share: float = 1.0, raw: bool = False) -> Floats:
         """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds.
@@ -148,7 +148,7 @@ def newton_step(
     Entries that would leave their range are fixed at its end (active set).
     """
     prepared, scale, size = objective.prepared, objective.scale, position.size
-    work = working(residual, prepared.rows.censored)
+    work = working(residual, prepared.white_reach)
     design = np.hstack([slopes, prepared.white_shared]) * work.weight[:, np.newaxis]
     matrix = design.T @ design + np.eye(design.shape[1])
     gradient = design.T @ work.residual

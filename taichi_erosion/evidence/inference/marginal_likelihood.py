@@ -367,10 +367,13 @@ def likelihood(
     sd, censored = factor * prepared.sd, prepared.rows.censored
     residual = ((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
     jacobian, shared = expansion.jacobian / sd[:, np.newaxis], expansion.shared / sd[:, np.newaxis]
-    solve = censored_least_squares if censored.any() else least_squares
-    found = solve(prepared, jacobian, shared, residual, columns.x)
+    reach = prepared.white_reach / factor
+    if censored.any():
+        found = censored_least_squares(prepared, (jacobian, shared), residual, columns.x, reach)
+    else:
+        found = least_squares(prepared, jacobian, shared, residual, columns.x)
     x = columns.x[:, columns.centre]
-    start = deviance(residual[:, columns.centre], shared, censored) + float(x @ x)
+    start = deviance(residual[:, columns.centre], shared, reach) + float(x @ x)
     undercut = UNDERCUT_NOISY if prepared.noisy else UNDERCUT
     floor = start + columns.penalty[columns.centre] - undercut
     misfit = np.maximum(found.misfit + columns.penalty, floor) - columns.penalty
@@ -410,12 +413,16 @@ def least_squares(
 
 
 def censored_least_squares(
-    prepared: PreparedProblem, jacobian: Floats, shared: Floats, residual: Floats, x: Floats
+    prepared: PreparedProblem,
+    slopes_of_rows: tuple[Floats, Floats],
+    residual: Floats,
+    x: Floats,
+    reach: Floats,
 ) -> LeastSquares:
     """Every column in the working weights that its own censored rows have, all columns at once."""
-    count, columns = len(prepared.axes), x.shape[1]
-    work = working(residual, prepared.rows.censored)
-    slopes = np.hstack([jacobian, shared])[np.newaxis]
+    (_, shared), count, columns = slopes_of_rows, len(prepared.axes), x.shape[1]
+    work = working(residual, reach)
+    slopes = np.hstack(slopes_of_rows)[np.newaxis]
     design = slopes * work.weight.T[:, :, np.newaxis]  # (columns, n, p + q)
     matrix = np.einsum("cni,cnj->cij", design, design) + np.eye(design.shape[2])
     below = np.vstack([x, np.zeros((shared.shape[1], columns))]).T

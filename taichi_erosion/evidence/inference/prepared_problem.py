@@ -91,12 +91,17 @@ class PreparedProblem:
         return self.rows.shared / self.sd[:, np.newaxis]
 
     @cached_property
+    def white_reach(self) -> Floats:
+        """Reach of censored values, in sd of each row."""
+        return self.rows.reach / self.sd
+
+    @cached_property
     def noisy(self) -> bool:
         return bool(np.any(self.seed_variance > 0.0))
 
     def working(self, mean: Floats) -> Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
-        return working((self.rows.z - mean) / self.sd, self.rows.censored)
+        return working((self.rows.z - mean) / self.sd, self.white_reach)
 
     def with_model_errors(self, x: Floats, acting: dict[str, float]) -> "PreparedProblem":
         """The same with the model's own errors at one setting among the shared ones."""

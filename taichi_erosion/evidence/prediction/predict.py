@@ -175,6 +175,7 @@ def with_new_rows(prepared: PreparedProblem, wanted: Wanted) -> PreparedProblem:
         z=np.append(rows.z, np.zeros(m)),
         variance=np.append(rows.variance, np.ones(m)),
         censored=np.append(rows.censored, np.zeros(m, dtype=np.bool_)),
+        reach=np.append(rows.reach, np.zeros(m)),
         shared=np.vstack([rows.shared, np.zeros((m, rows.shared.shape[1]))]),
         conditions={
             name: np.concatenate([column, wanted.conditions[name]])

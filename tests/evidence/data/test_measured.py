@@ -1,6 +1,6 @@
 """A tidy table is read cell by cell; whatever is wrong with it is told in one line with its place."""
 
-from math import isnan
+from math import inf, isnan
 from pathlib import Path
 
 import pytest
@@ -75,10 +75,17 @@ def test_all_faults_of_a_table_are_told_at_once(tmp_path):
     assert all(fault.startswith("heap.csv: row ") for fault in caught.value.faults)
 
 
-def test_a_lower_limit_is_left_out_with_a_sentence_and_not_taken_for_a_value(tmp_path):
-    found = table(tmp_path, GOOD.replace("33.5", ">33.5"))
-    assert [row.value for row in found.rows] == [31.2]
-    assert "row 2, value = '>33.5' is a lower limit" in found.notes[0]
+@pytest.mark.parametrize(
+    ("cell", "value", "reach"),
+    [(">33.5", 33.5, inf), ("20..25", 22.5, 2.5), ("20 to 25", 22.5, 2.5), ("2e1...25", 22.5, 2.5)],
+)
+def test_lower_limits_and_intervals_are_censored_values(tmp_path, cell, value, reach):
+    row = table(tmp_path, GOOD.replace("33.5", cell)).rows[0]
+    assert (row.value, row.censored, row.reach) == (value, True, reach)
+
+
+def test_an_interval_the_wrong_way_round_is_refused(tmp_path):
+    assert "first number must be below" in complaint(tmp_path, GOOD.replace("33.5", "25..20"))
 
 
 def test_repeated_rows_stay_single_repeats(tmp_path):
@@ -104,7 +111,10 @@ def test_degrees_celsius_in_a_heading_become_kelvin(tmp_path, unit):
         ("", "heap.csv: is empty; the first row names the columns"),
         (HEAD, "heap.csv: has a heading but no measurement"),
         (GOOD.replace("33.5", "33,5"), "heap.csv: row 2 has 9 cells, the heading 8"),
-        (GOOD.replace("33.5", "nan"), "heap.csv: row 2, value = 'nan' must be a number, '<' and a number"),
+        (
+            GOOD.replace("33.5", "nan"),
+            "heap.csv: row 2, value = 'nan' must be a number, '<' or '>' and a number",
+        ),
         (GOOD.replace("33.5", "1e999"), "heap.csv: row 2, value = '1e999' must be a finite number"),
         (GOOD.replace("0.7", "0"), "heap.csv: row 2, sd = '0' must be above 0; leave it empty"),
         (GOOD.replace(",10,", ",2.5,"), "heap.csv: row 2, n = '2.5' must be a whole number from 1"),

@@ -1,4 +1,4 @@
-"""Numbers as laboratories write them into cells: `31,2 ± 0,8`, `2 %`, `<0.02`, `> 40`, `1 250 µm`.
+"""Numbers as laboratories write them into cells: `31,2 ± 0,8`, `2 %`, `<0.02`, `> 40`, `20..25`, `1 250 µm`.
 
 A file has one decimal mark. What has two readings, or is no number, is refused with its remedy.
 """
@@ -21,6 +21,9 @@ UNIT = r"[^\W\d_%‰°][^\s±<>=;]*(?:[ /·*][^\s±<>=;]+)*|[%‰°][^\s±<>=;]*
 QUANTITY = re.compile(
     rf"(?P<limit>[<>≤≥]?)\s*(?P<number>{NUMBER})\s*(?P<unit>{UNIT})?"
     rf"(?:\s*(?:±|\+/-|\+-)\s*(?P<sd>{NUMBER})\s*(?P<sd_unit>{UNIT})?)?"
+)
+INTERVAL = re.compile(
+    rf"(?P<low>{NUMBER})\s*(?:\.\.\.?|…|\bto\b|\bbis\b)\s*(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?"
 )
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
 DATES = (
@@ -52,6 +55,7 @@ class CellNumber:
     limit: Literal["", "<", ">"] = ""
     unit: str = ""  # as written behind the number
     sd: str = ""
+    upper: str = ""  # end of an interval that begins at `value`
 
 
 def plain_cell(text: str) -> str:
@@ -82,7 +86,8 @@ def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
 def is_quantity(cell: str) -> bool:
     """Whether a cell holds a number, a misprint of one, or says that it has none."""
     plain = plain_cell(cell)
-    if plain.lower() in MISSING + UNSEEN + NO_TRANSPORT or QUANTITY.fullmatch(plain):
+    known = plain.lower() in MISSING + UNSEEN + NO_TRANSPORT
+    if known or any(form.fullmatch(plain) for form in (QUANTITY, INTERVAL)):
         return True
     return likely_number(plain) is not None
 
@@ -124,6 +129,9 @@ def read_cell(text: str, comma: bool) -> CellNumber:
     plain = plain_cell(text)
     if plain.lower() in MISSING:
         return CellNumber("")
+    between = INTERVAL.fullmatch(plain)
+    if between is not None:
+        return interval(between, comma)
     match, likely = QUANTITY.fullmatch(plain), likely_number(plain)
     if likely is not None:
         raise CellFault(misprint(likely))
@@ -139,6 +147,14 @@ def read_cell(text: str, comma: bool) -> CellNumber:
     return CellNumber(decimal(match["number"], comma), limit, match["unit"] or match["sd_unit"] or "", sd)
 
 
+def interval(match: re.Match[str], comma: bool) -> CellNumber:
+    """Both ends of an interval; raises CellFault where they are not in order."""
+    low, high = decimal(match["low"], comma), decimal(match["high"], comma)
+    if not float(low) < float(high):
+        raise CellFault("is an interval whose first number is not below its second")
+    return CellNumber(low, "", match["unit"] or "", upper=high)
+
+
 def reason(plain: str) -> str:
     """Why a text is no number, and what to do."""
     if plain.startswith("#"):
@@ -150,7 +166,9 @@ def reason(plain: str) -> str:
     if SPREAD.search(plain):
         return "write the scatter behind '±', or in a column of its own"
     if re.fullmatch(rf"{NUMBER}\s*(?:-|–|bis|to|…|\.\.)\s*{NUMBER}.*", plain):
-        return "is a range; write its middle, and half its width behind '±'"
+        return (
+            "is a range; write 20..25 where the value lies between, or 22.5 ± 2.5 where that is its scatter"
+        )
     if re.fullmatch(r"[\d.,]+(?: [\d.,]+)+", plain):
         return "has a blank in the number, or is two numbers; write one"
     return "must be a number; words belong into a column of their own"

@@ -136,7 +136,7 @@ class LaboratoryTable:
         found = self.number(line, row, column, faults)
         if found is None:
             return ""
-        if found.limit:
+        if found.limit or found.upper:
             text = shown(row[column.place])
             faults.append(
                 f"{self.where(line, column)} = {text}: a condition is a number; write the likeliest"
@@ -158,7 +158,9 @@ class LaboratoryTable:
         if spread and self.choices.scatter == "se":
             spread = self.from_error(spread, count, line, column, faults)
         spread = spread or self.scatter(line, row, column, count, faults)
-        return found.limit + scaled(found.value, factor), spread, count, self.cell_unit(column)
+        value = scaled(found.value, factor)
+        value = f"{value}..{scaled(found.upper, factor)}" if found.upper else found.limit + value
+        return value, spread, count, self.cell_unit(column)
 
     def scatter(self, line: int, row: Sequence[str], column: Column, count: str, faults: list[str]) -> str:
         """Standard deviation of single repeats from a column of its own."""

@@ -3,16 +3,16 @@
 Columns: observable, value, sd, n, unit, group, source, and one for every condition. A condition's unit may
 stand in its heading, `slope [rad]`: its numbers are converted to the unit of the place that it sets, in a
 scene that of the entry, in a model function SI. Without one they are in that unit already. `value` is the
-mean of `n` repeats and `sd` the standard deviation of single repeats. An empty value, `no transport` or `<x`
-is censored: the instrument saw nothing, or less than x. Rows that repeat observable, group, source and
-conditions are repeats of one another.
+mean of `n` repeats and `sd` the standard deviation of single repeats. A censored value is one of which only
+limits are known: `<x`, and `no transport` or an empty cell where the instrument saw nothing; `>x`; `20..25`
+or `20 to 25`. Rows that repeat observable, group, source and conditions are repeats of one another.
 """
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from typing import Any, TypeVar
 
 from taichi_erosion.core.errors import BadInput
@@ -29,6 +29,10 @@ HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,3})?")
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+BETWEEN = r"\s*(?:\.\.\.?|…|to|bis)\s*"  # between the ends of an interval
+INTERVAL = re.compile(rf"(?P<low>{NUMBER.pattern}){BETWEEN}(?P<high>{NUMBER.pattern})")
+COMMA_INTERVAL = re.compile(rf"(?P<low>[+-]?\d*,?\d+){BETWEEN}(?P<high>[+-]?\d*,?\d+)")
+SIDES = {"<": -inf, ">": inf}  # signs of limits with the reach of the value
 MOST_REPEATS = 10**9
 OF_NUMBERS = "any other column is a condition; words belong into 'source' or 'note'"
 LONGEST_SHOWN = 40  # characters of a cell that a message repeats
@@ -40,7 +44,7 @@ class Row:
 
     line: int  # in the file, the heading being row 1
     observable: str
-    value: float  # mean, or the limit below which a censored value lies; NaN: the study's floor
+    value: float  # mean, limit of a censored value, or middle of its interval; NaN: the study's floor
     censored: bool
     sd: float  # of single repeats
     n: int | None
@@ -48,6 +52,9 @@ class Row:
     group: str
     source: str
     conditions: tuple[float, ...]  # as written, in the order of the table's conditions
+    reach: float = (
+        -inf
+    )  # of a censored value: -inf below `value`, +inf above, h between value - h and value + h
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ def tidy_table(cells: Cells, faults: "Faults | None" = None) -> Table:
         raise BadInput(f"{name}: is empty; the first row names the columns: {', '.join(REQUIRED)}, ...")
     columns = read_heading(cells.heading, name)
     fixed = {column.name: column.place for column in columns if column.name in REQUIRED + OPTIONAL}
-    lines, notes = without_lower_limits(cells, fixed["value"])
+    lines = cells.lines
     conditions = condition_columns(columns, lines, name, faults)
     rows = [read_row(line, row, fixed, conditions, name, faults) for line, row in lines]
     if not cells.lines and not faults:
@@ -90,7 +97,7 @@ def tidy_table(cells: Cells, faults: "Faults | None" = None) -> Table:
     if not collected:
         faults.tell()
     names, units = tuple(c.name for c in conditions), tuple(c.unit for c in conditions)
-    return Table(name, names, units, tuple(rows), tuple(notes))
+    return Table(name, names, units, tuple(rows))
 
 
 class Faults(list[str]):
@@ -116,17 +123,6 @@ def is_tidy(heading: Sequence[str]) -> bool:
     return bool(get_close_matches("observable", names, n=1, cutoff=0.85))
 
 
-def without_lower_limits(cells: Cells, value: int) -> tuple[list[tuple[int, tuple[str, ...]]], list[str]]:
-    """Rows that a comparison can use, and a sentence about every other one.
-
-    A value of which only a lower limit is known, `>40`, enters no likelihood here: it would count as equal.
-    """
-    left_out = [(line, row) for line, row in cells.lines if row[value].startswith(">")]
-    kept = [(line, row) for line, row in cells.lines if not row[value].startswith(">")]
-    told = "is a lower limit; the comparison knows upper limits only, so that the row is left out"
-    return kept, [f"{cells.file}: row {line}, value = {quoted(row[value])} {told}." for line, row in left_out]
-
-
 def pointed(cells: Cells) -> Cells:
     """Cells with decimal points in numbers that have commas."""
     if not cells.decimal_comma:
@@ -137,7 +133,10 @@ def pointed(cells: Cells) -> Cells:
 
 def pointed_cell(cell: str) -> str:
     """A number with a decimal point; any other cell as it stands."""
-    limit, number = (cell[0], cell[1:].strip()) if cell[:1] in ("<", ">") else ("", cell)
+    match = COMMA_INTERVAL.fullmatch(cell)
+    if match is not None:
+        return f"{pointed_cell(match['low'])}..{pointed_cell(match['high'])}"
+    limit, number = (cell[0], cell[1:].strip()) if cell[:1] in SIDES else ("", cell)
     return limit + number.replace(",", ".") if COMMA_NUMBER.fullmatch(number) else cell
 
 
@@ -219,35 +218,41 @@ def read_row(
 
     if not NAME.fullmatch(cell("observable")):
         faults.append(f"{where}, observable = {quoted(cell('observable'))} must be a name")
-    value, censored = faults.of(read_value, cell("value"), where) or (nan, False)
+    value, reach = faults.of(read_value, cell("value"), where) or (nan, 0.0)
     sd = faults.of(read_sd, cell("sd"), where)
     return Row(
         line=line,
         observable=cell("observable"),
         value=value,
-        censored=censored,
+        censored=reach != 0.0,
         sd=nan if sd is None else sd,
         n=faults.of(read_count, cell("n"), where),
         unit=faults.of(read_unit, cell("unit"), where) or "1",
         group=cell("group"),
         source=cell("source"),
         conditions=tuple(stated(column) for column in conditions),
+        reach=reach,
     )
 
 
-def read_value(text: str, where: str) -> tuple[float, bool]:
-    """Value and whether it is censored; NaN where no limit is stated."""
+def read_value(text: str, where: str) -> tuple[float, float]:
+    """Value, and its reach (`Row.reach`), 0 where it is not censored; NaN where no limit is stated."""
     if text.lower() in CENSORED:
-        return nan, True
-    limit = text.removeprefix("<").strip()
+        return nan, -inf
+    match = INTERVAL.fullmatch(text)
+    if match is not None:
+        low, high = (number(match[end], f"{where}, value") for end in ("low", "high"))
+        if not low < high:
+            raise BadInput(f"{where}, value = {quoted(text)}: the first number must be below the second")
+        return 0.5 * (low + high), 0.5 * (high - low)
+    limit = text.lstrip("<>").strip() if text[:1] in SIDES else text
     likely = None if NUMBER.fullmatch(limit) else likely_number(plain_cell(text))
     if likely is not None:
         raise BadInput(f"{where}, value = {quoted(text)} {misprint(likely)}")
     if not NUMBER.fullmatch(limit):
-        raise BadInput(
-            f"{where}, value = {quoted(text)} must be a number, '<' and a number, or empty for 'no transport'"
-        )
-    return number(limit, f"{where}, value"), text.startswith("<")
+        allowed = "a number, '<' or '>' and a number, '20..25', or empty for 'no transport'"
+        raise BadInput(f"{where}, value = {quoted(text)} must be {allowed}")
+    return number(limit, f"{where}, value"), SIDES.get(text[:1], 0.0)
 
 
 def read_sd(text: str, where: str) -> float:

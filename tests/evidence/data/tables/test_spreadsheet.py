@@ -88,7 +88,20 @@ def test_a_number_is_read_as_laboratories_write_it(cell, comma, value, limit, sd
 
 
 @pytest.mark.parametrize(
-    "cell", ["1.250,5", "1,2,3", "steil", "12. Mrz", "31.2 (0.8)", "30-32", "#N/A", "3 ± 10 %"]
+    ("cell", "comma", "low", "high", "unit"),
+    [
+        ("20..25 deg", False, "20", "25", "deg"),
+        ("20,5 bis 25", True, "20.5", "25", ""),
+        ("2 to 3", False, "2", "3", ""),
+    ],
+)
+def test_an_interval_has_both_its_ends(cell, comma, low, high, unit):
+    found = read_cell(cell, comma)
+    assert (found.value, found.upper, found.unit) == (low, high, unit)
+
+
+@pytest.mark.parametrize(
+    "cell", ["25..20", "1.250,5", "1,2,3", "steil", "12. Mrz", "31.2 (0.8)", "30-32", "#N/A", "3 ± 10 %"]
 )
 def test_what_has_two_readings_or_is_no_number_is_refused(cell):
     with pytest.raises(CellFault):

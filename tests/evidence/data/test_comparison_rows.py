@@ -1,0 +1,54 @@
+"""Censored values on the comparison scale, and what a fit makes of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+from taichi_erosion.evidence.data.comparison_rows import censored_scale
+from taichi_erosion.evidence.data.problem import Observable, Problem
+from taichi_erosion.evidence.inference.map_fit import fit_base
+from taichi_erosion.evidence.inference.prepared_problem import prepare
+from tests.evidence.linear_study import LEVEL_SD, linear_problem
+
+
+def censored(problem: Problem, limits: dict[int, tuple[float, float]]) -> Problem:
+    """Some rows known only by a limit and a reach."""
+    table = problem.measurements
+    flags, limit, reach = np.zeros(table.size, dtype=bool), np.full(table.size, np.nan), np.zeros(table.size)
+    for row, (value, span) in limits.items():
+        flags[row], limit[row], reach[row] = True, value, span
+    return replace(problem, measurements=replace(table, censored=flags, limit=limit, reach=reach))
+
+
+def test_an_interval_on_a_logarithmic_scale_keeps_its_ends():
+    log = Observable("y", "log")
+    value, reach = np.array([22.5, 5.0, 12.0]), np.array([2.5, 6.0, np.inf])
+    z, span = censored_scale(log, value, reach)
+    assert np.exp([z[0] - span[0], z[0] + span[0]]) == pytest.approx([20.0, 25.0])
+    assert (np.exp(z[1]), span[1]) == (pytest.approx(11.0), -np.inf)  # from -1 to 11: only the upper end
+    assert (np.exp(z[2]), span[2]) == (pytest.approx(12.0), np.inf)
+
+
+def test_a_fit_to_limits_and_intervals_is_that_of_their_likelihood():
+    limits = {0: (0.4, np.inf), 1: (-0.3, -np.inf), 2: (0.2, 0.15)}
+    problem = censored(linear_problem({}, {}, sd=0.2, count=6), limits)
+    prepared = prepare(problem, problem.measurements, 1)
+    assert sorted(prepared.rows.limits) == ["", "", "", "above", "below", "between"]
+    _, best, _ = fit_base(prepared)
+
+    def deviance(level: float) -> float:
+        total = -2.0 * stats.norm.logpdf(level, 0.0, LEVEL_SD)
+        for row, value in enumerate(problem.measurements.value):
+            if row not in limits:
+                total -= 2.0 * stats.norm.logpdf(value, level, 0.2)
+                continue
+            limit, reach = limits[row]
+            low, high = (limit, np.inf) if reach == np.inf else (limit - abs(reach), limit)
+            high = limit + reach if 0.0 < reach < np.inf else high
+            total -= 2.0 * np.log(stats.norm.cdf(high, level, 0.2) - stats.norm.cdf(low, level, 0.2))
+        return float(total)
+
+    wanted = float(optimize.fminbound(deviance, -2.0, 2.0, xtol=1e-8))
+    assert best.x[0] * LEVEL_SD == pytest.approx(wanted, abs=2e-3)
