@@ -22,6 +22,7 @@ INPUTS = (
     "wind/answers.py",
     "wind/saturated.csv",
     "windkanal.csv",
+    "prediction/grains_to_come.csv",
 )
 COMMAND = r"```sh\n\./erosion (?P<words>[^\n]+)\n```\n\n<!-- output: (?P<lines>\d+) -->\n```text\n"
 STEP = re.compile(rf"(?P<command>{COMMAND}).*?```", re.DOTALL)

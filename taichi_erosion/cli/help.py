@@ -51,7 +51,7 @@ discover STUDY --effect my_pull.py
 adopt doe/impact_threshold_reduced.toml dry_cohesion
 adopt STUDY my_pull --effect my_pull.py
 next doe/impact_threshold_reduced.toml
-predict doe/impact_threshold_reduced.toml --at doe/measured/grains_to_come.csv
+predict doe/impact_threshold_reduced.toml --at doe/prediction/grains_to_come.csv
 predict STUDY --at TABLE --out predicted.csv
 report doe/impact_threshold_reduced.toml
 report doe/funnel_soil.toml -o funnel.html
