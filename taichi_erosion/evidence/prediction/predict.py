@@ -182,6 +182,7 @@ def with_new_rows(prepared: PreparedProblem, wanted: Wanted) -> PreparedProblem:
             for name, column in rows.conditions.items()
         },
         group=(*rows.group, *([""] * m)),
+        source=(*rows.source, *([""] * m)),
         slope=np.append(rows.slope, np.zeros(m)),
     )
     predictor = prepared.predictor.over(joined.observables, joined.which, joined.conditions)
