@@ -73,7 +73,7 @@ OBSERVED: Mapping[str, PhysicalRange] = {
 USUAL: Mapping[str, tuple[float, float]] = {  # of places, in their units
     "grains.size.diameter": GRAIN,
     "conditions.diameter": GRAIN,
-    "conditions.moisture": (5e-5, 0.6),
+    "conditions.moisture": (5e-4, 0.6),
     "conditions.temperature": (230.0, 350.0),
     "conditions.pressure": (4e4, 1.2e5),
     "conditions.friction_velocity": (0.02, 5.0),

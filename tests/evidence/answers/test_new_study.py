@@ -165,6 +165,22 @@ WRONG_FILES = {
         "--roughness",
     ),
     "grains of no size": (changed("250", "0"), "row 2, diameter = 0 µm", "check number and unit"),
+    "water as a share under a heading in percent": (
+        changed("1,6", "0,016").replace(b";3,1;", b";0,031;"),
+        "row 2, moisture = 0.016 %",
+        "did you mean [1]?",
+    ),
+    "a column of ranges": (
+        GOOD.replace("A;250", "A;200-300").replace("B;500", "B;400-600").encode("cp1252"),
+        "'Korngröße [µm]' has no numbers that can be read, such as '200-300': is a range",
+        "write its middle",
+    ),
+    "a heading in merged cells": (
+        changed("Feuchte in %;Böschungswinkel (°);SD [°];n", "Feuchte in %;;;"),
+        "row 1 has 3 headings",
+        "without merged cells",
+    ),
+    "a second table below": (GOOD.encode("cp1252") + b"Probe;Ort\nA;Nord\n", "row 5", "one table in a file"),
     "a row twice": (
         (GOOD + ROWS[0]).replace("A;", "B;").encode("cp1252"),
         "row 5 repeats row 2",
@@ -226,6 +242,14 @@ def test_faults_of_every_layer_are_told_at_once(tmp_path):
     told = faults_of(tmp_path, text.encode("cp1252"))
     places = ("row 5 has 3 cells", "'Fechte in %'", "'3O,5'", "= -31.2 °")
     assert all(any(place in fault for fault in told) for place in places), told
+
+
+def test_units_in_a_row_below_the_heading_belong_to_it(tmp_path):
+    head = "Probe;Korngröße;Feuchte;Böschungswinkel;SD;n\n;µm;%;°;°;\n"
+    (tmp_path / "heap.csv").write_bytes((head + "".join(ROWS)).encode("cp1252"))
+    document = new_study(tmp_path / "heap.csv", Wishes(closed_form=True), guess)
+    assert [column["unit"] for column in document["columns"]] == ["", "µm", "%", "°", "°", ""]
+    assert document["conditions"] == {"diameter": "250 to 800 µm", "moisture": "0 to 3.1 %"}
 
 
 def test_a_unit_that_is_missing_is_told_once_for_its_column(tmp_path):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from math import isnan, nan
 
-from taichi_erosion.evidence.data.tables.cell_numbers import MISSING, is_quantity, plain_cell
+from taichi_erosion.evidence.data.tables.cell_numbers import MISSING, is_quantity, plain_cell, reason
 from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Heading, read_heading, stated_unit
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.data.tables.vocabulary import (
@@ -128,8 +128,9 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if role == "unknown":
         role, name = meaning_of_symbol(heading)
     if not numeric:
-        kept: Role = role if role in ("group", "source") else "remark"
-        return Column(place, heading, kept, numeric=False)
+        digits = any(any(map(str.isdigit, cell)) for cell in content)
+        known = role in ("group", "source") or (role in ("observable", "condition") and digits)
+        return Column(place, heading, role if known else "remark", name if known else "", numeric=False)
     if role == "group" or not content or (role in ("unknown", "remark") and counts_rows(content)):
         return Column(place, heading, "group" if role == "group" else "remark")
     height = wind_height(heading, name)
@@ -171,7 +172,11 @@ def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
             "mass; divide by the dry bulk density over that of water, and write [%]"
         )
     if column.role in ("observable", "condition") and not column.numeric:
-        yield f"{where} has no numbers; a quantity that is measured or set needs them"
+        first = next(row[column.place] for _, row in cells.lines if row[column.place])
+        yield (
+            f"{where} has no numbers that can be read, such as '{first}': {reason(plain_cell(first))}; a "
+            "column that is not used has a heading that begins with 'note'"
+        )
 
 
 def with_partners(columns: Sequence[Column]) -> list[Column]:

@@ -62,6 +62,9 @@ def read_heading(text: str) -> Heading:
         match = form.fullmatch(text)
         if match is not None:
             return bracketed_heading(text, match, square=form is BRACKETED[0])
+    name, mark, rest = text.rpartition(" / ")
+    if mark and name.strip() and unit_in(rest):
+        return Heading(text, name.strip(), unit_in(rest) or "")
     match = TRAILING.fullmatch(text)
     if match is not None and evident(match["unit"], text):
         unit = unit_in(match["unit"])

@@ -14,6 +14,7 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.tables.cell_numbers import has_decimal_comma
+from taichi_erosion.evidence.data.tables.headings import read_heading, unit_in
 from taichi_erosion.scene.file_kind import refuse_other_kind
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
@@ -147,15 +148,46 @@ def rectangular(
     if not rows:
         return
     heading = rows[0][1]
-    width = max((k + 1 for k, cell in enumerate(heading) if cell), default=0)
+    width = last_filled(heading)
     hint = "; put text with commas into quotes, write decimals with a point" if separator == "," else ""
-    for line, cells in rows:
-        filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
+    lines = with_unit_row(rows)
+    if len(lines) > 2 and all(last_filled(cells) > width for _, cells in lines[1:]):
+        faults.append(
+            f"{name}: row {lines[0][0]} has {width} headings, the rows below it more cells: write one "
+            "heading in one row above every column, without merged cells"
+        )
+        return
+    for line, cells in lines:
+        filled = last_filled(cells)
         if filled > width or (len(cells) < width and len(cells) < len(heading)):
             count = max(filled, len(cells)) if filled > width else len(cells)
-            faults.append(f"{name}: row {line} has {count} cells, the heading {width}{hint}")
+            second = not any(sign.isdigit() for cell in cells for sign in cell) and filled > 1
+            remedy = "; a second table? keep one table in a file" if second else hint
+            faults.append(f"{name}: row {line} has {count} cells, the heading {width}{remedy}")
         else:
             yield line, tuple(cells[:width])
+
+
+def last_filled(cells: Sequence[str]) -> int:
+    """Number of cells up to the last one with content."""
+    return max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
+
+
+def with_unit_row(rows: Sequence[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """The rows with a row of units right below the heading put into it, in brackets."""
+    if len(rows) < 3:
+        return list(rows)
+    (line, heading), (_, units), *others = rows
+    stated = [unit.strip("[]() ") for unit in units]
+    filled = [unit for unit in stated if unit]
+    numbered = any(unit.isdigit() for unit in filled)
+    if len(filled) < 2 or numbered or not all(map(unit_in, filled)) or len(units) > len(heading):
+        return list(rows)
+    merged = [
+        f"{name} [{unit}]" if name and unit and not read_heading(name).unit else name
+        for name, unit in zip(heading, [*stated, *[""] * (len(heading) - len(stated))], strict=True)
+    ]
+    return [(line, merged), *others]
 
 
 def workbook_cells(content: bytes, name: str, faults: list[str]) -> Cells:
