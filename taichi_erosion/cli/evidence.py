@@ -45,7 +45,7 @@ Budget = Annotated[
     str | None,
     typer.Option(
         metavar="quick|full|RUNS",
-        help="quick: fewer runs, fewer refits, wider intervals; full: all of them; a number: at most so many "
+        help="quick: fewer runs and fewer refits; full: all of them; a number: at most so many "
         "runs. One run is one set-up, simulated with one seed.",
     ),
 ]

@@ -143,9 +143,8 @@ def joint(
     stuck = projected_residual(prepared, base.expansion).stuck
     jacobian[:, stuck] = 0.0
     work, start = prepared.working(base.expansion.mean), jacobian @ fit.x
-    typical = [
-        np.median(prepared.sd[prepared.rows.which == k]) for k in range(len(prepared.rows.observables))
-    ]
+    sds = [prepared.sd[prepared.rows.which == k] for k in range(len(prepared.rows.observables))]
+    typical = [float(np.median(own)) if own.size else 1.0 for own in sds]
     rows = JointRows(
         residual=work.residual / work.weight * prepared.sd + start[:n],
         variance=(prepared.sd / work.weight) ** 2,
