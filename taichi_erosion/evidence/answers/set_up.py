@@ -93,10 +93,11 @@ def row_faults(problem: Problem) -> Iterator[SetUpFault]:
     if not problem.candidates or not too_few_rows(points, calibrated):
         return
     hidden = f", {len(problem.vault.rows)} more held out" if len(problem.vault.rows) else ""
+    numbers = "1 number is" if calibrated == 1 else f"{calibrated} numbers are"
     words = (
-        f"too few rows to tell effects apart: {points} under different conditions{hidden}, where "
-        f"{calibrated} numbers are calibrated; an effect and a level take one more each, and one row must be "
-        f"left to contradict: at least {least_rows(calibrated)} rows"
+        f"too few rows to tell effects apart: {points} under different conditions{hidden}, where {numbers} "
+        "calibrated; an effect and a level take one more each, and one row must be left to contradict: at "
+        f"least {least_rows(calibrated)} rows"
     )
     yield SetUpFault("too_few_rows", "table", words, True)
 

@@ -173,7 +173,7 @@ def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(tmp_path, cap
     told = [words for words in found["set_up"] if words.startswith("too few rows")]
     assert bool(told) is not enough
     if not enough:
-        assert f"{count} under different conditions, where 1 numbers are calibrated" in told[0]
+        assert f"{count} under different conditions, where 1 number is calibrated" in told[0]
         assert found["named"] == []
 
 
