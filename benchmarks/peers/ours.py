@@ -63,7 +63,7 @@ def ensemble(steps: int, case: Path, numerics: Any, count: int) -> None:
 
     from taichi_erosion.benchmark.grain_cases import touching_pairs
     from taichi_erosion.benchmark.setups import LAWS, bed_setup
-    from taichi_erosion.simulation import advance, assemble, ledger
+    from taichi_erosion.simulation import advance, assemble, totals
 
     with np.load(case) as arrays:
         setups = [bed_setup({**arrays, "friction": mu}) for mu in frictions(count)]
@@ -74,7 +74,7 @@ def ensemble(steps: int, case: Path, numerics: Any, count: int) -> None:
     found = {
         "grain_steps": grains * steps,
         "contacts_per_grain": 2.0 * touching / grains,
-        "rebuilds": sum(ledger(sim, replica).rebuilds for replica in range(count)),
+        "rebuilds": sum(totals(sim, replica).rebuilds for replica in range(count)),
     }
     sys.stdout.write(json.dumps(found) + "\n")
 

@@ -33,9 +33,9 @@ from taichi_erosion.simulation import (
     export_state,
     failure,
     import_state,
-    ledger,
     prepare,
     snapshot,
+    totals,
 )
 
 Floats = NDArray[np.float64]
@@ -111,7 +111,7 @@ def go_on(sim: Simulation, steps: int) -> None:
 
 def look(sim: Simulation, start: Floats, seconds: float) -> Row:
     """One row of the table."""
-    state, sums = snapshot(sim, 0), ledger(sim, 0)
+    state, sums = snapshot(sim, 0), totals(sim, 0)
     return Row(
         steps=state.step - SETTLE,
         time_s=state.time,

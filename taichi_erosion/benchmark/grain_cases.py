@@ -18,7 +18,7 @@ from taichi_erosion.core.compiler_target import packed_width
 from taichi_erosion.core.setup import Floats, Numerics, Setup
 from taichi_erosion.core.transfer import device_fields, inner_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED
-from taichi_erosion.simulation import Simulation, advance, assemble, export_bed, ledger, snapshot
+from taichi_erosion.simulation import Simulation, advance, assemble, export_bed, snapshot, totals
 from taichi_erosion.simulation.stage_times import stage_times
 
 Precision = Literal["f32", "f64"]
@@ -92,13 +92,13 @@ def touching_pairs(sim: Simulation, replica: int) -> int:
 
 def rate(sim: Simulation, steps: int, done: int) -> dict[str, float]:
     """Grain-steps per second of `steps` more steps after `done`, contacts per grain, rebuilds."""
-    before, start = ledger(sim, 0).rebuilds, time.perf_counter()
+    before, start = totals(sim, 0).rebuilds, time.perf_counter()
     advance(sim, [(done + steps) * setup.time_step for setup in sim.setups])
     seconds, grains = time.perf_counter() - start, grain_count(sim)
     return {
         "grain_steps_per_s": grains * steps / seconds,
         "contacts_per_grain": 2.0 * sum(touching_pairs(sim, r) for r in range(len(sim.setups))) / grains,
-        "rebuilds": ledger(sim, 0).rebuilds - before,
+        "rebuilds": totals(sim, 0).rebuilds - before,
     }
 
 
@@ -121,7 +121,7 @@ def device_bytes(owner: Any) -> int:
 def grain_case(case: GrainCase) -> dict[str, Any]:
     """Median speed, with the share of every stage."""
     sim = case.begin(Numerics("cpu", case.threads, case.precision))
-    done, grains = int(ledger(sim, 0).step), grain_count(sim)
+    done, grains = int(totals(sim, 0).step), grain_count(sim)
     rates = [rate(sim, case.steps, done + k * case.steps) for k in range(ROUNDS)]
     middle = sorted(rates, key=lambda found: found["grain_steps_per_s"])[ROUNDS // 2]
     speed = 1e-6 * middle["grain_steps_per_s"]
@@ -156,7 +156,7 @@ def wide_bed_case(setup: Setup) -> dict[str, Any]:
         start = time.process_time()
         advance(sim, [done * setup.time_step])
         spent.append(time.process_time() - start)
-    sums = ledger(sim, 0)
+    sums = totals(sim, 0)
     return {
         "case": "wide bed",
         "grains": grains,

@@ -44,7 +44,7 @@ class Snapshot:
 
 
 @dataclass(frozen=True)
-class Ledger:
+class Totals:
     """Sums over one replica at one moment."""
 
     time: float  # s

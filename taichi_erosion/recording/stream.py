@@ -1,4 +1,4 @@
-"""Rerun recordings: one file per run with grains, walls, ledger, pictures and texts.
+"""Rerun recordings: one file per run with grains, walls, totals, pictures and texts.
 
 The file grows as PATH.part and takes its name when it is closed. A run killed at any moment leaves a part
 file that `readback` and the viewer can read; it lacks at most what was logged in the last FLUSH_INTERVAL.
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.setup import Floats, Triple
-from taichi_erosion.core.snapshot import Ledger, Snapshot
+from taichi_erosion.core.snapshot import Snapshot, Totals
 from taichi_erosion.recording import pictures
 from taichi_erosion.recording.blueprint import (
     MAGNIFICATION,
@@ -43,7 +43,8 @@ JPEG_QUALITY = 95  # of 100
 CURVE_WIDTH = 1.5  # points
 WALL_OPACITY = 48  # of 255
 FASTEST_COLOUR = 2.0  # m s-1, drawn in the last colour: the pouring speed of the published funnel test
-CURVES = {  # entries of the ledger that are drawn: legend and colour
+SUMS = "ledger"  # folder of the totals in a recording; older recordings have it too
+CURVES = {  # entries of the totals that are drawn: legend and colour
     "kinetic_translation": ("translation", pictures.EMBER),
     "kinetic_rotation": ("rotation", (240, 190, 80)),
     "elastic": ("elastic", (110, 200, 190)),
@@ -144,7 +145,7 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
     log_scene(recording, header.name, header.scene_text)
     for entry, (legend, colour) in (CURVES | (TRANSPORT if header.kind in WIND_KINDS else {})).items():
-        folder = "decades" if entry in DECADES else "transport" if entry in TRANSPORT else "ledger"
+        folder = "decades" if entry in DECADES else "transport" if entry in TRANSPORT else SUMS
         log_legend(recording, f"{folder}/{entry}", legend, colour)
     set_time(recording, 0.0, 0)
     for wall in header.walls:
@@ -258,11 +259,11 @@ def log_grains(
     recording.stream.log(entity, points, rr.AnyValues(ident=ident, **effect_state))
 
 
-def log_ledger(recording: Recording, ledger: Ledger) -> None:
-    """Write all sums of the ledger, and the decades of its energies where they are positive."""
-    set_time(recording, ledger.time, ledger.step)
-    entries = {name: value for name, value in asdict(ledger).items() if name not in ("time", "step")}
-    log_values(recording, "ledger", entries)
+def log_totals(recording: Recording, totals: Totals) -> None:
+    """Write all sums of the totals, and the decades of its energies where they are positive."""
+    set_time(recording, totals.time, totals.step)
+    entries = {name: value for name, value in asdict(totals).items() if name not in ("time", "step")}
+    log_values(recording, SUMS, entries)
     log_values(recording, "decades", {e: log10(entries[e]) for e in DECADES if entries[e] > 0.0})
 
 
@@ -283,7 +284,7 @@ def log_image(recording: Recording, entity: str, image: NDArray[np.uint8], timel
 
 
 def log_text(recording: Recording, level: Literal["INFO", "WARN", "ERROR"], text: str) -> None:
-    """Write a line to the log at the time of the latest frame or ledger."""
+    """Write a line to the log at the time of the latest frame or totals."""
     import rerun as rr
 
     recording.stream.log("log", rr.TextLog(text, level=level))

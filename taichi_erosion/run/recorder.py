@@ -165,7 +165,7 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
     """Write grains, totals, walls and wind as they are now; returns the snapshot of the grains."""
     now = simulation.snapshot(sim, recorder.replica)
     stream.log_frame(recorder.recording, now, recorder.resting_speed)
-    stream.log_ledger(recorder.recording, simulation.ledger(sim, recorder.replica))
+    stream.log_totals(recorder.recording, simulation.totals(sim, recorder.replica))
     log_walls(recorder, sim)
     if scene.wind is not None:
         air = simulation.air_profile(sim, recorder.replica)

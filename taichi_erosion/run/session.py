@@ -247,7 +247,7 @@ def saved_state(session: Session, name: str) -> SavedState:
 
 def session_status(session: Session) -> dict[str, float | int | str]:
     """Time, stage and totals over the grains."""
-    sums = simulation.ledger(session.sim, 0)
+    sums = simulation.totals(session.sim, 0)
     return {
         "time_s": round(session.time, 9),
         "stage": session.scene.stages[session.stage].name,

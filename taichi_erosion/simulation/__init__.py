@@ -13,9 +13,9 @@ from taichi_erosion.simulation.control import (
 from taichi_erosion.simulation.readback import (
     WallPose,
     energies,
-    ledger,
     share_touching,
     snapshot,
+    totals,
     wall_poses,
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
@@ -46,7 +46,6 @@ __all__ = [
     "friction_velocity",
     "import_bed",
     "import_state",
-    "ledger",
     "move_surface",
     "prepare",
     "remove_surface",
@@ -60,5 +59,6 @@ __all__ = [
     "snapshot",
     "spin_up_wind",
     "statuses",
+    "totals",
     "wall_poses",
 ]

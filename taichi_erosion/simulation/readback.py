@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.core.setup import Floats, Integers
-from taichi_erosion.core.snapshot import Ledger, Snapshot
+from taichi_erosion.core.snapshot import Snapshot, Totals
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
 from taichi_erosion.grains.cells import position_of
@@ -170,7 +170,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     )
 
 
-def ledger(sim: Simulation, replica: int) -> Ledger:
+def totals(sim: Simulation, replica: int) -> Totals:
     """Energies and extremes of one replica, summed over spheres: a clump counts once for every sphere."""
     state = snapshot(sim, replica)
     _, released, step, rebuilds = replica_row(sim, replica)
@@ -178,7 +178,7 @@ def ledger(sim: Simulation, replica: int) -> Ledger:
     gravity = download([sim.world.replicas.gravity], replica, 1)[0][0]
     squared = (state.velocity**2).sum(axis=1)
     inertia = SPHERE_INERTIA * state.mass * state.radius**2
-    return Ledger(
+    return Totals(
         time=state.time,
         step=step,
         kinetic_translation=float(0.5 * (state.mass * squared).sum()),

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.core.snapshot import Ledger, Snapshot
+from taichi_erosion.core.snapshot import Snapshot, Totals
 from taichi_erosion.recording.readback import NANOSECOND, read_chunks, read_rows
-from taichi_erosion.recording.stream import Recording, RunHeader, close, log_frame, log_ledger, open_recording
+from taichi_erosion.recording.stream import Recording, RunHeader, close, log_frame, log_totals, open_recording
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 MOVING = 1e-2  # m s-1
@@ -59,10 +59,10 @@ def heap_snapshot(frame: int = 0) -> Snapshot:
     )
 
 
-def ledger(frame: int) -> Ledger:
+def totals(frame: int) -> Totals:
     """Energies that fall by a decade every ten frames, and contacts that grow by three a frame."""
     energy = 10.0 ** (-0.1 * frame)
-    return Ledger(
+    return Totals(
         time=frame * FRAME_TIME,
         step=100 * frame,
         kinetic_translation=energy,
@@ -98,7 +98,7 @@ def record_heap(path: Path, frames: int = 5, kind: str = "repose") -> list[Snaps
     with recorded(path, header(kind)) as recording:
         for frame, snapshot in enumerate(snapshots):
             log_frame(recording, snapshot, MOVING)
-            log_ledger(recording, ledger(frame))
+            log_totals(recording, totals(frame))
     return snapshots
 
 

@@ -11,7 +11,6 @@ from recorded_heaps import (
     MOVING,
     header,
     heap_snapshot,
-    ledger,
     moved,
     pyramid,
     read_frames,
@@ -19,6 +18,7 @@ from recorded_heaps import (
     read_series,
     record_heap,
     recorded,
+    totals,
 )
 
 from taichi_erosion.core.errors import BadInput
@@ -87,8 +87,8 @@ def test_the_ledger_is_read_back_as_curves_and_energies_also_in_decades(tmp_path
     path = tmp_path / "heap.rrd"
     record_heap(path, frames=20)
     times, contacts = read_series(path, "ledger/contacts")
-    np.testing.assert_allclose(times, [ledger(frame).time for frame in range(20)], atol=1e-9)
-    np.testing.assert_array_equal(contacts, [ledger(frame).contacts for frame in range(20)])
+    np.testing.assert_allclose(times, [totals(frame).time for frame in range(20)], atol=1e-9)
+    np.testing.assert_array_equal(contacts, [totals(frame).contacts for frame in range(20)])
     # one rounding of 10 ** x and one of its logarithm
     np.testing.assert_allclose(
         read_series(path, "decades/kinetic_translation")[1], -0.1 * np.arange(20), atol=1e-15

@@ -4,7 +4,7 @@ from pathlib import Path
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from recorded_heaps import MOVING, header, heap_snapshot, ledger, recorded
+from recorded_heaps import MOVING, header, heap_snapshot, recorded, totals
 from viewer_reports import view_reports
 
 from taichi_erosion.core.errors import BadInput
@@ -17,8 +17,8 @@ from taichi_erosion.recording.stream import (
     log_colours,
     log_frame,
     log_image,
-    log_ledger,
     log_text,
+    log_totals,
     log_values,
 )
 
@@ -34,7 +34,7 @@ def record(path: Path, kind: str = "repose") -> Iterator[Recording]:
         for frame in range(10):
             log_frame(recording, heap_snapshot(frame), MOVING)
             log_colours(recording, MOVING)
-            log_ledger(recording, ledger(frame))
+            log_totals(recording, totals(frame))
             if kind in WIND_KINDS:
                 log_profile(recording, np.linspace(0.0, 8.0, 12), np.linspace(0.0, 0.06, 13))
                 log_values(

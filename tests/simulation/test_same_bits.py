@@ -15,8 +15,8 @@ from taichi_erosion.simulation import (
     export_state,
     failure,
     import_state,
-    ledger,
     snapshot,
+    totals,
 )
 from taichi_erosion.simulation.assemble import reallocate
 from taichi_erosion.simulation.capacities import partition_count
@@ -41,7 +41,7 @@ def alone() -> dict[str, object]:
     """One heap on one worker, half way and at the end, with its state and contacts half way."""
     sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
     advance(sim, [HALF])
-    state, contacts_then, half = export_state(sim), ledger(sim, 0).contacts, fingerprint(snapshot(sim, 0))
+    state, contacts_then, half = export_state(sim), totals(sim, 0).contacts, fingerprint(snapshot(sim, 0))
     advance(sim, [WHOLE])
     end = fingerprint(snapshot(sim, 0))
     import_state(sim, state)

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.simulation import Simulation, ledger
+from taichi_erosion.simulation import Simulation, totals
 from taichi_erosion.verification import small_scenes
 from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, relative
 from taichi_erosion.verification.contact.oblique_impact import SOLIDS, impact_at, simulated
@@ -152,7 +152,7 @@ def histories(sim: Simulation, times: Floats) -> Floats:
     found = []
     for time in times:
         small_scenes.advance_all(sim, time)
-        parts = [ledger(sim, replica) for replica in range(len(sim.setups))]
+        parts = [totals(sim, replica) for replica in range(len(sim.setups))]
         found.append([p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts])
     return np.array(found)
 
