@@ -65,11 +65,9 @@ def draw(family: int, number: int) -> tuple[Problem, Truth]:
     generator = np.random.default_rng([family, number, 23])
     truth = drawn_truth(generator)
     count = int(generator.integers(*SET_UPS))
-    conditions: Conditions = {
-        "moisture": 0.01 * generator.integers(0, 5, count),
-        "diameter": np.asarray(np.exp(generator.uniform(np.log(1.2e-4), np.log(8e-4), count)), float),
-        "u_star": generator.uniform(0.35, 0.8, count),
-    }
+    moisture = np.asarray(0.01 * generator.integers(0, 5, count), dtype=np.float64)
+    diameter = np.asarray(np.exp(generator.uniform(np.log(1.2e-4), np.log(8e-4), count)), dtype=np.float64)
+    conditions = {"moisture": moisture, "diameter": diameter, "u_star": generator.uniform(0.35, 0.8, count)}
     table = measured(generator, truth, conditions, float(np.exp(generator.uniform(np.log(0.5), np.log(1.5)))))
     hidden = generator.choice(count, round(HELD_OUT * count), replace=False)
     rows = np.concatenate([hidden + k * count for k in range(len(OBSERVABLES))])

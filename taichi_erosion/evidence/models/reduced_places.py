@@ -27,49 +27,55 @@ from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.reduced import Shift
 
 Place = Callable[[float, Numbers], Shift]  # (dose, parameters)
+LEAST = 0.01  # smallest factor [1]
+
+
+def log_factor(dose: float) -> float:
+    """Ln of a factor that is 1 + dose, at least LEAST."""
+    return float(np.log(max(1.0 + dose, LEAST)))
 
 
 def contact_pull(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=0.5 * np.log1p(dose), repose=9.0 * dose / (1.0 + dose))
+    return Shift(threshold=0.5 * log_factor(dose), repose=9.0 * dose / (1.0 + dose))
 
 
 def sliding_friction(dose: float, given: Numbers) -> Shift:
     mu = given["friction_sliding"]
     angle = np.degrees(np.arctan(mu * (1.0 + dose)) - np.arctan(mu))
-    return Shift(threshold=0.25 * np.log1p(dose), repose=angle)
+    return Shift(threshold=0.25 * log_factor(dose), repose=angle)
 
 
 def rolling_friction(dose: float, given: Numbers) -> Shift:
     angle = reduced.DEGREES_PER_ROLLING * given["friction_rolling"] * dose
-    return Shift(threshold=0.125 * np.log1p(dose), repose=angle)
+    return Shift(threshold=0.125 * log_factor(dose), repose=angle)
 
 
 def restitution(dose: float, given: Numbers) -> Shift:
-    return Shift(flux=0.5 * np.log1p(dose), repose=-2.0 * dose)
+    return Shift(flux=0.5 * log_factor(dose), repose=-2.0 * dose)
 
 
 def grain_weight(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=0.5 * np.log1p(dose))
+    return Shift(threshold=0.5 * log_factor(dose))
 
 
 def drag(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=-0.5 * np.log1p(dose), flux=0.5 * np.log1p(dose))
+    return Shift(threshold=-0.5 * log_factor(dose), flux=0.5 * log_factor(dose))
 
 
 def lift(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=-0.5 * np.log1p(0.3 * dose))
+    return Shift(threshold=-0.5 * log_factor(0.3 * dose))
 
 
 def vertical_force(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=0.5 * np.log1p(-dose), repose=-3.0 * dose)
+    return Shift(threshold=0.5 * log_factor(-dose), repose=-3.0 * dose)
 
 
 def bed_stress(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=-0.5 * np.log1p(dose), flux=1.5 * np.log1p(dose))
+    return Shift(threshold=-0.5 * log_factor(dose), flux=1.5 * log_factor(dose))
 
 
 def gustiness(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=-np.log1p(2.0 * dose), flux=np.log1p(3.0 * dose**2))
+    return Shift(threshold=-log_factor(2.0 * dose), flux=np.log1p(3.0 * dose**2))
 
 
 def wall_sliding_friction(dose: float, given: Numbers) -> Shift:

@@ -1,0 +1,46 @@
+"""The walk of docs/beyond_the_list.md: from a table that no listed effect explains to a law that is adopted."""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.evidence.answers.documents import read_answer
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "beyond_the_list.md").read_text(encoding="utf-8")
+EXPONENT = 0.7  # of the laboratory
+pytestmark = [pytest.mark.docs, pytest.mark.slow]
+
+
+def test_a_table_beyond_the_list_leads_to_a_law_and_a_falling_error(tmp_path, monkeypatch):
+    folder = tmp_path / "doe" / "beyond"
+    folder.mkdir(parents=True)
+    shutil.copy(ROOT / "doe" / "beyond" / "rolling_wet.toml", folder)
+    words = [sys.executable, "-m", "doe.beyond.laboratory", str(folder / "rolling_wet.csv")]
+    subprocess.run(words, cwd=ROOT, check=True, timeout=60.0)
+    monkeypatch.chdir(tmp_path)
+    for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL):
+        for line in block.splitlines():
+            assert main(shlex.split(line.removeprefix("./erosion "))) == 0, line
+    results = folder / "rolling_wet-results"
+    discovered, adopted = (read_answer(results, "rolling_wet", command) for command in ("discover", "adopt"))
+    assert discovered is not None
+    beyond = discovered["beyond"]
+    assert (beyond["verdict"], beyond["group"]) == ("mechanism", ["rolling_friction"])
+    exponent = beyond["law"]["exponents"]["moisture"]
+    assert exponent["low"] < EXPONENT < exponent["high"]
+    assert adopted is not None
+    assert adopted["vault"]["chi2_after"] < 0.1 * adopted["vault"]["chi2_before"]
+    assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
+
+
+def test_the_committed_table_is_the_one_of_the_laboratory():
+    from doe.beyond.laboratory import table
+
+    assert (ROOT / "doe" / "beyond" / "rolling_wet.csv").read_text(encoding="utf-8") == table()
