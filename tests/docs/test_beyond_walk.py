@@ -1,4 +1,4 @@
-"""The walk of docs/beyond_the_list.md: from a table that no listed effect explains to a law that is adopted."""
+"""The walk of docs/beyond_the_list.md: from a table that no listed effect explains to an adopted law."""
 
 import re
 import shlex

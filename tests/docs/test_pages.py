@@ -42,7 +42,7 @@ SMALLER = (
 )
 OF_A_RUN = "FILE."  # a file that the reader's own run has left
 ADOPTED = "_with_"  # in the name of a file that `adopt` has written
-WALKED = ("docs/write_an_effect.md", "docs/beyond_the_list.md")  # pages whose commands have a test of their own
+WALKED = ("docs/write_an_effect.md", "docs/beyond_the_list.md")  # commands with a test of their own
 
 
 def name_of(page: Path) -> str:
