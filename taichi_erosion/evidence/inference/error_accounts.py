@@ -132,7 +132,8 @@ def linear_evidence(prepared: PreparedProblem, expansion: Expansion) -> float:
 def sharing_columns(prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...]) -> Iterator[Sharing]:
     """Every observable with rows that share an error, its labels, and columns of errors of one row's sd.
 
-    Columns have mean zero over the observable: an error common to all its rows is a level, not one of these.
+    Which source or batch is right is not known: their mean is as uncertain as their errors make it, and so are
+    calibrated numbers that follow it.
     """
     named = np.array(labels)
     for observable, chosen in prepared.by_observable():
@@ -142,9 +143,8 @@ def sharing_columns(prepared: PreparedProblem, kind: Kind, labels: tuple[str, ..
             continue
         columns = (named[:, np.newaxis] == names) & chosen[:, np.newaxis]
         unit = float(np.median(prepared.sd[chosen]))
-        centred = np.where(chosen[:, np.newaxis], columns - counts / chosen.sum(), 0.0)
         shape = level_shape(observable, prepared.rows.z)[:, np.newaxis]
-        yield observable.name, tuple(names.tolist()), unit * centred * shape
+        yield observable.name, tuple(names.tolist()), unit * columns * shape
 
 
 def shared_account(

@@ -23,10 +23,8 @@ def error_findings(found: Analysis) -> tuple[ErrorFinding, ...]:
     if errors is None:
         return ()
     told = [each for each in errors.shared if each.tau > LEAST_TAU]
-    words = [shared_words(prepared, found.final.expansion, errors, each) for each in told]
-    shared = [
-        ErrorFinding(errors.kind, each.observable, line) for each, line in zip(told, words, strict=True)
-    ]
+    words = [(each, shared_words(prepared, found.final.expansion, errors, each)) for each in told]
+    shared = [ErrorFinding(errors.kind, each.observable, line) for each, line in words if line]
     rows = [ErrorFinding("rows", *row_words(found, row)) for row in errors.rows]
     scatter = [ErrorFinding("scatter", *scatter_words(errors))] if errors.scatter else []
     return *shared, *rows, *scatter
@@ -42,7 +40,7 @@ def observable_of(prepared: PreparedProblem, name: str) -> tuple[Observable, str
 def shared_words(
     prepared: PreparedProblem, expansion: Expansion, errors: ErrorAccount, shared: SharedError
 ) -> str:
-    """The two sources that differ most with their difference, or the sd of a batch."""
+    """The two sources that differ most, or the sd of a batch; nothing of sources that hardly differ."""
     observable, unit = observable_of(prepared, shared.observable)
     own = prepared.rows.which == prepared.rows.observables.index(observable)
     typical = float(np.median(prepared.sd[own]))
@@ -60,6 +58,8 @@ def shared_words(
     contrast[at[high]], contrast[at[low]] = 1.0, -1.0
     spread = HALF_WIDTH * shared.tau * typical * float(np.sqrt(contrast @ covariance @ contrast))
     value = float(size[high] - size[low])
+    if value < spread:
+        return ""
     return (
         f"{observable.name}: {shared.labels[high]} reads {difference_words(observable, unit, value, spread)} "
         f"{shared.labels[low]} at the same conditions."
