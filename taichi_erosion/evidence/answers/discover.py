@@ -49,6 +49,7 @@ from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, 
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.residual_structure import residual_trends, varying_number
 from taichi_erosion.evidence.inference.screen import Signature
+from taichi_erosion.evidence.inference.variants import variants
 from taichi_erosion.evidence.inference.verdict import Decision
 
 MOST_PLAUSIBLE = 6
@@ -95,6 +96,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         errors=error_findings(found),
         errors_probability=found.errors_probability,
         errors_stated=likeliest_words(found.stated.posterior) if found.stated else "",
+        variants=variants(found),
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),
         stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
         range_suffices=found.range_suffices,

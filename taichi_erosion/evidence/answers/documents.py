@@ -25,6 +25,7 @@ from taichi_erosion.evidence.data.findings import (
     Discovery,
     NearestHypothesis,
     RowMisfit,
+    Variants,
     VaultErrors,
 )
 from taichi_erosion.evidence.inference import verdict_levels as levels
@@ -37,6 +38,7 @@ LADDER = "ladder.json"  # errors after each adoption, shared by the studies that
 ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
 FIGURE_ROWS = ("rows", "rows_before", "rows_after", "vault_rows")  # of a document, drawn but not printed
 LIBRARIES = ("numpy", "scipy")
+MOST_VARIANTS = 3  # told
 NO_CANDIDATE = "No candidate is listed, so nothing can be named; `compare` says where the model fails."
 RED_FLAG = "Red flag: a made-up effect explains the misfit better than any named one in the screen."
 
@@ -72,7 +74,21 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
     sentences += found.noise.sentences
     if found.decoy_rank == 1 and found.named:
         sentences.append(RED_FLAG)
-    return *sentences, rival_sentence(found)
+    return *sentences, *variant_sentences(found.variants), rival_sentence(found)
+
+
+def variant_sentences(told: Variants) -> list[str]:
+    """In how many variants the answer holds, and what it becomes in a few of the others."""
+    if told.count == 0:
+        return []
+    if told.holds == told.count:
+        return [f"The answer holds in all {told.count} variants of tolerances, priors and rows."]
+    more = len(told.changes) - MOST_VARIANTS
+    rest = f"; and so on, {more} more" if more > 0 else ""
+    return [
+        f"The answer holds in {told.holds} of {told.count} variants of tolerances, priors and rows. "
+        f"It becomes: {'; '.join(told.changes[:MOST_VARIANTS])}{rest}."
+    ]
 
 
 def error_sentences(found: Discovery) -> list[str]:

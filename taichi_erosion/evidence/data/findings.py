@@ -155,6 +155,15 @@ class ErrorFinding:
 
 
 @dataclass(frozen=True)
+class Variants:
+    """In how many variants of tolerances, priors and rows an answer holds."""
+
+    count: int = 0
+    holds: int = 0
+    changes: tuple[str, ...] = ()  # what it becomes in the others, and where
+
+
+@dataclass(frozen=True)
 class RowMisfit:
     """The row that holds most of a misfit."""
 
@@ -333,6 +342,7 @@ class Discovery:
     level_probability: float = 0.0  # that any level is off [1]
     errors: tuple[ErrorFinding, ...] = ()  # of sources, batches, rows or scatter, that nobody stated
     errors_probability: float = 0.0  # that there are any [1]
+    variants: Variants = Variants()
     errors_stated: str = ""  # what the stated errors would say, where the answer rests on others
     stuck: tuple[str, ...] = ()  # calibrated numbers of the bare model that would leave their range
     stuck_after: tuple[str, ...] = ()  # those of the recalibrated model

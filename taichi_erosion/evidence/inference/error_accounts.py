@@ -108,9 +108,14 @@ def error_accounts(prepared: PreparedProblem, references: Sequence[Reference]) -
 
 
 def linear_evidence(prepared: PreparedProblem, expansion: Expansion) -> float:
-    """Ln marginal likelihood of a hypothesis about its best fit, linear in its numbers and strengths.
+    """Ln marginal likelihood of a hypothesis about its best fit, averaged over the noise factors."""
+    return float(log_sum_exp(prepared.doubt.log_weight + evidence_by_factor(prepared, expansion)))
 
-        ln Z = ln mean_f exp(-sum ln(f s_i) - |M e+|^2 / 2 f^2) - 1/2 ln |D^T D|
+
+def evidence_by_factor(prepared: PreparedProblem, expansion: Expansion) -> Floats:
+    """The same at every noise factor f, linear in the calibrated numbers and strengths.
+
+        ln Z = -sum ln(f s_i) - |M e+|^2 / 2 f^2 - 1/2 ln |D^T D|
 
     The noise factor f scales rows and prior alike. Censored rows stand as ordinary ones in their weights.
     """
@@ -124,16 +129,15 @@ def linear_evidence(prepared: PreparedProblem, expansion: Expansion) -> float:
     below = np.concatenate([work.residual, -start, np.zeros(rows.shared.shape[1])])
     free, plain = part.free(below), ~rows.censored
     misfit, factor = float(free @ free), prepared.doubt.factor
-    by_factor = prepared.doubt.log_weight - plain.sum() * np.log(factor) - 0.5 * misfit / factor**2
     volume = float(np.sum(np.log(prepared.sd[plain]))) + 0.5 * part.log_determinant
-    return float(log_sum_exp(by_factor)) - volume
+    return -plain.sum() * np.log(factor) - 0.5 * misfit / factor**2 - volume
 
 
 def sharing_columns(prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...]) -> Iterator[Sharing]:
     """Every observable with rows that share an error, its labels, and columns of errors of one row's sd.
 
-    Which source or batch is right is not known: their mean is as uncertain as their errors make it, and so are
-    calibrated numbers that follow it.
+    Which source or batch is right is not known: their mean is as uncertain as their errors make it, and so
+    are calibrated numbers that follow it.
     """
     named = np.array(labels)
     for observable, chosen in prepared.by_observable():

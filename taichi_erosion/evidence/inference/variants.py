@@ -1,0 +1,164 @@
+"""What an answer hangs on: hypotheses weighed again with other tolerances, priors and rows, no refits.
+
+The evidence of every hypothesis changes as in its linear expansion about the fit that it has; the smooth
+rival and the chance of the misfit are computed anew. So one variant costs milliseconds and no simulation.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Variants
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.inference import verdict_levels as levels
+from taichi_erosion.evidence.inference.error_accounts import evidence_by_factor, with_variances, worst_row
+from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, columns_of, log_prior
+from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain
+from taichi_erosion.evidence.inference.pipeline import Analysis, FittedHypotheses
+from taichi_erosion.evidence.inference.posterior import Posterior
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.refit import FittedHypothesis
+
+GONE = 1e8  # factor on the variance of a row that is left out
+SCALES = (0.5, 2.0)  # of the priors of all strengths
+TOLERANCES = (0.0, 2.0)  # of declared tolerances and shared errors
+MOST_GROUPS = 12  # that are left out one by one; of more, those with most rows
+WORST_ROWS = 2  # that are left out one by one
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One change of the assumptions: in words, and what it makes of the hypotheses."""
+
+    words: str  # "if ..."
+    fitted: FittedHypotheses
+
+
+def variants(found: Analysis) -> Variants:
+    """In how many variants the answer holds, and what it becomes in the others; none of silence."""
+    decision = found.decision
+    if decision.verdict not in ("present", "group", "outside_library"):
+        return Variants(0, 0, ())
+    kept, changes = 0, list[str]()
+    tried = list(all_variants(found.fitted))
+    for variant in tried:
+        posterior = variant.fitted.posterior()
+        if holds(posterior, decision.verdict, decision.named, decision.group):
+            kept += 1
+        else:
+            changes.append(f"{becomes(posterior)} {variant.words}")
+    return Variants(len(tried), kept, tuple(changes))
+
+
+def holds(posterior: Posterior, verdict: str, named: Sequence[str], group: Sequence[str]) -> bool:
+    """Whether an answer is still what the probabilities say."""
+    top = likeliest(posterior)
+    if verdict == "outside_library":
+        return top == OUTSIDE
+    if verdict == "group":
+        return bool(set(top.split("+")) & {*named, *group})
+    return all(posterior.inclusion[name] >= levels.ALONE for name in named)
+
+
+def likeliest(posterior: Posterior) -> str:
+    """Key of the likeliest explanation."""
+    return max(posterior.probability, key=lambda key: posterior.probability[key])
+
+
+def becomes(posterior: Posterior) -> str:
+    """The likeliest explanation in words."""
+    top = likeliest(posterior)
+    return {NONE: "nothing missing", OUTSIDE: "not in the list"}.get(top, top.replace("+", " and "))
+
+
+def all_variants(fitted: FittedHypotheses) -> Iterator[Variant]:
+    """Every change that the study allows."""
+    prepared = fitted.prepared
+    for scale in SCALES:
+        words = f"if all priors of strengths are {scale:g} times as wide"
+        yield Variant(words, with_prior_scales(fitted, scale))
+    for factor in TOLERANCES:
+        for words, other in tolerance_variants(prepared, factor):
+            yield Variant(words, reweighed(fitted, other))
+    for words, rows in row_sets(fitted):
+        if rows.sum() < prepared.rows.size - len(prepared.axes) - 1:
+            other = with_variances(prepared, np.where(rows, GONE, 1.0))
+            yield Variant(words, reweighed(fitted, other))
+
+
+def tolerance_variants(prepared: PreparedProblem, factor: float) -> Iterator[tuple[str, PreparedProblem]]:
+    """Declared tolerances and declared shared errors times a factor, observable by observable."""
+    rows = prepared.rows
+    said = "is not granted" if factor == 0.0 else f"is {factor:g} times as large"
+    for index, observable in enumerate(rows.observables):
+        own = rows.which == index
+        if observable.sd_numerical > 0.0 and own.any():
+            part = np.where(own, (observable.sd_numerical * rows.slope) ** 2, 0.0)
+            change = 1.0 + (factor**2 - 1.0) * part / rows.variance
+            words = f"if the tolerance of {observable.sd_numerical:g} of {observable.name} {said}"
+            yield words, with_variances(prepared, np.maximum(change, 1e-6))
+        if (observable.sd_shared or observable.sd_shared_relative) and not prepared.levels:
+            column = np.any(rows.shared[own] != 0.0, axis=0) & ~np.any(rows.shared[~own] != 0.0, axis=0)
+            shared = np.where(column, factor * rows.shared, rows.shared)
+            words = f"if the declared shared error of {observable.name} {said}"
+            yield words, replace(prepared, rows=replace(rows, shared=shared))
+
+
+def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Floats]]:
+    """Rows that are left out: each source, each of the largest groups, and the worst rows."""
+    rows = fitted.prepared.rows
+    for column, word, most in ((rows.source, "source", None), (rows.group, "group", MOST_GROUPS)):
+        labels = np.array(column)
+        names, counts = np.unique(labels, return_counts=True)
+        for name in names[np.argsort(-counts, kind="stable")][:most] if names.size > 1 else []:
+            yield f"without {word} {name}", labels == name
+    off = list[int]()
+    for _ in range(WORST_ROWS):
+        row = worst_row(fitted.prepared, fitted.base.expansion, off)
+        off.append(row)
+        at = ", ".join(f"{name} = {column[row]:.3g}" for name, column in rows.conditions.items())
+        yield (
+            f"without the row of {rows.observables[rows.which[row]].name} at {at}",
+            np.arange(rows.size) == row,
+        )
+
+
+def reweighed(fitted: FittedHypotheses, prepared: PreparedProblem) -> FittedHypotheses:
+    """All hypotheses with other variances or shared errors, about the fits that they have."""
+    before, scale = fitted.posterior(), (fitted.prepared.sd / prepared.sd)[:, np.newaxis]
+    family = [scale * factor for factor in fitted.family]  # kernels are in sd of the rows
+
+    def again(item: FittedHypothesis) -> FittedHypothesis:
+        if not item.usable:
+            return item
+        own = item.expansion.shared[:, fitted.prepared.rows.shared.shape[1] :]
+        expansion = replace(item.expansion, shared=np.hstack([prepared.rows.shared, own]))
+        change = evidence_by_factor(prepared, expansion) - evidence_by_factor(fitted.prepared, item.expansion)
+        scored = ScoredHypothesis(expansion, item.scored.likelihoods, item.scored.log_evidence + change)
+        likely = not item.names or before.inclusion.get(item.names[0], 0.0) > levels.REPORTED_RIVAL
+        rival = likely and len(item.names) < 2  # a remainder beside an unlikely effect is the one beside none
+        gain = discrepancy_gain(prepared, expansion, family) if rival else np.full(item.gain.size, -np.inf)
+        return FittedHypothesis(scored, gain)
+
+    refits = [again(item) for item in fitted.refits]
+    return replace(fitted, prepared=prepared, base=again(fitted.base), refits=refits, family=family)
+
+
+def with_prior_scales(fitted: FittedHypotheses, factor: float) -> FittedHypotheses:
+    """All hypotheses with half-normal priors of other widths."""
+
+    def again(item: FittedHypothesis) -> FittedHypothesis:
+        if not item.names or not item.usable:
+            return item
+        listed = [fitted.prepared.candidate(name) for name in item.names]
+        paths = tuple(
+            replace(path, log_prior=log_prior(path.grid, factor * each.prior_scale, each.maximum))
+            for path, each in zip(item.expansion.paths, listed, strict=True)
+        )
+        prior = columns_of(fitted.prepared, replace(item.expansion, paths=paths)).log_prior
+        evidence = np.array([log_sum_exp(each.log_likelihood + prior) for each in item.scored.likelihoods])
+        return FittedHypothesis(replace(item.scored, log_evidence=evidence), item.gain)
+
+    return replace(fitted, refits=[again(item) for item in fitted.refits])

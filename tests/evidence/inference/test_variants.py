@@ -1,0 +1,68 @@
+"""What an answer hangs on: cheap variants against the whole analysis made anew."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_erosion.evidence.answers.compare import no_progress
+from taichi_erosion.evidence.answers.discover import discover
+from taichi_erosion.evidence.data.problem import Observable, Problem
+from taichi_erosion.evidence.inference.error_accounts import with_variances
+from taichi_erosion.evidence.inference.pipeline import account, analyse
+from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.inference.variants import GONE, reweighed, variants, with_prior_scales
+from tests.evidence.linear_study import linear_problem
+
+SHAPES = {"bend": lambda x: x**2, "wave": lambda x: np.sin(3.0 * x)}
+
+
+def weak(strength: float = 0.22, tolerance: float = 0.0) -> Problem:
+    problem = linear_problem(SHAPES, {"bend": strength}, sd=0.1, count=36)
+    return replace(problem, observables={"y": Observable("y", sd_numerical=tolerance)})
+
+
+def test_a_row_left_out_gives_the_probabilities_of_the_table_without_it():
+    problem = weak()
+    prepared = prepare(problem, problem.measurements, 1)
+    whole = account(prepared, 1, no_progress)
+    rows = np.arange(36) == 35
+    cheap = reweighed(whole.fitted, with_variances(whole.fitted.prepared, np.where(rows, GONE, 1.0)))
+    shorter = replace(problem, measurements=problem.measurements.rows(~rows))
+    anew = account(prepare(shorter, shorter.measurements, 1), 1, no_progress)
+    one, other = cheap.posterior().probability, anew.posterior.probability
+    assert abs(whole.posterior.probability["bend"] - other["bend"]) > 0.01, "the row matters"
+    assert one["bend"] == pytest.approx(other["bend"], abs=0.02)
+    assert one["none"] == pytest.approx(other["none"], abs=0.02)
+
+
+def test_wider_priors_give_the_probabilities_of_the_study_that_states_them():
+    problem = weak()
+    whole = account(prepare(problem, problem.measurements, 1), 1, no_progress)
+    wide = replace(
+        problem, candidates=tuple(replace(c, prior_scale=2.0 * c.prior_scale) for c in problem.candidates)
+    )
+    anew = account(prepare(wide, wide.measurements, 1), 1, no_progress)
+    one = with_prior_scales(whole.fitted, 2.0).posterior().probability
+    assert one["bend"] == pytest.approx(anew.posterior.probability["bend"], abs=0.02)
+
+
+def test_an_answer_says_the_tolerance_that_it_hangs_on():
+    found = analyse(prepare(weak(0.3, 0.12), weak(0.3, 0.12).measurements, 1), 1, no_progress)
+    told = variants(found)
+    if found.decision.verdict == "present":
+        assert any("tolerance of 0.12 of y is 2 times as large" in each for each in told.changes)
+    else:
+        assert told.count == 0
+
+
+def test_a_clear_answer_holds_everywhere_and_says_so():
+    problem = weak(2.0)
+    found = discover(problem, 1, problem.budget, no_progress)
+    assert found.variants.holds == found.variants.count > 10
+    assert f"The answer holds in all {found.variants.count} variants" in " ".join(found.sentences)
+
+
+def test_silence_has_no_variants():
+    problem = linear_problem(SHAPES, {}, count=36)
+    assert discover(problem, 1, problem.budget, no_progress).variants.count == 0
