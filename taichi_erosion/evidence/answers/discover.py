@@ -93,10 +93,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         levels=level_shifts(prepared, found.final.scored),
         level_probability=found.level_probability,
         p_misfit_stated=found.p_misfit_stated,
-        errors=error_findings(found),
-        errors_probability=found.errors_probability,
-        errors_stated=likeliest_words(found.stated.posterior) if found.stated else "",
-        variants=variants(found),
+        **error_fields(found),
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),
         stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
         range_suffices=found.range_suffices,
@@ -111,6 +108,16 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         beyond=found_beyond(found),
     )
     return replace(record, sentences=discovery_sentences(record))
+
+
+def error_fields(found: Analysis) -> dict[str, Any]:
+    """What an answer rests on: errors that nobody stated, and the variants in which it holds."""
+    return {
+        "errors": error_findings(found),
+        "errors_probability": found.errors_probability,
+        "errors_stated": likeliest_words(found.stated.posterior) if found.stated else "",
+        "variants": variants(found),
+    }
 
 
 def stated_worst_row(found: Analysis) -> RowMisfit | None:
