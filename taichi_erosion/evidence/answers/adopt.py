@@ -14,7 +14,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.compare import no_progress
-from taichi_erosion.evidence.answers.documents import adoption_sentence
+from taichi_erosion.evidence.answers.documents import adoption_sentence, refuted
 from taichi_erosion.evidence.answers.effect_action import effect_actions
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
@@ -26,14 +26,16 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     chi_square,
     misfit_p,
     misfit_places,
+    quadratic_form_p,
     rows_table,
 )
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
-from taichi_erosion.evidence.inference.marginal_likelihood import expand, score, slopes_of
+from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, expand, score, slopes_of
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
+from taichi_erosion.evidence.inference.search.beyond_maximum import stronger_fit
 from taichi_erosion.evidence.inference.verdict_levels import LEVEL_ODDS, fails
 
 
@@ -82,6 +84,13 @@ def adopt(
         runs=prepared.predictor.cost.runs + (held.predictor.cost.runs if held else 0),
         wall_s=perf_counter() - start,
     )
+    return judged(found)
+
+
+def judged(found: Adoption) -> Adoption:
+    """The adoption with what the held-out rows say about it."""
+    base, after = found.base.vault_chi2, (found.with_all or found.added).vault_chi2
+    found = replace(found, contradicted=bool(after >= base or refuted(base, after)))
     return replace(found, sentence=adoption_sentence(found))
 
 
@@ -134,7 +143,8 @@ def added_fit(prepared: PreparedProblem, screened: Screen, names: tuple[str, ...
     if len(names) > 1:
         first = fit(prepared, names[:1], [start[: len(prepared.axes) + 1] for start in starts])
         starts.append(np.concatenate([first.x, first.psi, expected[1:]]))
-    return fit(prepared, names, starts)
+    best = fit(prepared, names, starts)
+    return stronger_fit(prepared, expand(prepared, best)) or best
 
 
 def held_out_problem(prepared: PreparedProblem, base: Fit) -> PreparedProblem | None:
@@ -172,7 +182,7 @@ def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None
     """One hypothesis on both sides; the residual of a held-out row without a value is NaN."""
     expansion = expand(prepared, best)
     scored = score(prepared, expansion)
-    hidden = None
+    hidden, chance = None, nan
     if held is not None:
         mean = held.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)
         mean = mean + shared_shift(prepared, expansion.mean, held.rows)
@@ -185,8 +195,10 @@ def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None
             jacobian=slopes[:, :count],
             local=slopes[:, count:],
         )
-        hidden = rows_table(held, part, calibration_covariance(prepared, expansion))
+        covariance = calibration_covariance(prepared, expansion)
+        hidden = rows_table(held, part, covariance)
         hidden = replace(hidden, residual=np.where(good, hidden.residual, nan))
+        chance = predictive_p(held, part, covariance, good)
     return HypothesisFit(
         effects=best.names,
         strengths=strength_estimates(prepared, scored),
@@ -194,10 +206,25 @@ def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None
         chi2=chi_square(prepared, expansion) / prepared.rows.size,
         vault_chi2=nan,
         vault_rmse={},
+        vault_p=chance,
         rows=rows_table(prepared, expansion),
         vault_rows=hidden,
         actions=effect_actions(prepared, best),
     )
+
+
+def predictive_p(held: PreparedProblem, part: Expansion, covariance: Floats, good: Bools) -> float:
+    """Chance that an adequate model would leave as much on the held-out rows (n,) that have a value.
+
+    Their whitened residuals have the covariance I + S C S^T + F F^T: scatter, what the visible rows leave
+    uncertain in numbers and strengths, and errors that rows share.
+    """
+    work = held.working(part.mean)
+    scale = (work.weight / held.sd)[:, np.newaxis]
+    slopes, shared = np.hstack([part.local, part.jacobian]) * scale, part.shared * scale
+    whole = np.eye(held.rows.size) + slopes @ covariance @ slopes.T + shared @ shared.T
+    residual = work.residual[good]
+    return float(quadratic_form_p(float(residual @ residual), whole[np.ix_(good, good)]))
 
 
 def shared_shift(prepared: PreparedProblem, mean: Floats, held: ComparisonRows) -> Floats:

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import documents
-from taichi_erosion.evidence.answers.adopt import adopt
+from taichi_erosion.evidence.answers.adopt import adopt, judged
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.documents import Command, Document
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
@@ -115,6 +115,7 @@ def adopt_study(
 
         question = Question(f"adopt {' '.join(effects)}", answer, adoption_points, names, most=5)
         found, ready = answered(study, last_budget(study), question, progress)
+        found = with_one_base(study, found)
         count = openings(study.results, study.digest)
         if len(study.problem.vault.rows):
             count = record_opening(study.results, study.digest, "+".join(effects))
@@ -122,10 +123,10 @@ def adopt_study(
         document = documents.adopt_document(found, count, [str(file) for file in written])
         faults = (*ready.faults, *bound_faults(study, found.base.parameters))
         document |= {"faults": documents.plain([asdict(each) for each in faults])}
-        before = list(study.file.adopted)
         if not documents.ladder(study.results):
-            documents.extend_ladder(study.results, rung(before, found.base))
-        documents.extend_ladder(study.results, rung([*before, *effects], found.added))
+            documents.extend_ladder(study.results, rung(study, (), found.base))
+        if not found.contradicted:
+            documents.extend_ladder(study.results, rung(study, effects, found.added))
         document |= {"ladder": documents.ladder(study.results)}
         return stored(ready, "adopt", document, start)
 
@@ -198,7 +199,21 @@ def with_experiments(study: Study, found: Discovery) -> Discovery:
     return replace(found, next_experiments=told.experiments, next_sentence=told.sentence)
 
 
-def rung(effects: list[str], fit: HypothesisFit) -> Document:
-    """One rung of the error ladder: the errors per row with some effects in the model."""
+def with_one_base(study: Study, found: Adoption) -> Adoption:
+    """The adoption with the errors before it that were told when this vault was first opened for this model.
+
+    Two adoptions calibrate the bare model with other runs or levels, and would tell two values for one model.
+    """
+    state = study.digest[:12], list(study.file.adopted)
+    known = [each for each in documents.ladder(study.results) if (each.get("of"), each["effects"]) == state]
+    if not known or known[0]["chi2_held_out"] is None:
+        return found
+    fitted, held_out = known[0]["chi2_fitted"], known[0]["chi2_held_out"]
+    return judged(replace(found, base=replace(found.base, chi2=fitted, vault_chi2=held_out)))
+
+
+def rung(study: Study, effects: Sequence[str], fit: HypothesisFit) -> Document:
+    """One rung of the error ladder: the errors per row with some more effects in the model."""
+    effects = [*study.file.adopted, *effects]
     errors = {"chi2_fitted": fit.chi2, "chi2_held_out": fit.vault_chi2, "rmse_held_out": fit.vault_rmse}
-    return documents.plain({"effects": effects} | errors)
+    return documents.plain({"of": study.digest[:12], "effects": effects} | errors)

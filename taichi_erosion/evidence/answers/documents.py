@@ -23,6 +23,7 @@ from taichi_erosion.evidence.data.findings import (
     OUTSIDE,
     Adoption,
     Discovery,
+    HypothesisFit,
     NearestHypothesis,
     RowMisfit,
     Variants,
@@ -313,9 +314,31 @@ def adoption_sentence(found: Adoption) -> str:
         after = found.with_all.vault_chi2
         words += f" With all that was named ({names}) it goes to {after:.3g}: adopt these together."
     judged = found.with_all or added
-    if refuted(base.vault_chi2, judged.vault_chi2):
+    if found.contradicted:
         words += f" What was held out does not bear {' and '.join(judged.effects)} out."
-    return words + missing_sentence(found)
+    return words + adequacy_sentence(judged) + control_sentence(found) + missing_sentence(found)
+
+
+def adequacy_sentence(judged: HypothesisFit) -> str:
+    """Whether the model with what was named is adequate on the held-out rows."""
+    if isnan(judged.vault_p):
+        return ""
+    chance = levels.p_text(judged.vault_p)
+    if levels.fails(judged.vault_p):
+        return f" It is not adequate there ({chance}): something else acts too, or its law is another."
+    return f" Beyond that the held-out rows show no misfit ({chance})."
+
+
+def control_sentence(found: Adoption) -> str:
+    """A control that does as well on the held-out rows as what was adopted; nothing where none does."""
+    rows = found.added.vault_rows
+    count = len(rows.observable) if rows is not None else 0
+    limit = found.added.vault_chi2 + levels.RIVAL_MISFIT / max(count, 1)
+    controls = (found.best_wrong, found.random_wrong)
+    equal = [fit.effects[0] for fit in controls if fit is not None and fit.vault_chi2 < limit]
+    if not equal:
+        return ""
+    return f" {' and '.join(dict.fromkeys(equal))} does as well there: these rows do not tell them apart."
 
 
 def refuted(before: float, after: float) -> bool:

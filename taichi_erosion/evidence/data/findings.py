@@ -384,6 +384,9 @@ class HypothesisFit:
     rows: Rows
     vault_rows: Rows | None
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of its effects
+    vault_p: float = (
+        nan  # of the misfit of the held-out rows if the model is adequate; NaN with an empty vault
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -398,6 +401,7 @@ class Adoption:
     with_all: HypothesisFit | None = None  # with the effects that were named beside those adopted
     held_out: int = 0  # rows in the vault, with and without a value of the model
     vault_opened: int = 0
+    contradicted: bool = False  # held-out rows fail no less with what was adopted
     where: tuple[MisfitPlace, ...] = ()  # of the bare model
     sentence: str = ""
     runs: int = 0

@@ -21,6 +21,7 @@ from taichi_erosion.evidence.data.problem import (
     Measurements,
     Observable,
     Problem,
+    stronger_candidate,
 )
 from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, from_scale, parameter_axis
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
@@ -32,7 +33,6 @@ MOST_FITTING = 16
 LEVEL_WIDTHS = (0.05, 0.15, 0.5, 1.5, 4.5)  # prior sd of a free level: of ln factor, or over the typical size
 LEVEL_REACH = 1.5  # least prior sd over the level that the calibrated model leaves
 WIDER = 8.0  # prior sd beyond its range at which a calibrated number is tried: is the range to blame?
-REACH = 3.0  # times the largest strength of the list, up to which one beyond it is looked for
 NO_VALUE = "the model gives no value at"  # first words of a warning on conditions that are left out
 UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions finite
 
@@ -159,7 +159,7 @@ class PreparedProblem:
     def candidate(self, name: str, beyond: bool = False) -> Candidate:
         """A candidate; with `beyond` one whose strength may exceed the largest that the list allows."""
         found = next(candidate for candidate in self.problem.candidates if candidate.name == name)
-        return replace(found, prior_scale=found.maximum, maximum=REACH * found.maximum) if beyond else found
+        return stronger_candidate(found) if beyond else found
 
     def mask(self, name: str) -> Bools:
         """Rows in which a candidate can act."""

@@ -16,6 +16,7 @@ from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.evidence.data.findings import Adoption, Estimate
+from taichi_erosion.evidence.data.problem import stronger_candidate
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.load import file_text
@@ -88,8 +89,10 @@ def study_text(study: Study, found: Adoption) -> str:
         strength = rounded(found.added.strengths[effect].value)
         text = with_entry(text, ("adopted", effect, "strength"), strength)
         if effect in candidates:
-            text = with_entry(text, ("adopted", effect, "prior_scale"), candidates[effect].prior_scale)
-            text = with_entry(text, ("adopted", effect, "max"), candidates[effect].maximum)
+            listed = candidates[effect]
+            allowed = stronger_candidate(listed) if strength > listed.maximum else listed
+            text = with_entry(text, ("adopted", effect, "prior_scale"), allowed.prior_scale)
+            text = with_entry(text, ("adopted", effect, "max"), allowed.maximum)
     names = " and ".join(found.added.effects)
     head = f"{HEAD} from {study.path.name}: the model has {names} now. Calibrated with it:\n"
     numbers = {**found.added.parameters, **found.added.strengths}

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.inference.map_fit import fit
-from taichi_erosion.evidence.inference.marginal_likelihood import BOUND, expand, projected_residual
+from taichi_erosion.evidence.inference.map_fit import Fit, fit
+from taichi_erosion.evidence.inference.marginal_likelihood import BOUND, Expansion, expand, projected_residual
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_expansion
 
@@ -21,26 +21,28 @@ FALL = 6.0  # of the misfit that the wider range must bring: what its prior cost
 def with_stronger(
     prepared: PreparedProblem, items: Sequence[FittedHypothesis], family: list[Floats]
 ) -> list[FittedHypothesis]:
-    """Fits beyond the list of those hypotheses that end at a largest strength and would go on.
+    """Fits beyond the list of those hypotheses that end at a largest strength and would go on."""
+    wide = [stronger_fit(prepared, item.expansion) for item in items if item.usable]
+    return [scored_expansion(prepared, expand(prepared, best), family) for best in wide if best is not None]
 
-    None for a model that is known from runs within the list alone: it says nothing beyond them.
+
+def stronger_fit(prepared: PreparedProblem, expansion: Expansion) -> Fit | None:
+    """The fit of a hypothesis beyond the list, where it is clearly better; else None.
+
+    None too for a model that is known from runs within the list alone: it says nothing beyond them.
     """
-    if prepared.predictor.uncertainty is not None:
-        return []
-    found = []
-    for item in items:
-        if not item.usable or item.fit.beyond or not any(at_maximum(prepared, item)):
-            continue
-        wide = fit(prepared, item.names, [np.append(item.fit.x, item.fit.psi)], beyond=True)
-        if wide.misfit < item.fit.misfit - FALL and stronger(prepared, wide.acting()):
-            found.append(scored_expansion(prepared, expand(prepared, wide), family))
-    return found
+    best = expansion.fit
+    if prepared.predictor.uncertainty is not None or best.beyond or not any(at_maximum(prepared, expansion)):
+        return None
+    wide = fit(prepared, best.names, [np.append(best.x, best.psi)], beyond=True)
+    better = wide.misfit < best.misfit - FALL and stronger(prepared, wide.acting())
+    return wide if better else None
 
 
-def at_maximum(prepared: PreparedProblem, item: FittedHypothesis) -> list[bool]:
+def at_maximum(prepared: PreparedProblem, expansion: Expansion) -> list[bool]:
     """Whether each strength ends at the largest of the list and would go on."""
-    stuck = projected_residual(prepared, item.expansion).stuck
-    ends = [psi > (1.0 - BOUND) * prepared.candidate(name).maximum for name, psi in item.fit.acting().items()]
+    stuck, acting = projected_residual(prepared, expansion).stuck, expansion.fit.acting()
+    ends = [psi > (1.0 - BOUND) * prepared.candidate(name).maximum for name, psi in acting.items()]
     return [bool(end and held) for end, held in zip(ends, stuck, strict=False)]
 
 
