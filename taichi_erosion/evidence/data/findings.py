@@ -351,7 +351,7 @@ class Discovery:
     scatter_factor: float = nan  # true over stated sd that would explain the misfit of the bare model
     p_misfit_after: float = nan  # of the recalibrated model with what is named; without a name, as before
     decoy_rank: int  # rank of the best made-up effect among all candidates; 1 is a red flag
-    stability: float = 1.0  # share of repeats with new seeds that agree on the verdict's first name [1]
+    stability: float = nan  # share of repeats with new seeds that agree on the first name [1]; NaN if none
     sentences: tuple[str, ...] = ()
     warnings: tuple[str, ...]
     noise: Noise

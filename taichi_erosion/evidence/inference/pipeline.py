@@ -358,10 +358,11 @@ def final_decision(
 def seed_stability(fitted: FittedHypotheses, decision: Decision) -> tuple[float, Decision]:
     """Share of the two halves of the scoring seeds that agree on the name, and the verdict after that.
 
+    NaN where there is no name, or no noise that could change it.
     A half that is more than even on another name makes the verdict unstable.
     """
     if not fitted.prepared.noisy or decision.verdict not in ("present", "group"):
-        return 1.0, decision
+        return nan, decision
     scoring = fitted.prepared.seeds.scoring
     agree = against = 0
     for seeds in (scoring[: scoring.size // 2], scoring[scoring.size // 2 :]):
