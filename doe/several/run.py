@@ -2,7 +2,7 @@
 
 python -m doe.several.run draw FOLDER     problems, and the truth, outside the tree; its digest here
 python -m doe.several.run solve FOLDER    in processes that are given problem files only; goes on
-python -m doe.several.run score FOLDER --method COMMIT    opens the truth, writes the table
+python -m doe.several.run score FOLDER COMMIT    opens the truth, writes the table
 """
 
 import csv
