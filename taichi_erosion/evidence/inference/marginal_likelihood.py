@@ -235,7 +235,7 @@ def strength_grid(runs: PathRuns, effects: int, centre: float, spread: float) ->
     if effects > COARSE:
         return fine
     whole = np.concatenate([np.linspace(low, high, count - fine.size), fine, [centre]])
-    return np.unique(np.round(whole, DIGITS))
+    return np.unique(np.asarray(np.round(whole, DIGITS), dtype=np.float64))
 
 
 def path_on(prepared: PreparedProblem, fit: Fit, index: int, runs: PathRuns, grid: Floats) -> Path:
