@@ -28,7 +28,7 @@ LONGEST_FILE = 500  # lines
 MOST_ARGUMENTS, MOST_DEVICE_ARGUMENTS = 7, 14
 # a command has one argument for every word that can be typed
 TYPED = {PACKAGE / "cli" / name for name in ("commands.py", "evidence.py", "predict.py", "study.py")}
-MOST_MODULES = 15  # of a folder; one effect is one file, so effects/ may hold more
+MOST_MODULES = 15  # of a folder; one effect or mechanism is one file, so theirs may hold more
 
 SOURCES = [*sorted(PACKAGE.rglob("*.py")), ROOT / "erosion"]
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
@@ -149,7 +149,10 @@ def test_signatures_stay_short(path):
 
 
 def test_folders_stay_small():
-    folders = {path.parent for path in PACKAGE.rglob("*.py")} - {PACKAGE / "effects"}
+    folders = {path.parent for path in PACKAGE.rglob("*.py")} - {
+        PACKAGE / "effects",
+        PACKAGE / "mechanisms" / "basis",
+    }
     crowded = {folder: len(list(folder.glob("[!_]*.py"))) for folder in folders}
     assert {folder.name: count for folder, count in crowded.items() if count > MOST_MODULES} == {}
 

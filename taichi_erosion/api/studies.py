@@ -216,7 +216,7 @@ class Study:
     @in_python
     def check(self) -> Document:
         """Validate study, table, scenes and model; run nothing. Raises BadInput with all faults."""
-        from taichi_erosion.evidence.answers.check_study import check_study
+        from taichi_erosion.evidence.answers.study_files.check_study import check_study
 
         return check_study(self.path, self.options)
 
@@ -313,8 +313,8 @@ def new_study(
     write, which a DataFrame needs. `units` are those of columns. Raises BadInput with all
     faults of the table.
     """
-    from taichi_erosion.evidence.answers.new_study import Wishes
-    from taichi_erosion.evidence.answers.new_study import new_study as write_study
+    from taichi_erosion.evidence.answers.study_files.new_study import Wishes
+    from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     wishes = Wishes(

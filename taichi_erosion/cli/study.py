@@ -59,7 +59,7 @@ def new(
     as_json: AsJson = False,
 ) -> None:
     """Read a table as a spreadsheet exports it, and write a study and a scene for it."""
-    from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+    from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
@@ -71,7 +71,7 @@ def new(
 @study.command("check", **help_of("study check"))
 def check(study: StudyPath, effect: EffectFiles = None, as_json: AsJson = False) -> None:
     """Validate a study, its table, scenes, model and effect files; run nothing."""
-    from taichi_erosion.evidence.answers.check_study import check_study
+    from taichi_erosion.evidence.answers.study_files.check_study import check_study
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
     options = StudyOptions(effect_files=tuple(effect or ()))

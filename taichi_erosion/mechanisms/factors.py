@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from taichi_erosion.scene import Scene
+from taichi_erosion.scene.change import with_section
 from taichi_erosion.scene.schema.grains import Contact
 
 Change = Callable[[Contact], Contact]
@@ -34,6 +35,32 @@ def with_chosen_contacts(scene: Scene, change: Change, *, walls: bool) -> Scene:
         for pair, contact in scene.contact.items()
     }
     return scene.model_copy(update={"contact": contacts})
+
+
+def with_rolling_factor(
+    scene: Scene, strength: float, dose: float, reference: float, *, walls: bool
+) -> Scene:
+    """The scene with rolling friction times 1 + strength dose, or with strength dose reference where it is 0.
+
+    The elastic-plastic law comes with it where the scene has none; its other contacts then roll freely.
+    """
+    if strength * dose == 0.0:
+        return scene
+    bare = scene.laws.rolling == "none"
+    factor, added = factor_of(strength, dose), max(strength * dose, 0.0) * reference
+
+    def rolling(contact: Contact) -> Contact:
+        before = 0.0 if bare else contact.friction_rolling
+        after = factor * before if before > 0.0 else added / contact.rolling_share
+        return contact.model_copy(update={"friction_rolling": after})
+
+    def free(contact: Contact) -> Contact:
+        return contact.model_copy(update={"friction_rolling": 0.0})
+
+    if bare:
+        with_law = with_section(scene, "laws", rolling="elastic_plastic")
+        scene = with_chosen_contacts(with_law, free, walls=not walls)
+    return with_chosen_contacts(scene, rolling, walls=walls)
 
 
 def is_chosen(pair: str, grain: str, walls: bool) -> bool:

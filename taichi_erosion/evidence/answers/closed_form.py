@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.scene_templates import Calibrated
-from taichi_erosion.evidence.answers.study_text import StudyText
+from taichi_erosion.evidence.answers.study_files.scene_templates import Calibrated
+from taichi_erosion.evidence.answers.study_files.study_text import StudyText
 from taichi_erosion.evidence.data.tables.tidy_table import Table
 from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER
 from taichi_erosion.evidence.models import reduced

@@ -33,10 +33,9 @@ from taichi_erosion.evidence.inference import goodness_of_fit
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
-from taichi_erosion.evidence.inference.error_findings import error_findings, likeliest_words
+from taichi_erosion.evidence.inference.doses.mechanism_search import beyond_list
 from taichi_erosion.evidence.inference.familywise_test import power
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
-from taichi_erosion.evidence.inference.mechanism_search import beyond_list
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
 from taichi_erosion.evidence.inference.posterior import (
     label,
@@ -48,8 +47,9 @@ from taichi_erosion.evidence.inference.posterior import (
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.residual_structure import residual_trends, varying_number
+from taichi_erosion.evidence.inference.robustness.error_findings import error_findings, likeliest_words
+from taichi_erosion.evidence.inference.robustness.variants import variants
 from taichi_erosion.evidence.inference.screen import Signature
-from taichi_erosion.evidence.inference.variants import variants
 from taichi_erosion.evidence.inference.verdict import Decision
 
 MOST_PLAUSIBLE = 6

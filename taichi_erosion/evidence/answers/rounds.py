@@ -11,7 +11,7 @@ from hashlib import sha256
 from typing import Generic, TypeVar
 
 from taichi_erosion.evidence.answers import documents
-from taichi_erosion.evidence.answers.start_values import evaluations_sentence
+from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
 from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Estimate
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH

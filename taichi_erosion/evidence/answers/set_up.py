@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 
 from taichi_erosion.evidence.answers.discover import discover, nameless_discovery
-from taichi_erosion.evidence.answers.start_values import model_at_start
+from taichi_erosion.evidence.answers.study_files.start_values import model_at_start
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.findings import Discovery, Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Problem, Progress

@@ -13,7 +13,6 @@ from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference import refit
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain, log_score_gain
-from taichi_erosion.evidence.inference.error_accounts import ErrorAccount, Reference, error_accounts
 from taichi_erosion.evidence.inference.familywise_test import DRAWS, FamilywiseTest, familywise_test, power
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places, stuck_numbers
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
@@ -22,6 +21,11 @@ from taichi_erosion.evidence.inference.model_discrepancy import kernels
 from taichi_erosion.evidence.inference.posterior import Posterior, label, log_prior_of, mixed, posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
+from taichi_erosion.evidence.inference.robustness.error_accounts import (
+    ErrorAccount,
+    Reference,
+    error_accounts,
+)
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
 from taichi_erosion.evidence.inference.search.effect_sets import fit_sets

@@ -13,10 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
-from taichi_erosion.mechanisms.factors import factor_of, with_chosen_contacts
+from taichi_erosion.mechanisms.factors import with_rolling_factor
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import sample_scene, with_section
-from taichi_erosion.scene.schema.grains import Contact
+from taichi_erosion.scene.change import sample_scene
 
 
 @dataclass(frozen=True)
@@ -27,25 +26,7 @@ class Params:
 
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with the changed contacts; the law of rolling comes with it where the scene has none."""
-    dose = strength * params.dose
-    if dose == 0.0:
-        return scene
-    bare = scene.laws.rolling == "none"
-    factor, added = factor_of(strength, params.dose), max(dose, 0.0) * params.reference
-
-    def rolling(contact: Contact) -> Contact:
-        before = 0.0 if bare else contact.friction_rolling
-        after = factor * before if before > 0.0 else added / contact.rolling_share
-        return contact.model_copy(update={"friction_rolling": after})
-
-    def as_before(contact: Contact) -> Contact:
-        return contact.model_copy(update={"friction_rolling": 0.0})
-
-    if not bare:
-        return with_chosen_contacts(scene, rolling, walls=True)
-    with_law = with_section(scene, "laws", rolling="elastic_plastic")
-    silent = with_chosen_contacts(with_law, as_before, walls=False)
-    return with_chosen_contacts(silent, rolling, walls=True)
+    return with_rolling_factor(scene, strength, params.dose, params.reference, walls=True)
 
 
 def checks(probe: Probe) -> Iterator[Check]:

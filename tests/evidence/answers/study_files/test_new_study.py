@@ -10,8 +10,8 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.new_study import Wishes, new_study
-from taichi_erosion.evidence.answers.scene_templates import TEMPLATES, safe_grains, scene_text
+from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
+from taichi_erosion.evidence.answers.study_files.scene_templates import TEMPLATES, safe_grains, scene_text
 from taichi_erosion.evidence.data.tables.column_roles import Told
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.run.checks import read_scene

@@ -13,8 +13,8 @@ from typing import Any
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers import closed_form
-from taichi_erosion.evidence.answers.check_study import acting_candidates, check_study
-from taichi_erosion.evidence.answers.scene_templates import (
+from taichi_erosion.evidence.answers.study_files.check_study import acting_candidates, check_study
+from taichi_erosion.evidence.answers.study_files.scene_templates import (
     TEMPLATES,
     Template,
     places_of,
@@ -22,7 +22,7 @@ from taichi_erosion.evidence.answers.scene_templates import (
     scene_text,
     templates_for,
 )
-from taichi_erosion.evidence.answers.study_text import StudyText, study_text, table_text
+from taichi_erosion.evidence.answers.study_files.study_text import StudyText, study_text, table_text
 from taichi_erosion.evidence.data.physical_ranges import (
     condition_faults,
     observable_faults,

@@ -13,13 +13,17 @@ from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Variants
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.error_accounts import evidence_by_factor, with_variances, worst_row
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, columns_of, log_prior
 from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain
 from taichi_erosion.evidence.inference.pipeline import Analysis, FittedHypotheses
 from taichi_erosion.evidence.inference.posterior import Posterior
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
+from taichi_erosion.evidence.inference.robustness.error_accounts import (
+    evidence_by_factor,
+    with_variances,
+    worst_row,
+)
 
 GONE = 1e8  # factor on the variance of a row that is left out
 SCALES = (0.5, 2.0)  # of the priors of all strengths

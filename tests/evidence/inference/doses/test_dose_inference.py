@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.evidence.data.problem import Measurements, Mechanism, Parameter, Problem
-from taichi_erosion.evidence.inference.dose_inference import (
+from taichi_erosion.evidence.inference.doses.dose_inference import (
     DoseSearch,
     bare_log_evidence,
     condition_sets,
@@ -15,7 +15,7 @@ from taichi_erosion.evidence.inference.dose_inference import (
     left_p,
     one_dose_p,
 )
-from taichi_erosion.evidence.inference.dose_path import dose_nodes, dose_path
+from taichi_erosion.evidence.inference.doses.dose_path import dose_nodes, dose_path
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
 SD, SETS = 0.1, 12

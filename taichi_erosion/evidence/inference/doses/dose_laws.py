@@ -19,9 +19,9 @@ from taichi_erosion.evidence.data.findings import Estimate
 from taichi_erosion.evidence.data.mechanism_findings import DoseLaw
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
-from taichi_erosion.evidence.inference.dose_forms import GROUPS, Form, forms_of
-from taichi_erosion.evidence.inference.dose_inference import DoseEvidence
-from taichi_erosion.evidence.inference.dose_path import DosePath
+from taichi_erosion.evidence.inference.doses.dose_forms import GROUPS, Form, forms_of
+from taichi_erosion.evidence.inference.doses.dose_inference import DoseEvidence
+from taichi_erosion.evidence.inference.doses.dose_path import DosePath
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 SIMPLE = 1.0  # the same of a form that is neither a power nor a constant

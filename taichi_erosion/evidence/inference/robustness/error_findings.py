@@ -8,11 +8,11 @@ from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, ErrorFinding
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Floats, Observable
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.error_accounts import ErrorAccount, SharedError
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.pipeline import Analysis
 from taichi_erosion.evidence.inference.posterior import HALF_WIDTH, Posterior, label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.robustness.error_accounts import ErrorAccount, SharedError
 
 LEAST_TAU = 0.3  # of a row's sd, from which a shared error is told
 

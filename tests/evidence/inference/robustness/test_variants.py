@@ -8,10 +8,10 @@ import pytest
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.problem import Observable, Problem
-from taichi_erosion.evidence.inference.error_accounts import with_variances
 from taichi_erosion.evidence.inference.pipeline import account, analyse
 from taichi_erosion.evidence.inference.prepared_problem import prepare
-from taichi_erosion.evidence.inference.variants import GONE, reweighed, variants, with_prior_scales
+from taichi_erosion.evidence.inference.robustness.error_accounts import with_variances
+from taichi_erosion.evidence.inference.robustness.variants import GONE, reweighed, variants, with_prior_scales
 from tests.evidence.linear_study import linear_problem
 
 SHAPES = {"bend": lambda x: x**2, "wave": lambda x: np.sin(3.0 * x)}

@@ -21,7 +21,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import Working, log_sum_exp, working
 from taichi_erosion.evidence.data.problem import Floats, Integers
-from taichi_erosion.evidence.inference.dose_path import DosePath
+from taichi_erosion.evidence.inference.doses.dose_path import DosePath
 from taichi_erosion.evidence.inference.goodness_of_fit import quadratic_form_p
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes, low_rank, squared_distance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem

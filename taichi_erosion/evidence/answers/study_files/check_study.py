@@ -22,7 +22,7 @@ from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import table_faults
-from taichi_erosion.evidence.answers.start_values import evaluations_sentence
+from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table
 from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, plan_cost

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from taichi_erosion.evidence.answers.scene_templates import Calibrated
+from taichi_erosion.evidence.answers.study_files.scene_templates import Calibrated
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 
 FRACTION = 0.3  # of the groups in the vault

@@ -11,14 +11,14 @@ from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.findings import NONE, Discovery
 from taichi_erosion.evidence.data.measurement_noise import NoiseLevelPrior
 from taichi_erosion.evidence.data.problem import Problem
-from taichi_erosion.evidence.inference.error_accounts import (
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.robustness.error_accounts import (
     TAUS,
     ErrorAccount,
     Reference,
     error_accounts,
     linear_evidence,
 )
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from tests.evidence.linear_study import LEVEL_SD, linear_problem, screened
 
 SD, COUNT = 0.1, 48  # of a row, and rows

@@ -19,7 +19,7 @@ from taichi_erosion.evidence.data.mechanism_findings import (
 from taichi_erosion.evidence.data.problem import Mechanism, Observable
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.dose_inference import (
+from taichi_erosion.evidence.inference.doses.dose_inference import (
     DoseEvidence,
     again,
     averaged,
@@ -30,8 +30,8 @@ from taichi_erosion.evidence.inference.dose_inference import (
     left_p,
     one_dose_p,
 )
-from taichi_erosion.evidence.inference.dose_laws import dose_law, law_doses, law_rows
-from taichi_erosion.evidence.inference.dose_path import DosePath, dose_nodes, dose_path
+from taichi_erosion.evidence.inference.doses.dose_laws import dose_law, law_doses, law_rows
+from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_nodes, dose_path
 from taichi_erosion.evidence.inference.pipeline import FittedHypotheses
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem

@@ -68,7 +68,7 @@ def test_a_model_without_places_for_mechanisms_gets_no_such_answer():
 
 
 def test_forms_are_zero_where_a_condition_that_reaches_zero_is_zero():
-    from taichi_erosion.evidence.inference.dose_forms import forms_of
+    from taichi_erosion.evidence.inference.doses.dose_forms import forms_of
 
     conditions = {"moisture": np.array([0.0, 0.01, 0.02, 0.04]), "diameter": np.array([1.0, 2.0, 3.0, 4.0])}
     for form in forms_of(conditions):

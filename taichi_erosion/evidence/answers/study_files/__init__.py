@@ -1,0 +1,1 @@
+"""New studies from tables, and the validation of studies."""

@@ -1,0 +1,1 @@
+"""Errors that nobody stated, and answers repeated under changed assumptions."""
