@@ -14,7 +14,9 @@ from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.inference.verdict_levels import CONSISTENT_MISFIT, fails
+from taichi_erosion.evidence.answers.agreement_words import NO_MISFIT, agreement, is_untested, row_sentences
+from taichi_erosion.evidence.data.number_words import heading, plain
+from taichi_erosion.evidence.inference.verdict_levels import fails, p_number
 from taichi_erosion.scene.file_kind import refuse_neither
 
 if TYPE_CHECKING:
@@ -25,6 +27,8 @@ Progress = Callable[[str, float], None]  # (text, share done [1])
 ANSWERS = 6  # printed probabilities
 CANDIDATE_COLUMNS = ("effect", "status", "strength", "90 % interval", "probability")
 CANDIDATE_COLUMNS += ("ln Bayes factor", "power", "absorbed")
+MOST_ERRORS = 3  # observables whose error is printed
+ERRORS = ("rmse", "bias")  # columns in the unit of the observable
 CONTROLS = {
     "with_all": "with all that was named",
     "best_wrong": "control: best other effect",
@@ -174,34 +178,25 @@ def print_comparison(document: Record) -> None:
     typer.echo(agreement(document))
     failing = [place["sentence"] for place in document["where"] if fails(place["p"])]
     print_lines(level["sentence"] for level in document["levels"])
-    print_lines(failing or ["No significant misfit in any observable or along any condition."])
-    keys = ("chi2", "rmse", "bias", "p")
+    print_lines(failing or ([] if is_untested(document) else [NO_MISFIT]))
+    print_lines(row_sentences(document["worst_row"]))
+    from taichi_erosion.evidence.data.table_units import TableUnits
+
+    units = TableUnits.of(document)
     rows = (
         (
-            f"{name} [{document['units'].get(name, '1')}]",
+            heading(name, units.value_unit(name)),
             str(misfit["n"]),
-            *(number(misfit[key]) for key in keys),
+            number(misfit["chi2"]),
+            *(number(units.value(name, misfit[key])) for key in ERRORS),
+            chance(misfit["p"]),
         )
         for name, misfit in document["observables"].items()
     )
-    print_table("calibrated model against measurement", ("observable", "rows", *keys), rows)
+    print_table("calibrated model against measurement", ("observable", "rows", "chi2", *ERRORS, "p"), rows)
     print_parameters(document["parameters"])
     print_limits(document)
     print_lines(next_steps.after_comparison(document))
-
-
-def agreement(document: Record) -> str:
-    """Sentence on the overall agreement."""
-    p, rows = document["p"], f"{document['rows_visible']} rows"
-    if p is None:
-        return f"The misfit cannot be judged: the scatter of the {rows} is not known."
-    freedom = f"{number(document['dof'])} degrees of freedom"
-    numbers = f"(chi2 = {number(document['chi2'])} for {freedom}, p = {number(p)})"
-    if fails(p) or document["chi2"] > CONSISTENT_MISFIT * max(document["dof"], 1.0):
-        return f"The model does not agree with the {rows}, for any values of its parameters {numbers}."
-    if any(fails(place["p"]) for place in document["where"]):
-        return f"The model agrees with the {rows} as a whole {numbers}, but not everywhere."
-    return f"The model is consistent with the {rows} {numbers}."
 
 
 def print_discovery(document: Record) -> None:
@@ -239,17 +234,27 @@ def print_adoption(document: Record) -> None:
     """Print the error before and after adoption, with two control effects."""
     print_lines(document["set_up"], "set-up: ")
     typer.echo(document["sentence"])
-    rows = []
+    from taichi_erosion.evidence.data.table_units import TableUnits
+
+    units, rows = TableUnits.of(document), []
+    names = list(document["base"]["vault_rmse"])[:MOST_ERRORS]
+
+    def errors(fit: Record, key: str) -> tuple[str, ...]:
+        return tuple(number(units.value(name, (fit.get(key) or {}).get(name))) for name in names)
+
     rungs = document.get("ladder") or []
     if rungs and rungs[0]["effects"] != document["adopted"]:
-        rows.append(("as it was", number(rungs[0]["chi2_fitted"]), number(rungs[0]["chi2_held_out"])))
+        chi2 = number(rungs[0]["chi2_fitted"]), number(rungs[0]["chi2_held_out"])
+        rows.append(("as it was", *chi2, *errors(rungs[0], "rmse_held_out")))
     labels = {"base": "before", "added": f"with {listed(document['added'])}", **CONTROLS}
     for key, label in labels.items():
         fit = document.get(key)
         if fit is not None:
             effects = f" ({listed(fit)})" if key in CONTROLS else ""
-            rows.append((label + effects, number(fit["chi2"]), number(fit["vault_chi2"])))
-    print_table("chi2 per row", ("model", "fitted rows", "held-out rows"), rows)
+            chi2 = number(fit["chi2"]), number(fit["vault_chi2"])
+            rows.append((label + effects, *chi2, *errors(fit, "vault_rmse")))
+    columns = (heading(f"rmse of {name}", units.value_unit(name)) for name in names)
+    print_table("chi2 per row, and error of held-out rows", ("model", "fitted", "held out", *columns), rows)
     print_parameters(document["added"]["strengths"] | document["added"]["parameters"])
     opened = document["vault"]["opened"]
     if opened > 1:
@@ -312,7 +317,12 @@ def cost(document: Record) -> str:
 
 def number(value: float | None) -> str:
     """Number in three significant digits."""
-    return MARK_MISSING if value is None else f"{value:.3g}"
+    return MARK_MISSING if value is None else plain(value)
+
+
+def chance(p: float | None) -> str:
+    """Probability of a misfit; one too small to be computed is not called zero."""
+    return MARK_MISSING if p is None else p_number(p)
 
 
 def percent(value: float | None) -> str:

@@ -7,6 +7,8 @@ from math import hypot, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.evidence.answers.agreement_words import is_untested
+from taichi_erosion.evidence.answers.held_out_words import unseen_words
 from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
 
 Record = Mapping[str, Any]
@@ -16,6 +18,7 @@ FAR = 3.0  # scatters of both sides together, from which a difference is far out
 SETTLE = "Mend the set-up first, then give the same command again."
 ERRORS = 2.0  # standard errors, from which a difference is more than chance [1]
 ANGLES = {"repose_angle", "angle_of_repose", "cone_angle", "envelope_angle"}  # of a heap
+LEAST_RUNS = 2  # that show a scatter
 STUDY_FOLDERS = (".", "../doe", "../studies")  # beside a scene, where its studies are looked for
 
 
@@ -54,13 +57,16 @@ def comparisons(document: Record) -> Iterator[tuple[bool, str]]:
         if value is None or not isfinite(value):
             continue
         gap = value - wanted["value"]
-        scatters = hypot(*(known(side.get("sd")) for side in (found, wanted)))
+        alone = is_single(found)
+        scatters = hypot(*(known(side.get("sd")) for side in ((wanted,) if alone else (found, wanted))))
         errors = hypot(*(known(side.get("sd")) / sqrt(side.get("n") or 1) for side in (found, wanted)))
         unit = found.get("unit", "")
         size = f"{abs(gap):.2g} {unit if unit != '1' else ''}".rstrip()
         words = f"{subject(name)} is {size} {direction(name, gap)} than measured"
         words += f" ({lacking[0]['sentence'].partition(':')[0]})" if lacking else ""
-        if scatters <= 0.0:
+        if alone:
+            yield bool(gap), f"{words}{beside_one_run(gap, scatters)}"
+        elif scatters <= 0.0:
             yield bool(gap), f"{words}; no scatter is known."
         elif abs(gap) > FAR * scatters:
             yield True, f"{words}, far outside both scatters."
@@ -68,6 +74,17 @@ def comparisons(document: Record) -> Iterator[tuple[bool, str]]:
             yield True, f"{words}, {abs(gap) / errors:.1f} standard errors."
         else:
             yield False, f"{subject(name)} agrees with the measured value within its scatter."
+
+
+def is_single(found: Record) -> bool:
+    """Whether a simulated value comes from one run, which shows no scatter between runs."""
+    return (found.get("n") or 1) < LEAST_RUNS
+
+
+def beside_one_run(gap: float, measured_sd: float) -> str:
+    """End of a sentence on the difference of one run."""
+    share = f", {abs(gap) / measured_sd:.1f} times the measured scatter" if measured_sd > 0.0 else ""
+    return f"{share}; one run shows no scatter between runs: `--set scene.replicas=3` does."
 
 
 def known(sd: float | None) -> float:
@@ -127,6 +144,8 @@ def after_comparison(document: Record) -> Iterator[str]:
         yield "With sd or repeats in the table the size of the misfit can be judged."
     elif fails(document["p"]) or any(fails(place["p"]) for place in document["where"]):
         yield f"`{program()} discover {study}` asks which effect is missing."
+    elif is_untested(document):
+        yield "Measurements at other conditions would test the model."
     else:
         yield "These measurements leave nothing to explain; other conditions test the model harder."
     yield f"`{program()} report {study}` draws model and measurements on one page."
@@ -156,12 +175,13 @@ def after_discovery(document: Record) -> Iterator[str]:
 def after_adoption(document: Record) -> Iterator[str]:
     """What the held-out rows said, and the study to go on with."""
     before, after, new = document["base"]["vault_chi2"], document["added"]["vault_chi2"], document["written"]
+    rows = f"rows {unseen_words(document['vault']['opened'])}"
     if after is None or before is None:
         yield "No held-out row tests the effect: measure under further conditions before you trust it."
     elif after <= HELD_OUT_SHARE * before:
-        yield "The error falls on rows that no fit has seen."
+        yield f"The error falls on {rows}."
     else:
-        yield "The rows that no fit has seen do not support it: go on with the old study."
+        yield f"The {rows} do not support it: go on with the old study."
         yield f"`{program()} next {document['study']}` proposes the measurements that would decide."
         return
     yield f"`{program()} compare {new}` shows what is left."

@@ -10,6 +10,14 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
+from taichi_erosion.evidence.answers.agreement_words import (
+    NO_MISFIT,
+    is_untested,
+    row_sentences,
+    untested_sentence,
+)
+from taichi_erosion.evidence.answers.held_out_words import refuted
+from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.inference.verdict_levels import PLAUSIBLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import StudyPage, record_study
@@ -18,7 +26,7 @@ from taichi_erosion.report.conclusion_limits import limits
 from taichi_erosion.report.evidence_results import CONTROLS, Document, Results, layers, stored_results
 from taichi_erosion.report.figure_style import Picture
 from taichi_erosion.report.html import made, number, render
-from taichi_erosion.report.lead import LEVEL, is_refuted, lead, worst_place
+from taichi_erosion.report.lead import LEVEL, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.report.plain_words import effect_words, words_of
 from taichi_erosion.report.strength_words import strength_words
@@ -26,7 +34,7 @@ from taichi_erosion.report.study_figures import Panel
 
 TEMPLATE = "evidence.html"
 RECORDING = "study.rrd"
-NO_MISFIT = "No significant misfit in any observable or along any condition."
+MOST_SHOWN = 4  # observables in the first figure before a reader asks for others
 STATUSES = {"present": "present", "excluded": "excluded", "not_testable": "not testable"}
 TIMES = {0: "has not been opened", 1: "was opened once"}
 
@@ -68,13 +76,25 @@ def row_table(found: Results) -> str:
     """Measured and predicted values of every fitted row."""
     rows = layers(found)[0].fitted
     axes = list(rows["conditions"])
-    columns = [rows["conditions"][axis] for axis in axes]
-    columns += [rows[key] for key in ("measured", "predicted", "residual")]
-    header = ["observable", *axes, "measured", "model", "residual, sd"]
-    cells = [
-        [name, *(number(column[place]) for column in columns)]
-        for place, name in enumerate(rows["observable"])
+    units = found.units
+    header = [
+        "observable",
+        *(heading(axis, units.condition_unit(axis)) for axis in axes),
+        "measured",
+        "model",
+        "residual, sd",
     ]
+    cells = []
+    for place, name in enumerate(rows["observable"]):
+        at = [rows["conditions"][axis][place] for axis in axes]
+        stated = [
+            number(None if value is None else units.condition(axis, value))
+            for axis, value in zip(axes, at, strict=True)
+        ]
+        sign = {"below": "< ", "above": "> "}.get(study_figures.limit_of(rows, place), "")
+        values = [number(units.value(name, rows[key][place])) for key in ("measured", "predicted")]
+        label = heading(name, units.value_unit(name))
+        cells.append([label, *stated, sign + values[0], values[1], number(rows["residual"][place])])
     return markdown_table(header, cells)
 
 
@@ -90,15 +110,16 @@ def page_fields(found: Results) -> dict[str, Any]:
         "lead": lead(found),
         "layers": shown,
         "observables": {name: words_of(name).noun for name in dict.fromkeys(shown[0].fitted["observable"])},
+        "shown": list(dict.fromkeys(panel.observable for panel in panels(found)))[:MOST_SHOWN],
         "conditions": {
             panel.condition.name: panel.condition.label for panel in panels(found) if panel.condition
         },
         "first_panels": first_panels(found),
-        "units": first["units"],
+        "units": found.units,
         "comparison": found.comparison,
         "discovery": found.discovery,
         "adoption": found.adoption,
-        "where": failures({"where": found.where}) or [NO_MISFIT],
+        "where": places_of_misfit(found),
         "residuals": study_figures.residual_pictures(panels(found)),
         "effects": ranked_effects(found.discovery),
         "statuses": STATUSES,
@@ -133,7 +154,7 @@ def panels(found: Results) -> list[Panel]:
     """Panels of the first figure: the place of the worst misfit first."""
     shown = layers(found)
     names = list(dict.fromkeys(shown[0].fitted["observable"]))
-    every = list(study_figures.panels_of(names, shown, found.table, found.first["units"]))
+    every = list(study_figures.panels_of(names, shown, found.table, found.units))
     place = worst_place(found)
     failing = {
         (one["observable"], one["axis"]): rank for rank, one in enumerate(found.where) if fails(one["p"])
@@ -187,6 +208,17 @@ def failures(document: Document | None) -> list[str]:
     return [place["sentence"] for place in (document or {"where": ()})["where"] if fails(place["p"])]
 
 
+def places_of_misfit(found: Results) -> list[str]:
+    """Where the bare model fails; where nothing tests it, that."""
+    told = failures({"where": found.where})
+    if found.comparison is None:
+        return told or [NO_MISFIT]
+    untested = is_untested(found.comparison)
+    return [*(told or ([] if untested else [NO_MISFIT])), *row_sentences(found.comparison["worst_row"])] or [
+        untested_sentence(found.comparison)
+    ]
+
+
 def ranked_effects(discovery: Document | None) -> list[tuple[str, Document]]:
     """Candidates in order of probability."""
     effects = discovery["effects"] if discovery else {}
@@ -217,7 +249,9 @@ def answers(found: Results) -> list[str]:
     if (
         adoption
         and adoption["base"]["vault_chi2"] is not None
-        and is_refuted(adoption["base"], adoption.get("with_all") or adoption["added"])
+        and refuted(
+            adoption["base"]["vault_chi2"], (adoption.get("with_all") or adoption["added"])["vault_chi2"]
+        )
     ):
         names = " and ".join(effect_words(name) for name in adoption["added"]["effects"])
         verdict = (
@@ -236,6 +270,8 @@ def level_sentences(found: Results) -> list[str]:
 def vault_sentences(found: Results) -> Iterator[str]:
     """Held-out rows, and how often the vault was opened."""
     yield from (note for note in found.first["notes"] if "held out" in note)
+    if not found.first["rows_hidden"]:
+        return
     opened = max(document.get("vault", {}).get("opened", 0) for document in found.by_command.values())
     yield f"The vault {TIMES.get(opened, f'was opened {opened} times')}."
 

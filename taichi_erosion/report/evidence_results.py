@@ -8,6 +8,7 @@ from typing import Any
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import documents
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.report.measured_table import MeasuredTable, measured_table
 from taichi_erosion.report.plain_words import effect_words, listed
@@ -45,6 +46,11 @@ class Results:
     def first(self) -> Document:
         """Fullest result."""
         return next(iter(self.by_command.values()))
+
+    @property
+    def units(self) -> TableUnits:
+        """Units of the table."""
+        return TableUnits.of(self.first)
 
     @property
     def comparison(self) -> Document | None:

@@ -9,6 +9,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from taichi_erosion.evidence.data.number_words import heading, plain
+from taichi_erosion.evidence.inference.verdict_levels import p_number
 from taichi_erosion.report.plain_words import effect_words
 
 LEAST_SHARE = 1e-3  # that is printed
@@ -23,7 +25,13 @@ def render(template: str, fields: Mapping[str, Any]) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    environment.filters |= {"number": number, "percent": percent, "words": effect_words}
+    environment.filters |= {
+        "number": number,
+        "percent": percent,
+        "words": effect_words,
+        "heading": heading,
+        "chance": chance,
+    }
     return environment.get_template(template).render(**fields)
 
 
@@ -34,7 +42,12 @@ def made(versions: Mapping[str, str], seeds: str) -> str:
 
 def number(value: float | None) -> str:
     """Number in three significant digits; "-" for None and NaN."""
-    return "-" if value is None or not isfinite(value) else f"{value:.3g}"
+    return "-" if value is None or not isfinite(value) else plain(value)
+
+
+def chance(p: float | None) -> str:
+    """Probability of a misfit; one too small to be computed is not called zero."""
+    return number(p) if p is None else p_number(p)
 
 
 def percent(value: float | None) -> str:

@@ -1,8 +1,12 @@
 """First sentences of the page of a study: where the model fails, what is missing, how far the error falls."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
-from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_MISFIT, HELD_OUT_SHARE, fails
+from taichi_erosion.evidence.answers.agreement_words import is_untested, row_sentences, untested_sentence
+from taichi_erosion.evidence.answers.held_out_words import remainder_words, unseen_words
+from taichi_erosion.evidence.data.number_words import plain, short, with_unit
+from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.inference.verdict_levels import fails
 from taichi_erosion.report.evidence_results import Document, Results, layers
 from taichi_erosion.report.plain_words import (
     EVERYWHERE,
@@ -10,19 +14,25 @@ from taichi_erosion.report.plain_words import (
     condition_words,
     effect_words,
     listed,
-    short,
-    with_unit,
     words_of,
 )
 
 BESIDE = 1e-6  # of a level: closer numbers are one level
+MOST_TOLD = 3  # observables whose errors a sentence lists
 LEVEL = "level"  # axis of a misfit of an observable as a whole
 AGREES = "The calibrated model agrees with the measurements."
 
 
 def lead(found: Results) -> list[str]:
-    """Sentences above the first figure."""
-    return [failure_sentence(found), *answer_sentences(found)]
+    """Sentences above the first figure; an adoption that leaves something open comes first."""
+    first, *others = failure_sentence(found), *answer_sentences(found)
+    if found.adoption:
+        return [others[0], first, *others[1:]] if open_words(found.adoption) else [first, *others]
+    if others and found.comparison and is_untested(found.comparison):
+        return others
+    is_explained = found.discovery is not None and bool(found.discovery["named"] or found.discovery["group"])
+    worst = None if is_explained else (found.comparison or found.discovery or {}).get("worst_row")
+    return [first, *others, *row_sentences(worst)]
 
 
 def failure_sentence(found: Results) -> str:
@@ -30,6 +40,8 @@ def failure_sentence(found: Results) -> str:
     place = worst_place(found)
     if place is None:
         whole = found.comparison["p"] if found.comparison else (found.discovery or {}).get("p_misfit")
+        if found.comparison and is_untested(found.comparison):
+            return untested_sentence(found.comparison)
         return (
             "The calibrated model does not agree with the measurements as a whole."
             if fails(whole)
@@ -62,7 +74,7 @@ def subject_words(found: Results, observable: str, axis: str, stretch: Document)
     pairs = zip(rows["observable"], column, strict=False)
     levels = [condition.shown(value) for name, value in pairs if name == observable and value is not None]
     ends = {
-        side: with_unit(f"{boundary(condition.shown(stretch[side]), levels, side):.3g}", condition.unit)
+        side: with_unit(plain(boundary(condition.shown(stretch[side]), levels, side)), condition.unit)
         for side in ("low", "high")
         if stretch[side] is not None
     }
@@ -83,7 +95,9 @@ def boundary(end: float, levels: Sequence[float], side: str) -> float:
 def answer_sentences(found: Results) -> Iterator[str]:
     """What is missing, and whether the error falls with it on measurements that no fit has seen."""
     if found.adoption:
-        yield error_sentence(found.adoption)
+        yield error_sentence(found.adoption, found.units)
+        if found.discovery and found.discovery["verdict"] == "outside_library":
+            yield spoken(found.discovery)
     elif found.discovery:
         discovery = found.discovery
         if discovery["verdict"] != "present":
@@ -111,7 +125,7 @@ def labels_of(discovery: Document) -> list[str]:
     return ["+".join(named), "+".join(reversed(named)), *named[:1]]
 
 
-def error_sentence(adoption: Document) -> str:
+def error_sentence(adoption: Document, units: TableUnits) -> str:
     """Error on the held-out measurements before and after, by observable, in its unit."""
     base, added = adoption["base"], adoption["added"]
     names = listed([effect_words(name) for name in added["effects"]])
@@ -122,31 +136,38 @@ def error_sentence(adoption: Document) -> str:
             "no measurement was held out, so nothing is proved."
         )
     count = len((base["vault_rows"] or {"observable": ()})["observable"])
-    seen = f"{count} measurement{'s' if count != 1 else ''} that no fit has seen"
-    judged = adoption.get("with_all") or added
-    end = ": they do not confirm it." if is_refuted(base, judged) else "."
-    return f"With {names} the error on {seen} {change_words(base, added, adoption['units'])}{end}"
+    unseen = unseen_words(adoption["vault"]["opened"])
+    seen = f"{count} measurement{'s' if count != 1 else ''} {unseen}"
+    left = open_words(adoption)
+    end = f"; {left}." if left else "."
+    return f"With {names} the error on {seen} {change_words(base, added, units)}{end}"
 
 
-def is_refuted(base: Document, added: Document) -> bool:
-    """Whether the held-out measurements contradict the effect, as `adopt` judges it."""
-    before, after = base["vault_chi2"], added["vault_chi2"]
-    return before > HELD_OUT_MISFIT and after > HELD_OUT_SHARE * before
+def open_words(adoption: Document) -> str:
+    """What the held-out measurements say against an adoption; nothing where none was held out."""
+    before, after = (
+        adoption["base"]["vault_chi2"],
+        (adoption.get("with_all") or adoption["added"])["vault_chi2"],
+    )
+    return "" if before is None or after is None else remainder_words(before, after)
 
 
-def change_words(base: Document, added: Document, units: Mapping[str, str]) -> str:
+def change_words(base: Document, added: Document, units: TableUnits) -> str:
     """`falls from 0.093 to 0.030 m/s`; of several observables each by its name."""
     before, after = base["vault_rmse"], added["vault_rmse"]
+    ends = {
+        name: [short(units.value(name, side[name]) or 0.0) for side in (before, after)] for name in before
+    }
     sides = {
-        name: f"from {short(before[name])} to {value_words(after[name], name, units)}" for name in before
+        name: with_unit(f"from {first} to {last}", units.value_unit(name))
+        for name, (first, last) in ends.items()
     }
     falling = [after[name] < before[name] for name in before]
     verb = "falls" if all(falling) else "changes" if any(falling) else "rises"
     if len(sides) == 1:
         return f"{verb} {next(iter(sides.values()))}"
+    if len(sides) > MOST_TOLD:
+        most = max(before, key=lambda name: before[name] / max(after[name], 1e-300))
+        told = f"most for {words_of(most).noun}, {sides[most]}"
+        return f"{verb} for {sum(falling) or len(sides)} of {len(sides)} observables, {told}"
     return f"{verb}: {listed([f'{words_of(name).noun} {words}' for name, words in sides.items()])}"
-
-
-def value_words(value: float, name: str, units: Mapping[str, str]) -> str:
-    """`0.030 m/s`."""
-    return with_unit(short(value), units.get(name, "1"))

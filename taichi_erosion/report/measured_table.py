@@ -15,6 +15,7 @@ from taichi_erosion.evidence.data.measured import (
     refuse_absent,
     used_conditions,
 )
+from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.data.tables.tidy_table import Row
 from taichi_erosion.evidence.models.column_units import place_units
 
@@ -39,8 +40,7 @@ class Condition:
     @property
     def label(self) -> str:
         """`diameter [mm]`."""
-        plain = self.name.replace("_", " ")
-        return f"{plain} [{self.unit}]" if self.unit not in ("", "1") else plain
+        return heading(self.name.replace("_", " "), self.unit)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import floor, isfinite, log10
 from typing import Any
 
 Record = Mapping[str, Any]
@@ -90,20 +89,6 @@ def effect_words(name: str) -> str:
 def listed(names: Sequence[str]) -> str:
     """`a`, `a and b`, `a, b and c`."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-def short(value: float, digits: int = 2) -> str:
-    """Number in significant digits, without an exponent where it is readable without."""
-    if value == 0.0 or not isfinite(value):
-        return f"{value:g}"
-    places = digits - 1 - floor(log10(abs(value)))
-    plain = f"{value:.{max(places, 0)}f}" if places > 0 else f"{round(value, places):.0f}"
-    return plain if 1e-4 <= abs(value) < 1e6 else f"{value:.{digits}g}"
-
-
-def with_unit(text: str, unit: str) -> str:
-    """Number and unit; a pure number stands alone."""
-    return text if unit in ("", "1", "-") else f"{text} {unit}"
 
 
 def between(inside: float, outside: float) -> float:

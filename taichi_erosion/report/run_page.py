@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_html, read_text_file, refuse_foreign, write_atomic
+from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive
 from taichi_erosion.report.html import address_of, made, render
 from taichi_erosion.report.markdown import with_spread
@@ -21,6 +22,8 @@ TEMPLATE = "run.html"
 NEEDED = ("scene", "hash", "seed", "replicas", "measures", "measured", "versions")
 OURS, THEIRS = AFTER, BEFORE
 COLUMNS = 3  # panels side by side
+LEAST_RUNS = 2  # that show a scatter
+ONE_RUN = "one run shows no scatter between runs; `replicas` of the scene repeats it with other seeds"
 MOST_WIDE = 4.0  # of a panel [in]
 LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
 
@@ -72,11 +75,6 @@ def seeds_of(document: Document) -> str:
     return f"seed{'' if len(seeds) == 1 else 's'} {', '.join(seeds)}"
 
 
-def counted(number: int, word: str) -> str:
-    """`1 repeat`, `3 repeats`."""
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"
-
-
 def measured_value(wanted: Document) -> dict[str, Any]:
     """Text and source of a measured value."""
     sd, count = wanted.get("sd") or nan, wanted.get("n") or 1
@@ -106,6 +104,8 @@ def sentences(document: Document) -> Iterator[str]:
         difference = found["value"] - wanted["value"]
         error = sqrt((found["sd"] or 0.0) ** 2 / found["n"] + measured_sd**2 / count)
         far = f", {abs(difference) / error:.1f} standard errors" if error > 0.0 else ""
+        if found["n"] < LEAST_RUNS:
+            far = f"; {ONE_RUN}"
         measured = with_spread(wanted["value"], measured_sd, count)
         yield (
             f"{name}: {simulated['text']} {simulated['unit']} simulated, {measured} measured; "

@@ -13,9 +13,11 @@ from typing import Any
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.number_words import plain, short, with_unit
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.report.evidence_results import Document, Results
 from taichi_erosion.report.measured_table import Condition, MeasuredTable
-from taichi_erosion.report.plain_words import short, with_unit, words_of
+from taichi_erosion.report.plain_words import words_of
 
 GRAVITY = 9.81  # m s-2
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
@@ -41,7 +43,7 @@ def strength_words(found: Results, file: StudyFile) -> dict[str, str]:
     actions = (found.discovery or {}).get("actions", {}) | actions
     sentences = {}
     for name, strength in strengths.items():
-        parts = [laws.get(name), action_words(actions.get(name), found.table, found.first["units"])]
+        parts = [laws.get(name), action_words(actions.get(name), found.table, found.units)]
         told = "; ".join(part for part in parts if part)
         if told:
             sentences[name] = f"Strength {short(strength)}: {told}."
@@ -59,13 +61,14 @@ def fitted_strengths(found: Results) -> Iterator[tuple[str, float]]:
         yield from ((name, estimate["value"]) for name, estimate in strengths)
 
 
-def action_words(action: Document | None, table: MeasuredTable, units: Mapping[str, str]) -> str | None:
+def action_words(action: Document | None, table: MeasuredTable, units: TableUnits) -> str | None:
     """`it raises the threshold friction velocity from 0.099 to 0.15 m/s at diameter 0.075 mm`."""
     if action is None or action["without"] is None or action["acting"] is None:
         return None
     name = action["observable"]
     verb = "raises" if action["acting"] > action["without"] else "lowers"
-    change = f"from {short(action['without'])} to {with_unit(short(action['acting']), units.get(name, '1'))}"
+    ends = (short(units.value(name, action[key]) or 0.0) for key in ("without", "acting"))
+    change = with_unit(f"from {' to '.join(ends)}", units.value_unit(name))
     at = [
         condition_text(table.condition(key), value)
         for key, value in action["conditions"].items()
@@ -77,8 +80,8 @@ def action_words(action: Document | None, table: MeasuredTable, units: Mapping[s
 
 def condition_text(condition: Condition, value: float) -> str:
     """`diameter 0.075 mm`."""
-    plain = condition.name.replace("_", " ")
-    return f"{plain} {with_unit(f'{condition.shown(value):.3g}', condition.unit)}"
+    name = condition.name.replace("_", " ")
+    return f"{name} {with_unit(plain(condition.shown(value)), condition.unit)}"
 
 
 def force_words(found: Results, file: StudyFile, strengths: Mapping[str, float]) -> dict[str, str]:

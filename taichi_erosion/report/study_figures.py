@@ -1,14 +1,17 @@
 """Figures of an evidence study: measured values with the models, residuals, probabilities, vault, ladder."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from math import isfinite
+from dataclasses import dataclass, replace
+from math import ceil, isfinite
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+from taichi_erosion.evidence.data.number_words import heading, plain, short, with_unit
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.report.evidence_results import Layer
 from taichi_erosion.report.figure_style import (
     AFTER,
@@ -31,8 +34,19 @@ from taichi_erosion.report.figure_style import (
     single,
 )
 from taichi_erosion.report.html import percent
+from taichi_erosion.report.measured_marks import (
+    DOTS,
+    EDGES,
+    Bools,
+    ValueRange,
+    draw_edge_texts,
+    draw_marks,
+    edge_of,
+    kinds,
+    value_range,
+)
 from taichi_erosion.report.measured_table import Condition, MeasuredTable
-from taichi_erosion.report.plain_words import effect_words, listed, short, with_unit, words_of
+from taichi_erosion.report.plain_words import effect_words, listed, words_of
 
 Record = Mapping[str, Any]
 
@@ -48,6 +62,7 @@ MOST_SERIES = 5  # sets of the other conditions that have lines of their own
 DASHES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v")
 MOST_ANSWERS = 10  # bars of the posterior
+KEY_ROW = 0.18  # height of a row of the key below a panel [in]
 
 
 @dataclass(frozen=True)
@@ -61,6 +76,7 @@ class Points:
     model: Floats
     band: Floats  # half of the 90 % interval of the model's value
     rows: tuple[int, ...]  # places in the result
+    limit: tuple[str, ...]  # "below" or "above" where the measured value is a limit
 
 
 @dataclass(frozen=True)
@@ -68,7 +84,7 @@ class Panel:
     """One observable against one condition, with everything that is drawn there."""
 
     observable: str
-    unit: str
+    units: TableUnits
     condition: Condition | None  # None: no condition varies; rows stand side by side
     layers: Sequence[Layer]
     table: MeasuredTable
@@ -77,12 +93,27 @@ class Panel:
     @property
     def value_label(self) -> str:
         """`threshold friction velocity [m/s]`."""
-        noun = words_of(self.observable).noun
-        return f"{noun} [{self.unit}]" if self.unit not in ("", "1") else noun
+        return heading(words_of(self.observable).noun, self.units.value_unit(self.observable))
+
+    def values(self, column: Sequence[float | None]) -> Floats:
+        """Values of its observable in the unit of the table."""
+        return numbers([self.units.value(self.observable, each) for each in column])
+
+    @property
+    def shown(self) -> ValueRange:
+        """Visible part of the value axis: of measured values and of the models that are drawn at first."""
+        values, ends = [], []
+        for layer in self.layers:
+            points = joined_points(self, layer)
+            values += [points.measured, points.model] if layer.shown else []
+            ends += [points.model - points.band, points.model + points.band] if layer.shown else []
+            known = np.array(points.limit) == ""
+            ends += [(points.measured + sign * points.error)[known] for sign in (-1.0, 1.0)]
+        return value_range(np.concatenate(values), np.concatenate(ends))
 
 
 def panels_of(
-    names: Sequence[str], layers: Sequence[Layer], table: MeasuredTable, units: Record
+    names: Sequence[str], layers: Sequence[Layer], table: MeasuredTable, units: TableUnits
 ) -> Iterator[Panel]:
     """Panels of every observable against every condition that varies among its rows."""
     rows = layers[0].fitted
@@ -91,7 +122,7 @@ def panels_of(
         for axis in varying or [None]:
             condition = None if axis is None else table.condition(axis)
             others = [other for other in varying if other != axis]
-            yield Panel(name, units.get(name, "1"), condition, layers, table, others)
+            yield Panel(name, units, condition, layers, table, others)
 
 
 def varying_conditions(rows: Record, observable: str) -> list[str]:
@@ -113,7 +144,7 @@ def points_of(panel: Panel, rows: Record) -> Points:
         for k, place in enumerate(places)
     }
     kept = sorted((place for place in places if isfinite(x[place])), key=lambda place: x[place])
-    get = {key: numbers(rows[key])[kept] for key in ("measured", "measured_sd", "predicted")}
+    get = {key: panel.values(rows[key])[kept] for key in ("measured", "measured_sd", "predicted")}
     spread = rows.get("model_sd") or rows["predicted_sd"]
     shift = rows.get("shift") or [0.0] * len(spread)
     return Points(
@@ -121,10 +152,17 @@ def points_of(panel: Panel, rows: Record) -> Points:
         series=tuple(series_of(panel, rows, place) for place in kept),
         measured=get["measured"],
         error=HALF_WIDTH * np.nan_to_num(get["measured_sd"]),
-        model=get["predicted"] + np.nan_to_num(numbers(shift)[kept]),
-        band=HALF_WIDTH * np.nan_to_num(numbers(spread)[kept]),
+        model=get["predicted"] + np.nan_to_num(panel.values(shift)[kept]),
+        band=HALF_WIDTH * np.nan_to_num(panel.values(spread)[kept]),
         rows=tuple(kept),
+        limit=tuple(limit_of(rows, place) for place in kept),
     )
+
+
+def limit_of(rows: Record, place: int) -> str:
+    """On which side of a stated limit the value of a row lies; empty for a value."""
+    limits = rows.get("limit") or ()
+    return limits[place] if place < len(limits) else ""
 
 
 def series_of(panel: Panel, rows: Record, place: int) -> str:
@@ -136,34 +174,32 @@ def series_of(panel: Panel, rows: Record, place: int) -> str:
 
 def value_words(condition: Condition, value: float | None) -> str:
     """`moisture 1.5 %`."""
-    plain = condition.name.replace("_", " ")
+    name = condition.name.replace("_", " ")
     if value is None:
-        return f"{plain} not stated"
-    return f"{plain} {with_unit(f'{condition.shown(value):.3g}', condition.unit)}"
+        return f"{name} not stated"
+    return f"{name} {with_unit(plain(condition.shown(value)), condition.unit)}"
 
 
 def draw_first(panel: Panel, width: float) -> Figure:
     """Measured values with their errors, and every model with its band, against one condition."""
     height = 3.5 if width == WIDE else 3.1 if width == NARROW else PANEL[1]
-    figure, frame = single(width, height)
     base = panel.layers[0]
     fitted = points_of(panel, base.fitted)
     held = points_of(panel, base.held) if base.held else None
     names = list(dict.fromkeys([*fitted.series, *(held.series if held else ())]))
+    is_keyed = 1 < len(names) <= MOST_SERIES
+    columns = 3 if width == WIDE else 1
+    rows = ceil(len(names) / columns) if is_keyed else 0
+    figure, frame = single(width, height + KEY_ROW * rows)
     for layer in panel.layers:
         draw_model(frame, panel, layer, names)
-    draw_measured(frame, fitted, names, "fitted", filled=True)
-    if held is not None and held.x.size:
-        draw_measured(frame, held, names, "held", filled=False)
     every = [points for points in (fitted, held) if points is not None]
-    label_axes(
-        frame,
-        panel,
-        np.concatenate([points.x for points in every]),
-        np.concatenate([points.measured for points in every]),
-    )
-    if 1 < len(names) <= MOST_SERIES:
-        draw_series_key(frame, names)
+    label_axes(frame, panel, np.concatenate([points.x for points in every]), panel.shown)
+    draw_measured(frame, panel, fitted, names, "fitted")
+    if held is not None and held.x.size:
+        draw_measured(frame, panel, held, names, "held")
+    if is_keyed:
+        draw_series_key(figure, names, columns)
     return figure
 
 
@@ -181,7 +217,7 @@ def draw_with_key(panels: Sequence[Panel], width: float) -> Figure:
         lines.append(frame.plot([], [], "o", ms=5.0, color=INK, mfc=PAPER, label="measured, held out"))
     for layer in panel.layers:
         lines.append(frame.plot([], [], "-", lw=2.0, color=COLOURS[layer.key], label=KEY[layer.key]))
-    figure.legend(handles=[line for (line,) in lines], loc="outside lower center", ncols=3, fontsize=8.0)
+    figure.legend(handles=[line for (line,) in lines], loc="outside upper left", ncols=3, fontsize=8.0)
     return figure
 
 
@@ -192,44 +228,66 @@ def series_names(panel: Panel) -> list[str]:
     return list(dict.fromkeys(name for series in every for name in series))
 
 
-def label_axes(frame: Axes, panel: Panel, x: Floats, y: Floats) -> None:
-    """Scales and names of the axes; the scale follows the measured values."""
+def label_axes(frame: Axes, panel: Panel, x: Floats, shown: ValueRange) -> None:
+    """Scales and names of the axes."""
     if panel.condition is None:
         frame.set(xlabel="row", xticks=[])
     else:
         scale_axis(frame, "x", x)
         frame.set_xlabel(panel.condition.label)
-    scale_axis(frame, "y", y)
+    show_values(frame, shown)
     frame.set_title(panel.value_label, loc="left")
 
 
-def draw_series_key(frame: Axes, names: Sequence[str]) -> None:
-    """Which mark and line belongs to which set of the other conditions."""
-    for name, marker, dash in zip(names, MARKERS, DASHES, strict=False):
-        frame.plot([], [], marker=marker, linestyle=dash, color=SOFT, ms=4.0, lw=1.0, label=name)
-    frame.legend(fontsize=8.0)
+def show_values(frame: Axes, shown: ValueRange) -> None:
+    """Scale and limits of the value axis."""
+    scale_axis(frame, "y", np.array([shown.low, shown.high]), shown.logarithmic)
+    frame.set_ylim(shown.low, shown.high)
 
 
-def draw_measured(frame: Axes, points: Points, names: Sequence[str], kind: str, filled: bool) -> None:
-    """Measured values with error bars, filled where they were fitted."""
+def draw_series_key(figure: Figure, names: Sequence[str], columns: int) -> None:
+    """Which mark and line belongs to which set of the other conditions, below the panel."""
+    lines = [
+        Line2D([], [], marker=marker, linestyle=dash, color=SOFT, ms=4.0, lw=1.0, label=name)
+        for name, marker, dash in zip(names, MARKERS, DASHES, strict=False)
+    ]
+    figure.legend(handles=lines, fontsize=8.0, loc="outside lower left", ncols=min(columns, len(names)))
+
+
+def draw_measured(frame: Axes, panel: Panel, points: Points, names: Sequence[str], kind: str) -> None:
+    """Measured values with error bars, filled where they were fitted; limits as arrows without bars."""
+    draw_errors(frame, points, panel.shown, INK, f"layer:{kind}")
+    for number, mark, own in marks(points, names, panel.shown):
+        marker = MARKERS[number] if len(names) <= MOST_SERIES else MARKERS[0]
+        style = DOTS | {"marker": marker, "mfc": INK if kind == "fitted" else PAPER}
+        y = edge_of(panel.shown, mark, points.measured[own])
+        draw_marks(frame, points.x[own], y, mark, style, f"rows:{kind}#{number}{mark}")
+        if mark in EDGES:
+            draw_edge_texts(frame, points.x[own], [plain(each) for each in points.measured[own]], mark)
+
+
+def draw_errors(frame: Axes, points: Points, shown: ValueRange, colour: str, gid: str) -> None:
+    """Error bars of values within the axis; a limit has none."""
+    above, below = shown.beyond(points.measured)
+    known = (np.array(points.limit) == "") & ~(above | below)
     frame.errorbar(
-        points.x, points.measured, points.error, fmt="none", ecolor=INK, elinewidth=0.9, gid=f"layer:{kind}"
+        points.x[known],
+        points.measured[known],
+        points.error[known],
+        fmt="none",
+        ecolor=colour,
+        elinewidth=0.9,
+        gid=gid,
     )
+
+
+def marks(points: Points, names: Sequence[str], shown: ValueRange) -> Iterator[tuple[int, str, Bools]]:
+    """Measured values by set of the other conditions and by kind of mark, in the order of drawing."""
     for number, name in enumerate(names):
-        own = np.array([each == name for each in points.series], dtype=bool)
-        if own.any():
-            marker = MARKERS[number] if len(names) <= MOST_SERIES else MARKERS[0]
-            (line,) = frame.plot(
-                points.x[own],
-                points.measured[own],
-                marker,
-                ms=5.0,
-                color=INK,
-                mfc=INK if filled else PAPER,
-                mew=1.1,
-                zorder=5,
-            )
-            line.set_gid(f"rows:{kind}#{number}")
+        own = np.array([each == name for each in points.series], dtype=np.bool_)
+        for mark, chosen in kinds(points.measured, points.limit, shown):
+            if (own & chosen).any():
+                yield number, mark, own & chosen
 
 
 def draw_model(frame: Axes, panel: Panel, layer: Layer, names: Sequence[str]) -> None:
@@ -264,7 +322,10 @@ def joined_points(panel: Panel, layer: Layer) -> Points:
         for name in ("x", "measured", "error", "model", "band")
     ]
     x, measured, error, model, band = columns
-    return Points(x, tuple(series[k] for k in order), measured, error, model, band, ())
+    limit = [each for part in parts for each in part.limit]
+    ordered = (tuple(column[k] for k in order) for column in (series, limit))
+    names, limits = ordered
+    return Points(x, names, measured, error, model, band, (), limits)
 
 
 def first_pictures(panels: Sequence[Panel]) -> list[tuple[Panel, Picture]]:
@@ -295,9 +356,9 @@ def hover_texts(panel: Panel) -> dict[str, list[str]]:
         if rows is None:
             continue
         points = points_of(panel, rows)
-        for number, name in enumerate(names):
-            own = [place for place, each in zip(points.rows, points.series, strict=True) if each == name]
-            texts[f"{kind}#{number}"] = [row_text(panel, kind, rows, place) for place in own]
+        for number, mark, own in marks(points, names, panel.shown):
+            places = np.array(points.rows)[own].tolist()
+            texts[f"{kind}#{number}{mark}"] = [row_text(panel, kind, rows, place) for place in places]
     return texts
 
 
@@ -305,11 +366,11 @@ def row_text(panel: Panel, kind: str, rows: Record, place: int) -> str:
     """Everything about one measured value: conditions, table row, source, what every model says."""
     value, sd = rows["measured"][place], rows["measured_sd"][place]
     behind = panel.table.behind(rows, place)
-    lines = [
-        f"measured {with_unit(short(value, 3), panel.unit)}"
-        + (f", 90 % interval ± {short(HALF_WIDTH * sd)}" if sd else "")
-        + (" (held out)" if kind == "held" else "")
-    ]
+    unit, limit = panel.units.value_unit(panel.observable), limit_of(rows, place)
+    size = with_unit(short(float(panel.values([value])[0]), 3), unit)
+    error = f", 90 % interval ± {short(HALF_WIDTH * float(panel.values([sd])[0]))}" if sd else ""
+    words = f"measured: {limit} {size}" if limit else f"measured {size}{error}"
+    lines = [words + (" (held out)" if kind == "held" else "")]
     lines += [
         value_words(panel.table.condition(name), column[place])
         for name, column in rows["conditions"].items()
@@ -319,7 +380,8 @@ def row_text(panel: Panel, kind: str, rows: Record, place: int) -> str:
         table = layer.held if kind == "held" else layer.fitted
         if table and place < len(table["predicted"]) and table["predicted"][place] is not None:
             shift = (table.get("shift") or {place: 0.0})[place] or 0.0
-            lines.append(f"{layer.label}: {short(table['predicted'][place] + shift, 3)}")
+            modelled = float(panel.values([table["predicted"][place] + shift])[0])
+            lines.append(f"{layer.label}: {short(modelled, 3)}")
     if behind:
         word = "row" if len(behind) == 1 else "rows"
         repeats = sum(row.n or 1 for row in behind)
@@ -347,30 +409,50 @@ def draw_residuals(panel: Panel) -> Figure:
     figure, frame = single(*PANEL)
     assert panel.condition is not None
     frame.axhline(0.0, color=SOFT, lw=0.8)
-    x = np.zeros(0)
+    gaps, shown = residual_points(panel)
+    for layer in gaps:
+        colour, points = COLOURS[layer], gaps[layer]
+        draw_errors(frame, points, shown, colour, f"layer:{layer}")
+        for _, mark, own in marks(points, [""], shown):
+            y = edge_of(shown, mark, points.measured[own])
+            style = DOTS | {"marker": "o", "ms": 4.0, "color": colour, "mfc": colour}
+            draw_marks(frame, points.x[own], y, mark, style, f"rows:{layer}#{mark}")
+    scale_axis(frame, "x", next(iter(gaps.values())).x)
+    show_values(frame, shown)
+    frame.set_xlabel(panel.condition.label)
+    unit = panel.units.value_unit(panel.observable)
+    noun = words_of(panel.observable).noun
+    frame.set_title(f"{noun},\n{heading('measured less model', unit)}", loc="left")
+    return figure
+
+
+def residual_points(panel: Panel) -> tuple[dict[str, Points], ValueRange]:
+    """Measured less model of the models before and after, and the visible part of the axis.
+
+    A limit less the model is a limit of the residual. Errors are those on which p rests.
+    """
+    found = {}
     for layer in panel.layers[:2]:
         points = points_of(panel, layer.fitted)
-        x, gap = points.x, points.measured - points.model
-        simulated = np.nan_to_num(numbers(layer.fitted["predicted_sd"])[list(points.rows)])
-        error = np.hypot(points.error, HALF_WIDTH * simulated)  # the errors on which p rests
-        frame.errorbar(
-            x, gap, error, fmt="none", ecolor=COLOURS[layer.key], elinewidth=0.8, gid=f"layer:{layer.key}"
-        )
-        (line,) = frame.plot(x, gap, "o", ms=4.0, color=COLOURS[layer.key])
-        line.set_gid(f"rows:{layer.key}")
-    scale_axis(frame, "x", x)
-    unit = "" if panel.unit in ("", "1") else f" [{panel.unit}]"
-    frame.set_xlabel(panel.condition.label)
-    frame.set_title(f"{words_of(panel.observable).noun},\nmeasured less model{unit}", loc="left")
-    return figure
+        simulated = np.nan_to_num(panel.values(layer.fitted["predicted_sd"])[list(points.rows)])
+        error = np.hypot(points.error, HALF_WIDTH * simulated)
+        gap = points.measured - points.model
+        found[layer.key] = replace(points, measured=gap, error=error, series=("",) * gap.size)
+    gap = np.concatenate([points.measured for points in found.values()])
+    error = np.concatenate([points.error for points in found.values()])
+    return found, value_range(np.append(gap, 0.0), np.concatenate([gap - error, gap + error]))
 
 
 def residual_texts(panel: Panel) -> dict[str, list[str]]:
     """Texts of the points of a residual figure."""
     rows = {layer.key: layer.fitted for layer in panel.layers[:2]}
+    gaps, shown = residual_points(panel)
     return {
-        key: [row_text(panel, "fitted", table, place) for place in points_of(panel, table).rows]
+        f"{key}#{mark}": [
+            row_text(panel, "fitted", table, place) for place in np.array(gaps[key].rows)[own].tolist()
+        ]
         for key, table in rows.items()
+        for _, mark, own in marks(gaps[key], [""], shown)
     }
 
 

@@ -49,6 +49,18 @@ def test_a_difference_is_judged_by_scatter_and_by_standard_errors():
     assert other == "`flux` is 14 kg/(m s) lower than measured, far outside both scatters."
 
 
+def test_one_run_has_no_scatter_that_a_difference_could_be_judged_by():
+    document = run_document(28.7)
+    document["measures"]["repose_angle"]["n"] = 1
+    told = next(after_run(document))
+    assert "far outside" not in told
+    assert "standard errors" not in told
+    assert told.endswith(
+        "6.9 times the measured scatter; one run shows no scatter between runs: "
+        "`--set scene.replicas=3` does."
+    )
+
+
 def test_studies_are_found_by_the_scene_that_they_name():
     found = studies_of(ROOT / "scenes" / "funnel_repose.toml")
     assert found["calibration"].name == "funnel_soil.toml"
@@ -74,8 +86,8 @@ def test_a_discovery_leads_on_by_its_verdict():
     assert any("next a.toml" in line for line in silent)
 
 
-def adoption(before: float | None, after: float | None) -> dict:
-    fits = {"base": {"vault_chi2": before}, "added": {"vault_chi2": after}}
+def adoption(before: float | None, after: float | None, opened: int = 1) -> dict:
+    fits = {"base": {"vault_chi2": before}, "added": {"vault_chi2": after}, "vault": {"opened": opened}}
     return fits | {"written": "a_with_x.toml", "study": "a.toml"}
 
 
@@ -85,6 +97,14 @@ def test_an_adoption_says_what_the_held_out_rows_said():
     assert "do not support it" in refuted[0]
     assert not any("a_with_x" in line for line in refuted)
     assert "No held-out row" in next(after_adoption(adoption(None, None)))
+
+
+def test_rows_of_a_vault_opened_twice_are_not_called_unseen():
+    assert "no fit has seen" in next(after_adoption(adoption(40.0, 3.0)))
+    for after in (3.0, 38.0):
+        again = next(after_adoption(adoption(40.0, after, opened=2)))
+        assert "no fit has seen" not in again
+        assert "opened 2 times" in again
 
 
 def test_proposed_experiments_lead_back_to_the_table():

@@ -40,8 +40,12 @@ addEventListener("load", () => setTimeout(() => {
   const box = drawn.find((one) => one.width > 0) || { bottom: 1e9, width: 0 };
   const wide = Math.max(document.documentElement.scrollWidth, document.body.scrollWidth);
   const letters = Math.min(99, ...boxes("svg text", document).map(([one, b]) => Math.max(b.height, b.width)));
+  const hinted = (one) => one && one.classList.contains("hint") && one.getBoundingClientRect().height > 0;
+  const cut = all(".scroll")
+    .filter((one) => (one.scrollWidth > one.clientWidth + 1) !== Boolean(hinted(one.previousElementSibling)))
+    .map((one) => one.textContent.trim().slice(0, 60));
   parent.postMessage({ name: "NAME", scroll: wide - innerWidth, bottom: box.bottom, width: box.width,
-    overlaps, outside, letters, errors: window.complaints }, "*");
+    overlaps, outside, letters, cut, errors: window.complaints }, "*");
 }, 200));
 </script>
 """
@@ -110,4 +114,5 @@ def assert_readable(pages: Mapping[str, Path], folder: Path) -> None:
         assert page["width"] > 200.0, f"{key}: its first figure is {page['width']:.0f} px wide"
         assert page["overlaps"] == [], key
         assert page["outside"] == [], key
+        assert page["cut"] == [], f"{key}: a wide table has no hint, or a narrow one has"
         assert page["letters"] >= 9.0, f"{key}: letters of {page['letters']:.1f} px"

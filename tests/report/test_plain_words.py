@@ -2,9 +2,10 @@
 
 import pytest
 
+from taichi_erosion.evidence.data.number_words import short
 from taichi_erosion.report.lead import subject_words
 from taichi_erosion.report.measured_table import Condition, MeasuredTable
-from taichi_erosion.report.plain_words import between, short, words_of
+from taichi_erosion.report.plain_words import between, words_of
 from taichi_erosion.report.strength_words import engineering, leaves
 
 DIAMETER = Condition("diameter", "grains.size.diameter", "mm", 1e-3)

@@ -18,6 +18,8 @@ import numpy as np
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
+from taichi_erosion.evidence.answers.agreement_words import row_sentences
+from taichi_erosion.evidence.answers.held_out_words import remainder_words
 from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,
@@ -25,10 +27,11 @@ from taichi_erosion.evidence.data.findings import (
     Discovery,
     HypothesisFit,
     NearestHypothesis,
-    RowMisfit,
     Variants,
     VaultErrors,
 )
+from taichi_erosion.evidence.data.number_words import counted
+from taichi_erosion.evidence.data.table_units import KEY
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.measures.result import without_nan
@@ -65,7 +68,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
         )
     sentences += nearest_sentences(found.nearest)
     if found.verdict == "outside_library":
-        sentences += row_sentences(found.worst_row)
+        sentences += row_sentences(None if found.worst_row is None else asdict(found.worst_row))
     sentences += [
         place.sentence for place in found.where if levels.fails(place.p) and not found.range_suffices
     ]
@@ -124,7 +127,8 @@ def verdict_sentence(found: Discovery) -> str:
     """One sentence for the verdict."""
     if levels.too_few_rows(found.n, found.calibrated):
         return (
-            f"{found.n} rows of known scatter cannot decide where {found.calibrated} numbers are calibrated; "
+            f"{counted(found.n, 'measured mean')} of known scatter cannot decide where "
+            f"{counted(found.calibrated, 'number')} {'is' if found.calibrated == 1 else 'are'} calibrated; "
             f"nothing is named. Could be hiding: {', '.join(found.effects)}."
         )
     if found.verdict in ("none_detected", "not_testable"):
@@ -220,25 +224,12 @@ def rejection_sentences(found: Discovery) -> list[str]:
             "then nothing can be concluded on effects."
         )
         return told
-    told += row_sentences(found.worst_row)
+    told += row_sentences(None if found.worst_row is None else asdict(found.worst_row))
     if found.worst_row is None and found.scatter_factor > 1.0:
         told.append(f"A scatter {found.scatter_factor:.2g} times as large as stated would explain it.")
         if not places:
             told.append("The misfit is spread over the rows, along no condition.")
     return told
-
-
-def row_sentences(worst: RowMisfit | None) -> list[str]:
-    """The row that holds most of a misfit, and what is left without it."""
-    if worst is None:
-        return []
-    at = ", ".join(f"{name} = {value:.3g}" for name, value in worst.conditions.items() if value == value)
-    way = "above" if worst.residual_sd > 0.0 else "below"
-    where = f"{worst.observable} at {at}, {abs(worst.residual_sd):.2g} sd {way} the model"
-    return [
-        f"One row holds {worst.share:.0%} of the misfit: {where}; without it "
-        f"{levels.p_text(worst.p_without)}."
-    ]
 
 
 def silence_sentence(found: Discovery) -> str:
@@ -341,11 +332,6 @@ def control_sentence(found: Adoption) -> str:
     return f" {' and '.join(dict.fromkeys(equal))} does as well there: these rows do not tell them apart."
 
 
-def refuted(before: float, after: float) -> bool:
-    """Whether held-out rows contradict what was adopted: they failed before, and hardly less after."""
-    return before > levels.HELD_OUT_MISFIT and after > levels.HELD_OUT_SHARE * before
-
-
 def missing_sentence(found: Adoption) -> str:
     """How many held-out rows do not count for want of a value; nothing where all do."""
     if found.base.vault_rows is None:
@@ -384,6 +370,7 @@ def study_document(study: Study) -> Document:
         "adopted": list(study.file.adopted),
         "candidates": [candidate.name for candidate in study.problem.candidates],
         "units": dict(zip(table.observable, table.unit, strict=True)),
+        KEY: table.table_units.record(),
         "notes": list(study.notes),
         "rows_visible": table.size - len(study.problem.vault.rows),
         "rows_hidden": len(study.problem.vault.rows),

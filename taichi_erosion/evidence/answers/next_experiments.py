@@ -32,6 +32,7 @@ from taichi_erosion.evidence.data.findings import (
     Proposals,
 )
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import (
     Bools,
     Conditions,
@@ -40,6 +41,7 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     expected_strength,
 )
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale, position_of, slope
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.map_fit import Objective
@@ -74,7 +76,7 @@ class DesignPool:
     variance: Floats  # of the mean of the repeats, on the comparison scale
     cost: Floats
     share: Floats  # (pool, conditions): place within the ranges [1]; 0 for a condition that does not vary
-    scales: Mapping[str, Scale] = field(default_factory=dict)  # of the conditions: from table to use
+    units: TableUnits = field(default_factory=TableUnits)
 
 
 @dataclass(frozen=True)
@@ -241,7 +243,7 @@ def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool
         np.array([noise[index] for index in which]),
         np.array([cost[index] for index in which]),
         np.concatenate([share for _, _, share in parts]),
-        prepared.problem.measurements.scales,
+        prepared.problem.measurements.table_units,
     )
 
 
@@ -288,7 +290,7 @@ def settings_of(prepared: PreparedProblem, laboratory: Laboratory, index: int) -
         low, high = ranges.get(name, (np.nan, np.nan))
         part = points[:, varied.index(name)] if name in varied else np.zeros(points.shape[0])
         value = low * (high / low) ** part if low > 0.0 else low + part * (high - low)
-        scale = prepared.problem.measurements.scales.get(name, Scale())
+        scale = prepared.problem.measurements.table_units.conditions.get(name, Scale())
         settings[name] = np.clip(rounded(value, scale), low, high) if name in varied else value
     share = np.column_stack([place(settings[name], ranges, name) for name in prepared.rows.conditions])
     share, first = np.unique(np.round(share, 9), axis=0, return_index=True)
@@ -419,12 +421,6 @@ def decision_chance(pool: DesignPool, rivals: list[RivalPrediction], chosen: lis
     return won
 
 
-def stated(name: str, value: float, scales: Mapping[str, Scale]) -> str:
-    """A condition in the unit of the laboratory's table."""
-    scale = scales.get(name, Scale())
-    return f"{name} = {scale.written(value):.3g} {scale.unit}".rstrip()
-
-
 def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance: float) -> Experiment:
     """One proposal in the laboratory's words."""
     observable = pool.rows.observables[int(pool.rows.which[at])]
@@ -437,8 +433,17 @@ def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance:
     conditions = {
         n: float(column[at]) for n, column in pool.rows.conditions.items() if np.isfinite(column[at])
     }
-    setting = ", ".join(stated(name, value, pool.scales) for name, value in conditions.items())
+    setting = pool.units.setting_text(conditions)
     expected = list(predictions.items())[:3]
-    told = ", ".join(f"{m:.3g} +- {s:.2g} if {spoken(name)}" for name, (m, s) in expected)
+    told = ", ".join(
+        f"{prediction_words(pool.units, observable.name, *values)} if {spoken(name)}"
+        for name, values in expected
+    )
     words = f"Measure {observable.name} at {setting}: {told}; chance of deciding so far {chance:.0%}."
     return Experiment(observable.name, conditions, predictions, chance, float(pool.cost[at]), words)
+
+
+def prediction_words(units: TableUnits, observable: str, mean: float, sd: float) -> str:
+    """`25.3 +- 0.8 cm/s`."""
+    middle = plain(units.value(observable, mean) or 0.0)
+    return f"{middle} +- {units.value_text(observable, sd, 2)}"

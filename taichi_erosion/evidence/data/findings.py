@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "not_testable"]
+Limit = Literal["", "below", "above"]
 NONE, OUTSIDE = "none", "outside_library"  # keys of probabilities beside effects and pairs "a+b"
 FIGURES = (
     "measured",
@@ -110,6 +111,7 @@ class Rows:
     residual: Floats  # whitened: in standard deviations
     model_sd: Floats  # standard error of `predicted`: calibrated numbers, strengths, simulated mean
     shift: Floats  # of `predicted` by errors that rows share, at their best; 0 where it is shifted already
+    limit: tuple[Limit, ...] = ()  # of which rows `measured` is a limit, and on which side the value lies
 
     def select(self, chosen: Bools) -> "Rows":
         """Some rows of the table."""
@@ -119,6 +121,7 @@ class Rows:
             tuple(self.group[i] for i in kept),
             {name: column[kept] for name, column in self.conditions.items()},
             *(getattr(self, name)[kept] for name in FIGURES),
+            limit=tuple(self.limit[i] for i in kept) if self.limit else (),
         )
 
 
@@ -172,6 +175,7 @@ class RowMisfit:
     residual_sd: float  # measured minus predicted, in standard deviations
     share: float  # of the misfit [1]
     p_without: float  # of the misfit that the other rows leave
+    setting: str = ""  # the conditions in words, in the units of the table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,10 +237,11 @@ class Law:
     """A hypothesis for an effect that no library holds: correction = sum_j c_j prod_i x_i^p_ij."""
 
     observable: str
-    expression: str
+    expression: str  # in the units of the model
     terms: tuple[Mapping[str, float], ...]  # condition -> power
     coefficients: tuple[float, ...]
     held_out_share: float  # share of the misfit that left-out groups see explained [1]
+    sentence: str = ""  # the expression in the units of the table
 
 
 @dataclass(frozen=True)

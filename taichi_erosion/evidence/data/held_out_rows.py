@@ -14,6 +14,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
+from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.problem import Bools, Integers, Measurements
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
@@ -35,7 +36,9 @@ def split(
     hidden = inside | np.array([unit in drawn for unit in units], dtype=np.bool_)
     if hidden.all():
         raise BadInput("vault: fraction and ranges hold out every row; leave some to fit")
-    return np.flatnonzero(hidden), split_sentence(len(drawn), by_group, ranges, int(hidden.sum()), len(units))
+    return np.flatnonzero(hidden), split_sentence(
+        len(drawn), by_group, range_words(measurements, ranges), int(hidden.sum()), len(units)
+    )
 
 
 def in_ranges(measurements: Measurements, ranges: Mapping[str, Sequence[float]]) -> Bools:
@@ -138,15 +141,20 @@ def content_digest(measurements: Measurements) -> str:
     return sha256("\n".join(lines).encode()).hexdigest()
 
 
-def split_sentence(
-    drawn: int, by_group: bool, ranges: Mapping[str, Sequence[float]], rows: int, among: int
-) -> str:
+def range_words(measurements: Measurements, ranges: Mapping[str, Sequence[float]]) -> str:
+    """Ranges that are held out, in the units of the table."""
+    units = measurements.table_units
+    texts = {name: [units.condition_text(name, end) for end in ends] for name, ends in ranges.items()}
+    return "".join(f", and {name} from {low} to {high}" for name, (low, high) in texts.items())
+
+
+def split_sentence(drawn: int, by_group: bool, named: str, rows: int, among: int) -> str:
     """Sentence about the split."""
-    kind = "groups" if by_group else "sets of conditions (there are too few groups to hold them out whole)"
-    named = "".join(f", and {name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
+    few = " of conditions (there are too few groups to hold them out whole)"
+    kind = counted(drawn, "group") if by_group else f"{counted(drawn, 'set')}{few}"
     if not rows:
         return "Nothing is held out: there are too few conditions. No error on unseen data can be shown."
-    return f"{rows} of {among} rows are held out: {drawn} {kind}{named}."
+    return f"{rows} of {among} rows are held out: {kind}{named}."
 
 
 def openings(folder: Path, digest: str) -> int:

@@ -1,5 +1,6 @@
 """Measurements of a study: rows of its table in the units of the model, and sentences about the others."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
@@ -11,6 +12,7 @@ import numpy as np
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Measurements
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told, column_roles
 from taichi_erosion.evidence.data.tables.headings import read_heading
 from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells, tidy_name
@@ -137,7 +139,7 @@ def study_measurements(
         censored=np.array([row.censored for row in rows], dtype=np.bool_),
         limit=np.array(limits),
         source=tuple(row.source for row in rows),
-        scales=scales,
+        table_units=TableUnits(value_scales(rows, units), scales),
         reach=np.array([s * row.reach for row, s in zip(rows, factors, strict=True)]),
     )
     return measurements, [*table.notes, *unused_notes(table, file), *ignored_notes(table, file)]
@@ -226,6 +228,16 @@ def unit_factor(row: Row, unit: str, file: str) -> float:
     if factor is None:
         raise BadInput(f"{file}: row {row.line}, unit = '{row.unit}': {row.observable} is counted in {unit}")
     return factor
+
+
+def value_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Scale]:
+    """Scale of every observable, from the unit that most of its rows have to that of the model."""
+    found = {}
+    for name, unit in units.items():
+        written = Counter(row.unit for row in rows if row.observable == name).most_common(1)[0][0]
+        factor = conversion(parse_unit(written), parse_unit(unit))
+        found[name] = Scale(written, 1.0 if factor is None else factor)
+    return found
 
 
 def censoring_limit(row: Row, factor: float, entry: ObservableEntry, file: str) -> float:

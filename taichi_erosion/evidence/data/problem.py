@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.scene.schema.units import Scale
+from taichi_erosion.evidence.data.table_units import TableUnits
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -64,7 +64,7 @@ class Measurements:
     censored: Bools  # only limits of the true value are known
     limit: Floats  # below which ("no transport"), above which or about which it lies; NaN where not censored
     source: tuple[str, ...]
-    scales: Mapping[str, Scale] = field(default_factory=dict)  # of the conditions: from table to use
+    table_units: TableUnits = field(default_factory=TableUnits)
     reach: Floats | None = None  # of censored values: -inf below `limit`, +inf above, h within; None: below
 
     @property
@@ -85,7 +85,7 @@ class Measurements:
             censored=self.censored[index],
             limit=self.limit[index],
             source=tuple(self.source[i] for i in index),
-            scales=self.scales,
+            table_units=self.table_units,
             reach=None if self.reach is None else self.reach[index],
         )
 
@@ -94,11 +94,6 @@ class Measurements:
         """How far the true value may lie from `limit`, 0 for an ordinary row."""
         below = np.full(self.size, -np.inf)
         return np.where(self.censored, below if self.reach is None else self.reach, 0.0)
-
-    def written(self, condition: str, used: float) -> tuple[float, str]:
-        """A condition as the table has it: number and unit."""
-        scale = self.scales.get(condition, Scale())
-        return scale.written(used), scale.unit
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from taichi_erosion.evidence.data.findings import (
 )
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     Expansion,
@@ -102,7 +103,7 @@ def structure_p(left: ProjectedResidual, factor: Floats) -> float:
 
 def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[MisfitPlace, ...]:
     """Every observable as a whole and along each condition, worst first, with its adjusted chance."""
-    left = projected_residual(prepared, expansion)
+    left, units = projected_residual(prepared, expansion), prepared.problem.measurements.table_units
     found: list[tuple[str, str, float, str, tuple[Stretch, ...]]] = []
     for observable, rows in prepared.by_observable():
         if observable.name not in prepared.levels:
@@ -118,7 +119,7 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
             values, vectors = np.linalg.eigh(np.exp(-0.5 * squared_distance(axis, LENGTH)))
             factor = np.zeros((prepared.rows.size, axis.size))
             factor[rows] = vectors * np.sqrt(np.maximum(values, 0.0))
-            words = failing_range(name, column[rows], left.free[rows])
+            words = failing_range(name, column[rows], left.free[rows], units)
             where = failing_stretches(column[rows], left.free[rows])
             found.append((observable.name, name, structure_p(left, factor), words, where))
     adjusted = holm([p for _, _, p, *_ in found])
@@ -168,15 +169,17 @@ def axis_bins(column: Floats, free: Floats) -> list[AxisBin]:
     return found
 
 
-def failing_range(axis: str, column: Floats, free: Floats) -> str:
+def failing_range(axis: str, column: Floats, free: Floats, units: TableUnits) -> str:
     """Where along an axis the model fails, and in which direction: a trend, or one range."""
     bins = axis_bins(column, free)
     runs = failing_runs(bins)
-    words = " and ".join(f"{direction(bins[run[0]].size)} {range_words(axis, bins, run)}" for run in runs)
+    words = " and ".join(
+        f"{direction(bins[run[0]].size)} {range_words(axis, bins, run, units)}" for run in runs
+    )
     if len(runs) == 1:
         return words
     way = "rises" if bins[-1].size > 0.0 else "falls"
-    return f"{words}: measured {way} with {axis}, and the model does not follow"
+    return f"{words}: measured less model {way} with {axis}"
 
 
 def failing_runs(bins: list[AxisBin]) -> list[tuple[int, int]]:
@@ -217,18 +220,18 @@ def run_from(bins: list[AxisBin], start: int) -> tuple[int, int]:
     return low, high
 
 
-def range_words(axis: str, bins: list[AxisBin], run: tuple[int, int]) -> str:
+def range_words(axis: str, bins: list[AxisBin], run: tuple[int, int], units: TableUnits) -> str:
     """A range of bins in words."""
-    low, high = bins[run[0]].low, bins[run[1]].high
     if run == (0, len(bins) - 1):
         return f"at every {axis}"
+    low, high = (units.condition_text(axis, end) for end in (bins[run[0]].low, bins[run[1]].high))
     if low == high:
-        return f"at {axis} = {high:.3g}"
+        return f"at {axis} = {high}"
     if run[0] == 0:
-        return f"up to {axis} = {high:.3g}"
+        return f"up to {axis} = {high}"
     if run[1] == len(bins) - 1:
-        return f"from {axis} = {low:.3g}"
-    return f"for {axis} between {low:.3g} and {high:.3g}"
+        return f"from {axis} = {low}"
+    return f"for {axis} between {low} and {high}"
 
 
 def place_sentence(observable: str, axis: str, words: str, p: float) -> str:
@@ -290,6 +293,7 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floa
         residual=residual,
         model_sd=np.sqrt(calibrated + simulated) / steep,
         shift=shifted - predicted,
+        limit=tuple("below" if censored else "" for censored in rows.censored),
     )
 
 
@@ -324,9 +328,11 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion) -> RowMisfit | No
     rest = np.arange(left.whole.size) != row
     others = left.free[rest] - matrix[rest, row] * left.free[row] / own[row]
     freed = matrix[np.ix_(rest, rest)] - np.outer(matrix[rest, row], matrix[row, rest]) / own[row]
+    conditions = {name: float(column[row]) for name, column in prepared.rows.conditions.items()}
     return RowMisfit(
         observable=prepared.rows.observables[prepared.rows.which[row]].name,
-        conditions={name: float(column[row]) for name, column in prepared.rows.conditions.items()},
+        conditions=conditions,
+        setting=prepared.problem.measurements.table_units.setting_text(conditions),
         residual_sd=float(left.free[row] / np.sqrt(own[row])),
         share=share,
         p_without=float(quadratic_form_p(float(others @ others), freed)),

@@ -15,7 +15,9 @@ from scipy.interpolate import PchipInterpolator
 
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Estimate, LevelShift
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import axis_value, effect_of
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.marginal_likelihood import (
@@ -172,14 +174,13 @@ def level_shifts(prepared: PreparedProblem, scored: ScoredHypothesis) -> tuple[L
 
 def level_shift(prepared: PreparedProblem, index: int, levels_off: Floats, probability: float) -> LevelShift:
     """One level in words, from its value and the ends of its interval, in prior sd."""
-    name, table = prepared.levels[index], prepared.problem.measurements
+    name = prepared.levels[index]
     observable = next(each for each in prepared.rows.observables if each.name == name)
     own = prepared.rows.which == prepared.rows.observables.index(observable)
     value, low, high = levels_off * float(np.max(prepared.rows.shared[own, index]))
     kind: Literal["factor", "offset"] = "offset" if observable.transform == "identity" else "factor"
     if kind == "offset":
-        unit = next((u for n, u in zip(table.observable, table.unit, strict=True) if n == name), "")
-        words = offset_words(value, low, high, unit)
+        words = offset_words(value, low, high, prepared.problem.measurements.table_units, name)
     else:
         value, low, high = (float(np.exp(each)) for each in (value, low, high))
         words = f"measured is {value:.3g} ({low:.3g} to {high:.3g}) times the model"
@@ -190,11 +191,13 @@ def level_shift(prepared: PreparedProblem, index: int, levels_off: Floats, proba
     return LevelShift(name, kind, value, low, high, probability, sentence)
 
 
-def offset_words(value: float, low: float, high: float, unit: str) -> str:
-    """An offset with its interval."""
+def offset_words(value: float, low: float, high: float, units: TableUnits, observable: str) -> str:
+    """An offset with its interval, in the unit of the table."""
     way = "higher" if value > 0.0 else "lower"
     ends = (low, high) if value > 0.0 else (-high, -low)
-    return f"measured is {abs(value):.2g} {unit} ({ends[0]:.2g} to {ends[1]:.2g}) {way} than the model"
+    low_text, high_text = (plain(units.value(observable, end) or 0.0, 2) for end in ends)
+    size = units.value_text(observable, abs(value), 2)
+    return f"measured is {size} ({low_text} to {high_text}) {way} than the model"
 
 
 def quantile(grid: Floats, share: Floats, level: float) -> float:

@@ -13,7 +13,9 @@ import numpy as np
 from scipy import stats
 
 from taichi_erosion.evidence.data.findings import Law, MisfitPlace, ResidualTrend, VaryingNumber
+from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
 from taichi_erosion.evidence.inference.goodness_of_fit import LEVEL_AXIS, axis_bins, freedom
@@ -54,10 +56,10 @@ def residual_trend(
 ) -> ResidualTrend:
     """Axis, sign, exponent and law of one observable."""
     law = best_law(prepared, left, rows, place.observable)
-    told = ""
+    told, units = "", prepared.problem.measurements.table_units
     if law is not None:
         share = f"explains {law.held_out_share:.0%} of the misfit of left-out groups"
-        told = f"; hypothesis: {law.expression} ({share})"
+        told = f"; hypothesis: {law.sentence} ({share})"
     column = prepared.rows.conditions.get(place.axis)
     if column is None:
         sign = int(np.sign(left.free[rows].sum()))
@@ -69,8 +71,9 @@ def residual_trend(
     exponent, low, high = scaling(prepared, left, rows, column)
     words = f"{place.observable}: measured minus predicted "
     turn = extremum(column[rows], left.free[rows])
-    if turn:
-        words += f"{turn} of {place.axis}"
+    if turn is not None:
+        shape, at = turn
+        words += f"{shape} {place.axis} = {units.condition_text(place.axis, at)}"
     else:
         words += f"{'rises' if sign > 0 else 'falls'} with {place.axis}"
         if np.isfinite(exponent):
@@ -78,11 +81,11 @@ def residual_trend(
     return ResidualTrend(place.observable, place.axis, sign, exponent, low, high, words + told, law)
 
 
-def extremum(column: Floats, free: Floats) -> str:
-    """Where the residual has its extremum, if both ends lie clearly to the same side of it; else nothing."""
+def extremum(column: Floats, free: Floats) -> tuple[str, float] | None:
+    """Kind and place of the residual's extremum, if both ends lie clearly to the same side of it."""
     bins = axis_bins(column, free)
     if len(bins) < LEAST_BINS:
-        return ""
+        return None
     for sign, words in ((1.0, "has a bump at"), (-1.0, "has a dip at")):
         top = max(range(len(bins)), key=lambda k: sign * bins[k].mean)
         ends = (bins[0], bins[-1])
@@ -91,8 +94,8 @@ def extremum(column: Floats, free: Floats) -> str:
             for end in ends
         ]
         if 0 < top < len(bins) - 1 and min(gaps) > CLEAR_TURN:
-            return f"{words} {0.5 * (bins[top].low + bins[top].high):.3g}"
-    return ""
+            return words, 0.5 * (bins[top].low + bins[top].high)
+    return None
 
 
 def varying_number(prepared: PreparedProblem, base: Expansion) -> VaryingNumber | None:
@@ -206,8 +209,11 @@ def best_law(prepared: PreparedProblem, left: ProjectedResidual, rows: Bools, ob
     solved = np.linalg.lstsq(left.project(white[:, chosen]), left.free, rcond=None)[0]
     coefficients = tuple(float(value) for value in solved)
     law = tuple(terms[i] for i in chosen)
-    words = expression(prepared, rows, observable, law, coefficients)
-    return Law(observable, words, law, coefficients, share)
+    texts = [
+        expression(prepared, rows, observable, (law, coefficients), units)
+        for units in (TableUnits(), prepared.problem.measurements.table_units)
+    ]
+    return Law(observable, texts[0], law, coefficients, share, texts[1])
 
 
 def held_out_share(left: ProjectedResidual, free: Floats, folds: Integers) -> float:
@@ -226,16 +232,20 @@ def expression(
     prepared: PreparedProblem,
     rows: Bools,
     observable: str,
-    terms: tuple[dict[str, float], ...],
-    coefficients: tuple[float, ...],
+    law: tuple[tuple[dict[str, float], ...], tuple[float, ...]],
+    units: TableUnits,
 ) -> str:
-    """The law in writing, every condition over its typical value."""
+    """A law, its terms and coefficients, in writing: every condition over its typical value."""
+    terms, coefficients = law
     scale = next(o.transform for o in prepared.rows.observables if o.name == observable)
-    left_side = f"change of {observable}" if scale == "identity" else f"change of ln {observable}"
+    left_side = f"change of ln {observable}"
+    if scale == "identity":
+        left_side = f"change of {heading(observable, units.value_unit(observable))}"
+        coefficients = tuple(units.value(observable, each) or 0.0 for each in coefficients)
     written = []
     for term, coefficient in zip(terms, coefficients, strict=True):
         factors = [
-            f"({name} / {typical(prepared.rows.conditions[name][rows]):.3g})^{power:g}"
+            f"({name} / {units.size_text(name, typical(prepared.rows.conditions[name][rows]))})^{power:g}"
             for name, power in term.items()
         ]
         written.append(f"{coefficient:+.3g} {' '.join(factors)}")

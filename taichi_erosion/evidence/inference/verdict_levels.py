@@ -98,6 +98,12 @@ def too_few_rows(rows: int, calibrated: int) -> bool:
     return rows < least_rows(calibrated)
 
 
-def p_text(p: float) -> str:
-    """A probability in words; one too small to be computed is not called zero."""
-    return f"p = {p:.2g}" if p >= LEAST_P else f"p < {LEAST_P:g}"
+def p_text(p: float, digits: int = 2) -> str:
+    """A probability in words."""
+    number = p_number(p, digits)
+    return f"p {number}" if number.startswith("<") else f"p = {number}"
+
+
+def p_number(p: float, digits: int = 3) -> str:
+    """A probability; one too small to be computed is not called zero."""
+    return f"{p:.{digits}g}" if p >= LEAST_P else f"< {LEAST_P:g}"

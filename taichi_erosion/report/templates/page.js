@@ -63,6 +63,24 @@
   for (const control of all(".scripted")) control.hidden = false;
   update();
 
+  // tables wider than the screen: a hint above them, for as long as they are
+  const hinted = () => {
+    for (const box of all(".scroll")) {
+      const cut = box.scrollWidth > box.clientWidth + 1, above = box.previousElementSibling;
+      const hint = above && above.classList.contains("hint") ? above : null;
+      if (hint) hint.hidden = !cut;
+      if (hint || !cut) continue;
+      const words = document.createElement("p");
+      words.className = "hint";
+      words.textContent = "more columns: scroll sideways \u2192";
+      box.tabIndex = 0;
+      box.before(words);
+    }
+  };
+  for (const details of all("details")) details.addEventListener("toggle", hinted);
+  addEventListener("resize", hinted);
+  hinted();
+
   // tables that a click on a heading sorts; numbers stand in data-value, or at the beginning of a cell
   const value = (row, place) => {
     const cell = row.cells[place];

@@ -11,7 +11,7 @@ from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit, Rows
 from taichi_erosion.evidence.data.problem import Vault
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
-NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 7)
+NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 7, limit=())
 
 
 def fit(chi2: float, *effects: str, rows: Rows | None = None) -> HypothesisFit:

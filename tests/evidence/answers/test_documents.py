@@ -49,7 +49,7 @@ def test_an_unstable_verdict_gives_no_name(found):
 
 def test_as_many_numbers_as_rows_decide_nothing(found):
     (first, *_) = discovery_sentences(replace(found, n=3, calibrated=3))
-    assert first.startswith("3 rows of known scatter cannot decide where 3 numbers are calibrated")
+    assert first.startswith("3 measured means of known scatter cannot decide where 3 numbers are calibrated")
 
 
 def test_what_comes_closest_is_told_with_what_it_leaves(found):

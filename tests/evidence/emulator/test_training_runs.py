@@ -289,5 +289,5 @@ def test_two_numbers_decide_nothing_and_the_experiments_that_would_are_told(tmp_
     (tmp_path / "heap.csv").write_text("\n".join([head, one_heap[0], one_heap[3]]) + "\n", encoding="utf-8")
     found = ask("discover", str(path), "--budget", "quick")
     assert found["verdict"] == "not_testable"
-    assert "2 rows of known scatter cannot decide" in found["sentences"][0]
+    assert "2 measured means of known scatter cannot decide" in found["sentences"][0]
     assert ask("next", str(path))["next_experiments"]

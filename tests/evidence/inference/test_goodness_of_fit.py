@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from taichi_erosion.evidence.data.problem import Observable
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference.goodness_of_fit import (
     axis_bins,
@@ -29,7 +30,7 @@ def test_holm_multiplies_by_the_tests_that_are_left():
 def test_an_axis_of_few_values_is_told_by_the_value_where_the_model_fails():
     column = np.repeat([1.0, 2.0, 4.0, 8.0], 4)
     free = np.where(column == 2.0, 3.0, 0.0)
-    assert failing_range("size", column, free) == "too low at size = 2"
+    assert failing_range("size", column, free, TableUnits()) == "too low at size = 2"
 
 
 def test_a_place_that_does_not_fail_is_told_as_none():
@@ -54,9 +55,8 @@ def test_rows_of_one_value_are_in_one_bin():
         (0.005, 0.005, 4),
         (0.01, 0.01, 3),
     ]
-    assert failing_range("moisture", column, free) == (
-        "too high at moisture = 0 and too low from moisture = 0.005: "
-        "measured rises with moisture, and the model does not follow"
+    assert failing_range("moisture", column, free, TableUnits()) == (
+        "too high at moisture = 0 and too low from moisture = 0.005: measured less model rises with moisture"
     )
 
 
@@ -75,5 +75,5 @@ def test_what_is_told_of_a_range_is_true_at_every_level_inside(seed):
 
 def test_two_levels_are_judged():
     column, free = np.repeat([1.0, 2.0], 6), np.repeat([-2.0, 2.0], 6)
-    words = failing_range("diameter", column, free)
+    words = failing_range("diameter", column, free, TableUnits())
     assert words.startswith("too high at diameter = 1 and too low at diameter = 2")

@@ -157,4 +157,4 @@ def test_a_condition_is_shown_in_the_unit_of_the_table(tmp_path):
     table = read_table(tmp_path / "t.csv", "t.csv")
     rows, _ = study_measurements(table, file, "study.toml", place_units(file, Path("study.toml")))
     assert rows.conditions["x"][0] == 293.15
-    assert rows.written("x", 303.15) == (pytest.approx(30.0), "°C")
+    assert rows.table_units.condition_text("x", 303.15) == "30 °C"

@@ -4,6 +4,7 @@ from time import perf_counter
 
 import numpy as np
 
+from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.emulator.plan_cost import span
 from taichi_erosion.evidence.models.load_study import Study
@@ -33,5 +34,6 @@ def evaluations_sentence(study: Study, quick: bool) -> str:
     seconds = settings * (perf_counter() - begin)
     return (
         f"{study.model.partition(' ')[0]} answers: at most about {settings * table.size:,} runs "
-        f"({settings:,} settings of {table.size} rows), {span(seconds)}; those made before are kept."
+        f"({settings:,} settings of {counted(table.size, 'row')}), {span(seconds)}; "
+        "those made before are kept."
     )
