@@ -27,7 +27,7 @@ Progress = Callable[[str, float], None]  # (text, share done [1])
 ANSWERS = 6  # printed probabilities
 CANDIDATE_COLUMNS = ("effect", "status", "strength", "90 % interval", "probability")
 CANDIDATE_COLUMNS += ("ln Bayes factor", "power", "absorbed")
-MOST_ERRORS = 3  # observables whose error is printed
+MOST_ERRORS = 2  # observables whose errors are printed beside chi2
 ERRORS = ("rmse", "bias")  # columns in the unit of the observable
 CONTROLS = {
     "with_all": "with all that was named",
@@ -234,10 +234,25 @@ def print_adoption(document: Record) -> None:
     """Print the error before and after adoption, with two control effects."""
     print_lines(document["set_up"], "set-up: ")
     typer.echo(document["sentence"])
+    print_errors(document)
+    print_parameters(document["added"]["strengths"] | document["added"]["parameters"])
+    opened = document["vault"]["opened"]
+    if opened > 1:
+        typer.echo(f"note: the vault has been opened {opened} times; its rows are no longer unseen data.")
+    print_lines(document["notes"], "note: ")
+    for file in document["files"]:
+        typer.echo(f"written: {file}")
+    typer.echo(cost(document))
+    print_lines(next_steps.after_adoption(document))
+
+
+def print_errors(document: Record) -> None:
+    """Print chi2 per row and the error of the held-out rows of every fit of an adoption."""
     from taichi_erosion.evidence.data.table_units import TableUnits
 
     units, rows = TableUnits.of(document), []
-    names = list(document["base"]["vault_rmse"])[:MOST_ERRORS]
+    names = list(document["base"]["vault_rmse"])
+    names = names if len(names) <= MOST_ERRORS else []
 
     def errors(fit: Record, key: str) -> tuple[str, ...]:
         return tuple(number(units.value(name, (fit.get(key) or {}).get(name))) for name in names)
@@ -253,17 +268,9 @@ def print_adoption(document: Record) -> None:
             effects = f" ({listed(fit)})" if key in CONTROLS else ""
             chi2 = number(fit["chi2"]), number(fit["vault_chi2"])
             rows.append((label + effects, *chi2, *errors(fit, "vault_rmse")))
-    columns = (heading(f"rmse of {name}", units.value_unit(name)) for name in names)
-    print_table("chi2 per row, and error of held-out rows", ("model", "fitted", "held out", *columns), rows)
-    print_parameters(document["added"]["strengths"] | document["added"]["parameters"])
-    opened = document["vault"]["opened"]
-    if opened > 1:
-        typer.echo(f"note: the vault has been opened {opened} times; its rows are no longer unseen data.")
-    print_lines(document["notes"], "note: ")
-    for file in document["files"]:
-        typer.echo(f"written: {file}")
-    typer.echo(cost(document))
-    print_lines(next_steps.after_adoption(document))
+    columns = [heading("rmse" if len(names) == 1 else name, units.value_unit(name)) for name in names]
+    title = "chi2 per row; rmse of held-out rows" if names else "chi2 per row"
+    print_table(title, ("model", "fitted rows", "held-out rows", *columns), rows)
 
 
 def listed(fit: Record) -> str:

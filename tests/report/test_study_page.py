@@ -83,6 +83,97 @@ def test_the_cost_of_an_answer_stays_that_of_the_first_time(stages, tmp_path):
     assert (again["runs"], again["wall_s"]) == (10**9, 6789.0)
 
 
+LABORATORY = """
+[study]
+measurements = "t.csv"
+model = "taichi_erosion.evidence.models.reduced:predict"
+[observables.threshold_u_star]
+unit = "m/s"
+transform = "log"
+[conditions]
+diameter = "diameter"
+[parameters.threshold_coefficient]
+start = 0.1
+low = 0.05
+high = 0.2
+[candidates.dry_cohesion]
+[candidates.gusts]
+"""
+DIAMETERS = (60, 75, 90, 125, 180, 250, 355, 500, 710, 900)  # um
+
+
+def laboratory_study(folder: Path, values: list[str]) -> Path:
+    """Study of thresholds in cm/s against diameters in um."""
+    rows = [
+        f"threshold_u_star,{value},{'' if value[0] == '<' else 0.6},3,cm/s,{size}"
+        for value, size in zip(values, DIAMETERS, strict=False)
+    ]
+    text = "\n".join(["observable,value,sd,n,unit,diameter [um]", *rows])
+    (folder / "t.csv").write_text(text + "\n", "utf-8")
+    (folder / "t.toml").write_text(LABORATORY, "utf-8")
+    return folder / "t.toml"
+
+
+def cohesive(size: int) -> str:
+    """Threshold that a bare model with the root of the diameter cannot follow [cm/s]."""
+    return f"{23.0 * (size / 250.0) ** 0.5 * (1.0 + 80.0 / size):.3f}"
+
+
+def test_page_and_terminal_tell_units_of_the_table(tmp_path, capsys):
+    study = laboratory_study(tmp_path, [cohesive(size) for size in DIAMETERS])
+    for command in ("compare", "discover", "next"):
+        assert main([command, str(study)]) == 0
+    page, told = write_report(study).read_text("utf-8"), capsys.readouterr().out
+    assert "threshold_u_star [cm/s]" in told
+    assert re.search(r"too low .* diameter = \d+ um", told)
+    assert not re.search(r"diameter = (0\.0|\d+e-)", told + page), "SI numbers under a table in um"
+    assert "threshold friction velocity [cm/s]" in page
+    assert "<td>threshold_u_star [cm/s]</td>" in page
+    measured = [float(text) for text in re.findall(r"measured ([\d.]+) cm/s", page)]
+    assert measured
+    assert min(measured) > 10.0
+
+
+def test_a_limit_is_drawn_as_an_arrow_and_told_as_a_limit(tmp_path):
+    values = [cohesive(size) for size in DIAMETERS]
+    study = laboratory_study(tmp_path, ["<30", *values[1:]])
+    assert main(["compare", str(study)]) == 0
+    page = write_report(study).read_text("utf-8")
+    assert "measured: below 30.0 cm/s" in page
+    assert "measured 30.0 cm/s" not in page
+    rows = json.loads((tmp_path / "t-results" / "t.compare.json").read_text("utf-8"))["rows"]
+    assert rows["limit"].count("below") == 1
+
+
+def test_a_single_row_tests_nothing_and_is_told_so(tmp_path, capsys):
+    study = laboratory_study(tmp_path, ["25"])
+    assert main(["compare", str(study)]) == 0
+    told = capsys.readouterr().out
+    assert "1 measured mean cannot test a model with 1 calibrated number" in told
+    assert "consistent" not in told
+    assert "1 measured mean cannot test" in first_screen(write_report(study))
+
+
+def test_an_outlier_leads_the_page_and_is_marked_at_the_edge(tmp_path):
+    values = [cohesive(size) for size in DIAMETERS]
+    study = laboratory_study(tmp_path, [*values[:5], "950", *values[6:]])
+    study.write_text(LABORATORY + "[vault]\nfraction = 0.0\n", "utf-8")
+    assert main(["compare", str(study)]) == 0
+    page = write_report(study)
+    assert "diameter = 250 um" in first_screen(page)
+    assert "Check that row in the table" in first_screen(page)
+    assert_readable({"outlier": page}, tmp_path)
+
+
+def test_rows_of_a_vault_that_was_opened_twice_are_not_called_unseen(stages, tmp_path):
+    study = shutil.copytree(stages["adopt"].parent, tmp_path / "study") / "heap.toml"
+    assert main(["adopt", str(study), "gusts"]) == 0
+    words = first_screen(write_report(study))
+    assert "no fit has seen" not in words
+    assert "opened 2 times" in words
+    assert "they do not confirm it" in words
+
+
 def test_an_interval_that_holds_the_textbook_strength_excludes_nothing(stages):
     found = json.loads((stages["adopt"].parent / "heap-results" / "heap.discover.json").read_text("utf-8"))
     for name, effect in found["effects"].items():
