@@ -14,7 +14,7 @@ from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.agreement_words import NO_MISFIT, agreement, is_untested, row_sentences
+from taichi_erosion.evidence.answers.words.agreement import NO_MISFIT, agreement, is_untested, row_sentences
 from taichi_erosion.evidence.data.number_words import heading, plain
 from taichi_erosion.evidence.inference.verdict_levels import fails, p_number
 from taichi_erosion.scene.file_kind import refuse_neither

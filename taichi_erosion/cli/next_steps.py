@@ -7,8 +7,8 @@ from math import hypot, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.evidence.answers.agreement_words import is_untested
-from taichi_erosion.evidence.answers.held_out_words import unseen_words
+from taichi_erosion.evidence.answers.words.agreement import is_untested
+from taichi_erosion.evidence.answers.words.held_out import unseen_words
 from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
 
 Record = Mapping[str, Any]

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
-from taichi_erosion.evidence.answers.agreement_words import is_untested, row_sentences, untested_sentence
-from taichi_erosion.evidence.answers.held_out_words import remainder_words, unseen_words
+from taichi_erosion.evidence.answers.words.agreement import is_untested, row_sentences, untested_sentence
+from taichi_erosion.evidence.answers.words.held_out import remainder_words, unseen_words
 from taichi_erosion.evidence.data.number_words import plain, short, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.inference.verdict_levels import fails

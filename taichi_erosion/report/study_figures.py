@@ -34,7 +34,8 @@ from taichi_erosion.report.figure_style import (
     single,
 )
 from taichi_erosion.report.html import percent
-from taichi_erosion.report.measured_marks import (
+from taichi_erosion.report.measured_table import Condition, MeasuredTable
+from taichi_erosion.report.pictures.measured_marks import (
     DOTS,
     EDGES,
     Bools,
@@ -45,7 +46,6 @@ from taichi_erosion.report.measured_marks import (
     kinds,
     value_range,
 )
-from taichi_erosion.report.measured_table import Condition, MeasuredTable
 from taichi_erosion.report.plain_words import effect_words, listed, words_of
 
 Record = Mapping[str, Any]

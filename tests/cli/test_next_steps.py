@@ -17,6 +17,9 @@ from taichi_erosion.cli.next_steps import (
 ROOT = Path(__file__).resolve().parents[2]
 
 
+COMPARED = {"study": "a.toml", "where": [], "observables": {"flux": {"n": 9}}, "parameters": {"a": {}}}
+
+
 @pytest.fixture(autouse=True)
 def launched(monkeypatch):
     monkeypatch.setenv(next_steps.NAME_SWITCH, "erosion")
@@ -68,9 +71,9 @@ def test_studies_are_found_by_the_scene_that_they_name():
 
 
 def test_a_comparison_that_fails_leads_to_discover_and_one_that_holds_does_not():
-    failing = list(after_comparison({"study": "a.toml", "p": 1e-6, "where": []}))
+    failing = list(after_comparison(COMPARED | {"p": 1e-6}))
     assert failing[0] == "`./erosion discover a.toml` asks which effect is missing."
-    holding = list(after_comparison({"study": "a.toml", "p": 0.4, "where": [{"p": 0.3}]}))
+    holding = list(after_comparison(COMPARED | {"p": 0.4, "where": [{"p": 0.3}]}))
     assert not any("discover" in line for line in holding)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taichi_erosion.report.measured_marks import kinds, value_range
+from taichi_erosion.report.pictures.measured_marks import kinds, value_range
 
 VALUES = np.array([20.0, 22.0, 25.0, 27.0, 30.0, 33.0])
 

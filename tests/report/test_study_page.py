@@ -146,7 +146,7 @@ def test_a_limit_is_drawn_as_an_arrow_and_told_as_a_limit(tmp_path):
 
 
 def test_a_single_row_tests_nothing_and_is_told_so(tmp_path, capsys):
-    study = laboratory_study(tmp_path, ["25"])
+    study = laboratory_study(tmp_path, ["11.5"])
     assert main(["compare", str(study)]) == 0
     told = capsys.readouterr().out
     assert "1 measured mean cannot test a model with 1 calibrated number" in told

@@ -1,1 +1,1 @@
-"""PNG pictures that commands write: the detection in a photograph, the curve of a live session."""
+"""PNG pictures that commands write, and how measured values are marked in figures."""

@@ -15,7 +15,7 @@ Bools = NDArray[np.bool_]
 LEAST_VALUES = 5  # from which a value can be called far outside
 FAR = 6.0  # interquartile ranges beyond the quartiles, from which a value is far outside [1]
 REACH = 0.5  # of the range of the values, up to which bars and bands widen an axis [1]
-TYPICAL = 2.0  # the same in the reach of the bar in the middle of those that go beyond the values [1]
+TYPICAL = 2.0  # the same in what the bar in the middle of all goes beyond the values [1]
 MARGIN = 0.06  # of an axis, free at its ends [1]
 ARROW = 22.0  # size of the mark of a limit [pt]; its length is half of that
 DOT = 5.0  # size of a dot [pt]
@@ -58,9 +58,8 @@ def value_range(values: Floats, ends: Floats) -> ValueRange:
     ends = ends[np.isfinite(ends)]
     ends = np.log(ends[ends > 0.0]) if logarithmic else ends
     low, high = float(inside.min()), float(inside.max())
-    beyond = np.maximum(low - ends, ends - high)
-    typical = float(np.median(beyond[beyond > 0.0])) if np.any(beyond > 0.0) else 0.0
-    reach = max(REACH * (high - low), TYPICAL * typical)
+    beyond = np.maximum(np.maximum(low - ends, ends - high), 0.0)
+    reach = max(REACH * (high - low), TYPICAL * float(np.median(beyond)) if ends.size else 0.0)
     near = ends[(ends > low - reach) & (ends < high + reach)]
     low, high = float(np.min(near, initial=low)), float(np.max(near, initial=high))
     free = MARGIN * (high - low) or 0.5 * abs(high) or 1.0

@@ -1,0 +1,1 @@
+"""Sentences that commands, last lines and pages share; they load no other room."""
