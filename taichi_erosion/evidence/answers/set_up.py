@@ -16,6 +16,7 @@ from taichi_erosion.evidence.answers.discover import discover, nameless_discover
 from taichi_erosion.evidence.answers.study_files.start_values import model_at_start
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.findings import Discovery, Estimate, LevelShift, Rows, SetUpFault
+from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Problem, Progress
 from taichi_erosion.evidence.inference.prepared_problem import NO_VALUE
 from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL, fails, least_rows, too_few_rows
@@ -132,12 +133,10 @@ def widest_repeats(table: Measurements, name: str) -> str:
         if key[0] == name and np.isfinite(table.value[row]):
             cells.setdefault(key, []).append(row)
     rows = max(cells.values(), key=lambda rows: float(np.ptp(table.value[rows])))
-    at = []
-    for key, column in table.conditions.items():
-        value, unit = table.written(key, float(column[rows[0]]))
-        at.append(f"{key} = {value:.4g} {unit}".rstrip())
-    told = f"{table.value[rows].min():.3g} to {table.value[rows].max():.3g} {table.unit[rows[0]]}"
-    return told + (f" at {', '.join(at)}" if at else "")
+    units, value = table.table_units, table.value[rows]
+    at = units.setting_text({key: float(column[rows[0]]) for key, column in table.conditions.items()})
+    told = f"{plain(units.value(name, value.min()) or 0.0)} to {units.value_text(name, value.max())}"
+    return told + (f" at {at}" if at else "")
 
 
 def values_at_start(study: Study, rows: Rows) -> Floats:

@@ -97,7 +97,7 @@ def scales_of(
     """Scale of every column: by its own unit, else by that of the study's table; raises BadInput."""
     table = LaboratoryTable(cells, list(columns.values()), Choices())
     names = [name for name in file.conditions if name in columns]
-    usual = {name: known.scales.get(name, Scale()).unit for name in names}
+    usual = {name: known.table_units.conditions.get(name, Scale()).unit for name in names}
     units = [table.cell_unit(columns[name]) or usual[name] or None for name in names]
     for name, unit in zip(names, units, strict=True):
         if unit and usual[name] and conversion(parse_scale(unit), parse_scale(usual[name])) is None:
@@ -126,8 +126,7 @@ def constant_value(cells: Cells, name: str, known: Measurements) -> float:
     column = known.conditions[name]
     values = np.unique(column[np.isfinite(column)])
     if values.size > 1:
-        (low, unit), (high, _) = known.written(name, float(values[0])), known.written(name, float(values[-1]))
-        span = f"{low:.4g} to {high:.4g} {unit}".rstrip()
+        span = " to ".join(known.table_units.condition_text(name, float(values[k])) for k in (0, -1))
         raise BadInput(f"{cells.file}: no column sets {name}, which the study varies from {span}; add it")
     return float(values[0]) if values.size else np.nan
 
@@ -136,8 +135,8 @@ def constant_notes(constant: Mapping[str, float], known: Measurements) -> Iterat
     """Conditions that are as in the study because the table leaves them out."""
     for name, value in constant.items():
         if np.isfinite(value):
-            number, unit = known.written(name, value)
-            yield f"{name} is {number:.4g} {unit}".rstrip() + ", as in the study: the table does not set it."
+            told = known.table_units.condition_text(name, value)
+            yield f"{name} is {told}, as in the study: the table does not set it."
 
 
 def wanted_rows(cells: Cells, observables: Sequence[str]) -> Iterator[tuple[int, str]]:

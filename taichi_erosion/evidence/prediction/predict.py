@@ -284,7 +284,7 @@ def beyond(table: Measurements, observable: str, wanted: Wanted, row: int) -> li
     """Conditions of a new row outside the range in which its observable was measured."""
     own, found = np.array([name == observable for name in table.observable]), []
     for name, column in wanted.conditions.items():
-        scale = wanted.scales.get(name, table.scales.get(name, Scale()))
+        scale = wanted.scales.get(name, table.table_units.conditions.get(name, Scale()))
         measured = table.conditions[name][own]
         measured = measured[np.isfinite(measured)]
         value = float(column[row])

@@ -18,7 +18,8 @@ def remainder_words(before: float, after: float, rows: str = "them") -> str:
     `before` and `after`: misfit (chi2) per held-out row. Empty where they support it and nothing is left.
     """
     if refuted(before, after):
-        return f"the error on {rows} hardly falls: they do not confirm it"
+        verb = "does not fall" if after >= before else "hardly falls"
+        return f"the error on {rows} {verb}: they do not confirm it"
     if after <= levels.HELD_OUT_MISFIT:
         return ""
     size = f"{sqrt(after):.2g} times their errors"
