@@ -28,6 +28,7 @@ from taichi_erosion.report.figure_style import Picture
 from taichi_erosion.report.html import made, number, render
 from taichi_erosion.report.lead import LEVEL, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.report.pictures import answers as answers_drawn
 from taichi_erosion.report.plain_words import effect_words, words_of
 from taichi_erosion.report.strength_words import strength_words
 from taichi_erosion.report.study_figures import Panel
@@ -197,9 +198,9 @@ def pictures(found: Results) -> dict[str, Picture | None]:
     discovery, adoption = found.discovery, found.adoption
     tested = adoption if adoption and adoption["base"]["vault_chi2"] is not None else None
     return {
-        "posterior": study_figures.draw_posterior(discovery["probabilities"]) if discovery else None,
-        "vault": study_figures.draw_vault(tested) if tested else None,
-        "adoptions": study_figures.draw_adoptions(found.adoptions) if len(found.adoptions) > 1 else None,
+        "posterior": answers_drawn.draw_posterior(discovery["probabilities"]) if discovery else None,
+        "vault": answers_drawn.draw_vault(tested) if tested else None,
+        "adoptions": answers_drawn.draw_adoptions(found.adoptions) if len(found.adoptions) > 1 else None,
     }
 
 

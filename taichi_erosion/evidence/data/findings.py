@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "not_testable"]
-Limit = Literal["", "below", "above"]
+Limit = Literal["", "below", "above", "between"]
 NONE, OUTSIDE = "none", "outside_library"  # keys of probabilities beside effects and pairs "a+b"
 FIGURES = (
     "measured",

@@ -293,7 +293,7 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floa
         residual=residual,
         model_sd=np.sqrt(calibrated + simulated) / steep,
         shift=shifted - predicted,
-        limit=tuple("below" if censored else "" for censored in rows.censored),
+        limit=rows.limits,
     )
 
 
