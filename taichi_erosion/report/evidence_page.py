@@ -16,7 +16,6 @@ from taichi_erosion.evidence.answers.words.agreement import (
     row_sentences,
     untested_sentence,
 )
-from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.inference.verdict_levels import PLAUSIBLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
@@ -247,13 +246,7 @@ def answers(found: Results) -> list[str]:
         return []
     told = failures({"where": found.where})
     sentences = [sentence for sentence in discovery["sentences"] if sentence not in told]
-    if (
-        adoption
-        and adoption["base"]["vault_chi2"] is not None
-        and refuted(
-            adoption["base"]["vault_chi2"], (adoption.get("with_all") or adoption["added"])["vault_chi2"]
-        )
-    ):
+    if adoption and adoption["base"]["vault_chi2"] is not None and adoption["contradicted"]:
         names = " and ".join(effect_words(name) for name in adoption["added"]["effects"])
         verdict = (
             f"The vault, opened afterwards, does not confirm {names}: read the rest as it was before that."

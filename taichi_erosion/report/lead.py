@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from taichi_erosion.evidence.answers.words.agreement import is_untested, row_sentences, untested_sentence
-from taichi_erosion.evidence.answers.words.held_out import remainder_words, unseen_words
+from taichi_erosion.evidence.answers.words.held_out import open_words, unseen_words
 from taichi_erosion.evidence.data.number_words import plain, short, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.inference.verdict_levels import fails
@@ -141,15 +141,6 @@ def error_sentence(adoption: Document, units: TableUnits) -> str:
     left = open_words(adoption)
     end = f"; {left}." if left else "."
     return f"With {names} the error on {seen} {change_words(base, added, units)}{end}"
-
-
-def open_words(adoption: Document) -> str:
-    """What the held-out measurements say against an adoption; nothing where none was held out."""
-    before, after = (
-        adoption["base"]["vault_chi2"],
-        (adoption.get("with_all") or adoption["added"])["vault_chi2"],
-    )
-    return "" if before is None or after is None else remainder_words(before, after)
 
 
 def change_words(base: Document, added: Document, units: TableUnits) -> str:

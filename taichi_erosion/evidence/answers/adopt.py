@@ -14,8 +14,9 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.compare import no_progress
-from taichi_erosion.evidence.answers.documents import adoption_sentence, refuted
+from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.answers.effect_action import effect_actions
+from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection

@@ -19,7 +19,6 @@ from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.evidence.answers.words.agreement import row_sentences
-from taichi_erosion.evidence.answers.words.held_out import remainder_words
 from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,

@@ -1,8 +1,12 @@
 """Words on held-out measurements: whether they are unseen, and what they say against an adoption."""
 
+from collections.abc import Mapping
 from math import sqrt
+from typing import Any
 
 from taichi_erosion.evidence.inference import verdict_levels as levels
+
+Document = Mapping[str, Any]
 
 
 def unseen_words(opened: int) -> str:
@@ -12,18 +16,20 @@ def unseen_words(opened: int) -> str:
     return f"that were held out (vault opened {opened} times, no longer unseen)"
 
 
-def remainder_words(before: float, after: float, rows: str = "them") -> str:
-    """What held-out rows say against an adoption: that it does not help, or that something is left.
+def open_words(adoption: Document) -> str:
+    """What held-out rows say against an adoption: that they do not confirm it, or that something is left.
 
-    `before` and `after`: misfit (chi2) per held-out row. Empty where they support it and nothing is left.
+    Empty where they support it, where nothing is left, and where none was held out.
     """
-    if refuted(before, after):
-        verb = "does not fall" if after >= before else "hardly falls"
-        return f"the error on {rows} {verb}: they do not confirm it"
-    if after <= levels.HELD_OUT_MISFIT:
+    judged = adoption.get("with_all") or adoption["added"]
+    if judged["vault_chi2"] is None:
         return ""
-    size = f"{sqrt(after):.2g} times their errors"
-    return f"the model still differs from {rows} by {size}, which nothing in it explains"
+    if adoption["contradicted"]:
+        return "they do not confirm it"
+    if not levels.fails(judged["vault_p"]):
+        return ""
+    size = f"{sqrt(judged['vault_chi2']):.2g} times their errors"
+    return f"the model still differs from them by {size}, which nothing in it explains"
 
 
 def refuted(before: float, after: float) -> bool:
