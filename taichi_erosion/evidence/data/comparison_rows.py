@@ -121,9 +121,7 @@ def merged_rows(
     shapes = scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    labels = zip(cell, table.group, table.source, reach, strict=True)
-    keys = np.array(["|".join(map(str, each)) for each in labels])
-    first, mean, total = weighted_means(z, weight, keys)
+    first, mean, total = weighted_means(z, weight, repeat_keys(table, cell, reach))
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
@@ -150,6 +148,12 @@ def merged_rows(
         warnings=tuple(notes),
     )
     return rows, scatter
+
+
+def repeat_keys(table: Measurements, cell: Floats, reach: Floats) -> np.ndarray:
+    """Keys by row, equal for rows that repeat one measurement: same conditions, group, source and reach."""
+    labels = zip(cell, table.group, table.source, reach, strict=True)
+    return np.array(["|".join(map(str, each)) for each in labels])
 
 
 def censored_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:
