@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from taichi_erosion.core.effect import Effect
 
 WIDER = 10.0  # range of a number over its fitted value [1]
-STEPS = (1.0, 0.6, 0.35, 1.7)  # conditions at which a file checks itself, over typical ones [1]
 PARTS = re.compile(r'at\["[^"\]]+"\]|PARAMS_[a-z]|np\.exp|np\.maximum|[\d.]+(?:e[-+]?\d+)?')
 OF = ":"  # between a mechanism of an instrument and its observable
 
@@ -30,6 +29,7 @@ def mechanism_law_file(
     from taichi_erosion.mechanisms.library import load_mechanisms
 
     beyond = document["beyond"]
+    refuse_foreign_code(beyond["law"]["python"])
     law, best = beyond["law"], beyond["mechanisms"][0]
     mechanism, _, observable = best["name"].partition(OF)
     used = {column: columns[column] for column in law["conditions"]}
@@ -46,7 +46,7 @@ def mechanism_law_file(
         share=f"{max(law['held_out_share'] or 0.0, 0.0):.0%}",
         columns=used,
         numbers=[number_fields(key, each["value"]) for key, each in law["numbers"].items()],
-        points=points(law, used, typical_conditions(beyond, law), load_mechanisms()[mechanism]),
+        points=points(law, used, load_mechanisms()[mechanism]),
     )
 
 
@@ -59,33 +59,16 @@ def number_fields(key: str, value: float) -> tuple[str, float, str, float, float
     return key, value, meanings.get(key, "exponent" if key in ("p", "q") else "rate"), low, high
 
 
-def typical_conditions(beyond: Mapping[str, Any], law: Mapping[str, Any]) -> dict[str, float]:
-    """Largest value of every condition of a law, in the unit of the study."""
-    return {name: max(each["conditions"][name] for each in beyond["doses"]) for name in law["conditions"]}
-
-
 def points(
-    law: Mapping[str, Any],
-    columns: Mapping[str, tuple[str, float]],
-    typical: Mapping[str, float],
-    mechanism: "Effect",
+    law: Mapping[str, Any], columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
 ) -> list[tuple[dict[str, float], float, float]]:
     """Conditions in SI units, dose of the law there, and response of a mechanism on the device."""
-    from types import SimpleNamespace
-
-    import numpy as np
-
-    refuse_foreign_code(law["python"])
-    params = SimpleNamespace(**{key: each["value"] for key, each in law["numbers"].items()})
-    code = compile(law["python"].replace("PARAMS_", "params."), "law", "eval")
-    found = []
-    for step in STEPS:
-        at = {column: float(f"{step * value:.4g}") for column, value in typical.items()}
-        dose = float(eval(code, {"np": np, "params": params, "at": at}))
-        stated = {columns[column][0]: value * columns[column][1] for column, value in at.items()}
-        found.append((stated, dose))
-    responses = device_responses(mechanism, [dose for _, dose in found])
-    return [(stated, dose, response) for (stated, dose), response in zip(found, responses, strict=True)]
+    stated = [
+        {columns[column][0]: value * columns[column][1] for column, value in at.items()}
+        for at, _ in law["points"]
+    ]
+    doses = [dose for _, dose in law["points"]]
+    return list(zip(stated, doses, device_responses(mechanism, doses), strict=True))
 
 
 def refuse_foreign_code(expression: str) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import read_text_file
 
 Wanted = Literal["table", "study", "scene"]
 ENDINGS: Mapping[str, str] = {
@@ -51,7 +52,7 @@ def file_kind(path: Path) -> str | None:
     if path.suffix.lower() != ".toml":
         return ENDINGS.get(path.suffix.lower())
     try:
-        return toml_kind(tomllib.loads(path.read_text(encoding="utf-8")))
+        return toml_kind(tomllib.loads(read_text_file(path)))
     except (OSError, ValueError, RecursionError):
         return None
 

@@ -90,7 +90,7 @@ def variant_sentences(told: Variants) -> list[str]:
     rest = f"; and so on, {more} more" if more > 0 else ""
     return [
         f"The answer holds in {told.holds} of {told.count} variants of tolerances, priors and rows. "
-        f"It becomes: {'; '.join(told.changes[:MOST_VARIANTS])}{rest}."
+        f"In the others the likeliest is: {'; '.join(told.changes[:MOST_VARIANTS])}{rest}."
     ]
 
 

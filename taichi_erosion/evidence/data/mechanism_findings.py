@@ -34,6 +34,7 @@ class DoseLaw:
     )
     stability: float  # share of the left-out groups without which the same form is chosen [1]
     python: str  # the same as a Python expression of `dose_of`
+    points: tuple[tuple[Mapping[str, float], float], ...]  # conditions, and the dose there [1]
 
 
 @dataclass(frozen=True)

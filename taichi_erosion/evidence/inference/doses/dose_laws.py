@@ -9,7 +9,7 @@ Reference: Varma & Simon (2006), BMC Bioinformatics 7, 91 (nested cross-validati
 Stat. 6, 461 (price of a number).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,7 @@ KEPT = 6  # forms that are cross-validated, after their fit to all rows at hand
 QUANTILE = float(stats.norm.ppf(0.95))  # half width of a 90 % interval, in sd
 LEAST_ROWS = 6
 MOST_STEPS = 30  # of one fit
+STEPS = (1.0, 0.6, 0.35, 1.7)  # conditions at which a law is stated, over their largest values [1]
 
 
 @dataclass(frozen=True)
@@ -191,8 +192,17 @@ def dose_law(rows: LawRows) -> tuple[FittedForm | None, DoseLaw | None]:
         held_out_share=share,
         stability=stability,
         python=best.form.python.format(**exact),
+        points=tuple(law_points(rows, best)),
     )
     return best, law
+
+
+def law_points(rows: LawRows, best: FittedForm) -> Iterator[tuple[dict[str, float], float]]:
+    """Conditions at STEPS of their largest values, and the dose of the law there."""
+    for step in STEPS:
+        at = {name: float(f"{step * rows.conditions[name].max():.4g}") for name in best.form.conditions}
+        columns = {name: np.array([value]) for name, value in at.items()}
+        yield at, float(best.form.dose(columns, best.numbers)[0])
 
 
 def estimate(value: float, variance: float, form: Form, index: int) -> Estimate:

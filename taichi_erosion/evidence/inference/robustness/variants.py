@@ -72,9 +72,10 @@ def likeliest(posterior: Posterior) -> str:
 
 
 def becomes(posterior: Posterior) -> str:
-    """The likeliest explanation in words."""
+    """The likeliest explanation in words, with its probability."""
     top = likeliest(posterior)
-    return {NONE: "nothing missing", OUTSIDE: "not in the list"}.get(top, top.replace("+", " and "))
+    words = {NONE: "nothing missing", OUTSIDE: "not in the list"}.get(top, top.replace("+", " and "))
+    return f"{words} ({100 * posterior.probability[top]:.0f} %)"
 
 
 def all_variants(fitted: FittedHypotheses) -> Iterator[Variant]:

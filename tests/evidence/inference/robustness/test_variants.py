@@ -53,7 +53,7 @@ def test_an_answer_says_the_tolerance_that_it_hangs_on():
     assert (found.decision.verdict, found.decision.named) == ("present", ("bend",))
     told = variants(found)
     assert told.holds == told.count - 1
-    assert told.changes == ("nothing missing if the tolerance of 0.1 of y is 2 times as large",)
+    assert told.changes == ("nothing missing (50 %) if the tolerance of 0.1 of y is 2 times as large",)
 
 
 def test_a_clear_answer_holds_everywhere_and_says_so():
