@@ -25,7 +25,6 @@ from taichi_erosion.cli.study import study as study_commands
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
-from taichi_erosion.scene.file_kind import refuse_neither
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect_file import EffectFile
@@ -234,6 +233,8 @@ def live(
 
 def recording_of(file: Path) -> Path:
     """Recording file; the recording of a study is written from its results."""
+    from taichi_erosion.scene.file_kind import refuse_neither
+
     refuse_neither(file)
     if file.suffix != ".toml":
         return file

@@ -17,7 +17,6 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.words.agreement import NO_MISFIT, agreement, is_untested, row_sentences
 from taichi_erosion.evidence.data.number_words import heading, plain
 from taichi_erosion.evidence.inference.verdict_levels import fails, p_number
-from taichi_erosion.scene.file_kind import refuse_neither
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.models.load_study import StudyOptions
@@ -136,6 +135,7 @@ def next_(
 def report(source: ReportSource, to: PageFile = None, force: Force = False, as_json: AsJson = False) -> None:
     """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
     from taichi_erosion.report import write_report
+    from taichi_erosion.scene.file_kind import refuse_neither
 
     refuse_neither(source)
     page = str(write_report(source, to, force))

@@ -160,9 +160,9 @@ def test_progress_goes_to_stderr(room, capsys, monkeypatch):
 
 
 def test_check_validates_without_simulating(room, capsys):
-    calls = room("taichi_erosion.run", "check_scene", {"scene": "funnel", "hash": "abc"})
+    calls = room("taichi_erosion.run", "check_scene", {"scene": "funnel", "hash": "abc", "effects": []})
     assert main(["run", "scene.toml", "--check", "--set", "a.b=1"]) == 0
-    assert calls == [((Path("scene.toml"), ("a.b=1",), ()), {})]
+    assert calls == [((Path("scene.toml"), ("a.b=1",), (), commands.examine_effect), {})]
     assert capsys.readouterr().out == "scene.toml: valid, hash abc\n"
 
 

@@ -96,8 +96,8 @@ def test_a_discovered_law_gives_what_the_discovery_wrote(here):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["new", "Pull"], "a new name has lower-case letters"),
-        (["new", "dry_adhesion"], "a new name has"),
+        (["new", "Pull"], "a name begins with a lower-case letter and has lower-case letters, digits and _"),
+        (["new", "dry_adhesion"], "the library has an effect of this name"),
         (["new"], "is not in the library"),
         (["dry_adhesion", "--from-discovery", "x.json"], "needs new NAME"),
         (["dry_adhesion", "--with-memory"], "needs new NAME"),

@@ -25,6 +25,10 @@ QUANTITY = re.compile(
 INTERVAL = re.compile(
     rf"(?P<low>{NUMBER})\s*(?:\.\.\.?|…|\bto\b|\bbis\b)\s*(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?"
 )
+RANGE = re.compile(
+    rf"(?P<low>{NUMBER})\s*(?:-|–|—|\.\.\.?|…|\bto\b|\bbis\b)\s*(?P<high>{NUMBER}).*"
+)  # in any form
+ONE_NUMBER = "is no single number; write the likeliest"  # of a condition, a scatter, a number of repeats
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
 DATES = (
     r"\d{1,2}[./-]\d{1,2}[./-]\d{2,4}.*",
@@ -155,8 +159,13 @@ def interval(match: re.Match[str], comma: bool) -> CellNumber:
     return CellNumber(low, "", match["unit"] or "", upper=high)
 
 
-def reason(plain: str) -> str:
-    """Why a text is no number, and what to do."""
+def is_range(plain: str) -> bool:
+    """Whether a text gives two numbers as the ends of a range, in the form of an interval or in any other."""
+    return RANGE.fullmatch(plain) is not None and DATE.fullmatch(plain) is None
+
+
+def reason(plain: str, ranges: bool = True) -> str:
+    """Why a text is no number, and what to do; `ranges`: whether an interval may stand in its place."""
     if plain.startswith("#"):
         return "is an error of the spreadsheet; correct its formula and export the table again"
     if plain.lower() in UNSEEN:
@@ -165,10 +174,12 @@ def reason(plain: str) -> str:
         return "is a date; if the spreadsheet made it of a number, set the column to text and type it again"
     if SPREAD.search(plain):
         return "write the scatter behind '±', or in a column of its own"
-    if re.fullmatch(rf"{NUMBER}\s*(?:-|–|bis|to|…|\.\.)\s*{NUMBER}.*", plain):
-        return (
-            "is a range; write 20..25 where the value lies between, or 22.5 ± 2.5 where that is its scatter"
-        )
+    between = RANGE.fullmatch(plain)
+    if between is not None and not ranges:
+        return ONE_NUMBER
+    if between is not None:
+        interval = f"{between['low']}..{between['high']}"
+        return f"is a range; write {interval} where the value lies between, or mean ± standard deviation"
     if re.fullmatch(r"[\d.,]+(?: [\d.,]+)+", plain):
         return "has a blank in the number, or is two numbers; write one"
     return "must be a number; words belong into a column of their own"

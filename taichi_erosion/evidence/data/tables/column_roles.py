@@ -173,9 +173,10 @@ def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
         )
     if column.role in ("observable", "condition") and not column.numeric:
         first = next(row[column.place] for _, row in cells.lines if row[column.place])
+        told = reason(plain_cell(first), ranges=column.role == "observable")
         yield (
-            f"{where} has no numbers that can be read, such as '{first}': {reason(plain_cell(first))}; a "
-            "column that is not used has a heading that begins with 'note'"
+            f"{where} has no numbers that can be read: '{first}' {told}; a column that is not used has a "
+            "heading that begins with 'note'"
         )
 
 

@@ -10,8 +10,10 @@ from typing import Literal
 
 from taichi_erosion.evidence.data.tables.cell_numbers import (
     NO_TRANSPORT,
+    ONE_NUMBER,
     CellFault,
     CellNumber,
+    is_range,
     plain_cell,
     read_cell,
 )
@@ -97,6 +99,15 @@ class LaboratoryTable:
             faults.append(f"{self.where(line, column)} = {shown(text)} {fault}")
             return None
 
+    def single(self, line: int, row: Sequence[str], column: Column, faults: list[str]) -> CellNumber | None:
+        """One number; None and a fault for a limit or a range, which only a measured value may be."""
+        text = row[column.place]
+        found = None if is_range(plain_cell(text)) else self.number(line, row, column, faults)
+        if is_range(plain_cell(text)) or (found is not None and found.limit):
+            faults.append(f"{self.where(line, column)} = {shown(text)} {ONE_NUMBER}")
+            return None
+        return found
+
     def where(self, line: int, column: Column) -> str:
         """Place of a cell in words."""
         return f"{self.cells.file}: row {line}, {column.heading.text}"
@@ -133,14 +144,9 @@ class LaboratoryTable:
 
     def condition(self, line: int, row: Sequence[str], column: Column, faults: list[str]) -> str:
         """Number of a condition in the unit of its column."""
-        found = self.number(line, row, column, faults)
+        found = self.single(line, row, column, faults)
         if found is None:
             return ""
-        if found.limit or found.upper:
-            text = shown(row[column.place])
-            faults.append(
-                f"{self.where(line, column)} = {text}: a condition is a number; write the likeliest"
-            )
         return scaled(found.value, self.factor(line, column, found.unit, faults))
 
     def measured(
@@ -181,7 +187,7 @@ class LaboratoryTable:
         """Number of the column that belongs to an observable, in its unit; empty where there is none."""
         for other in self.columns:
             if other.role in roles and other.of in (column.place, -1):
-                found = self.number(line, row, other, faults)
+                found = self.single(line, row, other, faults)
                 if found is None or not found.value:
                     return ""
                 return (

@@ -8,7 +8,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files.check_study import check_study
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 TABLE = "observable,value,sd,n,unit,group,slope [deg],moisture [%],source\nflux,1,0.1,5,g/(m s),a,5,1,me\n"
 STUDY = f"""
 [study]

@@ -16,7 +16,7 @@ from taichi_erosion.evidence.data.tables.column_roles import Told
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.run.checks import read_scene
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 HEAD = "Probe;Korngröße [µm];Feuchte in %;Böschungswinkel (°);SD [°];n\n"
 ROWS = ("A;250;1,6;33,5;0,7;5\n", "B;500;0;31,2;0,8;5\n", "C;800;3,1;34,4;0,6;5\n")
 GOOD = HEAD + "".join(ROWS)
@@ -111,7 +111,27 @@ WRONG_FILES = {
         "correct its formula",
     ),
     "not detected": (changed("33,5", "n.n."), "row 2, Böschungswinkel", "write '<' and the least value"),
-    "a range": (changed("33,5", "32-35"), "row 2, Böschungswinkel", "write its middle"),
+    "a range": (
+        changed("33,5", "32-35"),
+        "row 2, Böschungswinkel (°) = '32-35' is a range",
+        "write 32..35 where the value lies between, or mean ± standard deviation",
+    ),
+    "an interval that falls": (changed("33,5", "35..32"), "row 2, Böschungswinkel", "not below its second"),
+    "a condition in a range": (
+        changed("1,6", "1-2"),
+        "row 2, Feuchte in % = '1-2'",
+        "is no single number; write the likeliest",
+    ),
+    "a condition in an interval": (
+        changed("1,6", "1,5..2"),
+        "row 2, Feuchte in % = '1,5..2'",
+        "is no single number; write the likeliest",
+    ),
+    "a scatter in an interval": (
+        changed("0,7", "0,5..0,9"),
+        "row 2, SD [°] = '0,5..0,9'",
+        "is no single number; write the likeliest",
+    ),
     "a scatter in brackets": (changed("33,5", "33,5 (0,7)"), "row 2, Böschungswinkel", "behind '±'"),
     "a word for a number": (changed("33,5", "steil"), "row 2, Böschungswinkel", "a column of their own"),
     "a condition below a limit": (changed("1,6", "<2"), "row 2, Feuchte in % = '<2'", "write the likeliest"),
@@ -172,8 +192,13 @@ WRONG_FILES = {
     ),
     "a column of ranges": (
         GOOD.replace("A;250", "A;200-300").replace("B;500", "B;400-600").encode("cp1252"),
-        "'Korngröße [µm]' has no numbers that can be read, such as '200-300': is a range",
-        "write its middle",
+        "'Korngröße [µm]' has no numbers that can be read: '200-300' is no single number",
+        "write the likeliest",
+    ),
+    "a measured column of ranges": (
+        GOOD.replace("33,5", "32-35").replace("31,2", "30-32").replace("34,4", "34-35").encode("cp1252"),
+        "'Böschungswinkel (°)' has no numbers that can be read: '32-35' is a range",
+        "write 32..35",
     ),
     "a heading in merged cells": (
         changed("Feuchte in %;Böschungswinkel (°);SD [°];n", "Feuchte in %;;;"),
