@@ -9,13 +9,13 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.answers.documents import read_answer
-from taichi_erosion.scene.load import toml_table
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "write_an_effect.md").read_text(encoding="utf-8")
@@ -71,7 +71,7 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
     assert adopted["vault"]["chi2_after"] < 0.5 * adopted["vault"]["chi2_before"]
     assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
     for section, file in (("scene", "fall_pores"), ("study", "pores")):
-        written = toml_table(f"doe/own_effect/{file}_with_{NAME}.toml")
+        written = tomllib.loads(Path(f"doe/own_effect/{file}_with_{NAME}.toml").read_text(encoding="utf-8"))
         assert written[section]["effect_files"] == ["../../pores.py"]
     law = read_answer(Path("doe/my_lab_short_list-results"), "my_lab_short_list", "adopt")
     assert law is not None
