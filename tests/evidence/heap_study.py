@@ -23,6 +23,8 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     Vault,
 )
+from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.scene.schema.units import Scale
 
 MOISTURE, DIAMETER = np.linspace(0.0, 1.0, 5), np.array([1.0, 2.0])
 SD = {"angle": 0.3, "height": 0.1}
@@ -77,6 +79,7 @@ def heap_problem(
         censored=np.zeros(size, dtype=np.bool_),
         limit=np.full(size, np.nan),
         source=("made",) * size,
+        table_units=TableUnits({"angle": Scale("deg"), "height": Scale("mm")}),
     )
     candidates = tuple(
         Candidate(name, mask=(lambda at: at["cover"] > 0.0) if name == "flat" else None) for name in EFFECTS

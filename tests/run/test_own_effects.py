@@ -88,5 +88,7 @@ def test_an_error_in_an_effect_is_told_in_one_line(tmp_path):
     file.write_text(PULL.replace("strength * params", "strength / 0.0 * params"), encoding="utf-8")
     found = read_scene(scene, ON, read_effect_files([file]))
     assert effective_scene(found, library_of(found)) is found
-    with pytest.raises(BadInput, match="its constants failed: ZeroDivisionError: float division"):
+    with pytest.raises(
+        BadInput, match=r"its constants failed \(slip\.py, line \d+\): ZeroDivisionError: float division"
+    ):
         prepare(found, 1, library_of(found))

@@ -78,6 +78,7 @@ def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place()
 
 def test_a_misfit_of_more_than_three_a_degree_of_freedom_is_never_called_consistent():
     document = {"p": 0.54, "rows_visible": 30, "dof": 30.0, "chi2": 7.6e3, "where": []}
+    document |= {"observables": {"angle": {"n": 30}}, "parameters": {}}
     assert agreement(document).startswith("The model does not agree")
     assert agreement(document | {"chi2": 31.0}).startswith("The model is consistent")
 

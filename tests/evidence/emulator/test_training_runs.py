@@ -279,7 +279,7 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
     assert "effects.liquid_bridge.exponent" in after["parameters"]
 
 
-def test_two_numbers_decide_nothing_and_the_experiments_that_would_are_told(tmp_path, asked):
+def test_two_numbers_decide_nothing_and_the_number_that_would_is_told(tmp_path, asked):
     sliding = STUDY[STUDY.index("[parameters.") : STUDY.index("[candidates]")].replace("rolling", "sliding")
     ranges = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n[budget]\nruns = 40\n"
     path = write(tmp_path, 1.5, text=STUDY + sliding + ranges)
@@ -289,5 +289,9 @@ def test_two_numbers_decide_nothing_and_the_experiments_that_would_are_told(tmp_
     (tmp_path / "heap.csv").write_text("\n".join([head, one_heap[0], one_heap[3]]) + "\n", encoding="utf-8")
     found = ask("discover", str(path), "--budget", "quick")
     assert found["verdict"] == "not_testable"
-    assert "2 measured means of known scatter cannot decide" in found["sentences"][0]
-    assert ask("next", str(path))["next_experiments"]
+    assert [fault["kind"] for fault in found["faults"]] == ["too_few_rows"]
+    assert "set-up comes first" in found["sentences"][0]
+    assert (
+        "too few rows to tell effects apart: 2 under different conditions" in found["faults"][0]["sentence"]
+    )
+    assert re.search(r"at least \d+ rows", found["faults"][0]["sentence"])

@@ -70,9 +70,9 @@ def test_an_exponent_that_lies_beyond_those_tried_is_not_told(study):
 def test_an_extremum_is_found_where_it_is_and_nowhere_on_a_slope():
     column = np.repeat([0.5, 1.0, 2.0, 4.0, 8.0], 5)
     bump = 4.0 * np.exp(-(np.log(column / 2.0) ** 2))
-    assert extremum(column, bump) == "has a bump at 2"
-    assert extremum(column, -bump) == "has a dip at 2"
-    assert extremum(column, np.log(column)) == ""
+    assert extremum(column, bump) == ("has a bump at", 2.0)
+    assert extremum(column, -bump) == ("has a dip at", 2.0)
+    assert extremum(column, np.log(column)) is None
 
 
 def test_the_number_that_would_have_to_vary_is_named_with_its_condition():
