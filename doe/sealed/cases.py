@@ -70,14 +70,8 @@ def draw_case(family: int, number: int, budget: Budget | None = None) -> Case:
     order = generator.permutation(len(library))
     problem = Problem(
         measurements=table,
-        observables={
-            name: Observable(name, TRANSFORMS[name], FLUX_FLOOR if name == "flux" else 0.0)
-            for name in observables
-        },
-        parameters=tuple(
-            Parameter(path, reduced.PARAMETERS[path], value / 5.0, value * 5.0, PRIOR_SD)
-            for path, value in start_values(observables).items()
-        ),
+        observables=observables_of(observables),
+        parameters=parameters_of(observables),
         candidates=tuple(Candidate(library[i]) for i in order),
         model=model,
         budget=budget or Budget(),
@@ -100,6 +94,19 @@ def start_values(observables: tuple[str, ...]) -> dict[str, float]:
     """Calibrated numbers that move the measured observables."""
     used = {path for name in observables for path in OWNERS[name]}
     return {path: value for path, value in reduced.PARAMETERS.items() if path in used}
+
+
+def observables_of(names: tuple[str, ...]) -> dict[str, Observable]:
+    """Measured observables on their comparison scales."""
+    return {name: Observable(name, TRANSFORMS[name], FLUX_FLOOR if name == "flux" else 0.0) for name in names}
+
+
+def parameters_of(observables: tuple[str, ...]) -> tuple[Parameter, ...]:
+    """Calibrated numbers with their ranges and priors."""
+    return tuple(
+        Parameter(path, value, value / 5.0, value * 5.0, PRIOR_SD)
+        for path, value in start_values(observables).items()
+    )
 
 
 def true_parameters(generator: np.random.Generator, observables: tuple[str, ...]) -> dict[str, float]:

@@ -14,18 +14,18 @@ from doe.sealed.cases import (
     chosen_conditions,
     chosen_observables,
     drawn_vault,
-    start_values,
+    observables_of,
+    parameters_of,
     true_parameters,
 )
-from doe.sealed.laboratory import FLUX_FLOOR, TRANSFORMS, CaseModel, Truth, measured
+from doe.sealed.laboratory import CaseModel, Truth, measured
 from doe.sealed.oracle import least_misfit, noise_free, root
-from taichi_erosion.evidence.data.problem import Budget, Candidate, Observable, Parameter, Problem
+from taichi_erosion.evidence.data.problem import Budget, Candidate, Problem
 from taichi_erosion.evidence.models.reduced import EFFECTS
 
 KINDS = {"null": 0, "single": 1, "pair": 2, "triple": 3, "quadruple": 4, "beyond": 1}  # effects that act
 BEYOND = 2.0  # times the maximum, up to which an effect beyond it is drawn
 MAXIMUM = Candidate("").maximum
-PRIOR_SD = 0.3  # of ln of every calibrated number
 LIBRARY = (5, 12)  # candidates beside those that act, from and below
 TRIES = 200  # designs drawn until one shows every effect
 
@@ -55,14 +55,8 @@ def drawn(generator: np.random.Generator, number: int, kind: str) -> Case:
     library = [*truth.effects, *(str(law) for law in generator.choice(others, count, replace=False))]
     problem = Problem(
         measurements=table,
-        observables={
-            name: Observable(name, TRANSFORMS[name], FLUX_FLOOR if name == "flux" else 0.0)
-            for name in observables
-        },
-        parameters=tuple(
-            Parameter(path, value, value / 5.0, value * 5.0, PRIOR_SD)
-            for path, value in start_values(observables).items()
-        ),
+        observables=observables_of(observables),
+        parameters=parameters_of(observables),
         candidates=tuple(Candidate(library[i]) for i in generator.permutation(len(library))),
         model=CaseModel(scatter * level, float(generator.choice([0.0, 0.3])), {law: law for law in library}),
         budget=Budget(),

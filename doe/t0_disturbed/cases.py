@@ -9,10 +9,10 @@ from hashlib import sha256
 
 import numpy as np
 
-from doe.sealed.cases import OWNERS, PRIOR_SD, Case, drawn_vault, start_values, true_parameters
-from doe.sealed.laboratory import FLUX_FLOOR, NOISE, RANGES, TRANSFORMS, CaseModel, Truth, drawn_condition
+from doe.sealed.cases import OWNERS, Case, drawn_vault, observables_of, parameters_of, true_parameters
+from doe.sealed.laboratory import FLUX_FLOOR, NOISE, RANGES, CaseModel, Truth, drawn_condition
 from doe.t0_disturbed.laboratory import NEEDS_EFFECT, Disturbance, DisturbedTruth, measured
-from taichi_erosion.evidence.data.problem import Candidate, Observable, Parameter, Problem
+from taichi_erosion.evidence.data.problem import Candidate, Problem
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.reduced import EFFECTS
 
@@ -87,14 +87,8 @@ def problem_of(
     model = CaseModel(scatter * level, float(generator.choice([0.0, 0.3])), {name: name for name in library})
     return Problem(
         measurements=table,
-        observables={
-            name: Observable(name, TRANSFORMS[name], FLUX_FLOOR if name == "flux" else 0.0)
-            for name in observables
-        },
-        parameters=tuple(
-            Parameter(path, value, value / 5.0, value * 5.0, PRIOR_SD)
-            for path, value in start_values(observables).items()
-        ),
+        observables=observables_of(observables),
+        parameters=parameters_of(observables),
         candidates=tuple(Candidate(library[i]) for i in generator.permutation(len(library))),
         model=model,
         vault=drawn_vault(generator, table),

@@ -16,7 +16,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.file_kind import refuse_other_kind
+from taichi_erosion.core.files import one_line_name
+from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
 from taichi_erosion.scene.load import file_text, first_line, with_tuples
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
 from taichi_erosion.scene.validation_messages import problem_lines
@@ -328,12 +329,14 @@ def evidence_problems(file: StudyFile) -> Iterator[str]:
 
 def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) -> StudyFile:
     """Study of a TOML file in which `problems` finds none; raises BadInput with one line."""
-    name = str(path).replace("\n", "?")
-    refuse_other_kind(path, "study")
+    name = one_line_name(path)
+    refuse_other_name(path, "study")
     try:
-        table = nested_candidates(with_tuples(tomllib.loads(file_text(path, name))))
+        raw = tomllib.loads(file_text(path, name))
+        table = nested_candidates(with_tuples(raw))
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
+    refuse_other_sections(path, raw, "study")
     try:
         file = StudyFile.model_validate(table)
     except ValidationError as error:

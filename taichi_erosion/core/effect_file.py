@@ -10,7 +10,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import read_text_file
+from taichi_erosion.core.files import one_line_name, read_text_file
 
 SUFFIX = ".py"
 DIGITS = 12  # hexadecimal, of a digest
@@ -36,7 +36,7 @@ class EffectFile:
 
 def read_effect_file(path: Path) -> EffectFile:
     """The file at a path. Raises BadInput where there is no Python file."""
-    name = str(path).replace("\n", "?")
+    name = one_line_name(path)
     try:
         if path.suffix != SUFFIX:
             raise BadInput(f"{name}: no such Python file; an effect is a file that ends in {SUFFIX}")

@@ -36,6 +36,11 @@ REMEDY = "move it away, or replace it with --force"
 PNG_HEADER = 33  # bytes of signature and first chunk
 
 
+def one_line_name(path: str | Path) -> str:
+    """Name of a file as messages print it."""
+    return str(path).replace("\n", "?")
+
+
 def regular_file(path: Path) -> Path:
     """The path of a regular file. Raises OSError for a pipe, a device, a folder or nothing."""
     path.stat()

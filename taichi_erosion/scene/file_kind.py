@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import read_text_file
+from taichi_erosion.core.files import one_line_name, read_text_file
 
 Wanted = Literal["table", "study", "scene"]
 ENDINGS: Mapping[str, str] = {
@@ -33,11 +33,27 @@ NAMED = 3  # files of a folder that a message names
 
 def refuse_other_kind(path: Path, wanted: Wanted) -> None:
     """Refuse a file that is certainly of another kind than wanted; raises BadInput with the right command."""
-    name = str(path).replace("\n", "?")
+    refuse_other_name(path, wanted)
+    refuse_kind(path, file_kind(path), wanted)
+
+
+def refuse_other_name(path: Path, wanted: Wanted) -> None:
+    """The same for a folder, and by the ending of the name; the file is not read."""
     if path.is_dir():
-        raise BadInput(f"{name}: is a folder; {folder_remedy(path, wanted)}")
-    found = file_kind(path)
+        raise BadInput(f"{one_line_name(path)}: is a folder; {folder_remedy(path, wanted)}")
+    refuse_kind(path, ENDINGS.get(path.suffix.lower()), wanted)
+
+
+def refuse_other_sections(path: Path, table: Mapping[str, Any], wanted: Wanted) -> None:
+    """The same for a TOML file that has been read, by its sections."""
+    if path.suffix.lower() == ".toml":
+        refuse_kind(path, toml_kind(table), wanted)
+
+
+def refuse_kind(path: Path, found: str | None, wanted: Wanted) -> None:
+    """Refuse a file whose kind is known and not the wanted one."""
     if found is not None and found != wanted and path.is_file():
+        name = one_line_name(path)
         raise BadInput(f"{name}: {REMEDIES[found].format(path=name)}; a {wanted} is wanted here")
 
 

@@ -11,9 +11,10 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import one_line_name
 from taichi_erosion.scene.checks import air_checks, cross_checks
 from taichi_erosion.scene.diameters import expand_diameters
-from taichi_erosion.scene.file_kind import refuse_other_kind
+from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
 from taichi_erosion.scene.paths import apply_override
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.geometry import Mesh
@@ -67,16 +68,13 @@ def is_air_scene(path: Path) -> bool:
 def toml_table(path: str | Path) -> dict[str, Any]:
     """Raw table of a TOML file."""
     name = one_line_name(path)
-    refuse_other_kind(Path(path), "scene")
+    refuse_other_name(Path(path), "scene")
     try:
-        return tomllib.loads(file_text(Path(path), name))
+        table = tomllib.loads(file_text(Path(path), name))
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
-
-
-def one_line_name(path: str | Path) -> str:
-    """Path as messages show it."""
-    return str(path).replace("\n", "?")
+    refuse_other_sections(Path(path), table, "scene")
+    return table
 
 
 def file_text(path: Path, name: str) -> str:

@@ -10,7 +10,6 @@ from taichi_erosion.core.transfer import upload
 from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import cell_grid
 from taichi_erosion.grains.materials import upload_materials
-from taichi_erosion.grains.state import Replicas
 from taichi_erosion.grains.walls import Walls
 from taichi_erosion.simulation.capacities import cell_count, verlet_skin
 
@@ -35,8 +34,7 @@ def release_steps(setup: Setup) -> Any:
 def upload_world(world: World, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
     """Everything that the setups state."""
     upload_source(world, setups)
-    upload_replicas(world.replicas, setups, reaches, partitions)
-    upload([(world.replicas.pair_row, common_rows(setups, world.materials.rows))])
+    upload_replicas(world, setups, reaches, partitions)
     upload_cells(world, setups, reaches)
     upload_walls(world.walls, setups)
     upload_materials(world.materials, [s.contacts for s in setups])
@@ -70,10 +68,9 @@ def upload_source(world: World, setups: list[Setup]) -> None:
     upload(columns)
 
 
-def upload_replicas(
-    replicas: Replicas, setups: list[Setup], reaches: list[float], partitions: list[int]
-) -> None:
+def upload_replicas(world: World, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
     """Clocks, boxes and skins; nothing is released yet, the first step rebuilds."""
+    replicas = world.replicas
     allowed = [verlet_skin(s) for s in setups]
     # where cells hold the widest grain, none is wide, whatever rounding gives
     cell_reach = [np.inf if s.air is None else m.cell_reach for s, m in zip(setups, allowed, strict=True)]
@@ -82,6 +79,7 @@ def upload_replicas(
             (replicas.total, [len(s.grains.radius) for s in setups]),
             (replicas.stale, np.ones(len(setups))),
             (replicas.partitions, partitions),
+            (replicas.pair_row, common_rows(setups, world.materials.rows)),
             (replicas.time_step, [s.time_step for s in setups]),
             (replicas.gravity, [s.gravity for s in setups]),
             (replicas.low, [s.domain[0] for s in setups]),

@@ -11,6 +11,7 @@ import numpy as np
 
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told, column_roles
@@ -38,7 +39,7 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    cells = read_cells(path, (file or str(path)).replace("\n", "?"), faults)
+    cells = read_cells(path, one_line_name(file or path), faults)
     notes: list[str] = []
     if cells.rows and not is_tidy(cells.heading) and len(cells.heading) > 1 and study is not None:
         columns = column_roles(cells, named_by_study(cells, study), faults)

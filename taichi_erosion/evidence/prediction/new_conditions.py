@@ -8,6 +8,7 @@ import numpy as np
 
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.measured import (
     condition_scales,
     named_by_study,
@@ -46,7 +47,7 @@ def read_new_conditions(
     a unit is in the unit of the study's own table.
     """
     faults: list[str] = []
-    cells = read_cells(path, str(path).replace("\n", "?"), faults)
+    cells = read_cells(path, one_line_name(path), faults)
     if not cells.rows or not cells.lines:
         raise BadInput(f"{path}: holds no conditions; the first row names the columns, the others set them")
     columns = condition_columns(cells, file, faults)
