@@ -12,7 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from doe.common.cases import Row, read_rows
-from taichi_erosion.measures.threshold import flux_intercept
+from taichi_erosion.measures.flux_law import CUBIC, LINEAR, flux_power
+from taichi_erosion.measures.threshold import Bracket, flux_intercept
 from taichi_erosion.report.markdown import magnitude, markdown_table
 
 STRESS_LINE = "impact_threshold_stress"  # of steady winds
@@ -232,9 +233,15 @@ def splash_table(found: Found) -> str:
     return markdown_table(header, rows)
 
 
-def line_table(found: Found, measured: Table) -> str:
-    """Straight lines of flux against stress: where they start, how steep they are, how straight."""
-    header = ("flux", "u* of no flux [m/s]", "stress there [Pa]", "dQ/dtau [s]", "R^2 of the line")
+def line_table(found: Found, measured: Table, threshold: Bracket | None = None) -> str:
+    """Straight lines of flux against stress: where they start, how steep they are, how straight.
+
+    `threshold` is that of saturated transport [m s-1], with which the power of the wind is told.
+    """
+    header = (
+        *("flux", "u* of no flux [m/s]", "stress there [Pa]", "dQ/dtau [s]", "R^2 of the line"),
+        *("power m", "p of m = 0, linear", "p of m = 1, cube of the wind"),
+    )
     pairs = flux_pairs(found, measured)
     series = {
         "measured": [(wind, value) for wind, value, _, _ in pairs],
@@ -249,8 +256,19 @@ def line_table(found: Found, measured: Table) -> str:
         start = flux_intercept(points)
         middle = start.middle if start is not None else nan
         slope = float(np.polyfit(stress, flux, 1)[0])
-        rows.append((name, shown(middle), shown(AIR * middle**2), shown(slope), f"{straight:.3f}"))
+        line = (name, shown(middle), shown(AIR * middle**2), shown(slope), f"{straight:.3f}")
+        rows.append((*line, *power_cells(points, threshold)))
     return markdown_table(header, rows)
+
+
+def power_cells(points: Sequence[tuple[float, float]], threshold: Bracket | None) -> tuple[str, str, str]:
+    """Power m of flux against wind, and the chances of both laws; empty where it cannot be told."""
+    winds, flux = np.array(points).T
+    power = None if threshold is None else flux_power(winds, flux, threshold)
+    if power is None:
+        return ("", "", "")
+    chances = (f"{power.chance(law):.2g}" for law in (LINEAR, CUBIC))
+    return (f"{power.value:.2f} ± {power.error:.2f}", *chances)
 
 
 def draw_impact(found: Found, measured: Table, hopping: Table, file: Path) -> None:

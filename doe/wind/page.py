@@ -11,6 +11,8 @@ from doe.common.cases import STOPPED, Row
 from doe.single_bead.run import bead_table
 from doe.wind import shares
 from doe.wind.blown_sand import (
+    BARE,
+    STRESS_LINE,
     Found,
     Table,
     adhesion_table,
@@ -27,12 +29,13 @@ from doe.wind.blown_sand import (
 )
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.measures.threshold import CONFIDENCE
+from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 
 PAGE = "threshold.md"
 PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.png"}
 TABLES = ("flux", "impact", "fluid", "saturated")
+CREYSSELS_SAND = "0.24"  # mm, of saturated.csv: the sand nearest to that of Creyssels et al.
 ALONE = "drag alone"  # the case that others are compared with
 FLUID, ROLLING, PLATE = "threshold_u_star", "rolling_onset", "threshold_wind_speed"
 
@@ -136,6 +139,14 @@ def cost_table(founds: Sequence[Found]) -> str:
     )
 
 
+def sand_threshold(impact: Found, sand: str) -> Bracket | None:
+    """Threshold of saturated transport of a bare sand, by its diameter in mm; None where it has none."""
+    found = impact.get((BARE, sand), {}).get(STRESS_LINE)
+    if found is None:
+        return None
+    return Bracket(found.value - found.standard_error, found.value + found.standard_error)
+
+
 def tables(doe: Path) -> dict[str, str]:
     """Tables of the page by name."""
     flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
@@ -152,7 +163,7 @@ def tables(doe: Path) -> dict[str, str]:
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
         "flux": flux_table(flux, fluxes),
-        "lines": line_table(flux, fluxes),
+        "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),
         "splash": splash_table(flux),
         "cost": cost_table((flux, falling, steady, fluid)),
         "beads": bead_table(("air",)),

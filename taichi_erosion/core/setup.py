@@ -24,7 +24,7 @@ NormalLaw = Literal["hertz", "jkr"]
 AdhesionBranch = Literal["touch", "edem"]  # edem: the neck also pulls on approach
 FrictionCap = Literal["thornton", "edem"]
 RollingLaw = Literal["none", "constant_torque", "elastic_plastic"]
-DragLaw = Literal["schiller_naumann", "two_limits", "di_felice", "gidaspow"]
+DragLaw = Literal["schiller_naumann", "two_limits", "two_limits_hindered", "di_felice", "gidaspow"]
 Precision = Literal["f32", "f64"]
 
 EVERYWHERE: tuple[Triple, Triple] = ((-inf, -inf, -inf), (inf, inf, inf))  # m, a domain without an end

@@ -11,6 +11,7 @@ from taichi_erosion.verification.claim import Claim, Outcome, as_claim
 from taichi_erosion.verification.contact import (
     adhesion,
     bulk,
+    discharge,
     invariance,
     motion,
     normal_impact,
@@ -55,7 +56,7 @@ CHECKS: dict[str, Check] = {
     "V30": exchange.terminal_velocities,
     "V31": packed_bed.packed_bed,
     "V32": exchange.column_momentum,
-    "V33": bulk.opening_flow,
+    "V33": discharge.opening_flow,
     "V34": bulk.repose_trends,
     "V36": saltation.saltation,
     "V37": designed_experiments.recovered_effects,

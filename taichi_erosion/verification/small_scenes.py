@@ -27,11 +27,12 @@ from taichi_erosion.core.setup import (
     Surface,
 )
 from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.effects import load_library
 from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
 from taichi_erosion.run.stages import ReplicaState
-from taichi_erosion.scene import Scene, build_setup
+from taichi_erosion.scene import Scene
 from taichi_erosion.scene import laws as laws_of
-from taichi_erosion.simulation import Simulation, advance, assemble, failure, snapshot
+from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
 from taichi_erosion.verification.claim import Precision
 from taichi_erosion.verification.reference.contact import (
     HeadOn,
@@ -256,10 +257,13 @@ def simulation_of(
     return assemble(setups, laws, Numerics(threads=threads, precision=precision))
 
 
-def run_to_end(scenes: Sequence[Scene], seed: int) -> EnsembleRun:
-    """Scenes of one law, each a replica of the seed, run to their ends on the CPU in single precision."""
-    sim = assemble([build_setup(scene, seed) for scene in scenes], laws_of(scenes[0]), Numerics())
-    whole = EnsembleRun(list(scenes), sim, [ReplicaState(seed) for _ in scenes])
+def run_to_end(scenes: Sequence[Scene], seeds: Sequence[int]) -> EnsembleRun:
+    """Scenes of one law, each with its effects and seed, run to their ends on the CPU in single precision."""
+    library = load_library()
+    setups = [prepare(scene, seed, library) for scene, seed in zip(scenes, seeds, strict=True)]
+    whole = EnsembleRun(
+        list(scenes), assemble(setups, laws_of(scenes[0]), Numerics()), [ReplicaState(seed) for seed in seeds]
+    )
     run_ensemble(whole, [])
     return whole
 

@@ -62,8 +62,15 @@ def test_a_slow_small_sphere_feels_stokes_drag(drags, law: str):
     assert found[law][slow] == pytest.approx(stokes, rel=5e-3)
 
 
-def test_neighbours_raise_the_drag_of_both_laws_for_beds(drags):
+def test_neighbours_raise_the_drag_of_the_laws_for_beds(drags):
     cases, found = drags
-    for law in ("di_felice", "gidaspow"):
+    for law in ("two_limits_hindered", "di_felice", "gidaspow"):
         dense, alone = (found[law][cases[:, 2] == void] for void in (0.4, 1.0))
         assert np.all(dense > 2.0 * alone)
+
+
+def test_the_hindered_law_is_that_of_a_grain_alone_where_there_are_no_others(drags):
+    cases, found = drags
+    alone = cases[:, 2] == 1.0
+    # the same formula, in another order of operations
+    assert found["two_limits_hindered"][alone] == pytest.approx(found["two_limits"][alone], rel=1e-12)

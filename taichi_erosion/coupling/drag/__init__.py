@@ -19,7 +19,7 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 
-LAWS = ("schiller_naumann", "two_limits", "di_felice", "gidaspow")
+LAWS = ("schiller_naumann", "two_limits", "two_limits_hindered", "di_felice", "gidaspow")
 SLIP_LEAST = 1e-9  # keeps logarithms and divisions finite where air and grain move together [m s-1]
 
 

@@ -11,11 +11,17 @@ from taichi_erosion.coupling.drag import SLIP_LEAST, sphere_rate
 
 
 @ti.func
+def voidage_function(reynolds, void):
+    """eps^(2 - chi) [1], by which neighbours multiply the drag coefficient of a sphere alone at Re'."""
+    distance = 1.5 - ti.log(reynolds) / ti.log(10.0)
+    exponent = 3.7 - 0.65 * ti.exp(-0.5 * distance * distance)
+    return void ** (2.0 - exponent)
+
+
+@ti.func
 def drag_rate(slip, radius, mass, density, viscosity, void):
     """Rate of drag on a sphere among others [s-1]."""
     reynolds = ti.max(void * slip, SLIP_LEAST) * 2.0 * radius / viscosity
     root = 0.63 + 4.8 / ti.sqrt(reynolds)
-    distance = 1.5 - ti.log(reynolds) / ti.log(10.0)
-    exponent = 3.7 - 0.65 * ti.exp(-0.5 * distance * distance)
     alone = sphere_rate(root * root * ti.max(slip, SLIP_LEAST), radius, mass, density)
-    return alone * void ** (2.0 - exponent)
+    return alone * voidage_function(reynolds, void)

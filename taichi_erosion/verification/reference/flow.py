@@ -14,7 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import root_scalar
+from scipy.optimize import curve_fit, root_scalar
+from scipy.special import fdtrc
+from scipy.stats import linregress
 
 from taichi_erosion.core.setup import Floats
 
@@ -55,12 +57,21 @@ def two_limits(stream: Stream) -> float:
     return force(stream, (np.sqrt(0.5) + np.sqrt(24.0 / stream.reynolds)) ** 2)
 
 
-def di_felice(stream: Stream) -> float:
-    """Drag on a sphere among others [N], from the superficial slip eps s."""
-    reynolds = stream.void * stream.reynolds
-    chi = 3.7 - 0.65 * np.exp(-((1.5 - np.log10(reynolds)) ** 2) / 2.0)
-    coefficient = (0.63 + 4.8 / np.sqrt(reynolds)) ** 2
+def among_others(stream: Stream, coefficient: float) -> float:
+    """Di Felice's drag on a sphere among others [N], from the superficial slip eps s and its C_D alone."""
+    chi = 3.7 - 0.65 * np.exp(-((1.5 - np.log10(stream.void * stream.reynolds)) ** 2) / 2.0)
     return force(stream, coefficient) * stream.void**2 * stream.void**-chi
+
+
+def di_felice(stream: Stream) -> float:
+    """Drag on a sphere among others [N]: C_D = (0.63 + 4.8 / sqrt(Re))^2 alone."""
+    return among_others(stream, (0.63 + 4.8 / np.sqrt(stream.void * stream.reynolds)) ** 2)
+
+
+def two_limits_hindered(stream: Stream) -> float:
+    """Drag on a grain among others [N]: that of `two_limits` alone."""
+    reynolds = stream.void * stream.reynolds
+    return among_others(stream, (np.sqrt(0.5) + np.sqrt(24.0 / reynolds)) ** 2)
 
 
 def gidaspow(stream: Stream) -> float:
@@ -77,6 +88,7 @@ def gidaspow(stream: Stream) -> float:
 LAWS: dict[str, Callable[[Stream], float]] = {
     "schiller_naumann": schiller_naumann,
     "two_limits": two_limits,
+    "two_limits_hindered": two_limits_hindered,
     "di_felice": di_felice,
     "gidaspow": gidaspow,
 }
@@ -103,28 +115,36 @@ def terminal_velocity(diameter: float, solid: float, air: Stream, gravity: float
 
 
 HOLE_EXPONENT, SLOT_EXPONENT = 2.5, 1.5  # round hole, slot without ends [1]
-BEVERLOO_EDGES = np.linspace(1.2, 1.6, 41)  # k of spheres [1]
 BEVERLOO_EDGE = 1.4  # k: grain diameters that the rim takes from the orifice [1], spheres
 
 
 def discharge_exponent(orifice: Floats, diameter: float, flow: Floats, edge: float) -> tuple[float, float]:
-    """N of W = c (D - k d)^n by least squares in the logarithms with k given, and the sum of squares left."""
-    width = np.log(orifice - edge * diameter)
-    line, (residual, *_) = np.polynomial.polynomial.polyfit(width, np.log(flow), 1, full=True)
-    return float(line[1]), float(np.sum(residual))
+    """N of W = c (D - k d)^n and its standard error: a straight line in the logarithms, with k given."""
+    line = linregress(np.log(orifice - edge * diameter), np.log(flow))
+    return float(line.slope), float(line.stderr)
 
 
-def discharge_fit(orifice: Floats, diameter: float, flow: Floats) -> tuple[float, float]:
-    """K and n of W = c (D - k d)^n, k searched in BEVERLOO_EDGES."""
-    fits = [(discharge_exponent(orifice, diameter, flow, edge), edge) for edge in BEVERLOO_EDGES]
-    (exponent, _), edge = min(fits, key=lambda fit: fit[0][1])
-    return float(edge), exponent
+def discharge_edge(
+    orifice: Floats, diameter: float, flow: Floats, exponent: float
+) -> tuple[float, float, float]:
+    """K of W = c (D - k d)^n with n given, its standard error, and the chance of the lack of fit.
 
+    ln W is fitted, as flows scatter in proportion. Orifices hold several flows each; the F-test compares the
+    scatter of their means about the law with that within orifices.
+    """
 
-def discharge_edge(orifice: Floats, diameter: float, flow: Floats, exponent: float) -> float:
-    """K of W = c (D - k d)^n with n given: W^(1/n) is a straight line in D that crosses zero at k d."""
-    slope, offset = np.polyfit(orifice, flow ** (1.0 / exponent), 1)
-    return float(-offset / slope / diameter)
+    def law(width: Floats, log_factor: float, edge: float) -> Floats:
+        return log_factor + exponent * np.log(width - edge * diameter)
+
+    logs, most = np.log(flow), 0.99 * orifice.min() / diameter
+    start = (float(np.mean(logs - exponent * np.log(orifice))), 1.0)
+    found, covariance = curve_fit(law, orifice, logs, start, bounds=([-np.inf, -most], [np.inf, most]))
+    groups = [logs[orifice == width] for width in np.unique(orifice)]
+    within = sum(float(((group - group.mean()) ** 2).sum()) for group in groups)
+    about = float(((logs - law(orifice, *found)) ** 2).sum()) - within
+    freedom = len(groups) - 2, len(logs) - len(groups)
+    ratio = (about / freedom[0]) / (within / freedom[1])
+    return float(found[1]), float(np.sqrt(covariance[1, 1])), float(fdtrc(*freedom, max(ratio, 0.0)))
 
 
 def discharge_coefficient(

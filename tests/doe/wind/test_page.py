@@ -8,6 +8,7 @@ import pytest
 from doe.common.cases import Row
 from doe.wind import blown_sand
 from doe.wind import page as threshold
+from taichi_erosion.measures.threshold import Bracket
 
 TUNNEL = [
     {"speed": f"{u:g}", "friction_velocity": f"{0.04 * u:g}", "friction_velocity_sd": "0.01"}
@@ -95,3 +96,6 @@ def test_the_line_of_a_linear_flux_starts_at_its_threshold():
     lines = blown_sand.line_table(found, measured).splitlines()[2:]
     assert [line.split("|")[2].strip() for line in lines] == ["0.2", "0.2"]
     assert [line.split("|")[5].strip() for line in lines] == ["1.000", "1.000"]
+    # a linear flux has no power of the wind beyond its stress
+    known = blown_sand.line_table(found, measured, Bracket(0.2 - 1e-9, 0.2 + 1e-9)).splitlines()[2:]
+    assert all(abs(float(line.split("|")[6].split("±")[0])) < 1e-3 for line in known)

@@ -5,13 +5,36 @@ import pytest
 
 from taichi_erosion.verification.reference import flow as bulk
 
+OPENINGS, GRAIN = 0.002 * np.repeat([6.0, 8.0, 11.0, 15.0], 4), 0.002
+SCATTER = 0.05  # of a flow from filling to filling
+
+
+def flows(exponent: float, seed: int = 0, scatter: float = SCATTER) -> np.ndarray:
+    noise = np.exp(scatter * np.random.default_rng(seed).standard_normal(OPENINGS.size))
+    return 7.0 * (OPENINGS - 1.5 * GRAIN) ** exponent * noise
+
 
 @pytest.mark.parametrize("exponent", [1.5, 2.5])
 def test_beverloo_fits_return_the_law_they_were_given(exponent: float) -> None:
-    orifice, diameter = np.array([0.01, 0.013, 0.016]), 0.002
-    flow = 7.0 * (orifice - 1.5 * diameter) ** exponent
-    assert bulk.discharge_fit(orifice, diameter, flow) == pytest.approx((1.5, exponent))
-    assert bulk.discharge_edge(orifice, diameter, flow, exponent) == pytest.approx(1.5)
+    exact = flows(exponent, scatter=1e-9)
+    assert bulk.discharge_exponent(OPENINGS, GRAIN, exact, 1.5)[0] == pytest.approx(exponent, rel=1e-6)
+    assert bulk.discharge_edge(OPENINGS, GRAIN, exact, exponent)[0] == pytest.approx(1.5, rel=1e-5)
+
+
+def test_errors_of_beverloo_fits_are_those_of_repeated_fillings() -> None:
+    series = [flows(2.5, seed) for seed in range(300)]
+    slopes = np.array([bulk.discharge_exponent(OPENINGS, GRAIN, flow, 1.5) for flow in series])
+    edges = np.array([bulk.discharge_edge(OPENINGS, GRAIN, flow, 2.5) for flow in series])
+    for found in (slopes, edges):
+        # the scatter of 300 series is known to 4 %, and so is the mean of their errors
+        assert found[:, 1].mean() == pytest.approx(found[:, 0].std(ddof=1), rel=0.15)
+    # one true law in twenty has a p below 0.05
+    assert (edges[:, 2] < 0.05).mean() == pytest.approx(0.05, abs=0.04)
+
+
+def test_the_lack_of_fit_refutes_another_exponent() -> None:
+    chances = [bulk.discharge_edge(OPENINGS, GRAIN, flows(1.5, seed, 0.01), 2.5)[2] for seed in range(20)]
+    assert np.median(chances) < 1e-3
 
 
 @pytest.mark.parametrize("exponent", [1.5, 2.5])

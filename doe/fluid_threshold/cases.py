@@ -1,0 +1,143 @@
+"""Cases of beds of sand under wind, and the table of their thresholds bed by bed."""
+
+import csv
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from io import StringIO
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+from doe.common.cases import ROOT, Case, command, parse, settings
+from doe.wind.run import size_order
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import write_atomic
+from taichi_erosion.verification.reference.hopping import Sand
+
+FOLDER = Path(__file__).parent
+TABLE = FOLDER / "beds.csv"
+SCENE = "scenes/wind_threshold.toml"
+MILLI = 1e-3
+REFERENCE = 0.25e-3  # m, to which the values below belong
+MODULUS, SLEEP = 6e4, 1e-3  # Pa; s at rest after which deep grains are held
+SIDE, GRAINS = 14.0, 784  # of the patch in diameters: four grains on the square of a diameter
+FIRST = 0.07  # of sqrt((s - 1) g d), from where winds grow [1]
+FORCES = {
+    "drag_near_the_wall": "near_wall_drag",
+    "torque": "rotational_drag",
+    "lift": "shear_lift",
+    "gusts": "turbulent_gusts",
+    "adhesion": "dry_adhesion",
+}
+WITH, BARE, WITHOUT = "forces", "bare", "without_"
+DIAMETERS = (0.25, 0.5, 1.0, 0.15, 0.1)  # mm
+SHARED = 0.25  # mm, the diameter at which forces are switched off one by one
+BEDS = 5
+KEPT = 1  # rounds of bisection after the step of six percent
+
+
+@dataclass(frozen=True)
+class Bed:
+    """The threshold of one bed in one case."""
+
+    case: str
+    seed: int
+    low: float  # m s-1, highest wind that it withstood
+    high: float  # m s-1, lowest wind that moved it
+    cpu_s: float  # of all beds of the case
+    command: str
+    commit: str
+
+
+def names() -> list[str]:
+    """All cases, in the order in which they are simulated."""
+    first = [f"{kind}/{size:g}" for size in DIAMETERS[:3] for kind in (WITH, BARE)]
+    shares = [f"{WITHOUT}{force}/{SHARED:g}" for force in FORCES]
+    rest = [f"{kind}/{size:g}" for size in DIAMETERS[3:] for kind in (WITH, BARE)]
+    return [*first, *rest, *shares]
+
+
+def effects_of(kind: str) -> list[str]:
+    """Effects of a kind of case."""
+    if kind == BARE:
+        return []
+    return [effect for force, effect in FORCES.items() if kind != WITHOUT + force]
+
+
+def case_of(name: str) -> Case:
+    """Orders of a case."""
+    kind, size = name.split("/")
+    diameter = MILLI * float(size)
+    ratio = diameter / REFERENCE
+    first = FIRST * Sand(diameter).scale
+    orders = (
+        size_order(diameter),
+        *(f"materials.{one}.shear_modulus={MODULUS * ratio:.6g}" for one in ("soil", "ground")),
+        f"grains.count={GRAINS}",
+        "fill.pitch_d=1.32",
+        f"wind.sleep_after={SLEEP * sqrt(ratio):.4g}",
+        f"threshold.first={first:.4g}",
+        f"threshold.levels={KEPT}",
+        *(f"effects.{effect}.strength=1" for effect in effects_of(kind)),
+    )
+    return Case("fluid", name, settings(*orders), BEDS)
+
+
+def simulate(name: str) -> list[Bed]:
+    """Beds of one case, in a process of its own. Raises BadInput where the run is refused."""
+    typed = command(SCENE, case_of(name))
+    program = [sys.executable, "-m", "taichi_erosion", *typed]
+    done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
+    if not done.stdout:
+        raise BadInput(f"{name}: {(done.stderr.strip().splitlines() or ['no answer'])[-1]}")
+    asked = ["git", "rev-parse", "--short", "HEAD"]
+    commit = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    return beds_of(name, json.loads(done.stdout), " ".join(["./erosion", *typed]), commit)
+
+
+def beds_of(name: str, document: dict[str, Any], typed: str, commit: str) -> list[Bed]:
+    """Beds of the document that `run --json` prints; those that a guard stopped have none."""
+    found = [(each["seed"], each["measures"].get("threshold_u_star")) for each in document["replicas"]]
+    return [
+        Bed(
+            name,
+            seed,
+            measured["details"]["low"],
+            measured["details"]["high"],
+            document["wall_s"],
+            typed,
+            commit,
+        )
+        for seed, measured in found
+        if measured and measured["details"]
+    ]
+
+
+def read_beds() -> list[Bed]:
+    """All beds of the table; none where it has not been made yet."""
+    if not TABLE.exists():
+        return []
+    kinds = {f.name: f.type for f in fields(Bed)}
+    with TABLE.open(encoding="utf-8", newline="") as file:
+        lines = list(csv.DictReader(file))
+    return [Bed(**{name: parse(kinds[name], text) for name, text in line.items()}) for line in lines]
+
+
+def write_beds(beds: Sequence[Bed]) -> None:
+    """Replace the beds of these cases in the table."""
+    done = {bed.case for bed in beds}
+    order = names()
+    rows = sorted(
+        [*(bed for bed in read_beds() if bed.case not in done), *beds],
+        key=lambda bed: (order.index(bed.case), bed.seed),
+    )
+    text = StringIO(newline="")
+    table = csv.DictWriter(text, [f.name for f in fields(Bed)], lineterminator="\n")
+    table.writeheader()
+    for row in rows:
+        cells = asdict(row).items()
+        table.writerow({name: f"{cell:.7g}" if isinstance(cell, float) else cell for name, cell in cells})
+    write_atomic(TABLE, text.getvalue().encode())

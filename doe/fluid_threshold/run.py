@@ -1,0 +1,31 @@
+"""The wind that starts beds of sand of five diameters, with the forces on a grain at rest on and off.
+
+python -m doe.fluid_threshold.run            every case that has no beds yet; writes beds.csv
+python -m doe.fluid_threshold.run CASE...    some anew: forces/0.25, bare/0.25, without_gusts/0.25, ...
+python -m doe.fluid_threshold.run --page     only the tables of README.md and the figure, from beds.csv
+
+`scenes/wind_threshold.toml` with nearly uniform quartz instead of the published soil: sizes, stiffness and
+patch in diameters, winds and the time until grains sleep with the root of the diameter. `forces` are drag
+near the wall, torque of the shear, lift, gusts and dry adhesion at their published sizes; `bare` has drag
+alone; `without_X` is `forces` less one of them. All cases have the same seeds, so that cases of one diameter
+are compared bed by bed.
+"""
+
+from collections.abc import Sequence
+
+from doe.common.command import words
+from doe.fluid_threshold.cases import names, read_beds, simulate, write_beds
+from doe.fluid_threshold.page import publish
+
+
+def main(asked: Sequence[str]) -> None:
+    """Simulate what was asked for, then fill the page."""
+    if list(asked) != ["--page"]:
+        done = {bed.case for bed in read_beds()}
+        for name in asked or [name for name in names() if name not in done]:
+            write_beds(simulate(name))
+    publish(read_beds())
+
+
+if __name__ == "__main__":
+    main(words(__doc__))
