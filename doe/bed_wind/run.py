@@ -32,7 +32,7 @@ PAGE, ZERO, ROUGH = (FOLDER / name for name in ("README.md", "zero.csv", "roughn
 MEASURED_BY = "flow resolved"
 LAWS = ("two_limits", "two_limits_hindered", "di_felice")
 CREEPING, WIND, DIAMETER = 3e-4, 0.3, 0.25e-3  # m2 s-1, m s-1, m
-CELLS = (10, 14)  # on a diameter, of the resolved flow
+CELLS = (8, 12)  # on a diameter, of the resolved flow
 SIZES, WINDS = (1.0, 2.0, 4.0), (0.27, 0.36, 0.54)  # over 0.25 mm; m s-1, near which such sand starts
 FAR = 100.0  # diameters over a bed, from where its roughness is seen
 SMOOTH, GRAIN = 0.11, 1.0 / 30.0  # z0 u* / nu of a smooth wall; z0 / d of a rough bed [1]
@@ -85,7 +85,9 @@ def write(path: Path, rows: Sequence[Cells]) -> None:
 
 
 def lines(path: Path) -> list[dict[str, str]]:
-    """Lines of a CSV file."""
+    """Lines of a CSV file; none where it has not been made yet."""
+    if not path.exists():
+        return []
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 

@@ -5,8 +5,9 @@
 
 Di Felice's voidage function times the drag on a grain alone. In air without other grains (eps = 1) it is
 `two_limits`. Inside a bed it is several times as large, as the pressure drop of packed beds is, so that wind
-reaches less deep: over a layer of spheres in creeping shear the wind seems to begin 0.17 diameters below
-their tops, where that of `two_limits` begins at 0.48 and 0.2 is usual (`doe/bed_wind/`).
+reaches less deep: over layers of touching spheres in creeping shear the column begins 0.17 (quadratic) and
+0.12 diameters (triangular) below their tops, where that of `two_limits` begins at 0.54 and resolved flow at
+0.10 and 0.08 (`doe/bed_wind/`).
 
 Reference: Di Felice (1994), Int. J. Multiphase Flow 20, 153 (voidage function); Duran, Andreotti & Claudin
 (2012), Phys. Fluids 24, 103306 (0.5 and 24).
