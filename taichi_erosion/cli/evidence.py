@@ -15,6 +15,7 @@ from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, 
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.words.agreement import NO_MISFIT, agreement, is_untested, row_sentences
+from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
 from taichi_erosion.evidence.data.number_words import heading, plain
 from taichi_erosion.evidence.inference.verdict_levels import fails, p_number
 
@@ -194,6 +195,7 @@ def print_comparison(document: Record) -> None:
         for name, misfit in document["observables"].items()
     )
     print_table("calibrated model against measurement", ("observable", "rows", "chi2", *ERRORS, "p"), rows)
+    typer.echo(FITTED_ERRORS)
     print_parameters(document["parameters"])
     print_limits(document)
     print_lines(next_steps.after_comparison(document))
@@ -271,6 +273,7 @@ def print_errors(document: Record) -> None:
     columns = [heading("rmse" if len(names) == 1 else name, units.value_unit(name)) for name in names]
     title = "chi2 per row; rmse of held-out rows" if names else "chi2 per row"
     print_table(title, ("model", "fitted rows", "held-out rows", *columns), rows)
+    typer.echo(HELD_OUT_ERRORS)
 
 
 def listed(fit: Record) -> str:

@@ -16,6 +16,7 @@ from taichi_erosion.evidence.answers.words.agreement import (
     row_sentences,
     untested_sentence,
 )
+from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
 from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.inference.verdict_levels import PLAUSIBLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
@@ -131,6 +132,8 @@ def page_fields(found: Results) -> dict[str, Any]:
         "vault": list(vault_sentences(found)),
         "fits_of_adoption": list(fits(found.adoption)),
         "adoption_parameters": calibrated(found.adoption),
+        "fitted_errors": FITTED_ERRORS,
+        "held_out_errors": HELD_OUT_ERRORS,
         "limits": list(limits(found)),
         "experiments": experiments(found),
         "prediction": found.prediction,

@@ -1,23 +1,15 @@
 """First sentences of the page of a study: where the model fails, what is missing, how far the error falls."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from taichi_erosion.evidence.answers.words.agreement import is_untested, row_sentences, untested_sentence
 from taichi_erosion.evidence.answers.words.held_out import open_words, unseen_words
-from taichi_erosion.evidence.data.number_words import plain, short, with_unit
+from taichi_erosion.evidence.data.number_words import short, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.inference.verdict_levels import fails
-from taichi_erosion.report.evidence_results import Document, Results, layers
-from taichi_erosion.report.plain_words import (
-    EVERYWHERE,
-    between,
-    condition_words,
-    effect_words,
-    listed,
-    words_of,
-)
+from taichi_erosion.report.evidence_results import Document, Results
+from taichi_erosion.report.plain_words import EVERYWHERE, condition_words, effect_words, listed, words_of
 
-BESIDE = 1e-6  # of a level: closer numbers are one level
 MOST_TOLD = 3  # observables whose errors a sentence lists
 LEVEL = "level"  # axis of a misfit of an observable as a whole
 AGREES = "The calibrated model agrees with the measurements."
@@ -48,10 +40,7 @@ def failure_sentence(found: Results) -> str:
             else AGREES
         )
     words, axis = words_of(place["observable"]), place["axis"]
-    told = [
-        (stretch["sign"], subject_words(found, place["observable"], axis, stretch))
-        for stretch in place.get("stretches", ())
-    ]
+    told = [(stretch["sign"], subject_words(found, axis, stretch)) for stretch in place.get("stretches", ())]
     parts = [f"{subject} {words.above if sign > 0 else words.below}" for sign, subject in told]
     if not parts:
         return f"{place['sentence'].rstrip('.')}."
@@ -65,31 +54,21 @@ def worst_place(found: Results) -> Document | None:
     return next(iter(along or failing), None)
 
 
-def subject_words(found: Results, observable: str, axis: str, stretch: Document) -> str:
-    """Samples of a stretch, such as `Grains finer than 0.23 mm`."""
+def subject_words(found: Results, axis: str, stretch: Document) -> str:
+    """Samples of a stretch, such as `Grains up to 0.23 mm`, with the ends that the place's sentence tells."""
     if stretch["low"] is None and stretch["high"] is None:
         return EVERYWHERE
-    condition, rows = found.table.condition(axis), layers(found)[0].fitted
-    column = rows["conditions"].get(axis, ())
-    pairs = zip(rows["observable"], column, strict=False)
-    levels = [condition.shown(value) for name, value in pairs if name == observable and value is not None]
     ends = {
-        side: with_unit(plain(boundary(condition.shown(stretch[side]), levels, side)), condition.unit)
+        side: found.units.condition_text(axis, stretch[side])
         for side in ("low", "high")
         if stretch[side] is not None
     }
+    condition = found.table.condition(axis)
     words = condition_words(condition.name, condition.path)
+    if stretch.get("level") is not None:
+        return words.single.format(found.units.condition_text(axis, stretch["level"]))
     form = words.middle if len(ends) == 2 else words.high if "low" in ends else words.low
     return form.format(**ends)
-
-
-def boundary(end: float, levels: Sequence[float], side: str) -> float:
-    """Short number between the end of a stretch and the next measured level beyond it."""
-    slack = BESIDE * abs(end)
-    beyond = [level for level in levels if (level < end - slack if side == "low" else level > end + slack)]
-    if not beyond:
-        return end
-    return between(end, max(beyond) if side == "low" else min(beyond))
 
 
 def answer_sentences(found: Results) -> Iterator[str]:

@@ -18,11 +18,12 @@ class ObservableWords:
 
 @dataclass(frozen=True)
 class ConditionWords:
-    """Samples at the low end, at the high end and in the middle of a condition."""
+    """Samples at the low end, at the high end, in the middle and at one level of a condition."""
 
     low: str
     high: str
     middle: str
+    single: str
 
 
 WIND = ObservableWords(
@@ -48,17 +49,22 @@ OBSERVABLES = {
 }
 CONDITIONS = {
     "diameter": ConditionWords(
-        "Grains finer than {high}", "Grains coarser than {low}", "Grains of {low} to {high}"
+        "Grains up to {high}", "Grains from {low}", "Grains of {low} to {high}", "Grains of {}"
     ),
     "moisture": ConditionWords(
-        "Soils drier than {high}", "Soils wetter than {low}", "Soils with {low} to {high} of water"
+        "Soils with up to {high} of water",
+        "Soils with {low} of water or more",
+        "Soils with {low} to {high} of water",
+        "Soils with {} of water",
     ),
     "slope": ConditionWords(
-        "Beds flatter than {high}", "Beds steeper than {low}", "Beds with a slope of {low} to {high}"
+        "Beds with a slope up to {high}",
+        "Beds with a slope from {low}",
+        "Beds with a slope of {low} to {high}",
+        "Beds with a slope of {}",
     ),
 }
 EVERYWHERE = "The samples"
-ROUNDING = 1e-12  # of a middle that lies on a half digit
 
 
 def words_of(observable: str) -> ObservableWords:
@@ -75,9 +81,10 @@ def condition_words(name: str, path: str) -> ConditionWords:
             return CONDITIONS[key]
     plain = name.replace("_", " ")
     return ConditionWords(
-        f"Samples with a {plain} below {{high}}",
-        f"Samples with a {plain} above {{low}}",
+        f"Samples with a {plain} up to {{high}}",
+        f"Samples with a {plain} from {{low}}",
         f"Samples with a {plain} between {{low}} and {{high}}",
+        f"Samples with a {plain} of {{}}",
     )
 
 
@@ -89,13 +96,3 @@ def effect_words(name: str) -> str:
 def listed(names: Sequence[str]) -> str:
     """`a`, `a and b`, `a, b and c`."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-def between(inside: float, outside: float) -> float:
-    """Boundary between two levels, the shorter the better."""
-    middle = 0.5 * (inside + outside) * (1.0 + ROUNDING)
-    for digits in (1, 2, 3):
-        rounded = float(f"{middle:.{digits}g}")
-        if min(inside, outside) < rounded < max(inside, outside):
-            return rounded
-    return middle

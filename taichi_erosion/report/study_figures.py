@@ -433,13 +433,18 @@ def residual_points(panel: Panel) -> tuple[dict[str, Points], ValueRange]:
     found = {}
     for layer in panel.layers[:2]:
         points = points_of(panel, layer.fitted)
-        simulated = np.nan_to_num(panel.values(layer.fitted["predicted_sd"])[list(points.rows)])
-        error = np.hypot(points.error, HALF_WIDTH * simulated)
+        error = HALF_WIDTH * np.nan_to_num(panel.values(errors_of(layer.fitted))[list(points.rows)])
         gap = points.measured - points.model
         found[layer.key] = replace(points, measured=gap, error=error, series=("",) * gap.size)
     gap = np.concatenate([points.measured for points in found.values()])
     error = np.concatenate([points.error for points in found.values()])
     return found, value_range(np.append(gap, 0.0), np.concatenate([gap - error, gap + error]))
+
+
+def errors_of(rows: Record) -> Sequence[float | None]:
+    """Standard deviations of measured less model; those of the measured means in an answer without them."""
+    found: Sequence[float | None] = rows.get("residual_error") or rows["measured_sd"]
+    return found
 
 
 def residual_texts(panel: Panel) -> dict[str, list[str]]:

@@ -3,44 +3,38 @@
 import pytest
 
 from taichi_erosion.evidence.data.number_words import short
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.report.lead import subject_words
 from taichi_erosion.report.measured_table import Condition, MeasuredTable
-from taichi_erosion.report.plain_words import between, words_of
+from taichi_erosion.report.plain_words import words_of
 from taichi_erosion.report.strength_words import engineering, leaves
+from taichi_erosion.scene.schema.units import Scale
 
 DIAMETER = Condition("diameter", "grains.size.diameter", "mm", 1e-3)
 
 
 class Study:
-    """Results of a study whose diameters were measured at these levels, as far as a sentence needs them."""
+    """Results of a study with diameters in mm, as far as a sentence needs them."""
 
     table = MeasuredTable({"diameter": DIAMETER})
-    discovery = adoption = None
-
-    def __init__(self, *levels: float) -> None:
-        conditions = {"diameter": [1e-3 * level for level in levels]}
-        self.comparison = {"rows": {"observable": ["angle"] * len(levels), "conditions": conditions}}
+    units = TableUnits(conditions={"diameter": Scale("mm", 1e-3)})
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "words"),
+    ("low", "high", "level", "words"),
     [
-        (None, 0.2e-3, "Grains finer than 0.3 mm"),
-        (0.4e-3, None, "Grains coarser than 0.3 mm"),
-        (0.2e-3, 0.4e-3, "Grains of 0.15 mm to 0.6 mm"),
-        (None, None, "The samples"),
+        (None, 0.2e-3, None, "Grains up to 0.2 mm"),
+        (0.4e-3, None, None, "Grains from 0.4 mm"),
+        (0.2e-3, 0.4e-3, None, "Grains of 0.2 mm to 0.4 mm"),
+        (None, 0.1e-3, 0.1e-3, "Grains of 0.1 mm"),
+        (None, None, None, "The samples"),
     ],
 )
-def test_the_ends_of_a_stretch_lie_between_two_measured_levels(low, high, words):
-    stretch = {"sign": 1, "low": low, "high": high}
-    assert subject_words(Study(0.1, 0.2, 0.4, 0.8), "angle", "diameter", stretch) == words
-
-
-@pytest.mark.parametrize(
-    ("inside", "outside", "end"), [(0.228, 0.24, 0.23), (0.005, 0.01, 0.008), (1.0, 9.0, 5.0)]
-)
-def test_an_end_is_as_short_as_two_levels_allow(inside, outside, end):
-    assert between(inside, outside) == between(outside, inside) == end
+def test_the_ends_of_a_stretch_are_those_that_its_sentence_tells(low, high, level, words):
+    stretch = {"sign": 1, "low": low, "high": high, "level": level}
+    assert subject_words(Study(), "diameter", stretch) == words
+    if words != "The samples":
+        assert all(end in words for end in (f"{1e3 * each:g} mm" for each in (low, high) if each))
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,18 @@
 """Every claim of the checks that take seconds; those that pour heaps or drain silos are marked slow."""
 
+import json
+from dataclasses import replace
 from math import nan
+from pathlib import Path
 
 import pytest
 
+from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.verification import claims as ladder
 from taichi_erosion.verification.claim import Claim, Outcome, as_claim
 from taichi_erosion.verification.claims import CHECKS, verify
+from taichi_erosion.verification.known_failures import KNOWN, is_known, news
 
 SLOW = {f"V{k}" for k in (11, 14, 15, 16, 17, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 31, 32, 33, 34, 36, 38)}
 
@@ -14,11 +20,11 @@ SLOW = {f"V{k}" for k in (11, 14, 15, 16, 17, 20, 21, 22, 23, 24, 25, 26, 27, 28
 @pytest.mark.parametrize(
     "ident", [pytest.param(i, marks=pytest.mark.slow if i in SLOW else ()) for i in CHECKS]
 )
-def test_every_claim_of_a_check_holds(ident: str) -> None:
+def test_every_claim_of_a_check_holds_or_is_known_to_fail(ident: str) -> None:
     failed = [
         f"{c.claim}: got {c.got:.6g}, want {c.want:.6g} +- {c.tolerance:.2g} ({c.precision})"
         for c in verify([ident])
-        if not c.passed
+        if not c.passed and not is_known(c)
     ]
     assert not failed, "\n".join(failed)
 
@@ -53,3 +59,40 @@ def test_a_check_that_breaks_is_a_claim_that_fails_and_says_why(monkeypatch: pyt
     assert first.passed
     assert not second.passed
     assert "spheres were cubes" in second.claim
+
+
+SLOTS = Claim("V33", "Beverloo: exponent, flow through slots of 6 d", 1.64, 1.5, 0.1, "f32", False, 1.0)
+
+
+def test_a_failure_is_known_as_far_as_it_was_found() -> None:
+    assert is_known(SLOTS)
+    assert not is_known(replace(SLOTS, got=1.9)), "worse than was found"
+    assert not is_known(replace(SLOTS, got=nan))
+    assert not is_known(replace(SLOTS, id="V01"))
+    assert news([SLOTS]) == []
+    assert news([SLOTS], strict=True) == [SLOTS]
+
+
+def test_every_known_failure_stands_on_the_page_with_its_reason() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "verification.md").read_text("utf-8")
+    reasons = text.partition("## What does not pass, and why")[2]
+    failed = [line.split(" | ") for line in text.splitlines() if "**NO**" in line]
+    for known in KNOWN:
+        assert f"{known.id}: " in reasons
+        assert any(cells[0] == f"| {known.id}" and known.words in cells[1] for cells in failed)
+    for cells in failed:
+        found = replace(SLOTS, id=cells[0].strip("| "), claim=cells[1], got=float(cells[2]))
+        assert is_known(found), cells
+
+
+def test_known_failures_leave_exit_code_0_unless_strict(monkeypatch, capsys) -> None:
+    def slots():
+        yield Outcome(SLOTS.claim, SLOTS.got, SLOTS.want, SLOTS.tolerance, "f32")
+
+    monkeypatch.setattr(ladder, "CHECKS", {"V33": slots})
+    assert main(["verify"]) == 0
+    assert "note: 1 of those that fail are known to" in capsys.readouterr().out
+    assert main(["verify", "--json"]) == 0
+    (claim,) = json.loads(capsys.readouterr().out)["claims"]
+    assert (claim["passed"], claim["known_failure"]) == (False, True)
+    assert main(["verify", "--strict"]) == 1

@@ -16,25 +16,23 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.answers.effect_action import effect_actions
-from taichi_erosion.evidence.answers.words.held_out import refuted
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
-from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection
-from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress, expected_strength
-from taichi_erosion.evidence.inference.familywise_test import familywise_test
-from taichi_erosion.evidence.inference.goodness_of_fit import (
-    calibration_covariance,
-    chi_square,
-    misfit_p,
-    misfit_places,
-    quadratic_form_p,
-    rows_table,
+from taichi_erosion.evidence.answers.held_out_misfit import (
+    HeldOutPrediction,
+    held_out_prediction,
+    held_out_problem,
+    on_common_rows,
 )
+from taichi_erosion.evidence.answers.words.held_out import refuted
+from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.problem import Problem, Progress, expected_strength
+from taichi_erosion.evidence.inference.familywise_test import familywise_test
+from taichi_erosion.evidence.inference.goodness_of_fit import chi_square, misfit_p, misfit_places, rows_table
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
-from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, expand, score, slopes_of
+from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor, prepare
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import stronger_fit
 from taichi_erosion.evidence.inference.verdict_levels import LEVEL_ODDS, fails
@@ -62,8 +60,10 @@ def adopt(
     progress("calibrating the bare model", 0.1)
     ready = account_of(prepared, every)
     prepared, screened = ready.prepared, ready.screened
-    held = held_out_problem(prepared, ready.base)
-    fits: list[HypothesisFit | None] = [evaluated(prepared, ready.base, held)]
+    held = held_out_problem(prepared)
+    fits: list[tuple[HypothesisFit, HeldOutPrediction | None] | None] = [
+        evaluated(prepared, ready.base, held)
+    ]
     wrong = [() if name is None else (name,) for name in controls(prepared, screened, every, seed)]
     for index, names in enumerate((chosen, *wrong, every if every != chosen else ())):
         progress(f"recalibrating with {' and '.join(names)}", 0.2 * (index + 1))
@@ -90,8 +90,9 @@ def adopt(
 
 def judged(found: Adoption) -> Adoption:
     """The adoption with what the held-out rows say about it."""
-    base, after = found.base.vault_chi2, (found.with_all or found.added).vault_chi2
-    found = replace(found, contradicted=bool(after >= base or refuted(base, after)))
+    base, after = found.base, found.with_all or found.added
+    worse = after.vault_chi2 >= base.vault_chi2 or after.vault_log_score < base.vault_log_score
+    found = replace(found, contradicted=bool(worse or refuted(base.vault_chi2, after.vault_chi2)))
     return replace(found, sentence=adoption_sentence(found))
 
 
@@ -148,115 +149,21 @@ def added_fit(prepared: PreparedProblem, screened: Screen, names: tuple[str, ...
     return stronger_fit(prepared, expand(prepared, best)) or best
 
 
-def held_out_problem(prepared: PreparedProblem, base: Fit) -> PreparedProblem | None:
-    """The held-out rows; a missing variance is that of the visible rows of the same observable.
-
-    All hypotheses are compared with the same variance, the bare model's own errors in it. None where the
-    vault is empty.
-    """
-    problem = prepared.problem
-    if problem.vault.rows.size == 0:
-        return None
-    rows = comparison_rows(problem, problem.hidden())
-    typical = {each.name: chosen for each, chosen in prepared.by_observable()}
-    variance, simulated = np.full(rows.size, nan), np.zeros(rows.size)
-    for row, name in enumerate(rows.observables[index].name for index in rows.which):
-        if name in typical:
-            variance[row] = np.median(prepared.rows.variance[typical[name]])
-            simulated[row] = np.median(prepared.seed_variance[typical[name]]) / prepared.seeds.scoring.size
-    rows = replace(rows, variance=np.where(rows.known, rows.variance, variance))
-    known = rows.known
-    rows, simulated = rows.rows(known), simulated[known]
-    if rows.size == 0:
-        return None
-    predictor = bound_predictor(problem, rows)
-    own = predictor.model_errors(base.x, base.acting())
-    total = rows.variance + simulated + np.sum(own**2, axis=1)
-    held = replace(prepared, rows=rows, predictor=predictor, variance=total, levels=())
-    if not prepared.levels:
-        return held
-    widths = {name: float(np.max(prepared.rows.shared[:, k])) for k, name in enumerate(prepared.levels)}
-    return held.with_free_levels(widths)
-
-
-def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None) -> HypothesisFit:
-    """One hypothesis on both sides; the residual of a held-out row without a value is NaN."""
+def evaluated(
+    prepared: PreparedProblem, best: Fit, held: PreparedProblem | None
+) -> tuple[HypothesisFit, HeldOutPrediction | None]:
+    """One hypothesis on the visible rows, and what it says of the held-out ones."""
     expansion = expand(prepared, best)
     scored = score(prepared, expansion)
-    hidden, chance = None, nan
-    if held is not None:
-        mean = held.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)
-        mean = mean + shared_shift(prepared, expansion.mean, held.rows)
-        good = np.isfinite(mean)
-        slopes, count = slopes_of(held, best), len(prepared.axes)
-        part = replace(
-            expansion,
-            mean=np.where(good, mean, held.rows.z),
-            shared=held.rows.shared,
-            jacobian=slopes[:, :count],
-            local=slopes[:, count:],
-        )
-        covariance = calibration_covariance(prepared, expansion)
-        hidden = rows_table(held, part, covariance)
-        hidden = replace(hidden, residual=np.where(good, hidden.residual, nan))
-        chance = predictive_p(held, part, covariance, good)
-    return HypothesisFit(
+    found = HypothesisFit(
         effects=best.names,
         strengths=strength_estimates(prepared, scored),
         parameters=parameter_estimates(prepared, scored),
         chi2=chi_square(prepared, expansion) / prepared.rows.size,
         vault_chi2=nan,
         vault_rmse={},
-        vault_p=chance,
         rows=rows_table(prepared, expansion),
-        vault_rows=hidden,
+        vault_rows=None,
         actions=effect_actions(prepared, best),
     )
-
-
-def predictive_p(held: PreparedProblem, part: Expansion, covariance: Floats, good: Bools) -> float:
-    """Chance that an adequate model would leave as much on the held-out rows (n,) that have a value.
-
-    Their whitened residuals have the covariance I + S C S^T + F F^T: scatter, what the visible rows leave
-    uncertain in numbers and strengths, and errors that rows share.
-    """
-    work = held.working(part.mean)
-    scale = (work.weight / held.sd)[:, np.newaxis]
-    slopes, shared = np.hstack([part.local, part.jacobian]) * scale, part.shared * scale
-    whole = np.eye(held.rows.size) + slopes @ covariance @ slopes.T + shared @ shared.T
-    residual = work.residual[good]
-    return float(quadratic_form_p(float(residual @ residual), whole[np.ix_(good, good)]))
-
-
-def shared_shift(prepared: PreparedProblem, mean: Floats, held: ComparisonRows) -> Floats:
-    """Shift of the held-out rows by each instrument's systematic error, as the visible rows show it."""
-    shift, work = np.zeros(held.size), prepared.working(mean)
-    names = [observable.name for observable in held.observables]
-    for observable, own in prepared.by_observable():
-        column = np.sum(np.abs(prepared.rows.shared[own]), axis=1)
-        if np.any(column) and observable.name in names:
-            scale = (work.weight[own] / prepared.sd[own]) * column
-            part = projection(np.zeros((scale.size, 0)), scale[:, np.newaxis])
-            size = float(part.solve(np.append(work.residual[own], 0.0))[0])
-            hidden = held.which == names.index(observable.name)
-            shift[hidden] = size * np.sum(np.abs(held.shared[hidden]), axis=1)
-    return shift
-
-
-def on_common_rows(fits: list[HypothesisFit | None]) -> list[HypothesisFit | None]:
-    """All hypotheses scored on the held-out rows for which each of them has a value."""
-    tables = [fit.vault_rows.residual for fit in fits if fit is not None and fit.vault_rows is not None]
-    if not tables:
-        return fits
-    common = np.all(np.isfinite(tables), axis=0)
-    return [None if fit is None else scored_on(fit, common) for fit in fits]
-
-
-def scored_on(best: HypothesisFit, chosen: Bools) -> HypothesisFit:
-    """A hypothesis and its errors on some of the held-out rows: misfit per row, rms by observable."""
-    assert best.vault_rows is not None
-    rows = best.vault_rows.select(chosen)
-    chi2 = float(np.mean(rows.residual**2)) if chosen.any() else nan
-    names, gap = np.array(rows.observable), rows.measured - rows.predicted
-    rmse = {str(name): float(np.sqrt(np.mean(gap[names == name] ** 2))) for name in np.unique(names)}
-    return replace(best, vault_chi2=chi2, vault_rmse=rmse, vault_rows=rows)
+    return found, None if held is None else held_out_prediction(prepared, expansion, held)

@@ -19,6 +19,7 @@ from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.evidence.answers.words.agreement import row_sentences
+from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,
@@ -305,8 +306,15 @@ def adoption_sentence(found: Adoption) -> str:
         words += f" With all that was named ({names}) it goes to {after:.3g}: adopt these together."
     judged = found.with_all or added
     if found.contradicted:
-        words += f" What was held out does not bear {' and '.join(judged.effects)} out."
+        words += f" What was held out does not bear {' and '.join(judged.effects)} out{wider(base, judged)}."
     return words + adequacy_sentence(judged) + control_sentence(found) + missing_sentence(found)
+
+
+def wider(base: HypothesisFit, judged: HypothesisFit) -> str:
+    """Why held-out rows contradict although their misfit falls; empty where it does not fall clearly."""
+    if not judged.vault_chi2 < base.vault_chi2 or refuted(base.vault_chi2, judged.vault_chi2):
+        return ""
+    return ": it predicts them with wider errors, not better"
 
 
 def adequacy_sentence(judged: HypothesisFit) -> str:
@@ -320,12 +328,12 @@ def adequacy_sentence(judged: HypothesisFit) -> str:
 
 
 def control_sentence(found: Adoption) -> str:
-    """A control that does as well on the held-out rows as what was adopted; nothing where none does."""
+    """A control that predicts the held-out rows as well as what was adopted; nothing where none does."""
     rows = found.added.vault_rows
     count = len(rows.observable) if rows is not None else 0
-    limit = found.added.vault_chi2 + levels.RIVAL_MISFIT / max(count, 1)
+    limit = found.added.vault_log_score - 0.5 * levels.RIVAL_MISFIT / max(count, 1)
     controls = (found.best_wrong, found.random_wrong)
-    equal = [fit.effects[0] for fit in controls if fit is not None and fit.vault_chi2 < limit]
+    equal = [fit.effects[0] for fit in controls if fit is not None and fit.vault_log_score > limit]
     if not equal:
         return ""
     return f" {' and '.join(dict.fromkeys(equal))} does as well there: these rows do not tell them apart."

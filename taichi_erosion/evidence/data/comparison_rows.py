@@ -1,7 +1,7 @@
 """Measurements on the comparison scale: repeats merged, the sources of error known."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -42,6 +42,8 @@ class ComparisonRows:
     freedom: float  # degrees of freedom behind the noise level
     noise: Mapping[str, ObservableNoise]
     warnings: tuple[str, ...]
+    condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
+    condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
 
     @property
     def size(self) -> int:
@@ -76,6 +78,7 @@ class ComparisonRows:
             group=tuple(self.group[i] for i in index),
             source=tuple(self.source[i] for i in index),
             slope=self.slope[index],
+            condition_sd={name: column[index] for name, column in self.condition_sd.items()},
         )
 
 
@@ -146,6 +149,8 @@ def merged_rows(
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
+        condition_sd={name: column[first] for name, column in table.condition_sd.items()},
+        condition_set=table.condition_set,
     )
     return rows, scatter
 
@@ -247,4 +252,8 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
         slope=np.concatenate([part.slope for part in parts]),
         noise={name: noise for part in parts for name, noise in part.noise.items()},
         warnings=tuple(note for part in parts for note in part.warnings),
+        condition_sd={
+            name: np.concatenate([part.condition_sd[name] for part in parts])
+            for name in parts[0].condition_sd
+        },
     )

@@ -22,6 +22,7 @@ FIGURES = (
     "predicted",
     "predicted_sd",
     "residual",
+    "residual_error",
     "model_sd",
     "shift",
 )  # columns of `Rows`
@@ -61,6 +62,7 @@ class Stretch:
     sign: int  # +1: measured above the model
     low: float | None  # in the unit of the model; None for an end of what was measured
     high: float | None
+    level: float | None = None  # where it is one level of the condition alone
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,8 @@ class Rows:
     measured_sd: Floats  # standard error, all sources but the simulator
     predicted: Floats
     predicted_sd: Floats  # standard error of the simulated mean
-    residual: Floats  # whitened: in standard deviations
+    residual: Floats  # measured minus predicted and shifted, over its standard deviation
+    residual_error: Floats  # that standard deviation, on which chi2 and p rest too
     model_sd: Floats  # standard error of `predicted`: calibrated numbers, strengths, simulated mean
     shift: Floats  # of `predicted` by errors that rows share, at their best; 0 where it is shifted already
     limit: tuple[Limit, ...] = ()  # of which rows `measured` is a limit, and on which side the value lies
@@ -389,9 +392,8 @@ class HypothesisFit:
     rows: Rows
     vault_rows: Rows | None
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of its effects
-    vault_p: float = (
-        nan  # of the misfit of the held-out rows if the model is adequate; NaN with an empty vault
-    )
+    vault_p: float = nan  # of a `vault_chi2` as large if the model is adequate; NaN with an empty vault
+    vault_log_score: float = nan  # per held-out row: ln of the density that was predicted for its value
 
 
 @dataclass(frozen=True, kw_only=True)

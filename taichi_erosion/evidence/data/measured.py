@@ -12,6 +12,7 @@ import numpy as np
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
+from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told, column_roles
@@ -142,8 +143,11 @@ def study_measurements(
         source=tuple(row.source for row in rows),
         table_units=TableUnits(value_scales(rows, units), scales),
         reach=np.array([s * row.reach for row, s in zip(rows, factors, strict=True)]),
+        condition_sd=errors_of_conditions(rows, scales),
+        condition_set=frozenset(table.set_conditions),
     )
-    return measurements, [*table.notes, *unused_notes(table, file), *ignored_notes(table, file)]
+    notes = [*unused_notes(table, file), *ignored_notes(table, file), *error_notes(measurements)]
+    return measurements, [*table.notes, *notes]
 
 
 def refuse_absent(table: Table, file: StudyFile, name: str) -> None:
@@ -204,6 +208,15 @@ def used_conditions(row: Row, table: Table, scales: Mapping[str, Scale]) -> dict
     """Conditions of a row by name, in the units of use."""
     stated = dict(zip(table.conditions, row.conditions, strict=True))
     return {name: scale.used(stated[name]) for name, scale in scales.items()}
+
+
+def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> dict[str, np.ndarray]:
+    """Standard deviations of stated conditions, in the units of use; NaN where a condition is exact."""
+    return {
+        name: np.array([scale.factor * row.condition_sd.get(name, nan) for row in rows])
+        for name, scale in scales.items()
+        if any(row.condition_sd.get(name) for row in rows)
+    }
 
 
 def group_of(row: Row, at: Mapping[str, float]) -> str:
@@ -267,6 +280,21 @@ def unused_notes(table: Table, file: StudyFile) -> list[str]:
         f"{name}: {other.count(name)} rows of {table.file} are not used; the study names no such observable."
         for name in dict.fromkeys(other)
     ]
+
+
+def error_notes(measurements: Measurements) -> list[str]:
+    """Conditions whose stated values have errors."""
+    notes, as_set = [], measurements.condition_set
+    for name, sd in measurements.condition_sd.items():
+        scale = measurements.table_units.conditions.get(name, Scale())
+        ends = dict.fromkeys(plain(end / scale.factor) for end in (np.nanmin(sd), np.nanmax(sd)))
+        size = with_unit(" to ".join(ends), measurements.table_units.condition_unit(name))
+        count = int(np.sum(sd > 0.0))
+        notes.append(
+            f"{name}: {count} of {sd.size} rows state its sd, {size}; it enters their errors through "
+            f"the slope of the model{', as of a condition that was set' if name in as_set else ''}."
+        )
+    return notes
 
 
 def ignored_notes(table: Table, file: StudyFile) -> list[str]:

@@ -66,6 +66,8 @@ class Measurements:
     source: tuple[str, ...]
     table_units: TableUnits = field(default_factory=TableUnits)
     reach: Floats | None = None  # of censored values: -inf below `limit`, +inf above, h within; None: below
+    condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN or left out: exact
+    condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
 
     @property
     def size(self) -> int:
@@ -87,6 +89,8 @@ class Measurements:
             source=tuple(self.source[i] for i in index),
             table_units=self.table_units,
             reach=None if self.reach is None else self.reach[index],
+            condition_sd={name: column[index] for name, column in self.condition_sd.items()},
+            condition_set=self.condition_set,
         )
 
     @property

@@ -199,6 +199,7 @@ def failing_stretches(column: Floats, free: Floats) -> tuple[Stretch, ...]:
             1 if bins[first].size > 0.0 else -1,
             None if first == 0 else bins[first].low,
             None if last == len(bins) - 1 else bins[last].high,
+            bins[first].low if bins[first].low == bins[last].high else None,
         )
         for first, last in failing_runs(bins)
     )
@@ -259,29 +260,47 @@ def shared_shift(prepared: PreparedProblem, expansion: Expansion) -> Floats:
     return shared[:, :count] @ sizes[:count]
 
 
-def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floats | None = None) -> Rows:
-    """Measured beside predicted, in the observables' own units.
+@dataclass(frozen=True)
+class RowErrors:
+    """Residuals of rows with the errors on which they, chi2 and p rest, on the comparison scale."""
 
-    `covariance` is that of the calibration; left out: these very rows are what was calibrated to, and their
-    residuals are those with shared errors at their best, as in every chi2.
+    residual: Floats  # over the square root of `variance`, an ordinary one for a censored row
+    shift: Floats  # of the mean by errors that rows share, where it is not shifted already
+    calibrated: Floats  # variance of the mean by what the visible rows leave uncertain
+    variance: Floats  # of measured minus predicted
+
+
+def fitted_errors(prepared: PreparedProblem, expansion: Expansion) -> RowErrors:
+    """Residuals of the rows to which the model is calibrated, shared errors at their best.
+
+    What calibration leaves uncertain is no error of theirs: they lie as near as it brings them, for which p
+    and the degrees of freedom account.
     """
-    if covariance is None:
-        residual, shift = projected_residual(prepared, expansion).whole, shared_shift(prepared, expansion)
-    else:
-        residual, shift = prepared.working(expansion.mean).residual, np.zeros(prepared.rows.size)
-    rows = prepared.rows
-    covariance = calibration_covariance(prepared, expansion) if covariance is None else covariance
     slopes = np.hstack([expansion.local, expansion.jacobian])
+    covariance = calibration_covariance(prepared, expansion)
     calibrated = np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0)
+    residual = projected_residual(prepared, expansion).whole
+    variance = prepared.variance + model_variance(prepared, expansion)
+    return RowErrors(residual, shared_shift(prepared, expansion), calibrated, variance)
+
+
+def model_variance(prepared: PreparedProblem, expansion: Expansion) -> Floats:
+    """Variance of the mean by the model's own errors, such as those of an emulator."""
+    return np.asarray(np.sum(expansion.shared[:, prepared.rows.shared.shape[1] :] ** 2, axis=1))
+
+
+def rows_table(prepared: PreparedProblem, expansion: Expansion, errors: RowErrors | None = None) -> Rows:
+    """Measured beside predicted, in the observables' own units; without `errors` those of fitted rows."""
+    errors = fitted_errors(prepared, expansion) if errors is None else errors
+    rows = prepared.rows
     measured, predicted, shifted = (np.empty(rows.size) for _ in range(3))
     for observable, chosen in prepared.by_observable():
         measured[chosen] = from_scale(observable, rows.z[chosen])
         predicted[chosen] = from_scale(observable, expansion.mean[chosen])
-        shifted[chosen] = from_scale(observable, (expansion.mean + shift)[chosen])
+        shifted[chosen] = from_scale(observable, (expansion.mean + errors.shift)[chosen])
     steep = np.where(rows.slope > 0.0, rows.slope, np.nan)
     shared = np.sum(rows.shared[:, len(prepared.levels) :] ** 2, axis=1)  # a free level is no error bar
-    own = np.sum(expansion.shared[:, rows.shared.shape[1] :] ** 2, axis=1)  # of the model itself
-    simulated = np.maximum(prepared.variance - rows.variance + own, 0.0)
+    simulated = np.maximum(prepared.variance - rows.variance + model_variance(prepared, expansion), 0.0)
     return Rows(
         observable=tuple(rows.observables[i].name for i in rows.which),
         group=rows.group,
@@ -290,15 +309,22 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, covariance: Floa
         measured_sd=np.sqrt(rows.variance + shared) / steep,
         predicted=predicted,
         predicted_sd=np.sqrt(simulated) / steep,
-        residual=residual,
-        model_sd=np.sqrt(calibrated + simulated) / steep,
+        residual=errors.residual,
+        residual_error=np.sqrt(errors.variance) / steep,
+        model_sd=np.sqrt(errors.calibrated + simulated) / steep,
         shift=shifted - predicted,
         limit=rows.limits,
     )
 
 
 def chi_square(prepared: PreparedProblem, expansion: Expansion) -> float:
-    """Misfit of the measurements alone, shared errors at their best: r^T V^-1 r."""
+    """Sum of the squared residuals of the rows, shared errors at their best."""
+    whole = projected_residual(prepared, expansion).whole
+    return float(whole @ whole)
+
+
+def misfit_with_shared(prepared: PreparedProblem, expansion: Expansion) -> float:
+    """The same with the squared sizes of the shared errors: r^T V^-1 r."""
     work = prepared.working(expansion.mean)
     shared = expansion.shared / prepared.sd[:, np.newaxis] * work.weight[:, np.newaxis]
     part = projection(np.zeros((work.residual.size, 0)), shared)
@@ -341,7 +367,7 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion) -> RowMisfit | No
 
 def explained_share(prepared: PreparedProblem, base: Expansion, other: Expansion) -> float:
     """Share of the bare model's excess misfit that another removes: (S_0 - S_k) / (S_0 - n), at most 1."""
-    before, after = chi_square(prepared, base), chi_square(prepared, other)
+    before, after = misfit_with_shared(prepared, base), misfit_with_shared(prepared, other)
     return min((before - after) / max(before - prepared.rows.size, 1.0), 1.0)
 
 

@@ -30,6 +30,7 @@ STEPS, STEPS_QUICK = 25, 5  # at most; kinks at the threshold of transport make 
 SEARCH_POINTS = 10  # per calibrated number
 STARTS, MOST_STARTS = 3, 7  # of the bare model; beyond the first only while the misfit is poor
 POOR = 4.0  # misfit per row of a fit that may have gone astray, or whose model lacks much
+MOVES = 3  # rounds in which conditions with errors are moved to their most probable values
 LEVEL_ROUNDS = 3  # in which the priors of free levels are widened, at most
 SEARCH_WIDTH = 2.0  # prior sd to either side
 NEAR = 2.0  # sd within which a fitted value may stand for the measured one
@@ -213,16 +214,18 @@ def refined(
     """Best position from one start, and -2 ln of its likelihood times prior.
 
     Weights are fixed during the steps, or these would lead to where the model is least certain. A model with
-    errors of its own has those of the start first, then those of what was found; the volume
-    ln |1 + F^T V^-1 F| of its errors F separates sure fits from vague ones.
+    errors of its own has those of the start first, then those of what was found, conditions at their most
+    probable values; the volume ln |1 + F^T V^-1 F| of its errors F separates sure fits from vague ones.
     """
     whole = Objective(prepared, names, seeds, beyond)
     there = prepared.with_model_errors(*whole.split(start))
     position, misfit = refine(replace(whole, prepared=there), start, steps)
-    if prepared.predictor.uncertainty is None:
+    if not prepared.has_model_errors:
         return position, misfit
-    there = prepared.with_model_errors(*whole.split(position))
-    position, misfit = refine(replace(whole, prepared=there), position, steps)
+    movable = prepared.condition_errors is not None and prepared.condition_errors.movable
+    for _ in range(MOVES if movable else 1):
+        there = prepared.with_model_errors(*whole.split(position), moved=True)
+        position, misfit = refine(replace(whole, prepared=there), position, steps)
     own = there.rows.shared[:, prepared.rows.shared.shape[1] :] / prepared.sd[:, np.newaxis]
     return position, misfit + float(np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1])
 

@@ -68,6 +68,7 @@ class Expansion:
     paths: tuple[Path, ...]
     local: Floats  # (n, effects), derivative of the mean along each strength
     shared: Floats  # (n, q), errors of one sd that rows share: of instruments, and of the model itself here
+    moved: Floats  # (n,), of the mean by conditions at their most probable values
 
     @property
     def finite(self) -> bool:
@@ -173,7 +174,8 @@ def outward(
 
 def expand(prepared: PreparedProblem, best: Fit) -> Expansion:
     """Slopes and paths of one hypothesis with the signature seeds, its mean with the scoring seeds."""
-    prepared = prepared.with_model_errors(best.x, best.acting())
+    stated = prepared
+    prepared = prepared.with_model_errors(best.x, best.acting(), moved=True)
     slopes = slopes_of(prepared, best)
     count = len(prepared.axes)
     mean = prepared.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)
@@ -182,7 +184,10 @@ def expand(prepared: PreparedProblem, best: Fit) -> Expansion:
         path_of(prepared, best, index, float(spread[index]), ridge[:, index])
         for index in range(len(best.names))
     )
-    return Expansion(best, mean, slopes[:, :count], paths, slopes[:, count:], prepared.rows.shared)
+    moved = np.zeros(mean.size)
+    if prepared.predictor is not stated.predictor:
+        moved = mean - stated.predictor.mean(best.x, best.acting(), stated.seeds.scoring)
+    return Expansion(best, mean, slopes[:, :count], paths, slopes[:, count:], prepared.rows.shared, moved)
 
 
 def slopes_of(prepared: PreparedProblem, best: Fit) -> Floats:

@@ -72,7 +72,8 @@ class FittedHypotheses:
         )
 
         def again(item: FittedHypothesis) -> FittedHypothesis:
-            expansion = replace(item.expansion, mean=mean_over_seeds(prepared, item.fit))
+            mean = mean_over_seeds(prepared, item.fit) + item.expansion.moved
+            expansion = replace(item.expansion, mean=mean)
             return refit.scored_expansion(prepared, expansion, self.family)
 
         refits = [again(item) for item in self.refits]

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
-from taichi_erosion.evidence.data.linear_algebra import Working, working
+from taichi_erosion.evidence.data.linear_algebra import Working, projection, working
 from taichi_erosion.evidence.data.measurement_noise import NoiseLevelPrior, noise_level_prior
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -24,6 +24,12 @@ from taichi_erosion.evidence.data.problem import (
     stronger_candidate,
 )
 from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, from_scale, parameter_axis
+from taichi_erosion.evidence.models.condition_errors import (
+    ConditionErrors,
+    at_best,
+    condition_errors,
+    error_columns,
+)
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
 
 PROBE_SEEDS = 4  # enough to see whether the model has noise at all, and how much
@@ -59,6 +65,7 @@ class PreparedProblem:
     doubt: NoiseLevelPrior
     warnings: tuple[str, ...]
     levels: tuple[str, ...] = ()  # observables of free level: the first columns of the shared errors
+    condition_errors: ConditionErrors | None = None  # None: every condition is exact
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -103,12 +110,49 @@ class PreparedProblem:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
         return working((self.rows.z - mean) / self.sd, self.white_reach)
 
-    def with_model_errors(self, x: Floats, acting: dict[str, float]) -> "PreparedProblem":
-        """The same with the model's own errors at one setting among the shared ones."""
+    @property
+    def has_model_errors(self) -> bool:
+        """Whether values of the model have errors that depend on its setting."""
+        return self.predictor.uncertainty is not None or self.condition_errors is not None
+
+    def model_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
+        """Columns (n, q) of one sd each: the model's own errors, then those of the stated conditions."""
         own = self.predictor.model_errors(x, acting)
+        if self.condition_errors is None:
+            return own
+        return np.hstack([own, error_columns(self.condition_errors, self.predictor, x, acting)])
+
+    def with_model_errors(
+        self, x: Floats, acting: dict[str, float], moved: bool = False
+    ) -> "PreparedProblem":
+        """The same with the model's own errors at one setting among the shared ones.
+
+        With `moved` the conditions are at their most probable values there.
+        """
+        own = self.model_errors(x, acting)
         if not own.shape[1]:
             return self
-        return replace(self, rows=replace(self.rows, shared=np.hstack([self.rows.shared, own])))
+        found = replace(self, rows=replace(self.rows, shared=np.hstack([self.rows.shared, own])))
+        errors = self.condition_errors
+        if not moved or errors is None or not errors.movable:
+            return found
+        sizes = found.shared_sizes(x, acting)
+        if sizes is None:
+            return found
+        count = self.rows.shared.shape[1] + self.predictor.model_errors(x, acting).shape[1]
+        predictor, columns = at_best(errors, self.predictor, sizes[count:], x, acting)
+        shared = np.hstack([found.rows.shared[:, :count], columns])
+        return replace(found, rows=replace(found.rows, shared=shared), predictor=predictor)
+
+    def shared_sizes(self, x: Floats, acting: dict[str, float]) -> Floats | None:
+        """Most probable sizes of the shared errors, in their sd; None where the model fails."""
+        mean = self.predictor.mean(x, acting, self.seeds.fitting)
+        if not np.all(np.isfinite(mean)):
+            return None
+        work = self.working(mean)
+        columns = self.white_shared * work.weight[:, np.newaxis]
+        part = projection(np.zeros((mean.size, 0)), columns)
+        return part.solve(np.concatenate([work.residual, np.zeros(columns.shape[1])]))
 
     def with_free_levels(self, widths: Mapping[str, float]) -> "PreparedProblem":
         """The same with one more number for each observable: how far all its rows lie above the model.
@@ -216,7 +260,10 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     predictor = predictor.over(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
     prior = noise_level_prior(rows.freedom)
-    return PreparedProblem(problem, rows, predictor, seeds, variance, total, prior, tuple(warnings))
+    errors = condition_errors(rows)
+    return PreparedProblem(
+        problem, rows, predictor, seeds, variance, total, prior, tuple(warnings), condition_errors=errors
+    )
 
 
 def draw_seeds(generator: np.random.Generator, count: int) -> Integers:

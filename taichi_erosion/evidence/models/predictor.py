@@ -56,6 +56,7 @@ class Predictor:
     axes: tuple[Axis, ...]
     candidates: tuple[Candidate, ...]
     uncertainty: Uncertainty | None = None
+    offset: Floats | None = None  # (n,), added to every value
     cost: ModelCost = field(default_factory=ModelCost)
     cache: dict[Key, Floats] = field(default_factory=dict)
     spectra: dict[bytes, Spectrum] = field(default_factory=dict)  # of smooth functions over some rows
@@ -65,8 +66,18 @@ class Predictor:
     ) -> "Predictor":
         """The same model and cost counter with other rows."""
         return replace(
-            self, observables=observables, which=which, conditions=conditions, cache={}, spectra={}
+            self,
+            observables=observables,
+            which=which,
+            conditions=conditions,
+            offset=None,
+            cache={},
+            spectra={},
         )
+
+    def at_conditions(self, conditions: Conditions) -> "Predictor":
+        """The same rows with other values of some conditions."""
+        return self.over(self.observables, self.which, {**self.conditions, **conditions})
 
     @cached_property
     def requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
@@ -107,6 +118,8 @@ class Predictor:
         for observable, rows, chosen in self.requests:
             answer = self.model(observable.name, dict(chosen), dict(parameters), dict(effects), seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
+        if self.offset is not None:
+            result += self.offset
         self.cost.runs += int(seeds.size * self.which.size)
         failed = ~np.isfinite(result)
         if failed.any():

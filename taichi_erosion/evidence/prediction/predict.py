@@ -7,8 +7,8 @@ from math import nan
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.answers.adopt import held_out_problem
 from taichi_erosion.evidence.answers.compare import SEED, calibrated_base, no_progress
+from taichi_erosion.evidence.answers.held_out_misfit import held_out_problem
 from taichi_erosion.evidence.answers.next_experiments import repeat_variance
 from taichi_erosion.evidence.data.findings import Estimate
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Measurements, Problem, Progress
@@ -101,7 +101,7 @@ def predict(
     wanted, lost = answerable(prepared, wanted)
     found, mean = joint(prepared, base, wanted, seed)
     told = predicted_rows(prepared, wanted, found, mean)
-    held = held_out_problem(prepared, base.expansion.fit) if opened else None
+    held = held_out_problem(prepared) if opened else None
     prediction = Prediction(
         rows=tuple(told),
         fitted=fitted_check(prepared, base, found),

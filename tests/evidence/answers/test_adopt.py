@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from taichi_erosion.evidence.answers.adopt import adopt, judged, on_common_rows
+from taichi_erosion.evidence.answers.adopt import adopt, judged
 from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit, Rows
-from taichi_erosion.evidence.data.problem import Vault
+from taichi_erosion.evidence.data.problem import Observable, Vault
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
-NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 7, limit=())
+NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 8, limit=())
 
 
 def fit(chi2: float, *effects: str, rows: Rows | None = None) -> HypothesisFit:
@@ -27,6 +28,7 @@ def table(*residual: float) -> Rows:
         column,
         column,
         0.0 * column,
+        column,
         column,
         column,
         column,
@@ -59,14 +61,17 @@ def test_held_out_rows_say_whether_the_adopted_model_is_adequate(chance, words):
 
 def test_a_control_that_does_as_well_is_told():
     rows = table(1.0, 2.0, 3.0)
-    added, near, far = fit(1.5, "gusts", rows=rows), fit(2.4, "bed_slope"), fit(2.6, "sheltering")
+    added, near, far = (
+        replace(fit(1.5, name, rows=rows), vault_log_score=score)
+        for name, score in (("gusts", 2.0), ("bed_slope", 1.55), ("sheltering", 1.45))
+    )
     found = Adoption(effect="gusts", base=fit(9.0), added=added, best_wrong=near, random_wrong=far)
-    # three rows: a difference of 3 in all is one of 1 per row
+    # three rows: a difference of 1.5 in ln density is one of 0.5 per row
     assert "bed_slope does as well there" in adoption_sentence(found)
     assert "sheltering and bed_slope" not in adoption_sentence(found)
 
 
-def test_the_chance_of_held_out_rows_is_that_of_a_normal_with_what_calibration_leaves_open():
+def test_errors_of_held_out_rows_are_those_of_a_normal_with_what_calibration_leaves_open():
     problem = linear_problem({"slope": lambda x: x}, {"slope": 1.0}, sd=0.1, seed=2)
     held = np.arange(0, 24, 3)
     found = adopt(replace(problem, vault=Vault(held)), ["slope"], 1)
@@ -76,12 +81,47 @@ def test_the_chance_of_held_out_rows_is_that_of_a_normal_with_what_calibration_l
     prior = np.diag([0.0, LEVEL_SD**-2])
     covariance = np.linalg.inv(design[seen].T @ design[seen] / 0.01 + prior)
     gap = z[held] - design[held] @ covariance @ design[seen].T @ z[seen] / 0.01
-    whole = np.eye(held.size) + design[held] @ covariance @ design[held].T / 0.01
+    whole = 0.01 * np.eye(held.size) + design[held] @ covariance @ design[held].T
+    sd = np.sqrt(np.diag(whole))
+    rows = found.added.vault_rows
+    assert rows is not None
+    # the strength's prior of 1.5 moves its best value, and its variance, by a thousandth
+    assert rows.residual == pytest.approx(gap / sd, abs=0.02)
+    assert rows.residual_error == pytest.approx(sd, rel=0.01)
+    assert found.added.vault_chi2 == pytest.approx(np.mean(rows.residual**2))
     drawn = np.random.default_rng(0).standard_normal((20000, held.size)) @ np.linalg.cholesky(whole).T
-    exact = np.mean(np.sum(drawn**2, axis=1) > np.sum(gap**2) / 0.01)
-    # the strength's prior of 1.5 moves its best value by a thousandth; 20,000 draws know p to 0.004
-    assert found.added.vault_p == pytest.approx(exact, abs=0.03)
+    exact = np.mean(np.sum((drawn / sd) ** 2, axis=1) > np.sum((gap / sd) ** 2))
+    assert found.added.vault_p == pytest.approx(exact, abs=0.03)  # 20,000 draws know p to 0.004
+    score = np.mean(stats.norm.logpdf(gap, scale=sd)) + 0.5 * np.log(2.0 * np.pi)
+    assert found.added.vault_log_score == pytest.approx(score, abs=0.02)
     assert found.base.vault_p < 1e-6
+
+
+def test_errors_that_rows_share_are_as_the_visible_rows_leave_them():
+    # a level that is measured only beside an error that all rows share: rows predict each other exactly so
+    problem = linear_problem({"slope": lambda x: x}, {"slope": 1.0}, sd=0.1, seed=4, calibrated=False)
+    held = np.arange(0, 24, 3)
+    problem = replace(problem, vault=Vault(held), observables={"y": Observable("y", sd_shared=2.0)})
+    table = replace(problem.measurements, value=problem.measurements.value + 3.0)
+    found = adopt(replace(problem, measurements=table), ["slope"], 1)
+    x, z = table.conditions["x"], table.value
+    seen = np.setdiff1d(np.arange(24), held)
+    design = np.column_stack([x, 2.0 * np.ones(24)])
+    covariance = np.linalg.inv(design[seen].T @ design[seen] / 0.01 + np.diag([0.0, 1.0]))
+    gap = z[held] - design[held] @ covariance @ design[seen].T @ z[seen] / 0.01
+    sd = np.sqrt(0.01 + np.einsum("ij,jk,ik->i", design[held], covariance, design[held]))
+    rows = found.added.vault_rows
+    assert rows is not None
+    assert rows.residual == pytest.approx(gap / sd, abs=0.03)
+    assert rows.residual_error == pytest.approx(sd, rel=0.01)
+
+
+def test_an_effect_that_only_widens_the_errors_is_contradicted():
+    base = replace(fit(1.05), vault_log_score=2.0)
+    added = replace(fit(0.98, "gusts"), vault_log_score=1.9)
+    found = judged(Adoption(effect="gusts", base=base, added=added))
+    assert found.contradicted
+    assert "does not bear gusts out: it predicts them with wider errors, not better." in found.sentence
 
 
 def test_controls_and_missing_values_are_told_and_an_empty_vault_proves_nothing():
@@ -97,9 +137,16 @@ def test_controls_and_missing_values_are_told_and_an_empty_vault_proves_nothing(
 
 
 def test_all_hypotheses_are_held_against_the_rows_that_each_has_a_value_for():
-    fits = [fit(np.nan, rows=table(1.0, np.nan, 3.0)), fit(np.nan, rows=table(2.0, 9.0, 2.0)), None]
-    told = on_common_rows(fits)
-    assert told[2] is None
-    assert [one.vault_chi2 for one in told if one is not None] == [5.0, 4.0]
-    tables = [one.vault_rows for one in told if one is not None]
-    assert all(rows is not None and list(rows.conditions["x"]) == [0.0, 2.0] for rows in tables)
+    problem = linear_problem({"slope": lambda x: x, "bend": lambda x: x**2}, {"slope": 1.0}, seed=2)
+    bare = problem.model
+
+    def partly(observable, conditions, parameters, effects, seeds):
+        value = bare(observable, conditions, parameters, effects, seeds)
+        gone = (conditions["x"] < -0.99) & (effects.get("bend", 0.0) > 0.0)
+        return np.where(gone, np.nan, value)
+
+    found = adopt(replace(problem, model=partly, vault=Vault(np.array([0, 5, 10, 15]))), ["slope"], 1)
+    tables = [one.vault_rows for one in found.fits]
+    assert len(tables) == 3
+    assert all(rows is not None and len(rows.observable) == 3 for rows in tables), "the row at x = -1 is out"
+    assert found.sentence.endswith("For 1 of 4 held-out rows there is no value.")

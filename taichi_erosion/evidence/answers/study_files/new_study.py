@@ -241,6 +241,9 @@ def checked_study(study: Path, text: StudyText) -> Document:
     return check_study(study) | {"inactive": inactive}
 
 
+UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se")  # of columns whose unit is told
+
+
 def told_column(column: Column, text: StudyText) -> Document:
     """What was understood of a column."""
     words = {"sd": "scatter of single repeats", "se": "standard error of the mean", "n": "number of repeats"}
@@ -252,5 +255,7 @@ def told_column(column: Column, text: StudyText) -> Document:
         told = f"sets {first}" + (f" and {len(others)} places more" if others else "")
     else:
         told = words.get(column.role, column.role)
-    unit = column.heading.unit if column.role in ("observable", "condition", "sd", "se") else ""
+    if column.role == "condition_sd":
+        told = f"sd of {tidy_name(column.name)}"
+    unit = column.heading.unit if column.role in UNIT_ROLES else ""
     return {"column": column.heading.text, "role": column.role, "told": told, "unit": unit}

@@ -8,6 +8,15 @@ from taichi_erosion.evidence.inference import verdict_levels as levels
 
 Document = Mapping[str, Any]
 
+SOURCES = (
+    "Errors in chi2, residuals and p: of the measured mean, the declared tolerance and the simulated mean; "
+)
+FITTED_ERRORS = f"{SOURCES}those that rows share are taken at their best."
+HELD_OUT_ERRORS = (
+    f"{SOURCES}of held-out rows also what the fitted rows leave uncertain in calibrated numbers, strengths "
+    "and shared errors."
+)
+
 
 def unseen_words(opened: int) -> str:
     """What held-out measurements are after so many openings of the vault."""

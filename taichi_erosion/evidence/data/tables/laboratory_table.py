@@ -40,6 +40,10 @@ def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices, faults
     conditions = [column for column in columns if column.role == "condition"]
     table = LaboratoryTable(cells, columns, choices)
     headings = [condition_heading(column, choices, table.cell_unit(column)) for column in conditions]
+    errors = [(c, e) for c in conditions for e in columns if e.role == "condition_sd" and e.name == c.name]
+    headings += [
+        "sd of " + condition_heading(column, choices, table.cell_unit(column)) for column, _ in errors
+    ]
     faults += copy_faults(cells, columns)
     rows = []
     for line, row in cells.lines:
@@ -48,6 +52,7 @@ def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices, faults
             faults.append(f"{cells.file}: row {line}, '{summary}': the row sums up others; remove it")
             continue
         values = [table.condition(line, row, column, faults) for column in conditions]
+        values += [table.condition_error(line, row, error, column, faults) for column, error in errors]
         ends = [*values, table.source(line, row)]
         for column in observables:
             measured = table.measured(line, row, column, faults)
@@ -148,6 +153,15 @@ class LaboratoryTable:
         if found is None:
             return ""
         return scaled(found.value, self.factor(line, column, found.unit, faults))
+
+    def condition_error(
+        self, line: int, row: Sequence[str], error: Column, column: Column, faults: list[str]
+    ) -> str:
+        """Standard deviation of a condition in the unit of the condition's column."""
+        found = self.single(line, row, error, faults)
+        if found is None or not found.value:
+            return ""
+        return scaled(found.value, self.factor(line, column, found.unit or error.heading.unit, faults))
 
     def measured(
         self, line: int, row: Sequence[str], column: Column, faults: list[str]

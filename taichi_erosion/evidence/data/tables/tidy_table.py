@@ -5,12 +5,14 @@ stand in its heading, `slope [rad]`: its numbers are converted to the unit of th
 scene that of the entry, in a model function SI. Without one they are in that unit already. `value` is the
 mean of `n` repeats and `sd` the standard deviation of single repeats. A censored value is one of which only
 limits are known: `<x`, and `no transport` or an empty cell where the instrument saw nothing; `>x`; `20..25`
-or `20 to 25`. Rows that repeat observable, group, source and conditions are repeats of one another.
+or `20 to 25`. Rows that repeat observable, group, source and conditions are repeats of one another. A column
+`sd of CONDITION` is the standard deviation of the error with which a condition was measured, `sd of set
+CONDITION` that of the true value about the one to which it was set; empty: it is exact.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from math import inf, isfinite, nan
 from typing import Any, TypeVar
@@ -27,6 +29,9 @@ REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat
 CENSORED = ("", "no transport")  # values of a censored row
 HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+SD_OF = re.compile(
+    r"sd[ _]of[ _](?P<set>set )?(?P<name>[A-Za-z][A-Za-z0-9_]*)"
+)  # of a column on a condition's error
 COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,3})?")
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
 BETWEEN = r"\s*(?:\.\.\.?|…|to|bis)\s*"  # between the ends of an interval
@@ -55,6 +60,7 @@ class Row:
     reach: float = (
         -inf
     )  # of a censored value: -inf below `value`, +inf above, h between value - h and value + h
+    condition_sd: Mapping[str, float] = field(default_factory=dict)  # as written, of conditions that have one
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,7 @@ class Table:
     units: tuple[str | None, ...]  # of the conditions, as their headings have them; None: none is stated
     rows: tuple[Row, ...]
     notes: tuple[str, ...] = ()  # about rows that are left out
+    set_conditions: tuple[str, ...] = ()  # of which the sd is that about the value to which they were set
 
 
 @dataclass(frozen=True)
@@ -75,6 +82,8 @@ class Column:
     place: int
     name: str
     unit: str | None = None
+    error_of: str = ""  # condition of which its numbers are the standard deviation
+    is_set: bool = False  # about the value to which it was set
 
 
 def tidy_table(cells: Cells, faults: "Faults | None" = None) -> Table:
@@ -90,14 +99,20 @@ def tidy_table(cells: Cells, faults: "Faults | None" = None) -> Table:
     fixed = {column.name: column.place for column in columns if column.name in REQUIRED + OPTIONAL}
     lines = cells.lines
     conditions = condition_columns(columns, lines, name, faults)
+    errors = [column for column in columns if column.error_of]
     rows = [read_row(line, row, fixed, conditions, name, faults) for line, row in lines]
+    rows = [
+        replace(each, condition_sd=read_errors(row, errors, f"{name}: row {line}", faults))
+        for each, (line, row) in zip(rows, lines, strict=True)
+    ]
     if not cells.lines and not faults:
         faults.append(f"{name}: has a heading but no measurement")
     faults.of(refuse_copies, lines, columns, name)
     if not collected:
         faults.tell()
     names, units = tuple(c.name for c in conditions), tuple(c.unit for c in conditions)
-    return Table(name, names, units, tuple(rows))
+    as_set = tuple(column.error_of for column in errors if column.is_set)
+    return Table(name, names, units, tuple(rows), set_conditions=as_set)
 
 
 class Faults(list[str]):
@@ -146,16 +161,39 @@ def read_heading(cells: Sequence[str], name: str) -> list[Column]:
     faults = Faults()
     for place, cell in enumerate(cells):
         match = HEADING.fullmatch(cell)
-        if match is None or not NAME.fullmatch(match["name"]):
+        error = SD_OF.fullmatch(match["name"]) if match is not None else None
+        if match is None or not (error or NAME.fullmatch(match["name"])):
             faults.append(f"{name}: heading {quoted(cell)} is not a name of letters, digits and _")
             continue
-        if match["name"] in [column.name for column in columns]:
-            faults.append(f"{name}: column '{match['name']}' stands in the heading twice")
-        columns.append(Column(place, match["name"], faults.of(heading_unit, match, name)))
+        told = f"sd of {error['set'] or ''}{error['name']}" if error else match["name"]
+        if told in [column.name for column in columns]:
+            faults.append(f"{name}: column '{told}' stands in the heading twice")
+        unit = faults.of(heading_unit, match, name)
+        of, is_set = (error["name"], bool(error["set"])) if error else ("", False)
+        columns.append(Column(place, told, unit, of, is_set))
     for wanted in (*REQUIRED, *OPTIONAL):
         faults.of(refuse_misspelt, wanted, [column.name for column in columns], name)
+    faults += error_column_faults(columns, name)
     faults.tell()
     return columns
+
+
+def error_column_faults(columns: Sequence[Column], name: str) -> Iterator[str]:
+    """Columns `sd of CONDITION` without that condition, or in another unit."""
+    units = {column.name: column.unit for column in columns if is_condition(column)}
+    for column in columns:
+        if column.error_of and column.error_of not in units:
+            there = ", ".join(units) or "none"
+            yield f"{name}: column '{column.name}': no column '{column.error_of}'; conditions there: {there}"
+        elif column.error_of and column.unit not in (None, units[column.error_of]):
+            stated = units[column.error_of]
+            told = f"in [{stated}]: give it so" if stated else "without a unit: leave it out"
+            yield f"{name}: column '{column.name}' is in [{column.unit}]; {column.error_of} is {told}"
+
+
+def is_condition(column: Column) -> bool:
+    """Whether a column holds a condition."""
+    return not column.error_of and column.name not in REQUIRED + OPTIONAL + REMARKS
 
 
 def heading_unit(match: re.Match[str], name: str) -> str | None:
@@ -187,9 +225,11 @@ def condition_columns(
     columns: Sequence[Column], lines: Sequence[tuple[int, Sequence[str]]], name: str, faults: Faults
 ) -> list[Column]:
     """Columns of numbers that are neither of the format nor remarks."""
-    found = [column for column in columns if column.name not in REQUIRED + OPTIONAL + REMARKS]
+    found = [column for column in columns if is_condition(column)]
     for line, cells in lines:
-        for column in found:
+        for column in columns:
+            if not (is_condition(column) or column.error_of):
+                continue
             if cells[column.place] and not NUMBER.fullmatch(cells[column.place]):
                 likely = likely_number(plain_cell(cells[column.place]))
                 told = f"must be a number: {OF_NUMBERS}" if likely is None else misprint(likely)
@@ -233,6 +273,21 @@ def read_row(
         conditions=tuple(stated(column) for column in conditions),
         reach=reach,
     )
+
+
+def read_errors(
+    cells: Sequence[str], columns: Sequence[Column], where: str, faults: Faults
+) -> dict[str, float]:
+    """Standard deviations of the conditions of a row, where they are given."""
+    found = {}
+    for column in columns:
+        text = cells[column.place]
+        value = faults.of(number, text, f"{where}, {column.name}") if NUMBER.fullmatch(text) else nan
+        if value is not None and value < 0.0:
+            faults.append(f"{where}, {column.name} = {quoted(text)} must not be below 0")
+        elif value is not None and isfinite(value):
+            found[column.error_of] = value
+    return found
 
 
 def read_value(text: str, where: str) -> tuple[float, float]:

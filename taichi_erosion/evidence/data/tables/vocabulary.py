@@ -12,7 +12,19 @@ from functools import cache
 from importlib.resources import files
 from typing import Literal
 
-Role = Literal["observable", "condition", "sd", "se", "spread", "n", "group", "source", "remark", "unknown"]
+Role = Literal[
+    "observable",
+    "condition",
+    "condition_sd",
+    "sd",
+    "se",
+    "spread",
+    "n",
+    "group",
+    "source",
+    "remark",
+    "unknown",
+]
 SCATTER = ("sd", "se", "spread", "n")  # roles of columns that belong to another one
 FRICTION_VELOCITY = "conditions.friction_velocity"
 DIAMETER = "grains.size.diameter"  # place of the grain diameter in the scenes that `study new` writes
@@ -55,7 +67,7 @@ def meaning_of(heading: str) -> tuple[Role, str]:
     """Role of a column and what it measures or sets; unknown for a heading without known words.
 
     A word for scatter or repeats at either end of a heading makes it one, whatever else is known in it:
-    `SD repose angle`. Of a condition's scatter nothing is known to a table: a remark.
+    `SD repose angle`. The sd of a condition is its error; any other scatter of it is a remark.
     """
     plain = plain_words(heading)
     whole = next((role for role, words in vocabulary()["whole"].items() if plain in words), None)
@@ -64,7 +76,9 @@ def meaning_of(heading: str) -> tuple[Role, str]:
     length, role, meant = longest_meaning(heading, plain, ("observables", "conditions"))
     scatter = scatter_role(plain)
     if scatter is not None and (length == 0 or len(plain) > length):
-        return ("remark", "") if role == "condition" else (scatter, "")
+        if role == "condition":
+            return ("condition_sd", meant) if scatter == "sd" else ("remark", "")
+        return scatter, ""
     other, kind, _ = longest_meaning(heading, plain, ("roles",))
     return (kind, "") if other > length else (role, meant)
 

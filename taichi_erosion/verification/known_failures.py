@@ -1,0 +1,48 @@
+"""Claims that are known not to hold, how far off they may be, and where the reason stands.
+
+A known failure is told in every run; it is no news, and a larger one is.
+"""
+
+from dataclasses import dataclass
+
+from taichi_erosion.verification.claim import Claim
+
+PAGE = "docs/verification.md, What does not pass, and why"
+
+
+@dataclass(frozen=True)
+class KnownFailure:
+    """Claims of one check that fail, with the range in which they were found."""
+
+    id: str
+    words: str  # in the claim
+    low: float  # of what was got
+    high: float
+    source: str  # of the range
+
+
+KNOWN = (
+    KnownFailure(
+        "V33", "through slots", 1.5, 1.74, "1.59, 1.64, 1.68 from three fillings: the largest and their 2 sd"
+    ),
+    KnownFailure(
+        "V36",
+        "stress of the air at the bed of 0.5 mm",
+        1.0,
+        1.5,
+        "1.25 and 1.37 in the winds that fail, scatter of a tenth",
+    ),
+)
+
+
+def is_known(claim: Claim) -> bool:
+    """Whether a claim fails, and as far as is known."""
+    return not claim.passed and any(
+        claim.id == known.id and known.words in claim.claim and known.low <= claim.got <= known.high
+        for known in KNOWN
+    )
+
+
+def news(claims: list[Claim], strict: bool = False) -> list[Claim]:
+    """Claims that fail and are not known to; with `strict` all that fail."""
+    return [claim for claim in claims if not claim.passed and (strict or not is_known(claim))]
