@@ -149,10 +149,14 @@ def merged_rows(
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
-        condition_sd={name: column[first] for name, column in table.condition_sd.items()},
-        condition_set=table.condition_set,
     )
-    return rows, scatter
+    return with_condition_errors(rows, table, first), scatter
+
+
+def with_condition_errors(rows: ComparisonRows, table: Measurements, first: Integers) -> ComparisonRows:
+    """Rows with the errors of their conditions; repeats have those of the first of them."""
+    stated = {name: column[first] for name, column in table.condition_sd.items()}
+    return replace(rows, condition_sd=stated, condition_set=table.condition_set)
 
 
 def repeat_keys(table: Measurements, cell: Floats, reach: Floats) -> np.ndarray:
