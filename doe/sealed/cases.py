@@ -43,6 +43,7 @@ class Case:
     number: int
     problem: Problem
     truth: Truth
+    level: float = 1.0  # noise of its laboratory over the usual one
 
 
 def draw_case(family: int, number: int, budget: Budget | None = None) -> Case:
@@ -77,7 +78,7 @@ def draw_case(family: int, number: int, budget: Budget | None = None) -> Case:
         budget=budget or Budget(),
         vault=drawn_vault(generator, table),
     )
-    return Case(number, problem, truth)
+    return Case(number, problem, truth, level)
 
 
 def case_generator(family: int, number: int) -> np.random.Generator:

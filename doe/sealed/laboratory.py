@@ -128,16 +128,28 @@ def readings(
     at = {name: column[again] for name, column in at.items()}
     if not at:
         at = {"diameter": np.full(again.size, reduced.DEFAULTS["diameter"])}
+    group = tuple(f"{observable}-{number // 2}" for number in again)
+    return read(generator, truth, observable, at, level, group)
+
+
+def read(
+    generator: np.random.Generator,
+    truth: Truth,
+    observable: str,
+    at: Conditions,
+    level: float,
+    group: tuple[str, ...],
+) -> Readings:
+    """One reading of one instrument for every set of conditions."""
     mean = reduced.expected(observable, at, truth.parameters, truth.effects)
     sd = NOISE[observable] * level
-    kick = sd * truth.understated * generator.standard_normal(again.size)
+    kick = sd * truth.understated * generator.standard_normal(mean.size)
     additive = observable == "repose_angle"
     value, zero = mean + kick if additive else mean * np.exp(kick), 0.0
     if observable == "flux":
         zero = FLUX_ZERO
-        value = value + zero * generator.standard_normal(again.size)
-    stated = np.hypot(sd * (np.ones(again.size) if additive else np.abs(mean)), zero)
-    group = tuple(f"{observable}-{number // 2}" for number in again)
+        value = value + zero * generator.standard_normal(mean.size)
+    stated = np.hypot(sd * (np.ones(mean.size) if additive else np.abs(mean)), zero)
     return Readings(observable, at, value, stated, group, observable == "flux")
 
 

@@ -17,6 +17,8 @@ from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.findings import Discovery
 from taichi_erosion.evidence.data.problem import Problem
 
+NO_VAULT = (float("nan"),) * 3  # held-out errors where nothing was adopted
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -58,9 +60,16 @@ def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
     start = process_time()
     found = discover(problem, number, problem.budget, no_progress)
     spent = process_time() - start
-    vault: tuple[float, ...] = (float("nan"),) * 3
+    vault = NO_VAULT
     if with_vault and found.verdict == "present" and len(found.named) == 1 and problem.vault.rows.size:
         vault = vault_errors(number, problem, found)
+    return outcome_of_discovery(number, found, vault, spent)
+
+
+def outcome_of_discovery(
+    number: int, found: Discovery, vault: tuple[float, float, float] = NO_VAULT, seconds: float = float("nan")
+) -> Outcome:
+    """What scoring needs of a discovery."""
     return Outcome(
         number=number,
         verdict=found.verdict,
@@ -76,7 +85,7 @@ def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
         parameters={path: (fit.value, fit.low, fit.high) for path, fit in found.parameters.items()},
         vault=vault,
         runs=found.runs,
-        seconds=spent,
+        seconds=seconds,
     )
 
 

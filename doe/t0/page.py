@@ -11,17 +11,22 @@ from doe.sealed.trial import marked
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 
+TABLES = {"results": "", "fresh": "fresh "}  # table of results -> words before its tables on the page
 
-def publish(table: Path, page: Path) -> None:
-    """Fill the tables of the page from the table of results."""
+
+def publish(folder: Path) -> None:
+    """Fill the tables of the page from the tables of results."""
     csv.field_size_limit(1_000_000)
-    with table.open(encoding="utf-8", newline="") as file:
-        cases = marked(list(csv.DictReader(file)))
-    tables = {
-        "cases": case_table(cases),
-        "metrics": metric_table(list(scores(cases))),
-        "calibration": calibration_table([case for case in cases if not case.further]),
-    }
+    page, tables = folder / "README.md", dict[str, str]()
+    for stem, words in TABLES.items():
+        path = folder / f"{stem}.csv"
+        if not path.exists():
+            continue
+        with path.open(encoding="utf-8", newline="") as file:
+            cases = marked(list(csv.DictReader(file)))
+        tables[f"{words}cases"] = case_table(cases)
+        tables[f"{words}metrics"] = metric_table(list(scores(cases)))
+        tables[f"{words}calibration"] = calibration_table([case for case in cases if not case.further])
     write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
 
 

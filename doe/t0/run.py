@@ -3,7 +3,8 @@
 python -m doe.t0.run --cases 3000 --seed 1 --processes 2     goes on where it was stopped
 python -m doe.t0.run --cases 3000 --seed 1 --further 3000    and the pairs among 3000 more
 python -m doe.t0.run --cases 3000 --seed 1 --score           opens what is answered
-python -m doe.t0.run --page                                  only the page, from results.csv
+python -m doe.t0.run --cases 300 --seed 1 --table fresh      into fresh.csv, beside results.csv
+python -m doe.t0.run --page                                  only the page, from both tables
 """
 
 import csv
@@ -33,7 +34,8 @@ def main(
     further: Annotated[int, typer.Option(help="Cases beyond, of which the pairs are asked.")] = 0,
     processes: int = 1,
     score: Annotated[bool, typer.Option("--score", help="Open what is answered, solve no more.")] = False,
-    page: Annotated[bool, typer.Option("--page", help="Only fill the page from results.csv.")] = False,
+    table: Annotated[str, typer.Option(help="Table of results, without its ending.")] = "results",
+    page: Annotated[bool, typer.Option("--page", help="Only fill the page from the tables.")] = False,
 ) -> None:
     """Whatever was asked for, then the page."""
     trial = Trial(seed, cases, WORK / f"{seed}-{cases}-{further}", further)
@@ -42,8 +44,8 @@ def main(
         seal(trial)
         if not score:
             solve(trial, processes)
-        write_table(scored(trial, processes))
-    publish(FOLDER / "results.csv", FOLDER / "README.md")
+        write_table(scored(trial, processes), FOLDER / f"{table}.csv")
+    publish(FOLDER)
 
 
 def solve(trial: Trial, processes: int) -> None:
@@ -62,13 +64,13 @@ def scored(trial: Trial, processes: int) -> list[dict[str, str]]:
         return list(pool.map(opened, repeat(trial), answered.keys(), answered.values()))
 
 
-def write_table(rows: list[dict[str, str]]) -> None:
+def write_table(rows: list[dict[str, str]], table: Path) -> None:
     """The table of results."""
     page = io.StringIO()
     writer = csv.DictWriter(page, list[str](COLUMNS), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_atomic(FOLDER / "results.csv", page.getvalue().encode())
+    write_atomic(table, page.getvalue().encode())
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from taichi_erosion.evidence.data.findings import (
     Discovery,
     EffectFinding,
     Estimate,
+    MemberFinding,
     NearestHypothesis,
     PlausibleHypothesis,
     RowMisfit,
@@ -102,6 +103,8 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         noise=goodness_of_fit.noise_table(prepared, screened.seed_correlation),
         ambiguity=confounded_effects(prepared, screened, expected),
         absorbed_by=absorbed_by(prepared, screened),
+        members=member_findings(found),
+        probability_unvisited=found.unvisited.get("", 0.0),
         survivors=plausible_hypotheses(found),
         closest=closest_hypotheses(found),
         nearest=nearest_hypothesis(found) if outside else None,
@@ -118,6 +121,13 @@ def error_fields(found: Analysis) -> dict[str, Any]:
         "errors_stated": likeliest_words(found.stated.posterior) if found.stated else "",
         "variants": variants(found),
     }
+
+
+def member_findings(found: Analysis) -> tuple[MemberFinding, ...]:
+    """Tests of the members of a set of three or more effects."""
+    return tuple(
+        MemberFinding(each.name, each.rest, each.gain, each.p, each.needed) for each in found.members
+    )
 
 
 def stated_worst_row(found: Analysis) -> RowMisfit | None:
@@ -244,6 +254,7 @@ def effect_finding(
         absorption=rest.absorption,
         signature_norm=rest.norm,
         probability=posterior.inclusion.get(name, 0.0),
+        probability_unvisited=found.unvisited.get(name, 0.0),
         p=p,
         held_out_gain=gain.gain,
         held_out_error=gain.error,

@@ -19,6 +19,7 @@ from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.evidence.answers.words.agreement import row_sentences
+from taichi_erosion.evidence.answers.words.effect_sets import set_sentences
 from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.findings import (
     NONE,
@@ -78,7 +79,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
     sentences += found.noise.sentences
     if found.decoy_rank == 1 and found.named:
         sentences.append(RED_FLAG)
-    return *sentences, *variant_sentences(found.variants), rival_sentence(found)
+    return *sentences, *set_sentences(found), *variant_sentences(found.variants), rival_sentence(found)
 
 
 def variant_sentences(told: Variants) -> list[str]:

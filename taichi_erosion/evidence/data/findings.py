@@ -218,11 +218,23 @@ class EffectFinding:
     absorption: float = nan  # share of its signature that calibration can imitate [1]
     signature_norm: float = nan  # left of the signature at expected strength, in standard deviations
     probability: float = 0.0  # that it acts, alone or with others [1]
+    probability_unvisited: float = 0.0  # estimated, of sets that hold it and were not fitted [1]
     p: float = 1.0  # family-wise, step-down
     held_out_gain: float = nan  # log score of left-out groups, against the model without it
     held_out_error: float = nan  # its standard error
     stronger_than_list: bool = False  # its strength lies beyond the largest that the list allows
     sentence: str
+
+
+@dataclass(frozen=True)
+class MemberFinding:
+    """One member of a set of three or more effects, tested beside the others."""
+
+    name: str
+    beside: tuple[str, ...]  # the others
+    log_bayes_factor: float  # of the set over the others alone
+    p: float  # chance that the best of all that could be added to the others gains as much
+    needed: bool
 
 
 @dataclass(frozen=True)
@@ -351,6 +363,8 @@ class Discovery:
     errors: tuple[ErrorFinding, ...] = ()  # of sources, batches, rows or scatter, that nobody stated
     errors_probability: float = 0.0  # that there are any [1]
     variants: Variants = Variants()
+    members: tuple[MemberFinding, ...] = ()  # of a set of three or more, each tested beside the others
+    probability_unvisited: float = 0.0  # estimated, of all sets that were not fitted [1]
     errors_stated: str = ""  # what the stated errors would say, where the answer rests on others
     stuck: tuple[str, ...] = ()  # calibrated numbers of the bare model that would leave their range
     stuck_after: tuple[str, ...] = ()  # those of the recalibrated model

@@ -1,6 +1,7 @@
 """All stages of the inference, in order: calibrate, screen, refit, weigh, decide."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Literal
 
@@ -28,7 +29,9 @@ from taichi_erosion.evidence.inference.robustness.error_accounts import (
 )
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
-from taichi_erosion.evidence.inference.search.effect_sets import fit_sets
+from taichi_erosion.evidence.inference.search.effect_sets import Search, fit_sets
+from taichi_erosion.evidence.inference.search.enumeration import complete, unvisited_share
+from taichi_erosion.evidence.inference.search.set_members import MemberTest, tested_decision
 from taichi_erosion.evidence.inference.verdict import (
     Decision,
     acting_decision,
@@ -53,6 +56,7 @@ class FittedHypotheses:
     ranking: FamilywiseTest
     refits: list[FittedHypothesis]
     family: list[Floats]
+    search: Search  # of the refits
 
     def posterior(self) -> Posterior:
         """Probabilities of all explanations."""
@@ -118,6 +122,8 @@ class Analysis:
     errors: ErrorAccount | None = None  # errors other than stated, on which the answer rests
     errors_probability: float = 0.0  # that errors are other than stated, levels apart
     stated: Account | None = None  # with the errors as stated, where the answer rests on others
+    members: tuple[MemberTest, ...] = ()  # of a set of three or more, each tested beside the others
+    unvisited: Mapping[str, float] = field(default_factory=dict)  # probability of sets not fitted, by effect
 
 
 def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysis:
@@ -288,19 +294,25 @@ def account(
     ranking = familywise_test(prepared, screened, np.ones(RANKING_DRAWS), seed)
     names = refit.shortlist(prepared, screened, ranking)
     refits = refit.fit_singles(prepared, screened, names, family, progress)
-    refits = with_sets(prepared, screened, refits, family, progress)
-    if not prepared.quick and refit.none_fits(prepared, refits):
-        singles = [item for item in refits if len(item.names) == 1]
+    search = with_sets(prepared, screened, refits, family, progress)
+    if not prepared.quick and refit.none_fits(prepared, list(search.found.values())):
+        singles = [item for item in search.found.values() if len(item.names) == 1]
         more = refit.fit_from_other_starts(prepared, screened, singles, family, progress)
-        refits = with_sets(prepared, screened, more, family, progress)
+        search = with_sets(prepared, screened, more, family, progress)
+    complete(search, screened, base)
     progress("weighing the evidence", 0.9)
-    fitted = FittedHypotheses(prepared, base, screened, ranking, refits, family)
+    refits = list(search.found.values())
+    fitted = FittedHypotheses(prepared, base, screened, ranking, refits, family, search)
     posterior = fitted.posterior()
-    weight = posterior.noise_weight / posterior.noise_weight.sum()
-    factors = np.random.default_rng(seed + 1).choice(prepared.doubt.factor, size=DRAWS, p=weight)
-    test = familywise_test(prepared, screened, factors, seed)
+    test = familywise_test(prepared, screened, noise_draws(prepared, posterior, seed), seed)
     p_misfit, places = misfit_p(prepared, expansion), misfit_places(prepared, expansion)
     return Account(fitted, posterior, test, p_misfit, places, tuple(warnings))
+
+
+def noise_draws(prepared: PreparedProblem, posterior: Posterior, seed: int) -> Floats:
+    """Noise factors drawn from their posterior."""
+    weight = posterior.noise_weight / posterior.noise_weight.sum()
+    return np.random.default_rng(seed + 1).choice(prepared.doubt.factor, size=DRAWS, p=weight)
 
 
 def with_sets(
@@ -309,7 +321,7 @@ def with_sets(
     singles: list[FittedHypothesis],
     family: list[Floats],
     progress: Progress,
-) -> list[FittedHypothesis]:
+) -> Search:
     """Singles, those beyond the list among them, and sets of several effects."""
     singles = [*singles, *with_stronger(prepared, singles, family)]
     return fit_sets(prepared, screened, singles, family, progress)
@@ -324,6 +336,11 @@ def concluded(found: Account, posterior: Posterior, seed: int) -> Analysis:
     gains = {item.names[0]: log_score_gain(prepared, base, item.expansion) for item in usable}
     stability, decision = seed_stability(fitted, decision)
     decision, final, p_left = final_decision(fitted, posterior, decision)
+    factors = noise_draws(prepared, found.posterior, seed)
+    tested, members = tested_decision(fitted.search, decision, factors, seed)
+    if tested != decision:
+        decision, final = tested, fitted.search.found[fitted.search.sorted(tested.named)]
+        p_left = misfit_p(prepared, final.expansion)
     return Analysis(
         fitted,
         found.test,
@@ -336,6 +353,8 @@ def concluded(found: Account, posterior: Posterior, seed: int) -> Analysis:
         gains,
         stability,
         found.warnings,
+        members=tuple(members),
+        unvisited=unvisited_share(fitted.search, fitted.screened, fitted.base, found.posterior.log_all),
     )
 
 

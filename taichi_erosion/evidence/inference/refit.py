@@ -62,6 +62,11 @@ def scored_expansion(
     return FittedHypothesis(score(prepared, expansion), discrepancy_gain(prepared, expansion, family))
 
 
+def total_evidence(prepared: PreparedProblem, item: FittedHypothesis) -> float:
+    """Ln evidence of a hypothesis, noise factors averaged."""
+    return float(log_sum_exp(prepared.doubt.log_weight + item.scored.log_evidence))
+
+
 def shortlist(prepared: PreparedProblem, screened: Screen, test: FamilywiseTest) -> list[str]:
     """Names of the candidates worth a refit, best first."""
     least, most = SINGLES_QUICK if prepared.quick else SINGLES

@@ -36,7 +36,7 @@ def test_false_alarms_are_counted_and_a_missed_target_is_marked(tmp_path):
         writer.writeheader()
         writer.writerows([row(0, ()), row(1, ()), row(2, ()), row(3, ("gusts",))])
     page.write_text(PAGE, encoding="utf-8")
-    publish(table, page)
+    publish(tmp_path)
     lines = page.read_text("utf-8").splitlines()
     (alarms,) = [line for line in lines if line.startswith("| nulls, sd as stated: any name")]
     assert "| 0.250 |" in alarms

@@ -67,7 +67,7 @@ def fit_sets(
     singles: Sequence[FittedHypothesis],
     family: list[Floats],
     progress: Progress,
-) -> list[FittedHypothesis]:
+) -> Search:
     """Singles with the better fits that steps find, and all sets of more effects that they find."""
     search = Search(prepared, family, leading(singles))
     fit_pairs(search, screened, progress)
@@ -80,7 +80,7 @@ def fit_sets(
             further_effects(search, leader)
         weigh(search, size)
         exchange(search, size)
-    return list(search.found.values())
+    return search
 
 
 def leading(items: Sequence[FittedHypothesis]) -> dict[Names, FittedHypothesis]:
