@@ -7,7 +7,7 @@ import numpy as np
 from doe.sealed.cases import Case, case_generator, draw_case, kind_of
 from doe.sealed.laboratory import RANGES, Readings, Truth, read
 from taichi_erosion.evidence.data.findings import Experiment
-from taichi_erosion.evidence.data.problem import Laboratory, Measurements, Problem
+from taichi_erosion.evidence.data.problem import Budget, Laboratory, Measurements, Problem
 from taichi_erosion.evidence.models.reduced import DEFAULTS
 
 COUNTS = {"single": 130, "pair": 50, "impossible": 20, "null": 30}  # cases that are drawn
@@ -26,7 +26,8 @@ def drawn_cases(salt: int, share: float = 1.0) -> list[Case]:
         if kind in COUNTS and len(found[kind]) < wanted[kind]:
             case = draw_case(salt, number)
             if not has_twin(case):
-                found[kind].append(replace(case, problem=with_constants(case.problem)))
+                problem = replace(with_constants(case.problem), budget=Budget("quick"))
+                found[kind].append(replace(case, problem=problem))
         number += 1
     return [case for cases in found.values() for case in cases]
 

@@ -29,12 +29,14 @@ from doe.proposals.cases import (
 )
 from doe.proposals.page import FOLDER, publish, results_of, write_rows
 from doe.sealed.laboratory import Truth
-from doe.sealed.solve import answer_of, outcome_of_discovery, solve_file
 from doe.t0_disturbed.trial import method_commit
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.compare import no_progress
-from taichi_erosion.evidence.answers.discover import discover
+from taichi_erosion.evidence.answers.discover import discovery_of
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
+from taichi_erosion.evidence.data.problem import Problem
+from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
+from taichi_erosion.evidence.inference.prepared_problem import prepare
 
 ARMS = ("proposed", "random")
 SILENT = (
@@ -71,10 +73,10 @@ def ask(name: str, folder: Path) -> None:
         if path.with_suffix(".json").exists():
             continue
         problem, number = pickle.loads(path.read_bytes()), int(path.stem)
-        found = discover(problem, number, problem.budget, no_progress)
-        if found.verdict in SILENT:
+        found = analysed(problem, number)
+        if found.decision.verdict in SILENT:
             spare = random_requests(np.random.default_rng(number), problem)
-            proposed = next_experiments(problem, found, laboratory(problem))
+            proposed = next_experiments(problem, discovery_of(found, number), laboratory(problem))
             asked = {
                 "proposals": len(proposed.experiments),
                 "chance": proposed.experiments[-1].chance if proposed.experiments else 0.0,
@@ -83,8 +85,24 @@ def ask(name: str, folder: Path) -> None:
                 "random": spare,
             }
             write(folder / name / "requests" / f"{path.stem}.json", json.dumps(asked).encode())
-        answer = asdict(outcome_of_discovery(number, found)) | {"method": method_commit()}
+        answer = answer_of(found) | {"method": method_commit()}
         write(path.with_suffix(".json"), json.dumps(answer).encode())
+
+
+def analysed(problem: Problem, number: int) -> Analysis:
+    """The inference of `discover`, without what only its sentences need."""
+    return analyse(prepare(problem, problem.visible(), number), number, no_progress)
+
+
+def answer_of(found: Analysis) -> dict[str, Any]:
+    """What scoring needs of an answer."""
+    decision = found.decision
+    return {
+        "verdict": decision.verdict,
+        "named": list(decision.named),
+        "group": list(decision.group),
+        "probabilities": dict(found.posterior.probability),
+    }
 
 
 def truths_of(name: str, secret: Path) -> dict[str, Any]:
@@ -111,10 +129,12 @@ def measure(name: str, folder: Path, secret: Path) -> None:
 @app.command()
 def solve(name: str, folder: Path) -> None:
     """Answers with six more measurements of either kind."""
-    for path in sorted((folder / name).glob("requests/*.json")):
+    for request in sorted((folder / name).glob("requests/*.json")):
         for arm in ARMS:
-            problem = folder / name / arm / f"{path.stem}.pickle"
-            solve_file(problem, problem.with_suffix(".json"), False)
+            path = folder / name / arm / f"{request.stem}.pickle"
+            if not path.with_suffix(".json").exists():
+                found = analysed(pickle.loads(path.read_bytes()), int(path.stem))
+                write(path.with_suffix(".json"), json.dumps(answer_of(found)).encode())
 
 
 @app.command("open")
@@ -147,7 +167,7 @@ def row_of(place: Path, number: int, truth: dict[str, Any], before: dict[str, An
         row |= {"proposals": str(asked["proposals"]), "chance": f"{asked['chance']:.3f}"}
         for arm in ARMS:
             answer = place / arm / f"{number:03d}.json"
-            told |= {arm: asdict(answer_of(answer))} if answer.exists() else {}
+            told |= {arm: json.loads(answer.read_text(encoding="utf-8"))} if answer.exists() else {}
     for arm in ("before", *ARMS):
         row |= answer_columns(arm, truth["effects"], told.get(arm))
     return row

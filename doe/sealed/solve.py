@@ -17,8 +17,6 @@ from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.findings import Discovery
 from taichi_erosion.evidence.data.problem import Problem
 
-NO_VAULT = (float("nan"),) * 3  # held-out errors where nothing was adopted
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -35,6 +33,7 @@ class Outcome:
     vault: tuple[float, ...]  # misfit per held-out row: bare, with the named effect, with a random one
     runs: int
     seconds: float  # of one core
+    dropped: tuple[str, ...] = ()  # members of a set that are told as not needed
 
 
 def solve_file(problem: Path, answer: Path, with_vault: bool = True) -> None:
@@ -51,7 +50,9 @@ def answer_of(path: Path) -> Outcome:
 
 def outcome_of(found: dict[str, Any]) -> Outcome:
     """An answer out of plain tables."""
-    lists: dict[str, Any] = {name: tuple(found[name]) for name in ("named", "group", "vault")}
+    lists: dict[str, Any] = {
+        name: tuple(found[name]) for name in ("named", "group", "vault", "dropped") if name in found
+    }
     return Outcome(**{**found, **lists})
 
 
@@ -60,16 +61,9 @@ def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
     start = process_time()
     found = discover(problem, number, problem.budget, no_progress)
     spent = process_time() - start
-    vault = NO_VAULT
+    vault: tuple[float, ...] = (float("nan"),) * 3
     if with_vault and found.verdict == "present" and len(found.named) == 1 and problem.vault.rows.size:
         vault = vault_errors(number, problem, found)
-    return outcome_of_discovery(number, found, vault, spent)
-
-
-def outcome_of_discovery(
-    number: int, found: Discovery, vault: tuple[float, float, float] = NO_VAULT, seconds: float = float("nan")
-) -> Outcome:
-    """What scoring needs of a discovery."""
     return Outcome(
         number=number,
         verdict=found.verdict,
@@ -85,7 +79,8 @@ def outcome_of_discovery(
         parameters={path: (fit.value, fit.low, fit.high) for path, fit in found.parameters.items()},
         vault=vault,
         runs=found.runs,
-        seconds=seconds,
+        seconds=spent,
+        dropped=tuple(each.name for each in found.members if not each.needed),
     )
 
 

@@ -1,8 +1,8 @@
 """Sealed cases with several effects at once or one beyond its list: draws, solves, opens, fills the page.
 
-python -m doe.several.run draw FOLDER     problems, and the truth, outside the tree; its digest here
-python -m doe.several.run solve FOLDER    in processes that are given problem files only; goes on
-python -m doe.several.run score FOLDER COMMIT    opens the truth, writes the table
+python -m doe.several.run draw NAME FOLDER     problems, and the truth, outside the tree; its digest here
+python -m doe.several.run solve FOLDER         in processes that are given problem files only; goes on
+python -m doe.several.run score NAME FOLDER COMMIT    opens the truth, writes the table
 """
 
 import csv
@@ -23,23 +23,30 @@ import numpy as np
 import typer
 
 from doe.sealed.score import STRONG, share
-from doe.sealed.several import draw_several
+from doe.sealed.several import KINDS, draw_several
 from doe.sealed.solve import Outcome, answer_of, solve_file
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import fill_tables, markdown_table
+from taichi_erosion.report.markdown import fill_table, markdown_table
 
 FOLDER = Path(__file__).parent
-DIGEST, TABLE = FOLDER / "truth.sha256", FOLDER / "results.csv"
-COUNTS = {"null": 30, "single": 20, "pair": 25, "triple": 40, "quadruple": 10, "beyond": 30}
+COUNTS = {  # set -> kind -> cases
+    "first": {"null": 30, "single": 20, "pair": 25, "triple": 40, "quadruple": 10, "beyond": 30},
+    "fresh": {"triple": 60, "quadruple": 15, "pair": 15, "null": 10, "single": 10, "beyond": 10},
+}
 app = typer.Typer()
 
 
+def seal_file(name: str) -> Path:
+    """Digest of the truth of one set."""
+    return FOLDER / "seals" / f"{name}.sha256"
+
+
 @app.command()
-def draw(folder: Path) -> None:
+def draw(name: str, folder: Path) -> None:
     """Problems and the truth, with a salt of the operating system."""
     salt, truths, number = secrets.randbits(64), {}, 0
     (folder / "problems").mkdir(parents=True)
-    for kind, count in COUNTS.items():
+    for kind, count in COUNTS[name].items():
         for _ in range(count):
             case = draw_several(salt, number, kind, STRONG)
             write_atomic(folder / "problems" / f"{number:03d}.pickle", pickle.dumps(case.problem))
@@ -47,7 +54,7 @@ def draw(folder: Path) -> None:
             number += 1
     sealed = json.dumps({"salt": salt, "truths": truths})
     write_atomic(folder / "truth.json", sealed.encode())
-    write_atomic(DIGEST, f"{sha256(sealed.encode()).hexdigest()}\n".encode())
+    write_atomic(seal_file(name), f"{sha256(sealed.encode()).hexdigest()}\n".encode())
 
 
 @app.command()
@@ -62,10 +69,10 @@ def solve(folder: Path, processes: int = 2) -> None:
 
 
 @app.command()
-def score(folder: Path, method: str) -> None:
+def score(name: str, folder: Path, method: str) -> None:
     """The table of results, each row with the commit of the method, and the page."""
     sealed = (folder / "truth.json").read_text(encoding="utf-8")
-    if sha256(sealed.encode()).hexdigest() != DIGEST.read_text(encoding="utf-8").strip():
+    if sha256(sealed.encode()).hexdigest() != seal_file(name).read_text(encoding="utf-8").strip():
         raise typer.BadParameter("the truth is not the one that was sealed")
     rows = []
     for number, truth in json.loads(sealed)["truths"].items():
@@ -76,9 +83,10 @@ def score(folder: Path, method: str) -> None:
     writer = csv.DictWriter(page, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_atomic(TABLE, page.getvalue().encode())
-    text = fill_tables((FOLDER / "README.md").read_text(encoding="utf-8"), {"metrics": metrics(rows)})
-    write_atomic(FOLDER / "README.md", text.encode())
+    write_atomic(FOLDER / "results" / f"{name}.csv", page.getvalue().encode())
+    readme = FOLDER / "README.md"
+    text = fill_table(readme.read_text(encoding="utf-8"), name, metrics(rows))
+    write_atomic(readme, text.encode())
 
 
 def row_of(number: str, truth: dict[str, Any], answer: Outcome) -> dict[str, str]:
@@ -93,8 +101,11 @@ def row_of(number: str, truth: dict[str, Any], answer: Outcome) -> dict[str, str
         "verdict": answer.verdict,
         "named": "+".join(answer.named),
         "group": "+".join(answer.group),
+        "dropped": "+".join(answer.dropped),
         "exact": str(int(answer.verdict == "present" and named == set(acting))),
         "false": str(int(bool(named - set(acting)))),
+        "false before": str(int(bool({*named, *answer.dropped} - set(acting)))),
+        "lost": str(int(bool({*answer.dropped} & set(acting)))),
         "told": str(int(bool(acting) and set(acting) <= {*named, *answer.group})),
         "intervals": str(len(held)),
         "inside": str(inside),
@@ -105,11 +116,14 @@ def row_of(number: str, truth: dict[str, Any], answer: Outcome) -> dict[str, str
 def metrics(rows: Sequence[dict[str, str]]) -> str:
     """Shares of every kind with bounds of Clopper and Pearson."""
     lines = []
-    for kind in COUNTS:
+    for kind in KINDS:
         own = [row for row in rows if row["kind"] == kind]
         if not own:
             continue
         measures = {"a name that does not act": [row["false"] == "1" for row in own]}
+        if KINDS[kind] > 1 and "dropped" in own[0]:
+            measures["the same without the test"] = [row["false before"] == "1" for row in own]
+            measures["a name that acts, dropped by the test"] = [row["lost"] == "1" for row in own]
         if kind != "null":
             measures["exact"] = [row["exact"] == "1" for row in own]
             measures["all that acts is told"] = [row["told"] == "1" for row in own]

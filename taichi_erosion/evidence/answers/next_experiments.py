@@ -1,19 +1,23 @@
 """What to measure next: the experiments that would decide between the explanations that are left.
 
 For every measurement x that the laboratory could make, explanations a and b with probabilities q predict
-mu_a(x) +- v_a(x), calibration and strengths being as uncertain as the present data leave them. The next one
-maximises
+normal distributions of mean mu and covariance S, calibration and strengths being as uncertain as the present
+data leave them (the rivals get to refit). The probability that a set of measurements ends in the wrong one is
+at most
 
-    U(x) = N(x) / cost(x) sum_{a<b} q_a q_b (mu_a - mu_b)^2 / (s^2 + v_a + v_b)
+    E = sum_{a<b} sqrt(q_a q_b) exp(-B_ab),    B the Bhattacharyya distance
+
+and the next one maximises
+
+    U(x) = N(x) / cost(x) ln(E without x / E with x)
     N(x) = prod_c (1 - exp(-d(x, c)^2 / 2 l^2))
 
-(the rivals get to refit: v), everything is updated, and so on. The product runs over the measurements c that
+so that pairs that are separated already ask for nothing more. The product runs over the measurements c that
 were chosen before for the same observable, at the distance d in shares of the ranges: what a law predicts at
 neighbouring settings is wrong together, so that a second measurement there tells little. Settings that
-were measured already are left out. The chance that the set decides comes from simulated outcomes, not from U.
+were measured already are left out. The chance that the set decides comes from simulated outcomes, not from E.
 
-Reference: Buzzi-Ferraris & Forzatti (1983), Chem. Eng. Sci. 38, 225, after Box & Hill (1967), Technometrics
-9, 57.
+Reference: Kailath (1967), IEEE Trans. Commun. Technol. 15, 52 (the bound and the distance).
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,6 +61,7 @@ LEAST_WEIGHT = 0.02  # of an explanation that is not excluded
 MOST_RIVALS = 8
 OUTCOMES = 400  # simulated per explanation
 SPREAD = 0.2  # l: distance in shares of the ranges within which two measurements tell the same
+LEAST_GAIN = 1e-9  # of ln E, from which a measurement tells anything
 SAME_SETTING = 0.02  # distance in shares of the ranges within which a setting is measured already
 DIGITS = 2  # of a proposed setting
 DECIDING = levels.DECIDING
@@ -359,46 +364,78 @@ def rival_prediction(
 
 
 def greedy_design(pool: DesignPool, rivals: list[RivalPrediction]) -> list[int]:
-    """Indices of the chosen measurements in order; each one reduces the uncertainty of every rival."""
+    """Indices of the chosen measurements in order, each the one that lowers the bound of errors most."""
     chosen: list[int] = []
-    novelty = np.ones(pool.rows.size)
+    novelty, now = (
+        np.ones(pool.rows.size),
+        log_error_bound(rivals, np.zeros((len(rivals), len(rivals), 1)))[0],
+    )
     while len(chosen) < EXPERIMENTS:
-        gain = separation_gain(pool, rivals) * novelty / pool.cost
+        bound = log_error_bound(rivals, distances(pool, rivals, chosen))
+        gain = (now - bound) * novelty / pool.cost
         best = int(np.argmax(gain))
-        if gain[best] <= 0.0:
+        if gain[best] <= LEAST_GAIN:
             break
         chosen.append(best)
+        now = bound[best]
         novelty *= 1.0 - nearness(pool, best)
-        variance = float(pool.variance[best])
-        rivals = [replace(rival, root=rank_one_update(rival.root, best, variance)) for rival in rivals]
     return chosen
 
 
-def separation_gain(pool: DesignPool, rivals: list[RivalPrediction]) -> Floats:
-    """Separation of all pairs of rivals at every measurement, in squared standard deviations."""
-    gain = np.zeros(pool.rows.size)
-    spread = [np.einsum("ij,ij->i", each.root, each.root) for each in rivals]
-    for i, one in enumerate(rivals):
-        for j, other in enumerate(rivals[:i]):
-            gap = (one.mean - other.mean) ** 2
-            gain += one.weight * other.weight * gap / (pool.variance + spread[i] + spread[j])
-    return gain
+def log_error_bound(rivals: list[RivalPrediction], distance: Floats) -> Floats:
+    """Ln of sum_{a<b} sqrt(q_a q_b) exp(-B_ab) for distances (rivals, rivals, pool)."""
+    first, second = np.triu_indices(len(rivals), 1)
+    weight = np.log([max(rival.weight, 1e-300) for rival in rivals])
+    terms = 0.5 * (weight[first] + weight[second])[:, np.newaxis] - distance[first, second]
+    return log_sum_exp(terms, axis=0)
+
+
+def distances(pool: DesignPool, rivals: list[RivalPrediction], chosen: list[int]) -> Floats:
+    """Bhattacharyya distances (rivals, rivals, pool) by what was chosen and each measurement beside it.
+
+    B = 1/8 d^T S^-1 d + 1/2 ln |S| - 1/4 ln |S_a| - 1/4 ln |S_b|,    S = (S_a + S_b) / 2
+    """
+    found = np.zeros((len(rivals), len(rivals), pool.rows.size))
+    own = [bordered(pool, [rival.root], chosen) for rival in rivals]
+    for a, b in zip(*np.triu_indices(len(rivals), 1), strict=True):
+        middle = bordered(pool, [rivals[a].root, rivals[b].root], chosen)
+        gap = rivals[a].mean - rivals[b].mean
+        left = gap - middle.regression @ gap[chosen]
+        square = float(gap[chosen] @ middle.inverse @ gap[chosen]) + left**2 / middle.conditional
+        volume = middle.log_volume - 0.5 * (own[a].log_volume + own[b].log_volume)
+        found[a, b] = 0.125 * square + 0.5 * volume
+    return found
+
+
+@dataclass(frozen=True)
+class BorderedCovariance:
+    """Covariance of the chosen measurements and one more, for every one of the pool."""
+
+    inverse: Floats  # (chosen, chosen), of the covariance of the chosen ones
+    regression: Floats  # (pool, chosen), of each measurement on the chosen ones
+    conditional: Floats  # (pool,), variance of each given the chosen ones
+    log_volume: Floats  # (pool,), ln of the determinant
+
+
+def bordered(pool: DesignPool, roots: Sequence[Floats], chosen: list[int]) -> BorderedCovariance:
+    """Mean of the covariances of some explanations, with the scatter of the measurements."""
+    share = 1.0 / len(roots)
+    inner = share * sum((root[chosen] @ root[chosen].T for root in roots), np.zeros((len(chosen),) * 2))
+    inner = inner + np.diag(pool.variance[chosen])
+    cross = share * sum((root @ root[chosen].T for root in roots), np.zeros((pool.rows.size, len(chosen))))
+    whole = pool.variance + share * sum(np.einsum("ij,ij->i", root, root) for root in roots)
+    inverse = np.linalg.inv(inner)
+    regression = cross @ inverse
+    conditional = np.maximum(whole - np.einsum("ij,ij->i", regression, cross), pool.variance)
+    return BorderedCovariance(
+        inverse, regression, conditional, np.log(conditional) + float(np.linalg.slogdet(inner)[1])
+    )
 
 
 def nearness(pool: DesignPool, at: int) -> Floats:
     """Share of a measurement's information that one at `at` has given: exp(-d^2 / 2 l^2) [1]."""
     distance = np.sum((pool.share - pool.share[at]) ** 2, axis=1)
     return np.where(pool.rows.which == pool.rows.which[at], np.exp(-0.5 * distance / SPREAD**2), 0.0)
-
-
-def rank_one_update(root: Floats, at: int, variance: float) -> Floats:
-    """Root of the prediction covariance after one more measurement of row `at` with this variance."""
-    row = root[at]
-    size = float(row @ row)
-    if size <= 0.0:
-        return root
-    shrink = 1.0 - np.sqrt(variance / (variance + size))
-    return root - np.outer(root @ row, row) * shrink / size
 
 
 def decision_chance(pool: DesignPool, rivals: list[RivalPrediction], chosen: list[int], seed: int) -> float:

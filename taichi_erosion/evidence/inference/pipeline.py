@@ -31,7 +31,7 @@ from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
 from taichi_erosion.evidence.inference.search.effect_sets import Search, fit_sets
 from taichi_erosion.evidence.inference.search.enumeration import complete, unvisited_share
-from taichi_erosion.evidence.inference.search.set_members import MemberTest, tested_decision
+from taichi_erosion.evidence.inference.search.set_members import MemberTest, needed_decision
 from taichi_erosion.evidence.inference.verdict import (
     Decision,
     acting_decision,
@@ -337,9 +337,9 @@ def concluded(found: Account, posterior: Posterior, seed: int) -> Analysis:
     stability, decision = seed_stability(fitted, decision)
     decision, final, p_left = final_decision(fitted, posterior, decision)
     factors = noise_draws(prepared, found.posterior, seed)
-    tested, members = tested_decision(fitted.search, decision, factors, seed)
-    if tested != decision:
-        decision, final = tested, fitted.search.found[fitted.search.sorted(tested.named)]
+    needed, members = needed_decision(fitted.search, decision, factors, seed)
+    if needed != decision:
+        decision, final = needed, fitted.search.found[fitted.search.sorted(needed.named)]
         p_left = misfit_p(prepared, final.expansion)
     return Analysis(
         fitted,

@@ -12,11 +12,13 @@ from taichi_erosion.evidence.answers.next_experiments import (
     OUTCOMES,
     DesignPool,
     RivalPrediction,
+    bordered,
     decision_chance,
+    distances,
     greedy_design,
+    log_error_bound,
     mean_variance,
     next_experiments,
-    rank_one_update,
     settings_of,
 )
 from taichi_erosion.evidence.data.findings import PlausibleHypothesis
@@ -38,13 +40,44 @@ def rival(mean: list[float], weight: float = 0.5, root: np.ndarray | None = None
     return RivalPrediction("r", weight, np.array(mean), np.zeros((size, 1)) if root is None else root)
 
 
-def test_an_update_conditions_the_covariance_on_one_measurement():
+def test_a_covariance_conditioned_on_chosen_measurements_is_that_of_the_joint_normal():
     root = np.random.default_rng(1).standard_normal((5, 3))
-    prior = root @ root.T
-    after = rank_one_update(root, 2, 0.7)
-    exact = prior - np.outer(prior[:, 2], prior[2]) / (prior[2, 2] + 0.7)
-    assert after @ after.T == pytest.approx(exact)
-    assert rank_one_update(np.zeros((3, 2)), 1, 0.7) == pytest.approx(np.zeros((3, 2)))
+    whole = root @ root.T
+    found = bordered(pool([0.7] * 5), [root], [2, 4])
+    for at in (0, 1, 3):
+        joint = whole[np.ix_([2, 4, at], [2, 4, at])] + 0.7 * np.eye(3)
+        assert found.log_volume[at] == pytest.approx(np.linalg.slogdet(joint)[1])
+        assert found.conditional[at] == pytest.approx(np.linalg.det(joint) / np.linalg.det(joint[:2, :2]))
+    again = bordered(pool([0.7] * 5), [root], [2]).conditional[2]
+    alone = 1.0 / (1.0 / whole[2, 2] + 1.0 / 0.7)
+    assert again == pytest.approx(alone + 0.7), "a repeat has its own scatter"
+
+
+def test_the_distance_of_two_explanations_is_that_of_bhattacharyya():
+    generator = np.random.default_rng(2)
+    rivals = [
+        rival(list(generator.standard_normal(4)), root=generator.standard_normal((4, 2))) for _ in range(2)
+    ]
+    at = [1, 3, 0]
+    one, other = (each.root[at] @ each.root[at].T + np.diag([0.5, 0.8, 1.2]) for each in rivals)
+    middle, gap = 0.5 * (one + other), (rivals[0].mean - rivals[1].mean)[at]
+    exact = 0.125 * gap @ np.linalg.solve(middle, gap)
+    exact += 0.5 * np.log(np.linalg.det(middle) / np.sqrt(np.linalg.det(one) * np.linalg.det(other)))
+    found = distances(pool([1.2, 0.5, 1.0, 0.8]), rivals, [1, 3])
+    assert found[0, 1, 0] == pytest.approx(exact)
+
+
+def test_the_bound_holds_for_the_share_of_wrong_decisions():
+    rivals = [rival([0.0]), rival([2.0])]
+    bound = np.exp(log_error_bound(rivals, distances(pool([1.0]), rivals, [])))[0]
+    wrong = stats.norm.sf(1.0)  # beyond the middle of two means that are 2 sd apart
+    assert wrong < bound < 0.5
+
+
+def test_a_pair_that_is_separated_asks_for_nothing_more():
+    # the first measurement tells c from both others; then a and b are what is left, at the second
+    rivals = [rival([0.0, 0.0, 0.0], 0.34), rival([0.1, 1.5, 0.1], 0.33), rival([20.0, 0.0, 19.0], 0.33)]
+    assert greedy_design(pool([1.0, 1.0, 1.0]), rivals)[:2] == [0, 1]
 
 
 def test_the_measurement_with_the_largest_difference_for_its_noise_and_cost_comes_first():
@@ -55,8 +88,8 @@ def test_the_measurement_with_the_largest_difference_for_its_noise_and_cost_come
 
 
 def test_a_difference_that_a_rival_may_refit_away_is_worth_less():
-    loose = np.array([[0.0], [10.0]])  # the second prediction is uncertain by ten
-    rivals = [rival([0.0, 0.0]), rival([1.0, 3.0], root=loose)]
+    loose = np.array([[0.0], [10.0]])  # both say the second only to ten
+    rivals = [rival([0.0, 0.0], root=loose), rival([1.0, 3.0], root=loose)]
     assert greedy_design(pool([1.0, 1.0]), rivals)[0] == 0
 
 

@@ -39,7 +39,7 @@ class MemberTest:
         return self.p < levels.MEMBER_LEVEL
 
 
-def tested_decision(
+def needed_decision(
     search: Search, decision: Decision, factors: Floats, seed: int
 ) -> tuple[Decision, list[MemberTest]]:
     """The decision without members that are not needed, and the last test of each that was asked.

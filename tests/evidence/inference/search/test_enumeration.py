@@ -29,22 +29,23 @@ def fitted() -> FittedHypotheses:
 def test_the_estimate_of_a_set_is_close_to_its_fit(fitted):
     search = fitted.search
     left = unvisited_sets(search, fitted.screened, fitted.base)
-    assert left
-    likeliest = sorted(left.values(), key=lambda each: -each.log_joint)[:3]
-    for each in likeliest:
+    total = log_joint_of(search, fitted.screened, fitted.base)
+    likely = [each for each in left.values() if each.log_joint > total - 10.0]
+    assert likely
+    for each in likely:
         best = fit(search.prepared, each.names, [each.start])
         item = scored_expansion(search.prepared, expand(search.prepared, best), search.family)
         exact = total_evidence(search.prepared, item) + log_prior_of(each.names, False, len(SHAPES))
-        assert each.log_joint == pytest.approx(exact, abs=1.5)
+        assert each.log_joint == pytest.approx(exact, abs=1.0)
 
 
 def test_a_set_that_was_left_out_is_fitted_after_all(fitted):
-    search, names = fitted.search, fitted.search.sorted(tuple(THREE))
+    search, names = fitted.search, ("bend", "wave")
     kept, _ = search.found.pop(names), search.fits.pop(names, None)
     share = unvisited_share(
         search, fitted.screened, fitted.base, log_joint_of(search, fitted.screened, fitted.base)
     )
-    assert share[""] > 0.1
+    assert share[""] > 0.05
     complete(search, fitted.screened, fitted.base)
     assert search.found[names].fit.misfit == pytest.approx(kept.fit.misfit, abs=0.1)
     after = unvisited_share(
