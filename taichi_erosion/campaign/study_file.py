@@ -145,6 +145,11 @@ class VaultEntry(Section):
     ranges: dict[Name, tuple[float, float]] = Field(
         default={}, description="whole ranges of a condition, inclusive"
     )
+    drawn_from: str | None = Field(
+        None,
+        pattern=r"^[0-9a-f]{64}$",
+        description="digest of the table from which rows were drawn; it stays when the table is corrected",
+    )
 
 
 class BudgetEntry(Section):

@@ -41,6 +41,7 @@ audit doe/hao2022/table_4.csv
 audit TABLE --response angle --json
 study new TABLE
 study new TABLE --yes --closed-form --out my_study
+study new TABLE --out my_study --anew
 study new TABLE --observable "Winkel=repose_angle" --condition "w=conditions.moisture"
 study check doe/impact_threshold_reduced.toml
 study check STUDY --effect my_pull.py

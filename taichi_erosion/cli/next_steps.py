@@ -19,6 +19,7 @@ SETTLE = "Mend the set-up first, then give the same command again."
 ERRORS = 2.0  # standard errors, from which a difference is more than chance [1]
 ANGLES = {"repose_angle", "angle_of_repose", "cone_angle", "envelope_angle"}  # of a heap
 LEAST_RUNS = 2  # that show a scatter
+TIDY = "_tidy.csv"  # end of the name of a table that `study new` wrote
 STUDY_FOLDERS = (".", "../doe", "../studies")  # beside a scene, where its studies are looked for
 
 
@@ -134,11 +135,23 @@ def waits(document: Record) -> bool:
     return any(fault["blocks"] for fault in document.get("faults", ()))
 
 
+def lacks_rows(document: Record) -> bool:
+    """Whether the verdict on physics waits for nothing but more rows."""
+    return {fault["kind"] for fault in document.get("faults", ()) if fault["blocks"]} == {"too_few_rows"}
+
+
+def while_it_waits(document: Record) -> str:
+    """What to do before a verdict on physics."""
+    if lacks_rows(document):
+        return f"`{program()} next {document['study']}` proposes the measurements that tell most."
+    return SETTLE
+
+
 def after_comparison(document: Record) -> Iterator[str]:
     """Next steps after a comparison."""
     study = document["study"]
     if waits(document):
-        yield SETTLE
+        yield while_it_waits(document)
         return
     if document["p"] is None:
         yield "With sd or repeats in the table the size of the misfit can be judged."
@@ -155,8 +168,10 @@ def after_discovery(document: Record) -> Iterator[str]:
     """Next steps after a discovery, by its verdict."""
     study, verdict, named = document["study"], document["verdict"], document["named"]
     if waits(document):
-        yield SETTLE
+        yield while_it_waits(document)
         return
+    if document.get("row_off"):
+        yield check_row(document["row_off"])
     if verdict in ("present", "group") and named:
         words = f"`{program()} adopt {study} {' '.join(named)}` adds {' and '.join(named)} and tests it"
         held = document["rows_hidden"]
@@ -170,6 +185,16 @@ def after_discovery(document: Record) -> Iterator[str]:
         yield f"More seeds decide: `{program()} discover {study} --budget full`."
     yield f"`{program()} next {study}` proposes the measurements that would decide."
     yield f"`{program()} report {study}` makes the page."
+
+
+def check_row(row: Record) -> str:
+    """Where a row that no explanation comes near is to be checked."""
+    side = "above" if row["residual_sd"] > 0.0 else "below"
+    at, source = (
+        f" {lead} {row[key]}" if row[key] else "" for lead, key in (("at", "setting"), ("of", "source"))
+    )
+    words = f"{row['observable']}{at}{source} lies {abs(row['residual_sd']):.2g} sd {side} the model"
+    return f"Check one row first: {words} under every explanation."
 
 
 def after_adoption(document: Record) -> Iterator[str]:
@@ -190,8 +215,11 @@ def after_adoption(document: Record) -> Iterator[str]:
 
 def after_next(document: Record) -> Iterator[str]:
     """What to do with proposed experiments."""
-    if document["next_experiments"]:
-        table, study = document["measurements"], document["study"]
+    table, study = document["measurements"], document["study"]
+    if document["next_experiments"] and table.endswith(TIDY):
+        yield f"Add the new rows to the table of which {table} was made, give `{program()} study new` on it"
+        yield f"with the same options again, then `{program()} discover {study}`."
+    elif document["next_experiments"]:
         yield f"Add the new rows to {table}, and give `{program()} discover {study}` again."
 
 

@@ -1,6 +1,6 @@
 """Commands on studies themselves: `study new` from a laboratory's table, `study check` without a run."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -43,6 +43,11 @@ ClosedForm = Annotated[
     bool, typer.Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Take every guess; ask nothing.")]
+Anew = Annotated[
+    bool,
+    typer.Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays."),
+]
+MOST_CHANGES = 5  # of one column, told one by one
 
 
 @study.command("new", **help_of("study new"))
@@ -56,14 +61,15 @@ def new(
     roughness: Roughness = None,
     apparatus: Apparatus = None,
     closed_form: ClosedForm = False,
+    anew: Anew = False,
     as_json: AsJson = False,
 ) -> None:
-    """Read a table as a spreadsheet exports it, and write a study and a scene for it."""
+    """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""
     from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
-    wishes = Wishes(told, out, apparatus, closed_form, roughness)
+    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew)
     document = new_study(table, wishes, guessed if yes or as_json else asked)
     output.print_result(document, as_json, print_new_study)
 
@@ -110,10 +116,50 @@ def print_new_study(document: Record) -> None:
         print_table("columns", ("column", "unit", "understood as"), rows)
     for words in document["assumed"]:
         typer.echo(f"assumed: {words}")
+    if "changes" in document:
+        for words in told_changes(document):
+            typer.echo(words)
     print_content(document)
     for path in document["written"]:
         typer.echo(f"written: {path}")
-    typer.echo(f"next: ./erosion compare {document['written'][0]}")
+    if document["written"]:
+        typer.echo(f"next: ./erosion compare {document['study']}")
+
+
+def told_changes(document: Record) -> Iterator[str]:
+    """What a corrected table says otherwise, and what stays."""
+    changes, study = document["changes"], document["study"]
+    if not any(changes.values()):
+        yield f"{study} is there already, and its table has not changed"
+    yield from told_corrections(changes)
+    if changes["added"]:
+        yield f"added: row {', '.join(map(str, changes['added']))}"
+    yield from (f"no longer there: {row}" for row in changes["removed"])
+    if document["written"]:
+        yield "the rows of before stay held out or fitted, and openings of the vault go on being counted"
+        yield "answers given before rest on the earlier table: ask again"
+    yield from (f"kept: {words}" for words in document["kept"])
+    if document["kept"]:
+        yield f"{study} stays as it is, with your changes; --anew writes it as a new study would be"
+
+
+def told_corrections(changes: Record) -> Iterator[str]:
+    """Units and cells that say something else."""
+    for name, before, after in changes["units"]:
+        yield f"corrected: column {name}: unit {before or 'none'} -> {after or 'none'}"
+    columns: dict[str, list[Record]] = {}
+    for change in changes["cells"]:
+        columns.setdefault(change["column"], []).append(change)
+    for name, cells in columns.items():
+        for cell in cells[:MOST_CHANGES]:
+            yield f"corrected: row {cell['line']}, {name}: {shown(cell['before'])} -> {shown(cell['after'])}"
+        if len(cells) > MOST_CHANGES:
+            yield f"corrected: {name} in {len(cells) - MOST_CHANGES} rows more"
+
+
+def shown(text: str) -> str:
+    """A cell of a table; an empty one in words."""
+    return text or "empty"
 
 
 def print_check(document: Record) -> None:
@@ -123,6 +169,8 @@ def print_check(document: Record) -> None:
         for sentence in output.examined_effects(document["effects"]):
             typer.echo(sentence)
         print_content(document)
+        if document["held_out"]:
+            typer.echo(f"held-out rows: drawn_from = {document['drawn_from']}")
 
 
 def print_content(document: Record) -> None:

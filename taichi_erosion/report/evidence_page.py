@@ -23,7 +23,7 @@ from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import figure_style, study_figures
 from taichi_erosion.report.conclusion_limits import limits
-from taichi_erosion.report.evidence_results import CONTROLS, Document, Results, layers, stored_results
+from taichi_erosion.report.evidence_results import CONTROLS, Document, Layer, Results, layers, stored_results
 from taichi_erosion.report.figure_style import Picture
 from taichi_erosion.report.html import made, number, render
 from taichi_erosion.report.lead import LEVEL, lead, worst_place
@@ -92,11 +92,25 @@ def row_table(found: Results) -> str:
             number(None if value is None else units.condition(axis, value))
             for axis, value in zip(axes, at, strict=True)
         ]
-        sign = {"below": "< ", "above": "> "}.get(study_figures.limit_of(rows, place), "")
-        values = [number(units.value(name, rows[key][place])) for key in ("measured", "predicted")]
         label = heading(name, units.value_unit(name))
-        cells.append([label, *stated, sign + values[0], values[1], number(rows["residual"][place])])
+        predicted = number(units.value(name, rows["predicted"][place]))
+        measured = measured_text(found, rows, place)
+        cells.append([label, *stated, measured, predicted, number(rows["residual"][place])])
     return markdown_table(header, cells)
+
+
+def measured_text(found: Results, rows: Document, place: int) -> str:
+    """Measured value of a row in the unit of the table: `25.3`, `< 20`, `20 to 25`."""
+    side = study_figures.limit_of(rows, place)
+    keys = ("low", "high") if side == "between" else ("measured",)
+    values = [number(found.units.value(rows["observable"][place], rows[key][place])) for key in keys]
+    return {"below": "< ", "above": "> "}.get(side, "") + " to ".join(values)
+
+
+def drawn_marks(shown: Sequence[Layer]) -> set[str]:
+    """Kinds of limits that the figures of a page draw."""
+    tables = [rows for rows in (shown[0].fitted, shown[0].held) if rows]
+    return {study_figures.limit_of(rows, k) for rows in tables for k in range(len(rows["observable"]))}
 
 
 def page_fields(found: Results) -> dict[str, Any]:
@@ -111,6 +125,7 @@ def page_fields(found: Results) -> dict[str, Any]:
         "lead": lead(found),
         "layers": shown,
         "observables": {name: words_of(name).noun for name in dict.fromkeys(shown[0].fitted["observable"])},
+        "marks": drawn_marks(shown),
         "shown": list(dict.fromkeys(panel.observable for panel in panels(found)))[:MOST_SHOWN],
         "conditions": {
             panel.condition.name: panel.condition.label for panel in panels(found) if panel.condition

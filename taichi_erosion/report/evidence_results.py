@@ -96,7 +96,7 @@ def stored_results(study: Path) -> Results:
     digest = found[newest]["digest"]
     current = {command: document for command, document in found.items() if document["digest"] == digest}
     outdated = tuple(command for command in found if command not in current)
-    table, rungs = measured_table(study, file), documents.ladder(folder)
+    table, rungs = measured_table(study, file), documents.ladder(folder, digest)
     return Results(study, current, table, rungs, outdated, prediction_of(study, folder, current))
 
 

@@ -40,6 +40,7 @@ from taichi_erosion.report.pictures.measured_marks import (
     Bools,
     ValueRange,
     draw_edge_texts,
+    draw_intervals,
     draw_marks,
     edge_of,
     kinds,
@@ -74,7 +75,9 @@ class Points:
     model: Floats
     band: Floats  # half of the 90 % interval of the model's value
     rows: tuple[int, ...]  # places in the result
-    limit: tuple[str, ...]  # "below" or "above" where the measured value is a limit
+    limit: tuple[str, ...]  # "below" or "above" where the measured value is a limit, "between" two limits
+    low: Floats  # lower end of the interval in which a measured value lies; NaN: of no interval
+    high: Floats  # upper end
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,7 @@ class Panel:
             ends += [points.model - points.band, points.model + points.band] if layer.shown else []
             known = np.array(points.limit) == ""
             ends += [(points.measured + sign * points.error)[known] for sign in (-1.0, 1.0)]
+            ends += [points.low, points.high]
         return value_range(np.concatenate(values), np.concatenate(ends))
 
 
@@ -154,14 +158,22 @@ def points_of(panel: Panel, rows: Record) -> Points:
         band=HALF_WIDTH * np.nan_to_num(panel.values(spread)[kept]),
         rows=tuple(kept),
         limit=tuple(limit_of(rows, place) for place in kept),
+        low=panel.values(interval_ends(rows, "low"))[kept],
+        high=panel.values(interval_ends(rows, "high"))[kept],
     )
 
 
 def limit_of(rows: Record, place: int) -> str:
-    """On which side of a stated limit the value of a row lies; empty for a value."""
+    """On which side of a stated limit the value of a row lies, or between two; empty for a value."""
     limits = rows.get("limit") or ()
     side = limits[place] if place < len(limits) else ""
-    return side if side in ("below", "above") else ""
+    is_interval = side != "between" or interval_ends(rows, "low")[place] is not None
+    return side if is_interval else ""
+
+
+def interval_ends(rows: Record, end: str) -> Sequence[float | None]:
+    """One end of the interval in which the value of every row lies; None: of no interval."""
+    return rows.get(end) or [None] * len(rows["observable"])
 
 
 def series_of(panel: Panel, rows: Record, place: int) -> str:
@@ -254,7 +266,7 @@ def draw_series_key(figure: Figure, names: Sequence[str], columns: int) -> None:
 
 
 def draw_measured(frame: Axes, panel: Panel, points: Points, names: Sequence[str], kind: str) -> None:
-    """Measured values with error bars, filled where they were fitted; limits as arrows without bars."""
+    """Measured values with error bars, filled where they were fitted; limits as arrows, intervals as bars."""
     draw_errors(frame, points, panel.shown, INK, f"layer:{kind}")
     for number, mark, own in marks(points, names, panel.shown):
         marker = MARKERS[number] if len(names) <= MOST_SERIES else MARKERS[0]
@@ -266,9 +278,12 @@ def draw_measured(frame: Axes, panel: Panel, points: Points, names: Sequence[str
 
 
 def draw_errors(frame: Axes, points: Points, shown: ValueRange, colour: str, gid: str) -> None:
-    """Error bars of values within the axis; a limit has none."""
+    """Error bars of values within the axis, and bars of intervals; a limit has none."""
     above, below = shown.beyond(points.measured)
     known = (np.array(points.limit) == "") & ~(above | below)
+    between = (np.array(points.limit) == "between") & ~(above | below)
+    if between.any():
+        draw_intervals(frame, points.x[between], points.low[between], points.high[between], colour, gid)
     frame.errorbar(
         points.x[known],
         points.measured[known],
@@ -318,13 +333,13 @@ def joined_points(panel: Panel, layer: Layer) -> Points:
     series = [name for part in parts for name in part.series]
     columns = [
         np.concatenate([getattr(part, name) for part in parts])[order]
-        for name in ("x", "measured", "error", "model", "band")
+        for name in ("x", "measured", "error", "model", "band", "low", "high")
     ]
-    x, measured, error, model, band = columns
+    x, measured, error, model, band, low, high = columns
     limit = [each for part in parts for each in part.limit]
     ordered = (tuple(column[k] for k in order) for column in (series, limit))
     names, limits = ordered
-    return Points(x, names, measured, error, model, band, (), limits)
+    return Points(x, names, measured, error, model, band, (), limits, low, high)
 
 
 def first_pictures(panels: Sequence[Panel]) -> list[tuple[Panel, Picture]]:
@@ -369,6 +384,9 @@ def row_text(panel: Panel, kind: str, rows: Record, place: int) -> str:
     size = with_unit(short(float(panel.values([value])[0]), 3), unit)
     error = f", 90 % interval ± {short(HALF_WIDTH * float(panel.values([sd])[0]))}" if sd else ""
     words = f"measured: {limit} {size}" if limit else f"measured {size}{error}"
+    if limit == "between":
+        low, high = (panel.values(interval_ends(rows, end))[place] for end in ("low", "high"))
+        words = f"measured: between {short(float(low), 3)} and {with_unit(short(float(high), 3), unit)}"
     lines = [words + (" (held out)" if kind == "held" else "")]
     lines += [
         value_words(panel.table.condition(name), column[place])
@@ -435,10 +453,13 @@ def residual_points(panel: Panel) -> tuple[dict[str, Points], ValueRange]:
         points = points_of(panel, layer.fitted)
         error = HALF_WIDTH * np.nan_to_num(panel.values(errors_of(layer.fitted))[list(points.rows)])
         gap = points.measured - points.model
-        found[layer.key] = replace(points, measured=gap, error=error, series=("",) * gap.size)
-    gap = np.concatenate([points.measured for points in found.values()])
-    error = np.concatenate([points.error for points in found.values()])
-    return found, value_range(np.append(gap, 0.0), np.concatenate([gap - error, gap + error]))
+        ends = {"low": points.low - points.model, "high": points.high - points.model}
+        found[layer.key] = replace(points, measured=gap, error=error, series=("",) * gap.size, **ends)
+    gap, error, low, high = (
+        np.concatenate([getattr(points, name) for points in found.values()])
+        for name in ("measured", "error", "low", "high")
+    )
+    return found, value_range(np.append(gap, 0.0), np.concatenate([gap - error, gap + error, low, high]))
 
 
 def errors_of(rows: Record) -> Sequence[float | None]:

@@ -32,6 +32,6 @@ def test_bars_of_a_single_value_are_seen_whole_and_those_of_a_bad_row_are_not():
 
 
 def test_limits_are_marked_by_the_side_on_which_the_value_lies():
-    limit = ("below", "", "above", "", "", "")
+    limit = ("below", "", "above", "between", "", "")
     found = {kind: int(chosen.sum()) for kind, chosen in kinds(VALUES, limit, value_range(VALUES, VALUES))}
-    assert found == {"": 4, "below": 1, "above": 1, "high": 0, "low": 0}
+    assert found == {"": 3, "below": 1, "above": 1, "between": 1, "high": 0, "low": 0}

@@ -9,6 +9,8 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.report import write_report
+from taichi_erosion.report.evidence_results import layers, stored_results
+from taichi_erosion.report.study_figures import panels_of, points_of
 from tests.evidence.small_study import write_study
 from tests.report.browser import assert_readable
 
@@ -143,6 +145,27 @@ def test_a_limit_is_drawn_as_an_arrow_and_told_as_a_limit(tmp_path):
     assert "measured 30.0 cm/s" not in page
     rows = json.loads((tmp_path / "t-results" / "t.compare.json").read_text("utf-8"))["rows"]
     assert rows["limit"].count("below") == 1
+
+
+def test_an_interval_is_drawn_as_a_bar_with_ends_and_told_as_one(tmp_path):
+    values = [cohesive(size) for size in DIAMETERS]
+    study = laboratory_study(tmp_path, [*values[:4], "18..24", *values[5:]])
+    study.write_text(LABORATORY + "[vault]\nfraction = 0.0\n", "utf-8")
+    assert main(["compare", str(study)]) == 0
+    rows = json.loads((tmp_path / "t-results" / "t.compare.json").read_text("utf-8"))["rows"]
+    place = rows["limit"].index("between")
+    ends = (rows["low"][place], rows["high"][place])
+    assert ends == pytest.approx((0.18, 0.24)), "in the unit of the model"
+    assert [end for k, end in enumerate(rows["low"]) if k != place] == [None] * 9
+    found = stored_results(study)
+    (panel,) = panels_of(["threshold_u_star"], layers(found), found.table, found.units)
+    points = points_of(panel, layers(found)[0].fitted)
+    inside = points.limit.index("between")
+    assert (points.low[inside], points.high[inside]) == pytest.approx((18.0, 24.0))
+    page = write_report(study).read_text("utf-8")
+    assert "measured: between 18.0 and 24.0 cm/s" in page
+    assert "A bar with ends: the value lies between them." in page
+    assert "An arrow" not in page
 
 
 def test_a_single_row_tests_nothing_and_is_told_so(tmp_path, capsys):

@@ -21,6 +21,7 @@ from taichi_erosion.evidence.answers.rounds import (
     comparison_points,
     discovery_points,
     last_budget,
+    refinement_point,
     required_points,
 )
 from taichi_erosion.evidence.answers.set_up import (
@@ -28,11 +29,20 @@ from taichi_erosion.evidence.answers.set_up import (
     blocked,
     bound_faults,
     discovery,
+    lacks_rows,
+    missing_rows,
     sentences,
     set_up_faults,
     table_faults,
 )
-from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, HypothesisFit, SetUpFault
+from taichi_erosion.evidence.data.findings import (
+    Adoption,
+    Comparison,
+    Discovery,
+    HypothesisFit,
+    PlausibleHypothesis,
+    SetUpFault,
+)
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.models.adopted_files import refuse_foreign_files, write_adopted_files
@@ -116,18 +126,18 @@ def adopt_study(
         question = Question(f"adopt {' '.join(effects)}", answer, adoption_points, names, most=5)
         found, ready = answered(study, last_budget(study), question, progress)
         found = with_one_base(study, found)
-        count = openings(study.results, study.digest)
+        count = openings(study.results, study.drawn_from)
         if len(study.problem.vault.rows):
-            count = record_opening(study.results, study.digest, "+".join(effects))
+            count = record_opening(study.results, study.drawn_from, "+".join(effects))
         written = write_adopted_files(study, found, force)
         document = documents.adopt_document(found, count, [str(file) for file in written])
         faults = (*ready.faults, *bound_faults(study, found.base.parameters))
         document |= {"faults": documents.plain([asdict(each) for each in faults])}
-        if not documents.ladder(study.results):
+        if not documents.ladder(study.results, study.digest[:12]):
             documents.extend_ladder(study.results, rung(study, (), found.base))
         if not found.contradicted:
             documents.extend_ladder(study.results, rung(study, effects, found.added))
-        document |= {"ladder": documents.ladder(study.results)}
+        document |= {"ladder": documents.ladder(study.results, study.digest[:12])}
         return stored(ready, "adopt", document, start)
 
 
@@ -190,13 +200,41 @@ def names_of(study: Study) -> list[str]:
 
 
 def with_experiments(study: Study, found: Discovery) -> Discovery:
-    """A discovery with the experiments that the laboratory could make; none while its verdict waits."""
-    if blocked(found.faults):
+    """A discovery with the experiments that the laboratory could make.
+
+    None while its verdict waits, unless it waits for more rows: then those that tell the candidates apart.
+    """
+    few = lacks_rows(found.faults)
+    if blocked(found.faults) and not few:
         return replace(found, next_sentence=WAITS)
     stated = study.file.laboratory
     laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
-    told = next_experiments(study.problem, found, laboratory)
-    return replace(found, next_experiments=told.experiments, next_sentence=told.sentence)
+    told = next_experiments(study.problem, with_all_open(study, found) if few else found, laboratory)
+    words = told.sentence
+    if few:
+        words = f"{more_rows(missing_rows(study.problem))} {words}"
+    return replace(found, next_experiments=told.experiments, next_sentence=words)
+
+
+def with_all_open(study: Study, found: Discovery) -> Discovery:
+    """The discovery with the bare model and every candidate as explanations of equal probability."""
+    share = 1.0 / (len(found.effects) + 1)
+    numbers = {number.path: number.start for number in study.problem.parameters}
+    numbers |= {path: number.value for path, number in found.parameters.items()}
+    point = refinement_point(numbers, {})
+    bare = PlausibleHypothesis((), share, point.parameters, point.effects)
+    effects = {name: replace(effect, probability=share) for name, effect in found.effects.items()}
+    return replace(found, survivors=(bare,), effects=effects)
+
+
+def more_rows(count: int) -> str:
+    """Sentence on rows that are lacking."""
+    rows = (
+        "one row more under other conditions is"
+        if count == 1
+        else f"{count} rows more under other conditions are"
+    )
+    return f"At least {rows} needed before an effect can be named."
 
 
 def with_one_base(study: Study, found: Adoption) -> Adoption:
@@ -204,8 +242,8 @@ def with_one_base(study: Study, found: Adoption) -> Adoption:
 
     Two adoptions calibrate the bare model with other runs or levels, and would tell two values for one model.
     """
-    state = study.digest[:12], list(study.file.adopted)
-    known = [each for each in documents.ladder(study.results) if (each.get("of"), each["effects"]) == state]
+    rungs, adopted = documents.ladder(study.results, study.digest[:12]), list(study.file.adopted)
+    known = [each for each in rungs if each["effects"] == adopted]
     if not known or known[0]["chi2_held_out"] is None:
         return found
     fitted, held_out = known[0]["chi2_fitted"], known[0]["chi2_held_out"]

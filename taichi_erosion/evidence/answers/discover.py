@@ -24,6 +24,7 @@ from taichi_erosion.evidence.data.findings import (
     NearestHypothesis,
     PlausibleHypothesis,
     RowMisfit,
+    RowOff,
     Status,
     VaultErrors,
 )
@@ -99,6 +100,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
         range_suffices=found.range_suffices,
         worst_row=stated_worst_row(found),
+        row_off=stated_row_off(found),
         scatter_factor=goodness_of_fit.scatter_factor(prepared, base),
         noise=goodness_of_fit.noise_table(prepared, screened.seed_correlation),
         ambiguity=confounded_effects(prepared, screened, expected),
@@ -134,6 +136,13 @@ def stated_worst_row(found: Analysis) -> RowMisfit | None:
     """The row that holds most of the misfit of the bare model, with its error as stated."""
     fitted = found.stated.fitted if found.stated else found.fitted
     return goodness_of_fit.worst_row(fitted.prepared, fitted.base.expansion)
+
+
+def stated_row_off(found: Analysis) -> RowOff | None:
+    """The row that no explanation comes near, with its error as stated."""
+    fitted = found.stated.fitted if found.stated else found.fitted
+    expansions = [each.expansion for each in (fitted.base, *fitted.refits)]
+    return goodness_of_fit.row_off(fitted.prepared, expansions)
 
 
 def found_beyond(found: Analysis) -> BeyondList | None:

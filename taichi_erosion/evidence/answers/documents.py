@@ -434,11 +434,11 @@ def read_document(file: Path) -> Document | None:
 
 def extend_ladder(folder: Path, rung: Document) -> None:
     """Add a rung to the error ladder; adopting the same effects again replaces it and all above it."""
-    kept = [r for r in ladder(folder) if len(r["effects"]) < len(rung["effects"])]
+    kept = [r for r in ladder(folder, rung["of"]) if len(r["effects"]) < len(rung["effects"])]
     write_document(folder / LADDER, {"rungs": [*kept, rung]})
 
 
-def ladder(folder: Path) -> list[Document]:
-    """Rungs of the error ladder, from the model as it came to the last adoption."""
+def ladder(folder: Path, digest: str) -> list[Document]:
+    """Rungs of the error ladder on a table, from the model as it came to the last adoption."""
     document = read_document(folder / LADDER)
-    return [] if document is None else list(document.get("rungs", []))
+    return [] if document is None else [each for each in document["rungs"] if each.get("of") == digest]

@@ -69,6 +69,7 @@ UNPREDICTED = (
     "Something outside the list is likelier than any rival; it predicts nothing, so that no experiment "
     "can be planned against it."
 )
+RANGES = "wider ranges under [laboratory] ranges in the study open others."
 REMEDIES = "wider ranges, another observable, or a separate measurement of a calibrated number would."
 
 
@@ -108,7 +109,7 @@ def next_experiments(problem: Problem, found: Discovery, laboratory: Laboratory)
     pool = design_pool(prepared, laboratory)
     if pool is None:
         return Proposals(
-            (), weights, "Every setting within the ranges of the laboratory is measured already."
+            (), weights, f"Every setting within the ranges of the laboratory is measured already: {RANGES}"
         )
     rivals = weighted([rival_prediction(prepared, pool, each) for each in acting(prepared, pool, live)])
     if len(rivals) < 2:

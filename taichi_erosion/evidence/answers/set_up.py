@@ -40,6 +40,7 @@ UNITS = {  # factors, and what they would be
 ANGULAR = (180.0 / pi,)
 SHARPEST = 2.0  # half width of the interval of a level, as a factor, from which it points at no unit
 ANGLES = ("deg", "degree", "degrees", "\N{DEGREE SIGN}", "rad", "1", "")
+TOO_FEW = "too_few_rows"  # kind of fault against which experiments help
 WAITS = "The verdict on physics waits until this is settled: what follows describes the set-up, not the soil."
 NOTHING = "Nothing is named: the set-up comes first."
 
@@ -53,6 +54,11 @@ def sentences(faults: Sequence[SetUpFault]) -> list[str]:
 def blocked(faults: Sequence[SetUpFault]) -> bool:
     """Whether the verdict on physics waits."""
     return any(fault.blocks for fault in faults)
+
+
+def lacks_rows(faults: Sequence[SetUpFault]) -> bool:
+    """Whether the verdict waits for nothing but more rows."""
+    return {fault.kind for fault in faults if fault.blocks} == {TOO_FEW}
 
 
 def set_up_faults(
@@ -88,9 +94,7 @@ def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:
 
 def row_faults(problem: Problem) -> Iterator[SetUpFault]:
     """Fewer rows under different conditions than tell effects apart, where there are candidates."""
-    table = problem.visible()
-    calibrated = len(problem.parameters) + len(problem.adopted)
-    points = len(set(condition_keys(table)))
+    points, calibrated = counted_rows(problem)
     if not problem.candidates or not too_few_rows(points, calibrated):
         return
     hidden = f", {len(problem.vault.rows)} more held out" if len(problem.vault.rows) else ""
@@ -100,7 +104,19 @@ def row_faults(problem: Problem) -> Iterator[SetUpFault]:
         "calibrated; an effect and a level take one more each, and one row must be left to contradict: at "
         f"least {least_rows(calibrated)} rows"
     )
-    yield SetUpFault("too_few_rows", "table", words, True)
+    yield SetUpFault(TOO_FEW, "table", words, True)
+
+
+def counted_rows(problem: Problem) -> tuple[int, int]:
+    """Visible rows under different conditions, and calibrated numbers."""
+    points = len(set(condition_keys(problem.visible())))
+    return points, len(problem.parameters) + len(problem.adopted)
+
+
+def missing_rows(problem: Problem) -> int:
+    """Rows under other conditions that a table lacks to tell effects apart."""
+    points, calibrated = counted_rows(problem)
+    return max(least_rows(calibrated) - points, 0)
 
 
 def repeat_faults(problem: Problem) -> Iterator[SetUpFault]:

@@ -115,6 +115,8 @@ class Rows:
     model_sd: Floats  # standard error of `predicted`: calibrated numbers, strengths, simulated mean
     shift: Floats  # of `predicted` by errors that rows share, at their best; 0 where it is shifted already
     limit: tuple[Limit, ...] = ()  # of which rows `measured` is a limit, and on which side the value lies
+    low: tuple[float, ...] = ()  # lower end of the interval in which the value of a row lies; NaN: none
+    high: tuple[float, ...] = ()  # upper end
 
     def select(self, chosen: Bools) -> "Rows":
         """Some rows of the table."""
@@ -125,6 +127,8 @@ class Rows:
             {name: column[kept] for name, column in self.conditions.items()},
             *(getattr(self, name)[kept] for name in FIGURES),
             limit=tuple(self.limit[i] for i in kept) if self.limit else (),
+            low=tuple(self.low[i] for i in kept) if self.low else (),
+            high=tuple(self.high[i] for i in kept) if self.high else (),
         )
 
 
@@ -179,6 +183,16 @@ class RowMisfit:
     share: float  # of the misfit [1]
     p_without: float  # of the misfit that the other rows leave
     setting: str = ""  # the conditions in words, in the units of the table
+
+
+@dataclass(frozen=True)
+class RowOff:
+    """A row that lies far from the model under every explanation."""
+
+    observable: str
+    setting: str  # its conditions in words, in the units of the table
+    source: str
+    residual_sd: float  # the least of all explanations, in standard deviations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -370,6 +384,7 @@ class Discovery:
     stuck_after: tuple[str, ...] = ()  # those of the recalibrated model
     range_suffices: bool = False  # the misfit is gone if they may: nothing is concluded on effects
     worst_row: RowMisfit | None = None  # where one row holds most of the misfit of the bare model
+    row_off: RowOff | None = None  # with its error as stated
     scatter_factor: float = nan  # true over stated sd that would explain the misfit of the bare model
     p_misfit_after: float = nan  # of the recalibrated model with what is named; without a name, as before
     decoy_rank: int  # rank of the best made-up effect among all candidates; 1 is a red flag

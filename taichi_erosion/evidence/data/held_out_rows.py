@@ -1,12 +1,15 @@
 """The vault: measurements held out until an effect is adopted, and the count of its openings.
 
 The split follows from the table alone: units of hold-out are drawn in the order of a digest of their
-content, so that neither the order of rows nor a second try moves it.
+content, so that neither the order of rows nor a second try moves it. A table that is corrected later keeps
+the digest from which its rows were drawn (`drawn_from`): the rows of that draw stay what they were, and only
+the units that came later are drawn.
 """
 
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
@@ -25,20 +28,56 @@ COUNTER = "vault.json"
 Unit = tuple[str, ...]  # what identifies a unit of hold-out
 
 
+@dataclass(frozen=True)
+class Draw:
+    """What a draw starts from."""
+
+    salt: str  # digest that gives the order of the units
+    units: Sequence[Unit]  # of every row
+    open: Bools  # rows that no range holds out
+    kept: Bools  # rows that an earlier version of the table held out
+    settled: frozenset[Unit]  # units of which an earlier version had rows
+
+
 def split(
-    measurements: Measurements, fraction: float, ranges: Mapping[str, Sequence[float]]
+    measurements: Measurements,
+    fraction: float,
+    ranges: Mapping[str, Sequence[float]],
+    drawn_from: str | None = None,
 ) -> tuple[Integers, str]:
-    """Rows of the vault, and a sentence about their choice."""
+    """Rows of the vault, and a sentence about their choice.
+
+    `drawn_from` is the digest of the table from which rows were drawn first; None: of this table.
+    """
     inside = in_ranges(measurements, ranges)
     by_group = enough_groups(measurements, ~inside)
     units = [unit_of(measurements, i, by_group) for i in range(measurements.size)]
-    drawn = drawn_units(measurements, units, ~inside, fraction)
-    hidden = inside | np.array([unit in drawn for unit in units], dtype=np.bool_)
+    digest = content_digest(measurements)
+    earlier = drawn_from not in (None, digest) and fraction > 0.0
+    kept, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
+    drawn = drawn_units(measurements, Draw(drawn_from or digest, units, ~inside, kept, settled), fraction)
+    among = np.array([unit in drawn for unit in units], dtype=np.bool_) & ~inside
+    hidden = inside | kept | among
     if hidden.all():
         raise BadInput("vault: fraction and ranges hold out every row; leave some to fit")
-    return np.flatnonzero(hidden), split_sentence(
-        len(drawn), by_group, range_words(measurements, ranges), int(hidden.sum()), len(units)
-    )
+    held = {units[i] for i in np.flatnonzero((kept | among) & ~inside).tolist()}
+    named = range_words(measurements, ranges)
+    if earlier:
+        named += "; rows of an earlier version of the table stay held out or fitted as they were drawn there"
+    return np.flatnonzero(hidden), split_sentence(len(held), by_group, named, int(hidden.sum()), len(units))
+
+
+def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
+    """Rows that stay held out, and the units of all rows that were drawn among before.
+
+    A row that is new to a unit becomes what the unit was; rows of both kinds may meet in a unit by a
+    correction: then the new one is held out, and the others stay what they were.
+    """
+    drawn = measurements.drawn or ("",) * measurements.size
+    hidden = {unit for unit, was in zip(units, drawn, strict=True) if was == "held out"}
+    settled = frozenset(unit for unit, was in zip(units, drawn, strict=True) if was)
+    kept = [was == "held out" or (not was and unit in hidden) for unit, was in zip(units, drawn, strict=True)]
+    return np.array(kept, dtype=np.bool_), settled
 
 
 def in_ranges(measurements: Measurements, ranges: Mapping[str, Sequence[float]]) -> Bools:
@@ -64,25 +103,24 @@ def unit_of(measurements: Measurements, row: int, by_group: bool) -> Unit:
     return tuple(f"{column[row]:.{DIGITS}g}" for column in measurements.conditions.values())
 
 
-def drawn_units(measurements: Measurements, units: Sequence[Unit], rows: Bools, fraction: float) -> set[Unit]:
-    """Units for the vault: of every observable its fraction, as nearly as whole units allow.
+def drawn_units(measurements: Measurements, draw: Draw, fraction: float) -> set[Unit]:
+    """New units for the vault: of every observable its fraction, as nearly as whole units allow.
 
     A unit stays visible without which a condition would no longer vary among the visible rows of an
     observable, or all of them would have some of it, or none: only dry heaps separate the effect of water
     from effects that always act. So does one without which three levels of a condition would be one under
     either of two others: the effect of water on grains of two sizes separates it from similar effects.
     """
-    seen: dict[Unit, set[str]] = {}
-    for i in np.flatnonzero(rows).tolist():
-        seen.setdefault(units[i], set()).add(measurements.observable[i])
-    numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
-    unit_of_row = np.array([numbers[unit] for unit in units])
-    left, before, crossings = rows, varying(measurements, rows), crossed(measurements, rows, 3)
-    counts = Counter(observable for kinds in seen.values() for observable in kinds)
-    wanted = {name: round(fraction * n) if n >= FEWEST_UNITS else 0 for name, n in counts.items()}
+    seen = observables_of_units(measurements, draw.units, draw.open)
+    numbers = {unit: k for k, unit in enumerate(dict.fromkeys(draw.units))}
+    unit_of_row = np.array([numbers[unit] for unit in draw.units])
+    left = draw.open & ~draw.kept
+    before, crossings = varying(measurements, left), crossed(measurements, left, 3)
+    wanted = wanted_units(measurements, draw, fraction)
     drawn: set[Unit] = set()
-    salt = content_digest(measurements)
-    for unit in sorted(seen, key=lambda u: sha256(f"{salt}|{u}".encode()).hexdigest()):
+    for unit in sorted(
+        seen.keys() - draw.settled, key=lambda u: sha256(f"{draw.salt}|{u}".encode()).hexdigest()
+    ):
         without = left & (unit_of_row != numbers[unit])
         identified = varying(measurements, without) == before
         identified = identified and crossings <= crossed(measurements, without, 2)
@@ -92,6 +130,27 @@ def drawn_units(measurements: Measurements, units: Sequence[Unit], rows: Bools, 
             for name in seen[unit]:
                 wanted[name] -= 1
     return drawn
+
+
+def observables_of_units(
+    measurements: Measurements, units: Sequence[Unit], rows: Bools
+) -> dict[Unit, set[str]]:
+    """Observables that were measured in every unit, among some rows."""
+    seen: dict[Unit, set[str]] = {}
+    for i in np.flatnonzero(rows).tolist():
+        seen.setdefault(units[i], set()).add(measurements.observable[i])
+    return seen
+
+
+def wanted_units(measurements: Measurements, draw: Draw, fraction: float) -> dict[str, int]:
+    """Units that are still to be drawn, by observable."""
+    among, kept = (
+        Counter(
+            name for kinds in observables_of_units(measurements, draw.units, rows).values() for name in kinds
+        )
+        for rows in (draw.open, draw.open & draw.kept)
+    )
+    return {name: (round(fraction * n) if n >= FEWEST_UNITS else 0) - kept[name] for name, n in among.items()}
 
 
 def varying(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
@@ -158,7 +217,7 @@ def split_sentence(drawn: int, by_group: bool, named: str, rows: int, among: int
 
 
 def openings(folder: Path, digest: str) -> int:
-    """How often the vault of this table has been opened."""
+    """How often the vault has been opened whose rows were drawn from the table of this digest."""
     return len(read_counter(folder / COUNTER).get(digest, []))
 
 

@@ -1,5 +1,6 @@
 """Measurements of a study: rows of its table in the units of the model, and sentences about the others."""
 
+import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -55,6 +56,18 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     faults.tell()
     assert found is not None
     return replace(found, notes=(*found.notes, *notes))
+
+
+def table_faults_of(path: Path) -> list[str]:
+    """Faults of the tidy table that a study file names, where the study itself cannot be used."""
+    try:
+        named = tomllib.loads(path.read_text(encoding="utf-8"))["study"]["measurements"]
+        cells = read_cells(path.parent / named, named, faults := Faults())
+    except (OSError, ValueError, KeyError, TypeError, BadInput):
+        return []
+    if cells.rows and is_tidy(cells.heading):
+        faults.of(tidy_table, pointed(cells), faults)
+    return list(dict.fromkeys(faults))
 
 
 def settled_columns(
@@ -145,6 +158,7 @@ def study_measurements(
         reach=np.array([s * row.reach for row, s in zip(rows, factors, strict=True)]),
         condition_sd=errors_of_conditions(rows, scales),
         condition_set=frozenset(table.set_conditions),
+        drawn=tuple(row.drawn for row in rows),
     )
     notes = [*unused_notes(table, file), *ignored_notes(table, file), *error_notes(measurements)]
     return measurements, [*table.notes, *notes]

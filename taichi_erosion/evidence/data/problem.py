@@ -19,6 +19,7 @@ Integers = NDArray[np.int64]
 USUAL_SETTINGS = 2000.0  # of the model that an analysis may evaluate where no budget is stated
 
 Transform = Literal["identity", "log", "log_floor"]
+Drawn = Literal["", "held out", "fitted"]  # what became of a row when rows were drawn for the vault
 Conditions = dict[str, Floats]  # one value per row, in the unit of what it sets; of a model function SI
 Numbers = dict[str, float]  # parameters by path, or strengths by effect
 Mask = Callable[[Conditions], Bools]
@@ -68,6 +69,7 @@ class Measurements:
     reach: Floats | None = None  # of censored values: -inf below `limit`, +inf above, h within; None: below
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN or left out: exact
     condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
+    drawn: tuple[Drawn, ...] = ()  # in an earlier version of the table; empty: of no row
 
     @property
     def size(self) -> int:
@@ -91,6 +93,7 @@ class Measurements:
             reach=None if self.reach is None else self.reach[index],
             condition_sd={name: column[index] for name, column in self.condition_sd.items()},
             condition_set=self.condition_set,
+            drawn=tuple(self.drawn[i] for i in index) if self.drawn else (),
         )
 
     @property

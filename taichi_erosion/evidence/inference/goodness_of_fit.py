@@ -10,6 +10,7 @@ the eigenvalues lambda_j; probabilities are adjusted by Holm's method over all a
 Reference: Imhof (1961), Biometrika 48, 419 (three-moment approximation of the null).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from taichi_erosion.evidence.data.findings import (
     ObservableMisfit,
     ObservableNoise,
     RowMisfit,
+    RowOff,
     Rows,
     Stretch,
 )
@@ -35,7 +37,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import (
 )
 from taichi_erosion.evidence.inference.model_discrepancy import squared_distance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.verdict_levels import NOISE_LEVEL, ONE_ROW, fails, p_text
+from taichi_erosion.evidence.inference.verdict_levels import NOISE_LEVEL, ONE_ROW, ROW_OFF, fails, p_text
 from taichi_erosion.evidence.models.predictor import standard_axis
 
 LENGTH = 0.7  # of the kernel, in sd of a condition
@@ -293,9 +295,13 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, errors: RowError
     """Measured beside predicted, in the observables' own units; without `errors` those of fitted rows."""
     errors = fitted_errors(prepared, expansion) if errors is None else errors
     rows = prepared.rows
-    measured, predicted, shifted = (np.empty(rows.size) for _ in range(3))
+    measured, predicted, shifted, low, high = (np.empty(rows.size) for _ in range(5))
+    between = np.isfinite(rows.reach) & (rows.reach > 0.0)
+    reach = np.where(between, rows.reach, 0.0)
     for observable, chosen in prepared.by_observable():
         measured[chosen] = from_scale(observable, rows.z[chosen])
+        low[chosen] = from_scale(observable, (rows.z - reach)[chosen])
+        high[chosen] = from_scale(observable, (rows.z + reach)[chosen])
         predicted[chosen] = from_scale(observable, expansion.mean[chosen])
         shifted[chosen] = from_scale(observable, (expansion.mean + errors.shift)[chosen])
     steep = np.where(rows.slope > 0.0, rows.slope, np.nan)
@@ -314,6 +320,8 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, errors: RowError
         model_sd=np.sqrt(errors.calibrated + simulated) / steep,
         shift=shifted - predicted,
         limit=rows.limits,
+        low=tuple(np.where(between, low, np.nan).tolist()),
+        high=tuple(np.where(between, high, np.nan).tolist()),
     )
 
 
@@ -362,6 +370,27 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion) -> RowMisfit | No
         residual_sd=float(left.free[row] / np.sqrt(own[row])),
         share=share,
         p_without=float(quadratic_form_p(float(others @ others), freed)),
+    )
+
+
+def row_off(prepared: PreparedProblem, expansions: Sequence[Expansion]) -> RowOff | None:
+    """The row that lies `levels.ROW_OFF` or more to one side of the model under every explanation."""
+    found = []
+    for expansion in expansions:
+        left = projected_residual(prepared, expansion)
+        own = 1.0 - np.sum(left.row_basis**2, axis=1)
+        found.append(np.where(own > LEAST_OWN, left.free / np.sqrt(np.maximum(own, LEAST_OWN)), 0.0))
+    every = np.array(found)
+    least = np.where(np.abs(np.sum(np.sign(every), axis=0)) == len(found), np.min(np.abs(every), axis=0), 0.0)
+    if not least.size or np.max(least) < ROW_OFF:
+        return None
+    row = int(np.argmax(least))
+    conditions = {name: float(column[row]) for name, column in prepared.rows.conditions.items()}
+    return RowOff(
+        observable=prepared.rows.observables[prepared.rows.which[row]].name,
+        setting=prepared.problem.measurements.table_units.setting_text(conditions),
+        source=prepared.rows.source[row],
+        residual_sd=float(np.copysign(least[row], every[0, row])),
     )
 
 

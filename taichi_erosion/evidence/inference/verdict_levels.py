@@ -62,6 +62,9 @@ CONSISTENT_MISFIT = 3.0  # per degree of freedom, above which no model is called
 ONE_ROW = (
     0.4  # share of the misfit in one row, from which the row is told; all 12 tables with a bad cell had more
 )
+ROW_OFF = (
+    4.0  # sd under every explanation, from which a row is to be checked first; by chance 1 row of 16,000
+)
 TOLD_LEVEL = 0.5  # probability from which an offset of an observable is told
 SETTLED_NAME = 0.9  # probability of listed effects from which free levels are tried alone first
 SETTLED_BEHIND = 5.0  # ln evidence by which levels alone must be behind to be left at that

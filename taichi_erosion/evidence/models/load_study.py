@@ -17,7 +17,7 @@ from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
-from taichi_erosion.evidence.data.measured import read_table, study_measurements
+from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
 from taichi_erosion.evidence.data.problem import (
     Budget,
     Candidate,
@@ -74,6 +74,11 @@ class Study:
     faults: tuple[SetUpFault, ...] = ()  # of the table, and of the runs that trained the emulator
     effect_files: tuple[EffectFile, ...] = ()  # named by the study or the command
 
+    @property
+    def drawn_from(self) -> str:
+        """Digest of the table from which the rows of the vault were drawn: the key of its openings."""
+        return self.file.vault.drawn_from or self.digest
+
 
 @dataclass(frozen=True)
 class StudyModel:
@@ -89,14 +94,20 @@ class StudyModel:
 
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
-    stated = read_evidence_study(path)
+    try:
+        stated = read_evidence_study(path)
+    except BadInput as error:
+        raise BadInput(*error.faults, *table_faults_of(path)) from None
     file = with_options(stated, options)
     files = study_effect_files(path, file, options)
     table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
     measurements, notes = study_measurements(table, file, str(path), place_units(file, path, files))
     if impossible := list(study_value_faults(table, file, path.parent)):
         raise BadInput(*impossible)
-    hidden, vault_note = split(measurements, file.vault.fraction, file.vault.ranges)
+    stated_vault = file.vault
+    hidden, vault_note = split(
+        measurements, stated_vault.fraction, stated_vault.ranges, stated_vault.drawn_from
+    )
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:
@@ -116,7 +127,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         candidates=tuple(found.candidates),
         model=model,
         budget=with_stated(Budget(), name=options.budget, runs=file.budget.runs),
-        vault=Vault(hidden, openings(results, digest)),
+        vault=Vault(hidden, openings(results, stated_vault.drawn_from or digest)),
         adopted=found.adopted,
         uncertainty=uncertainty,
         mechanisms=() if found.plugin is None else found.plugin.mechanisms,

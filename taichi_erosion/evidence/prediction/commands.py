@@ -75,9 +75,9 @@ def prediction_points(found: Prediction) -> Points:
 def opening(study: Study, opened: bool) -> int:
     """Openings of the vault, with that of this model where it is compared with."""
     name = f"predict {study.path.stem}"
-    earlier = read_counter(study.results / COUNTER).get(study.digest, [])
+    earlier = read_counter(study.results / COUNTER).get(study.drawn_from, [])
     if opened and name not in earlier:
-        return record_opening(study.results, study.digest, name)
+        return record_opening(study.results, study.drawn_from, name)
     return len(earlier)
 
 

@@ -1,4 +1,7 @@
-"""How measured values are drawn: dots, arrows for limits, and marks at the edge for those far outside."""
+"""How measured values are drawn: dots, arrows for limits, bars with ends for intervals.
+
+Those far outside have marks at the edge of the axis.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +22,8 @@ TYPICAL = 2.0  # the same in what the bar in the middle of all goes beyond the v
 MARGIN = 0.06  # of an axis, free at its ends [1]
 ARROW = 22.0  # size of the mark of a limit [pt]; its length is half of that
 DOT = 5.0  # size of a dot [pt]
+MIDDLE = 3.0  # size of the dot in the middle of an interval [pt]
+CAP = 5.0  # half length of the ends of an interval [pt]
 BELOW = Outline(
     [(-0.7, 0.0), (0.7, 0.0), (0.0, 0.0), (0.0, -1.5), (-0.5, -1.4), (0.5, -1.4), (0.0, -2.2), (-0.5, -1.4)],
     [1, 2, 1, 2, 1, 2, 2, 2],
@@ -77,10 +82,10 @@ def far_outside(values: Floats) -> Bools:
 
 
 def kinds(values: Floats, limit: Sequence[str], shown: ValueRange) -> Iterator[tuple[str, Bools]]:
-    """Values by the kind of their mark: dots, limits, and those beyond either edge of the axis."""
+    """Values by the kind of their mark: dots, limits, intervals, and those beyond either edge of the axis."""
     above, below = shown.beyond(values)
     inside, limits = ~(above | below), np.array(limit, dtype=object)
-    for name in ("", "below", "above"):
+    for name in ("", "below", "above", "between"):
         yield name, inside & (limits == name)
     yield "high", above
     yield "low", below
@@ -90,10 +95,30 @@ def draw_marks(frame: Axes, x: Floats, y: Floats, kind: str, style: Mapping[str,
     """Marks of one kind at their places; `style` is that of dots."""
     if kind in ("below", "above"):
         style = {**style, "marker": BELOW if kind == "below" else ABOVE, "ms": ARROW, "mfc": PAPER}
+    elif kind == "between":
+        style = {**style, "ms": MIDDLE}
     elif kind:
         style = {**style, "marker": "^" if kind == "high" else "v", "ms": 1.4 * DOT}
     (line,) = frame.plot(x, y, ls="", mew=1.1, zorder=5, **style)  # type: ignore[arg-type]
     line.set_gid(gid)
+
+
+def draw_intervals(frame: Axes, x: Floats, low: Floats, high: Floats, colour: str, gid: str) -> None:
+    """Bars from end to end of intervals in which values lie; their ends tell them from error bars."""
+    middle = 0.5 * (low + high)
+    bars = frame.errorbar(
+        x,
+        middle,
+        high - middle,
+        fmt="none",
+        ecolor=colour,
+        elinewidth=1.4,
+        capsize=CAP,
+        capthick=1.4,
+        gid=gid,
+    )
+    for cap in bars[1]:
+        cap.set_gid(gid)
 
 
 def draw_edge_texts(frame: Axes, x: Floats, texts: Sequence[str], kind: str) -> None:

@@ -177,6 +177,34 @@ def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(tmp_path, cap
         assert found["named"] == []
 
 
+def test_where_rows_are_lacking_the_measurements_are_told_that_tell_most(tmp_path, capsys):
+    study = small_table(tmp_path, measured_rows(3))
+    assert main(["next", str(study), "--budget", "quick"]) == 0
+    printed = capsys.readouterr().out
+    assert "At least one row more under other conditions is needed before an effect can be named." in printed
+    assert "1. Measure threshold_u_star at moisture = " in printed
+    assert "To tell nothing missing from " in printed
+    assert "liquid bridge" in printed or "liquid_bridge" in printed
+    assert "Mend the set-up" not in printed
+    assert main(["discover", str(study), "--budget", "quick"]) == 0
+    told = capsys.readouterr().out
+    assert f"next {study}` proposes the measurements that tell most" in told
+    assert "next: Measure threshold_u_star" in told
+
+
+def test_where_no_condition_can_be_set_otherwise_ranges_are_asked_for(tmp_path, capsys):
+    rows = "".join(f"threshold_u_star,0.2{k},0.004,5,m/s,g{k},0,0.25,x\n" for k in (5, 6))
+    study = small_table(tmp_path, rows)
+    assert main(["next", str(study), "--budget", "quick"]) == 0
+    printed = capsys.readouterr().out
+    assert "[laboratory] ranges" in printed
+    study.write_text(
+        study.read_text("utf-8") + "[laboratory]\nranges = { moisture = [0.0, 0.05] }\n", "utf-8"
+    )
+    assert main(["next", str(study), "--budget", "quick"]) == 0
+    assert "1. Measure threshold_u_star at moisture = " in capsys.readouterr().out
+
+
 def test_repeats_count_once_among_the_rows_that_tell_effects_apart(tmp_path):
     with open_study(small_table(tmp_path, 9 * measured_rows(3).replace(",0.004,", ",,"))) as found:
         assert [fault.kind for fault in found.faults] == ["too_few_rows"]

@@ -23,7 +23,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import table_faults
 from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
-from taichi_erosion.evidence.data.measured import read_table, study_measurements
+from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
 from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table
 from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import (
@@ -79,7 +79,10 @@ def read_any_study(path: Path) -> StudyFile:
         designed = bool(file.targets) and not file.study.measurements
         yield from (calibration_problems if designed else evidence_problems)(file)
 
-    return read_study_file(path, problems)
+    try:
+        return read_study_file(path, problems)
+    except BadInput as error:
+        raise BadInput(*error.faults, *table_faults_of(path)) from None
 
 
 def checked_table(path: Path, file: StudyFile, files: tuple[EffectFile, ...], faults: Faults) -> Table | None:
@@ -128,6 +131,7 @@ def study_document(study: Study, table: Table) -> Document:
         "kind": "evidence",
         "rows": measurements.size,
         "held_out": len(study.problem.vault.rows),
+        "drawn_from": study.drawn_from,
         "observables": {name: measurements.observable.count(name) for name in file.observables},
         "conditions": {name: told_range(table, name) for name in file.conditions},
         "parameters": [parameter.path for parameter in study.problem.parameters],

@@ -11,9 +11,8 @@ from statistics import median
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers import closed_form
-from taichi_erosion.evidence.answers.study_files.check_study import acting_candidates, check_study
+from taichi_erosion.evidence.answers.study_files.corrected_study import corrected_study, earlier_study
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
     TEMPLATES,
     Template,
@@ -22,7 +21,8 @@ from taichi_erosion.evidence.answers.study_files.scene_templates import (
     scene_text,
     templates_for,
 )
-from taichi_erosion.evidence.answers.study_files.study_text import StudyText, study_text, table_text
+from taichi_erosion.evidence.answers.study_files.study_text import StudyText
+from taichi_erosion.evidence.answers.study_files.written_files import StudyFiles, written_files
 from taichi_erosion.evidence.data.physical_ranges import (
     condition_faults,
     observable_faults,
@@ -32,6 +32,7 @@ from taichi_erosion.evidence.data.physical_ranges import (
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview, TableWishes, understood
 from taichi_erosion.evidence.data.tables.laboratory_table import tidy_name
+from taichi_erosion.evidence.data.tables.orientation import upright
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
 from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table, is_tidy, pointed, tidy_table
 from taichi_erosion.evidence.data.tables.vocabulary import (
@@ -40,7 +41,6 @@ from taichi_erosion.evidence.data.tables.vocabulary import (
     meaning_of,
     near_meaning,
 )
-from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Document = dict[str, Any]
@@ -55,36 +55,37 @@ class Wishes:
     apparatus: str | None = None  # of TEMPLATES
     closed_form: bool = False  # the reduced model answers in place of scenes
     roughness: str | None = None  # length of the bed under winds that were measured at a height
+    anew: bool = False  # write a study that is there anew; else its table alone is corrected
 
 
 def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     """Write table, study and scenes of a laboratory's table; the document says what was understood.
 
-    Raises BadInput with all faults of the table, or where a file would be replaced.
+    Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
+    Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
     interview = Interview(ask)
     tidy, measured, columns = read_laboratory_table(table, wishes, interview)
     names = list(dict.fromkeys(row.observable for row in measured.rows))
     folder = wishes.folder or table.with_name(table.stem)
-    refuse_existing(folder, table)
+    earlier = earlier_study(folder, table.stem)
     places = condition_places(measured, columns, wishes.told)
     if wishes.closed_form:
         text, scenes = closed_form.study(measured, names, places), {}
     else:
         text, scenes = scene_study(measured, names, places, wishes, interview)
-    text = replace(text, title=table.stem, measurements=tidy_file(table), assumed=tuple(interview.assumed))
-    study = folder / f"{table.stem}.toml"
-    write_atomic(folder / tidy_file(table), table_text(tidy).encode())
-    for name, content in scenes.items():
-        write_atomic(folder / f"{name}.toml", content.encode())
-    write_atomic(study, study_text(text).encode())
+    text = replace(text, title=table.stem, assumed=tuple(interview.assumed))
+    files = StudyFiles(folder, table.stem, text, tidy, scenes)
+    if earlier is None:
+        found = written_files(files)
+    else:
+        found = corrected_study(earlier, files, wishes.anew)
     return {
         "table": str(table),
         "form": tidy.form,
         "columns": [told_column(column, text) for column in columns],
         "assumed": list(interview.assumed),
-        "written": [str(study), str(folder / tidy_file(table)), *(str(folder / f"{n}.toml") for n in scenes)],
-        **checked_study(study, text),
+        **found,
     }
 
 
@@ -102,6 +103,7 @@ def read_laboratory_table(
         raise BadInput(*faults or [f"{table.name}: has a heading but no measured value"])
     columns: list[Column] = []
     if not is_tidy(cells.heading):
+        cells = upright(cells, interview)
         measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
         stated = TableWishes(wishes.told, wishes.roughness, tuple(measures))
         cells, columns = understood(cells, stated, interview, faults)
@@ -127,18 +129,6 @@ def value_faults(table: Table, places: Mapping[str, str], told: Told) -> Iterato
         allowed = observed_range(name)
         if allowed is not None:
             yield from observable_faults(table, name, allowed, usual=not told.units)
-
-
-def tidy_file(table: Path) -> str:
-    """Name of the tidy table: another one than that of the laboratory's."""
-    return f"{table.stem}_tidy.csv"
-
-
-def refuse_existing(folder: Path, table: Path) -> None:
-    """Refuse to write over a study that is there."""
-    for path in (folder / f"{table.stem}.toml", folder / tidy_file(table)):
-        if path.exists():
-            raise BadInput(f"{path}: exists; remove it, or name another folder with --out")
 
 
 def condition_places(table: Table, columns: Sequence[Column], told: Told) -> dict[str, str]:
@@ -232,21 +222,13 @@ def angles_of(table: Table, names: Sequence[str]) -> list[float]:
     return found
 
 
-def checked_study(study: Path, text: StudyText) -> Document:
-    """Validation and cost of the study that was written; of a scene's study the candidates that can act."""
-    inactive: dict[str, str] = {}
-    if not text.model:
-        acting, inactive = acting_candidates(load_study(study))
-        write_atomic(study, study_text(replace(text, candidates=tuple(acting))).encode())
-    return check_study(study) | {"inactive": inactive}
-
-
-UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se")  # of columns whose unit is told
+UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
 
 
 def told_column(column: Column, text: StudyText) -> Document:
     """What was understood of a column."""
     words = {"sd": "scatter of single repeats", "se": "standard error of the mean", "n": "number of repeats"}
+    words |= {"cv": "scatter of single repeats, relative"}
     words |= {"group": "set-up of a row", "source": "source", "remark": "not used"}
     if column.role == "observable":
         told = f"measured: {column.name}"

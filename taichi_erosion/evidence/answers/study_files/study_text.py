@@ -26,6 +26,7 @@ class StudyText:
     title: str = ""
     measurements: str = ""
     assumed: tuple[str, ...] = ()
+    drawn_from: str = ""  # digest of the table from which the rows of the vault are drawn
 
 
 ANGLES = ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle")
@@ -59,6 +60,8 @@ def study_text(study: StudyText) -> str:
         "[vault]",
         f"fraction = {FRACTION:g}    # of the set-ups, held out until an effect is adopted",
     ]
+    if study.drawn_from:
+        lines += [f"drawn_from = {quoted(study.drawn_from)}    # the table when its rows were drawn"]
     return "\n".join(lines) + "\n"
 
 

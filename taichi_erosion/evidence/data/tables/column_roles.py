@@ -25,6 +25,7 @@ from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 MOISTURE = "conditions.moisture"
+SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
 SYMBOLS = {
     "d": ("mm", DIAMETER),
     "T": ("K", "conditions.temperature"),
@@ -160,12 +161,14 @@ def counts_rows(content: Sequence[str]) -> bool:
 def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     """A unit that cannot be read, or that is another quantity than the place."""
     where = f"{cells.file}: column '{column.heading.text}'"
-    if column.role in ("observable", "condition", "sd", "se", "spread") and column.heading.unreadable:
+    if column.role in ("observable", "condition", "sd", "se", "cv", "spread") and column.heading.unreadable:
         try:
             parse_scale(column.heading.unreadable)
         except UnknownUnit as error:
             hint = error.hint or "such as [%], [mm], [deg], [m/s], [g/(m s)]"
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
+    if column.role == "cv" and column.heading.unit not in SHARES:
+        yield f"{where}: a coefficient of variation counts in % or as a share [1]"
     if column.role == "condition" and column.heading.unit == VOLUMETRIC:
         yield (
             f"{where}: a share of the volume is no {column.name.rpartition('.')[2]}: water is counted by "

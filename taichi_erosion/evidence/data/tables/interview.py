@@ -24,6 +24,7 @@ from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
+MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 UNITS = {  # of the program's measures, where a heading has none
     **dict.fromkeys(
         ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle"), "deg"
@@ -251,9 +252,19 @@ def kind_faults(column: Column, where: str) -> Iterator[str]:
 
 def with_asked_unit(column: Column, cells: Cells, interview: Interview) -> Column:
     """A column of numbers with the unit that its heading lacks."""
-    if column.role not in ("observable", "condition") or column.heading.unit or cell_units(column, cells):
+    if (
+        column.role not in ("observable", "condition", "cv")
+        or column.heading.unit
+        or cell_units(column, cells)
+    ):
         return column
     text = column.heading.text
+    if column.role == "cv":
+        guess = "%" if max(numbers(column, cells), default=0.0) > MOST_SHARE else "1"
+        told = "percent of the value" if guess == "%" else "a share of the value"
+        meaning = f"'{text}' has no unit in its heading: taken as {told}"
+        answer = interview.choice(f"Unit of column '{text}': % or 1 (a share)", guess, meaning)
+        return replace(column, heading=stated_unit(column.heading, answer))
     if column.role == "observable":
         usual = UNITS.get(column.name, "m")
         meaning = f"'{text}' has no unit in its heading: taken as {usual}"

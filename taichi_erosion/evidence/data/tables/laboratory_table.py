@@ -17,7 +17,7 @@ from taichi_erosion.evidence.data.tables.cell_numbers import (
     plain_cell,
     read_cell,
 )
-from taichi_erosion.evidence.data.tables.column_roles import Column
+from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.data.tables.vocabulary import is_summary
 from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_scale, parse_unit
@@ -66,7 +66,7 @@ def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices, faults
 
 def copy_faults(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
     """Rows that stand twice; equal single values may be two repeats, equal means with their scatter not."""
-    telling = any(column.role in ("sd", "se", "n") for column in columns)
+    telling = any(column.role in ("sd", "se", "cv", "n") for column in columns)
     seen: dict[tuple[str, ...], int] = {}
     for line, row in cells.lines if telling else ():
         first = seen.setdefault(row, line)
@@ -179,6 +179,7 @@ class LaboratoryTable:
             spread = self.from_error(spread, count, line, column, faults)
         spread = spread or self.scatter(line, row, column, count, faults)
         value = scaled(found.value, factor)
+        spread = spread or self.relative(line, row, column, value, faults)
         value = f"{value}..{scaled(found.upper, factor)}" if found.upper else found.limit + value
         return value, spread, count, self.cell_unit(column)
 
@@ -187,6 +188,16 @@ class LaboratoryTable:
         spread = self.partner(line, row, column, ("sd",), faults)
         error = "" if spread else self.partner(line, row, column, ("se",), faults)
         return self.from_error(error, count, line, column, faults) if error else spread
+
+    def relative(self, line: int, row: Sequence[str], column: Column, value: str, faults: list[str]) -> str:
+        """Standard deviation of single repeats from their coefficient of variation."""
+        for other in self.columns:
+            if other.role == "cv" and other.of == column.place:
+                found = self.single(line, row, other, faults)
+                if found is not None and found.value:
+                    share = SHARES.get(found.unit or other.heading.unit, 0.01)
+                    return f"{share * float(found.value) * abs(float(value)):.6g}"
+        return ""
 
     def from_error(self, error: str, count: str, line: int, column: Column, faults: list[str]) -> str:
         """Standard deviation of single repeats from the standard error of their mean."""
@@ -215,7 +226,10 @@ class LaboratoryTable:
         """A scatter in the unit of its observable."""
         written, unit = found.unit or other.heading.unit, self.cell_unit(column)
         if written == "%" and unit != "%":
-            faults.append(f"{self.where(line, other)}: a scatter in percent; give it in {unit or 'its unit'}")
+            faults.append(
+                f"{self.where(line, other)}: a scatter in percent; give it in {unit or 'its unit'}, or head "
+                "it 'CV [%]' where it is a share of the value"
+            )
             return ""
         return scaled(found.value, self.factor(line, column, written, faults))
 

@@ -1,13 +1,14 @@
 """The tidy form of a table of measurements: one row for every mean of repeats.
 
-Columns: observable, value, sd, n, unit, group, source, and one for every condition. A condition's unit may
-stand in its heading, `slope [rad]`: its numbers are converted to the unit of the place that it sets, in a
+Columns: observable, value, sd, n, unit, group, source, vault, and one for every condition. A condition's unit
+may stand in its heading, `slope [rad]`: its numbers are converted to the unit of the place that it sets, in a
 scene that of the entry, in a model function SI. Without one they are in that unit already. `value` is the
 mean of `n` repeats and `sd` the standard deviation of single repeats. A censored value is one of which only
 limits are known: `<x`, and `no transport` or an empty cell where the instrument saw nothing; `>x`; `20..25`
 or `20 to 25`. Rows that repeat observable, group, source and conditions are repeats of one another. A column
 `sd of CONDITION` is the standard deviation of the error with which a condition was measured, `sd of set
-CONDITION` that of the true value about the one to which it was set; empty: it is exact.
+CONDITION` that of the true value about the one to which it was set; empty: it is exact. `vault` says whether a
+row was held out when rows were drawn (`held_out_rows.py`).
 """
 
 import re
@@ -15,16 +16,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from math import inf, isfinite, nan
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.problem import Drawn
 from taichi_erosion.evidence.data.tables.cell_numbers import likely_number, misprint, plain_cell
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale, parse_unit
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
-OPTIONAL = ("sd", "n", "group", "source")
+OPTIONAL = ("sd", "n", "group", "source", "vault")
 REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
 CENSORED = ("", "no transport")  # values of a censored row
 HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
@@ -61,6 +63,7 @@ class Row:
         -inf
     )  # of a censored value: -inf below `value`, +inf above, h between value - h and value + h
     condition_sd: Mapping[str, float] = field(default_factory=dict)  # as written, of conditions that have one
+    drawn: Drawn = ""
 
 
 @dataclass(frozen=True)
@@ -272,6 +275,7 @@ def read_row(
         source=cell("source"),
         conditions=tuple(stated(column) for column in conditions),
         reach=reach,
+        drawn=faults.of(read_drawn, cell("vault"), where) or "",
     )
 
 
@@ -288,6 +292,14 @@ def read_errors(
         elif value is not None and isfinite(value):
             found[column.error_of] = value
     return found
+
+
+def read_drawn(text: str, where: str) -> Drawn:
+    """What became of a row when rows were drawn for the vault."""
+    for known in get_args(Drawn):
+        if text == known:
+            return known
+    raise BadInput(f"{where}, vault = {quoted(text)} must be 'held out', 'fitted' or empty")
 
 
 def read_value(text: str, where: str) -> tuple[float, float]:

@@ -18,6 +18,7 @@ Role = Literal[
     "condition_sd",
     "sd",
     "se",
+    "cv",
     "spread",
     "n",
     "group",
@@ -25,7 +26,7 @@ Role = Literal[
     "remark",
     "unknown",
 ]
-SCATTER = ("sd", "se", "spread", "n")  # roles of columns that belong to another one
+SCATTER = ("sd", "se", "cv", "spread", "n")  # roles of columns that belong to another one
 FRICTION_VELOCITY = "conditions.friction_velocity"
 DIAMETER = "grains.size.diameter"  # place of the grain diameter in the scenes that `study new` writes
 IDEOGRAPHS = 0x2E80  # from here on a sign is a word, or half of one

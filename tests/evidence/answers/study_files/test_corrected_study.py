@@ -1,0 +1,192 @@
+"""A table that is corrected after its study was made: what changed is told; vault and edits stay."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
+from taichi_erosion.evidence.data.held_out_rows import COUNTER
+from taichi_erosion.evidence.models.load_study import load_study
+
+HEAD = "Sample;diameter [um];moisture [%];threshold friction velocity [cm/s];SD;n\n"
+WISHES = Wishes(closed_form=True)
+
+
+def line(name: str, diameter: float, moisture: float, factor: float = 1.0) -> str:
+    bare = 0.1 * math.sqrt(2650.0 / 1.2 * 9.81 * diameter * 1e-6)  # Bagnold's law [m/s]
+    value = 100.0 * bare * math.sqrt(1.0 + 0.5 * moisture) * factor
+    return f"{name};{diameter:g};{moisture:g};{value:.2f};0.6;5\n"
+
+
+LINES = [line(f"S{d}-{m}", d, m) for d in (100, 160, 250, 400, 630, 800) for m in (0, 0.4, 0.8, 1.2)]
+
+
+def written(folder: Path, lines: list[str]) -> Path:
+    table = folder / "sand.csv"
+    table.write_text(HEAD + "".join(lines), encoding="utf-8")
+    return table
+
+
+def again(folder: Path, lines: list[str], **wishes) -> dict:
+    return new_study(written(folder, lines), Wishes(closed_form=True, **wishes), lambda _, guess: guess)
+
+
+def held_out(folder: Path) -> set[tuple[float, float]]:
+    problem = load_study(folder / "sand" / "sand.toml").problem
+    hidden = problem.hidden()
+    return set(
+        zip(hidden.conditions["diameter"].round(9), hidden.conditions["moisture"].round(9), strict=True)
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    again(tmp_path, LINES)
+    return tmp_path
+
+
+def test_a_corrected_value_is_told_and_moves_no_row_into_or_out_of_the_vault(folder):
+    before, digest = held_out(folder), load_study(folder / "sand" / "sand.toml").digest
+    for place in range(0, len(LINES), 9):
+        lines = list(LINES)
+        lines[place] = lines[place].rpartition(";0.6;")[0].rpartition(";")[0] + ";77.7;0.6;5\n"
+        changes = again(folder, lines)["changes"]
+        told = [(change["line"], change["column"], change["after"]) for change in changes["cells"]]
+        assert (place + 2, "value", "77.7") in told
+        assert held_out(folder) == before
+        study = load_study(folder / "sand" / "sand.toml")
+        assert study.drawn_from == digest != study.digest
+
+
+def test_a_corrected_condition_moves_no_other_row_and_its_own_stays_what_it_was(folder):
+    before = held_out(folder)
+    for diameter, moisture in sorted(before)[:2]:
+        name = f"S{1e6 * diameter:.0f}-{100 * moisture:g}"
+        lines = [
+            text.replace(f";{1e6 * diameter:.0f};", ";333;", 1) if text.startswith(name) else text
+            for text in LINES
+        ]
+        assert lines != LINES
+        again(folder, lines)
+        assert held_out(folder) == before - {(diameter, moisture)} | {(0.000333, moisture)}
+        again(folder, LINES)
+        assert held_out(folder) == before
+
+
+def test_rows_that_are_added_leave_the_others_what_they_were(folder):
+    before = held_out(folder)
+    new = [
+        line(f"T{d}-{m}", d, m)
+        for d, m in ((120, 0), (300, 0.2), (300, 1.0), (500, 0.6), (700, 0.2), (900, 1.4))
+    ]
+    found = again(folder, [*LINES[:9], *new[:3], *LINES[9:], *new[3:]])
+    assert found["changes"]["added"] == [11, 12, 13, 29, 30, 31]
+    assert not found["changes"]["cells"]
+    after = held_out(folder)
+    assert before <= after
+    assert len(after) == round(0.3 * 30), "new rows are held out in the same share"
+    seen = {
+        (round(1e-6 * d, 9), round(0.01 * m, 9))
+        for d in (100, 160, 250, 400, 630, 800)
+        for m in (0, 0.4, 0.8, 1.2)
+    }
+    assert not (after - before) & seen, "no row that a fit may have used goes into the vault"
+
+
+def test_the_count_of_openings_goes_on(folder, capsys):
+    study = folder / "sand" / "sand.toml"
+    assert main(["adopt", str(study), "liquid_bridge", "--budget", "quick", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["vault"]["opened"] == 1
+    lines = list(LINES)
+    lines[3] = lines[3].replace(";0.6;5", ";0.7;5")
+    again(folder, lines)
+    assert load_study(study).problem.vault.opened == 1
+    assert main(["adopt", str(study), "liquid_bridge", "--budget", "quick", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["vault"]["opened"] == 2
+    assert len({rung["of"] for rung in found["ladder"]}) == 1, "no rung of the earlier table is left"
+    assert len(json.loads((study.with_name("sand-results") / COUNTER).read_text("utf-8"))) == 1
+
+
+def test_what_the_user_changed_in_the_study_stays_and_is_told(folder):
+    study = folder / "sand" / "sand.toml"
+    mine = study.read_text("utf-8").replace("prior_sd_log = 0.2", "prior_sd_log = 0.4    # my own")
+    study.write_text(mine, encoding="utf-8")
+    found = again(folder, [*LINES, line("T", 300, 0.2)])
+    assert study.read_text("utf-8") == mine
+    assert [words.partition(": ")[2] for words in found["kept"]] == [
+        "parameters.threshold_coefficient.prior_sd_log = 0.4 stays; a new study would have 0.2"
+    ]
+    assert found["written"] == [str(folder / "sand" / "sand_tidy.csv")]
+
+
+def test_anew_writes_the_study_and_keeps_the_vault(folder):
+    study, before = folder / "sand" / "sand.toml", held_out(folder)
+    fresh = study.read_text("utf-8")
+    study.write_text(fresh.replace("prior_sd_log = 0.2", "prior_sd_log = 0.4"), encoding="utf-8")
+    lines = [LINES[0].replace(";0.6;5", ";0.7;5"), *LINES[1:]]
+    assert again(folder, lines, anew=True)["kept"] == []
+    assert study.read_text("utf-8") == fresh
+    assert held_out(folder) == before
+
+
+def test_a_table_that_has_not_changed_writes_nothing(folder, capsys):
+    files = {path: path.read_bytes() for path in (folder / "sand").iterdir()}
+    table = written(folder, LINES)
+    assert main(["study", "new", str(table), "--yes", "--closed-form"]) == 0
+    assert "its table has not changed" in capsys.readouterr().out
+    assert {path: path.read_bytes() for path in (folder / "sand").iterdir()} == files
+
+
+def test_another_table_of_that_name_is_refused(folder):
+    files = {path: path.read_bytes() for path in (folder / "sand").iterdir()}
+    with pytest.raises(BadInput, match=r"another table: 24 of its 24 rows .* --out"):
+        again(folder, [line(f"X{k}", 111 + 37 * k, 0.13 * k, 1.3) for k in range(20)])
+    assert {path: path.read_bytes() for path in (folder / "sand").iterdir()} == files
+
+
+def test_a_study_that_does_not_fit_the_corrected_table_is_told_and_nothing_is_written(folder):
+    files = {path: path.read_bytes() for path in (folder / "sand").iterdir()}
+    table = folder / "sand.csv"
+    table.write_text(
+        (HEAD + "".join(LINES)).replace(";moisture [%]", ";note"), encoding="utf-8"
+    )  # the study has it as a condition
+    with pytest.raises(BadInput) as caught:
+        new_study(table, WISHES, lambda _, guess: guess)
+    assert "conditions.moisture is no column" in caught.value.faults[0]
+    assert "--anew" in caught.value.faults[-1]
+    assert {path: path.read_bytes() for path in (folder / "sand").iterdir()} == files
+
+
+def test_the_tidy_table_says_which_rows_are_held_out(folder):
+    with (folder / "sand" / "sand_tidy.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    told = {(float(r["diameter [um]"]), float(r["moisture [%]"])) for r in rows if r["vault"] == "held out"}
+    assert told == {(round(1e6 * d, 3), round(100 * m, 3)) for d, m in held_out(folder)}
+    assert {r["vault"] for r in rows} == {"held out", "fitted"}
+
+
+def test_a_table_that_was_not_corrected_is_drawn_whatever_its_column_says(folder):
+    before, tidy = held_out(folder), folder / "sand" / "sand_tidy.csv"
+    swapped = (
+        tidy.read_text("utf-8").replace("held out", "X").replace("fitted", "held out").replace("X", "fitted")
+    )
+    tidy.write_text(swapped, encoding="utf-8")
+    assert held_out(folder) == before
+
+
+def test_a_scene_of_another_study_is_not_written_over(tmp_path):
+    heaps = "Sample;diameter [mm];repose angle [deg];SD;n\nA;1;31;0.7;5\nB;2;32;0.7;5\nC;3;33;0.7;5\n"
+    (tmp_path / "heap.csv").write_text(heaps, encoding="utf-8")
+    scene = tmp_path / "both" / "cylinder.toml"
+    scene.parent.mkdir()
+    scene.write_text("another's", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"cylinder\.toml: exists"):
+        new_study(tmp_path / "heap.csv", Wishes(folder=scene.parent), lambda _, guess: guess)
+    assert [path.name for path in scene.parent.iterdir()] == ["cylinder.toml"]
+    assert scene.read_text("utf-8") == "another's"
