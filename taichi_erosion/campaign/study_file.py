@@ -146,7 +146,7 @@ class VaultEntry(Section):
         default={}, description="whole ranges of a condition, inclusive"
     )
     drawn_from: str | None = Field(
-        None,
+        default=None,
         pattern=r"^[0-9a-f]{64}$",
         description="digest of the table from which rows were drawn; it stays when the table is corrected",
     )
