@@ -94,20 +94,15 @@ class StudyModel:
 
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
-    try:
-        stated = read_evidence_study(path)
-    except BadInput as error:
-        raise BadInput(*error.faults, *table_faults_of(path)) from None
+    stated = read_with_table(path)
     file = with_options(stated, options)
     files = study_effect_files(path, file, options)
     table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
     measurements, notes = study_measurements(table, file, str(path), place_units(file, path, files))
     if impossible := list(study_value_faults(table, file, path.parent)):
         raise BadInput(*impossible)
-    stated_vault = file.vault
-    hidden, vault_note = split(
-        measurements, stated_vault.fraction, stated_vault.ranges, stated_vault.drawn_from
-    )
+    vault = file.vault
+    hidden, vault_note = split(measurements, vault.fraction, vault.ranges, vault.drawn_from)
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:
@@ -127,7 +122,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         candidates=tuple(found.candidates),
         model=model,
         budget=with_stated(Budget(), name=options.budget, runs=file.budget.runs),
-        vault=Vault(hidden, openings(results, stated_vault.drawn_from or digest)),
+        vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
         adopted=found.adopted,
         uncertainty=uncertainty,
         mechanisms=() if found.plugin is None else found.plugin.mechanisms,
@@ -136,6 +131,14 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     notes = (*notes, vault_note)
     found_at = (path, file, problem, results, digest, found.identity, store, notes)
     return Study(*found_at, options=options, fresh=fresh, effect_files=files)
+
+
+def read_with_table(path: Path) -> StudyFile:
+    """Validated study file; raises BadInput with its faults, and then with those of its table too."""
+    try:
+        return read_evidence_study(path)
+    except BadInput as error:
+        raise BadInput(*error.faults, *table_faults_of(path)) from None
 
 
 def study_effect_files(path: Path, file: StudyFile, options: StudyOptions) -> EffectFiles:
