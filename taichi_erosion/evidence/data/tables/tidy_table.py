@@ -7,8 +7,8 @@ mean of `n` repeats and `sd` the standard deviation of single repeats. A censore
 limits are known: `<x`, and `no transport` or an empty cell where the instrument saw nothing; `>x`; `20..25`
 or `20 to 25`. Rows that repeat observable, group, source and conditions are repeats of one another. A column
 `sd of CONDITION` is the standard deviation of the error with which a condition was measured, `sd of set
-CONDITION` that of the true value about the one to which it was set; empty: it is exact. `vault` says whether a
-row was held out when rows were drawn (`held_out_rows.py`).
+CONDITION` that of the true value about the one to which it was set; empty: it is exact. `vault` says whether
+a row was held out when rows were drawn (`held_out_rows.py`).
 """
 
 import re
