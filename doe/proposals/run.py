@@ -67,9 +67,9 @@ def write(path: Path, content: bytes) -> None:
 
 
 @app.command()
-def ask(name: str, folder: Path) -> None:
-    """Answers before; where no name stands, proposals and random requests."""
-    for path in sorted((folder / name / "before").glob("*.pickle")):
+def ask(name: str, folder: Path, every: int = 1) -> None:
+    """Answers before, of one case in so many; where no name stands, proposals and random requests."""
+    for path in sorted((folder / name / "before").glob("*.pickle"))[::every]:
         if path.with_suffix(".json").exists():
             continue
         problem, number = pickle.loads(path.read_bytes()), int(path.stem)

@@ -80,7 +80,7 @@ def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
         vault=vault,
         runs=found.runs,
         seconds=spent,
-        dropped=tuple(each.name for each in found.members if not each.needed),
+        dropped=tuple(e.name for e in found.members if e.name not in (*found.named, *found.group)),
     )
 
 

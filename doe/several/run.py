@@ -92,6 +92,7 @@ def score(name: str, folder: Path, method: str) -> None:
 def row_of(number: str, truth: dict[str, Any], answer: Outcome) -> dict[str, str]:
     """Truth beside answer."""
     acting, named = truth["effects"], set(answer.named)
+    dropped = [name for name in answer.dropped if name not in (*named, *answer.group)]
     held = {name: answer.strengths[name][1:] for name in acting if name in answer.strengths}
     inside = sum(low <= acting[name] <= high for name, (low, high) in held.items())
     return {
@@ -101,11 +102,11 @@ def row_of(number: str, truth: dict[str, Any], answer: Outcome) -> dict[str, str
         "verdict": answer.verdict,
         "named": "+".join(answer.named),
         "group": "+".join(answer.group),
-        "dropped": "+".join(answer.dropped),
+        "dropped": "+".join(dropped),
         "exact": str(int(answer.verdict == "present" and named == set(acting))),
         "false": str(int(bool(named - set(acting)))),
-        "false before": str(int(bool({*named, *answer.dropped} - set(acting)))),
-        "lost": str(int(bool({*answer.dropped} & set(acting)))),
+        "false before": str(int(bool({*named, *dropped} - set(acting)))),
+        "lost": str(int(bool(set(dropped) & set(acting)))),
         "told": str(int(bool(acting) and set(acting) <= {*named, *answer.group})),
         "intervals": str(len(held)),
         "inside": str(inside),

@@ -6,7 +6,8 @@ from taichi_erosion.evidence.inference import verdict_levels as levels
 
 def set_sentences(found: Discovery) -> list[str]:
     """Members that the measurements do not need, and the probability of sets that were not fitted."""
-    told = [member_sentence(each) for each in found.members if not each.needed]
+    kept = {*found.named, *found.group}
+    told = [member_sentence(each) for each in found.members if not each.needed and each.name not in kept]
     if found.probability_unvisited >= levels.UNVISITED and found.verdict in ("present", "group"):
         told.append(
             "Sets of effects that were not fitted hold an estimated probability of "
