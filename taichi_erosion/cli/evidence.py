@@ -3,7 +3,7 @@
 Each prints its sentences first, then a table, then the limits of the result.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -17,7 +17,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.words.agreement import NO_MISFIT, agreement, is_untested, row_sentences
 from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
 from taichi_erosion.evidence.data.number_words import heading, plain
-from taichi_erosion.evidence.inference.verdict_levels import fails, p_number
+from taichi_erosion.evidence.inference.verdict_levels import CORRELATED, fails, p_number
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.models.load_study import StudyOptions
@@ -197,6 +197,7 @@ def print_comparison(document: Record) -> None:
     print_table("calibrated model against measurement", ("observable", "rows", "chi2", *ERRORS, "p"), rows)
     typer.echo(FITTED_ERRORS)
     print_parameters(document["parameters"])
+    print_correlations(document["correlations"])
     print_limits(document)
     print_lines(next_steps.after_comparison(document))
 
@@ -209,6 +210,7 @@ def print_discovery(document: Record) -> None:
         print_table("candidates", CANDIDATE_COLUMNS, candidate_rows(document["effects"]))
         typer.echo("probabilities: " + probabilities(document["probabilities"]))
     print_parameters(document["parameters"])
+    print_correlations(document["correlations"])
     print_lines((clue["sentence"] for clue in document["clues"]), "clue: ")
     print_lines((experiment["sentence"] for experiment in document["next_experiments"]), "next: ")
     print_limits(document)
@@ -238,6 +240,7 @@ def print_adoption(document: Record) -> None:
     typer.echo(document["sentence"])
     print_errors(document)
     print_parameters(document["added"]["strengths"] | document["added"]["parameters"])
+    print_correlations(document["added"]["correlations"])
     opened = document["vault"]["opened"]
     if opened > 1:
         typer.echo(f"note: the vault has been opened {opened} times; its rows are no longer unseen data.")
@@ -297,7 +300,16 @@ def print_parameters(parameters: Record) -> None:
     for name, fitted in parameters.items():
         bound = "; at the limit of its allowed range" if fitted["at_bound"] else ""
         interval = f"{number(fitted['low'])} to {number(fitted['high'])}"
-        typer.echo(f"{name} = {number(fitted['value'])} ({interval}, 90 %){bound}")
+        remark = f"; {fitted['remark']}" if fitted.get("remark") else ""
+        typer.echo(f"{name} = {number(fitted['value'])} ({interval}, 90 %){bound}{remark}")
+
+
+def print_correlations(pairs: Sequence[Record]) -> None:
+    """Print pairs of calibrated numbers of which the measurements know little but a combination."""
+    for pair in pairs:
+        if abs(pair["value"]) >= CORRELATED:
+            words = f"{pair['first']} and {pair['second']}: correlation {pair['value']:.2f}"
+            typer.echo(f"{words}; a combination of them is known better than either")
 
 
 def print_limits(document: Record) -> None:

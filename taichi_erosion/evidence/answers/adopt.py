@@ -28,10 +28,10 @@ from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Problem, Progress, expected_strength
 from taichi_erosion.evidence.inference.familywise_test import familywise_test
 from taichi_erosion.evidence.inference.goodness_of_fit import chi_square, misfit_p, misfit_places, rows_table
+from taichi_erosion.evidence.inference.intervals.estimates import correlations, estimates_alone
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
-from taichi_erosion.evidence.inference.posterior import parameter_estimates, strength_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import stronger_fit
@@ -62,13 +62,13 @@ def adopt(
     prepared, screened = ready.prepared, ready.screened
     held = held_out_problem(prepared)
     fits: list[tuple[HypothesisFit, HeldOutPrediction | None] | None] = [
-        evaluated(prepared, ready.base, held)
+        evaluated(prepared, ready.base, held, ready.base)
     ]
     wrong = [() if name is None else (name,) for name in controls(prepared, screened, every, seed)]
     for index, names in enumerate((chosen, *wrong, every if every != chosen else ())):
         progress(f"recalibrating with {' and '.join(names)}", 0.2 * (index + 1))
         best = added_fit(prepared, screened, names) if names else None
-        fits.append(None if best is None else evaluated(prepared, best, held))
+        fits.append(None if best is None else evaluated(prepared, best, held, ready.base))
     bare, added, best_wrong, random_wrong, with_all = on_common_rows(fits)
     assert bare is not None
     assert added is not None
@@ -150,20 +150,21 @@ def added_fit(prepared: PreparedProblem, screened: Screen, names: tuple[str, ...
 
 
 def evaluated(
-    prepared: PreparedProblem, best: Fit, held: PreparedProblem | None
+    prepared: PreparedProblem, best: Fit, held: PreparedProblem | None, bare: Fit
 ) -> tuple[HypothesisFit, HeldOutPrediction | None]:
     """One hypothesis on the visible rows, and what it says of the held-out ones."""
     expansion = expand(prepared, best)
-    scored = score(prepared, expansion)
+    strengths, parameters = estimates_alone(prepared, score(prepared, expansion), bare.x)
     found = HypothesisFit(
         effects=best.names,
-        strengths=strength_estimates(prepared, scored),
-        parameters=parameter_estimates(prepared, scored),
+        strengths=strengths,
+        parameters=parameters,
         chi2=chi_square(prepared, expansion) / prepared.rows.size,
         vault_chi2=nan,
         vault_rmse={},
         rows=rows_table(prepared, expansion),
         vault_rows=None,
         actions=effect_actions(prepared, best),
+        correlations=correlations(prepared, expansion),
     )
     return found, None if held is None else held_out_prediction(prepared, expansion, held)

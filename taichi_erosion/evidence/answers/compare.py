@@ -13,10 +13,11 @@ from taichi_erosion.evidence.data.problem import Floats, Measurements, Observabl
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 from taichi_erosion.evidence.inference import goodness_of_fit, marginal_likelihood
 from taichi_erosion.evidence.inference import verdict_levels as levels
+from taichi_erosion.evidence.inference.intervals.estimates import correlations, estimates_alone
 from taichi_erosion.evidence.inference.map_fit import fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
-from taichi_erosion.evidence.inference.posterior import level_shifts, parameter_estimates
+from taichi_erosion.evidence.inference.posterior import level_shifts
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
 SEED = 1  # of the runs where a study states none; any other would do
@@ -45,7 +46,8 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
         dof=goodness_of_fit.freedom(marginal_likelihood.projected_residual(prepared, base.expansion)),
         p=goodness_of_fit.misfit_p(prepared, base.expansion) if known else nan,
         noise=goodness_of_fit.noise_table(prepared, known=known),
-        parameters=parameter_estimates(prepared, base),
+        parameters=estimates_alone(prepared, base)[1],
+        correlations=correlations(prepared, base.expansion),
         rows=table,
         failures=prepared.predictor.cost.failures,
         warnings=prepared.warnings,

@@ -37,6 +37,14 @@ from taichi_erosion.evidence.inference.confounding import absorbed_by, confounde
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
 from taichi_erosion.evidence.inference.doses.mechanism_search import beyond_list
 from taichi_erosion.evidence.inference.familywise_test import power
+from taichi_erosion.evidence.inference.intervals.estimates import (
+    acting_strengths,
+    averaged,
+    calibrated_numbers,
+    correlations,
+    estimates_alone,
+)
+from taichi_erosion.evidence.inference.intervals.model_averaging import Average
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
 from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
 from taichi_erosion.evidence.inference.posterior import (
@@ -73,11 +81,14 @@ def discover(problem: Problem, seed: int, budget: Budget, progress: Progress) ->
 def discovery_of(found: Analysis, seed: int) -> Discovery:
     """The record of an analysis."""
     prepared, screened = found.fitted.prepared, found.fitted.screened
-    strengths = fitted_strengths(found)
+    whole = averaged(found)
+    strengths = fitted_strengths(found, whole)
     expected = {name: estimate.value for name, estimate in strengths.items()}
     outside, base = found.decision.verdict == "outside_library", found.fitted.base.expansion
     record = Discovery(
         **shared_fields(prepared, found.fitted.base.scored, found.final.scored, seed),
+        parameters=calibrated_numbers(whole, found.final, found.fitted.base.fit.x),
+        correlations=correlations(prepared, found.final.expansion),
         verdict=found.decision.verdict,
         named=found.decision.named,
         group=found.decision.group,
@@ -161,6 +172,7 @@ def nameless_discovery(problem: Problem, seed: int, progress: Progress) -> Disco
     names = [candidate.name for candidate in problem.candidates]
     record = Discovery(
         **shared_fields(prepared, base, base, seed),
+        parameters=estimates_alone(prepared, base)[1],
         verdict="not_testable",
         probabilities=dict.fromkeys((NONE, OUTSIDE, *names), 1.0 / (len(names) + 2)),
         effects={name: EffectFinding(sentence=f"{name}: not testable") for name in names},
@@ -179,7 +191,6 @@ def shared_fields(
 ) -> dict[str, Any]:
     """Fields that do not depend on what is named, from the bare model and the recalibrated one."""
     return {
-        "parameters": parameter_estimates(prepared, final),
         "calibrated": len(prepared.axes),
         "calibrated_with": final.expansion.fit.names,
         "chi2_before": goodness_of_fit.chi_square(prepared, base.expansion),
@@ -315,11 +326,11 @@ def untestable_reason(signature: Signature, strength: Estimate, absorption: floa
     return "not testable with these measurements"
 
 
-def fitted_strengths(found: Analysis) -> dict[str, Estimate]:
+def fitted_strengths(found: Analysis, whole: Average) -> dict[str, Estimate]:
     """Strengths of every refitted single, and of the final hypothesis where it has more than one effect."""
     strengths: dict[str, Estimate] = {}
     for item in [*(each for each in found.fitted.refits if len(each.names) == 1), found.final]:
-        strengths |= strength_estimates(found.fitted.prepared, item.scored)
+        strengths |= acting_strengths(whole, found.fitted.prepared, item)
     return strengths
 
 

@@ -140,6 +140,18 @@ class Estimate:
     low: float
     high: float
     at_bound: bool  # the calibration ends at a bound of the allowed range
+    moved: float = nan  # prior sd by which effects have moved a calibrated number from the bare model's
+    prior_share: float = nan  # of the interval of its prior, that the measurements leave to a number [1]
+    remark: str = ""  # what follows from these two
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlation of two calibrated numbers or strengths, as the measurements leave them."""
+
+    first: str
+    second: str
+    value: float
 
 
 @dataclass(frozen=True)
@@ -206,6 +218,7 @@ class Comparison:
     p: float
     noise: Noise
     parameters: Mapping[str, Estimate]
+    correlations: tuple[Correlation, ...] = ()
     rows: Rows
     failures: int  # model values that could not be computed
     warnings: tuple[str, ...]
@@ -358,6 +371,7 @@ class Discovery:
     probabilities: Mapping[str, float]  # "none", "outside_library", every effect, "a+b" for pairs; sums to 1
     effects: Mapping[str, EffectFinding]
     parameters: Mapping[str, Estimate]  # calibrated with what was named
+    correlations: tuple[Correlation, ...] = ()  # of these, and of the strengths of what was named
     calibrated: int  # how many numbers were calibrated
     calibrated_with: tuple[str, ...] = ()  # effects in the recalibrated model
     where: tuple[MisfitPlace, ...]
@@ -421,6 +435,7 @@ class HypothesisFit:
     rows: Rows
     vault_rows: Rows | None
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of its effects
+    correlations: tuple[Correlation, ...] = ()
     vault_p: float = nan  # of a `vault_chi2` as large if the model is adequate; NaN with an empty vault
     vault_log_score: float = nan  # per held-out row: ln of the density that was predicted for its value
 

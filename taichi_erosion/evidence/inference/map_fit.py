@@ -157,17 +157,17 @@ def newton_step(
     undamped = matrix.copy()
     matrix[np.diag_indices(size)] *= 1.0 + damping
     low, high = (objective.low - position) / scale, (objective.high - position) / scale
-    step, free = np.zeros(matrix.shape[0]), np.ones(matrix.shape[0], dtype=bool)
-    for _ in range(size + 1):
-        fixed = ~free
-        right = gradient[free] - matrix[np.ix_(free, fixed)] @ step[fixed]
-        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
+    step, free = np.linalg.solve(matrix, gradient), np.ones(matrix.shape[0], dtype=bool)
+    for _ in range(size):
         inside = step[:size]
         out = free[:size] & ((inside < low) | (inside > high))
         if not out.any():
             break
         step[:size] = np.where(out, np.clip(inside, low, high), inside)
         free[:size] &= ~out
+        fixed = ~free
+        right = gradient[free] - matrix[np.ix_(free, fixed)] @ step[fixed]
+        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
     predicted = float(2.0 * gradient @ step - step @ undamped @ step)
     return np.clip(position + step[:size] * scale, objective.low, objective.high), predicted
 

@@ -10,7 +10,7 @@ Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773.
 """
 
 from dataclasses import dataclass, replace
-from itertools import combinations
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -18,9 +18,9 @@ from scipy import interpolate, special
 
 from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, stack, working
 from taichi_erosion.evidence.data.problem import Bools, Floats
-from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.robustness.free_levels import log_level_share
 from taichi_erosion.evidence.models.predictor import paired_change
 
 GRIDS = (33, 21, 11, 7)  # strengths per effect at which sets of one, two, three, four effects are integrated
@@ -31,7 +31,6 @@ NARROWEST = 0.05  # posterior sd that the slopes tell, below which no grid is la
 MOVED = 0.5  # posterior sd by which the judging likelihood may lie beside a grid that is kept
 BOUND = 1e-3  # of a prior sd, or of the maximum of a strength: closer to an end a number is called bound
 UNDERCUT, UNDERCUT_NOISY = 0.5, 2.0  # misfit by which an expansion may lie below the fit it starts from [1]
-MOST_LEVELS = 6  # observables whose sets of free levels are all tried
 DIGITS = 12  # of strengths behind the point, beyond which two of them are one
 NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best strength
 
@@ -333,7 +332,8 @@ def score(prepared: PreparedProblem, expansion: Expansion) -> ScoredHypothesis:
         return ScoredHypothesis(expansion, (), np.full(factors.size, -inf))
     expansion = judged_grids(prepared, expansion)
     columns = columns_of(prepared, expansion)
-    found = tuple(likelihood(prepared, expansion, columns, float(factor)) for factor in factors)
+    rows = None if prepared.rows.censored.any() else StrengthRows(prepared, expansion, columns)
+    found = tuple(likelihood(prepared, expansion, columns, float(factor), rows) for factor in factors)
     values = np.array([log_sum_exp(each.log_likelihood + columns.log_prior) for each in found])
     return ScoredHypothesis(expansion, found, values)
 
@@ -348,7 +348,8 @@ def judged_grids(prepared: PreparedProblem, expansion: Expansion) -> Expansion:
         return expansion
     factor = float(prepared.doubt.factor[int(np.argmax(prepared.doubt.log_weight))])
     columns = columns_of(prepared, expansion)
-    table = likelihood(prepared, expansion, columns, factor).log_likelihood + columns.log_prior
+    rows = None if prepared.rows.censored.any() else StrengthRows(prepared, expansion, columns)
+    table = likelihood(prepared, expansion, columns, factor, rows).log_likelihood + columns.log_prior
     table = np.exp(table - log_sum_exp(table)).reshape([path.grid.size for path in paths])
     moved = []
     for index, path in enumerate(paths):
@@ -365,20 +366,64 @@ def judged_grids(prepared: PreparedProblem, expansion: Expansion) -> Expansion:
     return replace(expansion, paths=tuple(moved))
 
 
+@dataclass(frozen=True)
+class StrengthRows:
+    """Rows that are all ordinary, whitened at noise factor 1, at every strength of a hypothesis."""
+
+    prepared: PreparedProblem
+    expansion: Expansion
+    columns: StrengthColumns
+
+    @cached_property
+    def design(self) -> Floats:
+        """Slopes D of calibrated numbers and shared errors (n, d)."""
+        parts = [self.expansion.jacobian, self.expansion.shared]
+        return np.hstack(parts) / self.prepared.sd[:, np.newaxis]
+
+    @cached_property
+    def matrix(self) -> Floats:
+        """D^T D."""
+        return self.design.T @ self.design
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Residuals e (n, columns)."""
+        gap = (self.prepared.rows.z - self.expansion.mean)[:, np.newaxis] - self.columns.change
+        return gap / self.prepared.sd[:, np.newaxis]
+
+    @cached_property
+    def vector(self) -> Floats:
+        """D^T e (d, columns)."""
+        return self.design.T @ self.residual
+
+    @cached_property
+    def square(self) -> Floats:
+        """|e|^2 (columns,)."""
+        return np.einsum("ij,ij->j", self.residual, self.residual)
+
+
 def likelihood(
-    prepared: PreparedProblem, expansion: Expansion, columns: StrengthColumns, factor: float
+    prepared: PreparedProblem,
+    expansion: Expansion,
+    columns: StrengthColumns,
+    factor: float,
+    rows: StrengthRows | None,
 ) -> StrengthLikelihood:
-    """Likelihood along all strengths at one noise factor; slopes may not promise more than refits found."""
+    """Likelihood along all strengths at one noise factor; slopes may not promise more than refits found.
+
+    `rows` where none is censored: then what does not depend on the factor is computed once.
+    """
     sd, censored = factor * prepared.sd, prepared.rows.censored
-    residual = ((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
-    jacobian, shared = expansion.jacobian / sd[:, np.newaxis], expansion.shared / sd[:, np.newaxis]
-    reach = prepared.white_reach / factor
-    if censored.any():
+    shared, reach = expansion.shared / sd[:, np.newaxis], prepared.white_reach / factor
+    if rows is None:
+        jacobian = expansion.jacobian / sd[:, np.newaxis]
+        residual = ((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
         found = censored_least_squares(prepared, (jacobian, shared), residual, columns.x, reach)
+        centre = residual[:, columns.centre]
     else:
-        found = least_squares(prepared, jacobian, shared, residual, columns.x)
+        found, centre = least_squares(rows, factor), rows.residual[:, columns.centre] / factor
     x = columns.x[:, columns.centre]
-    start = deviance(residual[:, columns.centre], shared, reach) + float(x @ x)
+    start = deviance(centre, shared, reach) + float(x @ x)
     undercut = UNDERCUT_NOISY if prepared.noisy else UNDERCUT
     floor = start + columns.penalty[columns.centre] - undercut
     misfit = np.maximum(found.misfit + columns.penalty, floor) - columns.penalty
@@ -403,18 +448,23 @@ class LeastSquares:
     level_covariance: Floats  # (q, q), or (columns, q, q)
 
 
-def least_squares(
-    prepared: PreparedProblem, jacobian: Floats, shared: Floats, residual: Floats, x: Floats
-) -> LeastSquares:
-    """Closed form for rows that are all ordinary: one projection serves every column."""
-    count, part = len(prepared.axes), projection(jacobian, shared)
-    stacked = np.vstack([residual, -x, np.zeros((shared.shape[1], residual.shape[1]))])
-    free, whole, solved = part.free(stacked), part.covariance(), part.solve(stacked)
-    covariance, own = whole[:count, :count], slice(count, count + len(prepared.levels))
-    change, sd = solved[:count], np.sqrt(np.diag(covariance))[:, np.newaxis]
-    box = log_bound_share(prepared, x, change, sd) - 0.5 * part.log_determinant
-    misfit = np.einsum("ij,ij->j", free, free)
-    return LeastSquares(misfit, box, x + change, covariance, solved[own], whole[own, own])
+def least_squares(rows: StrengthRows, factor: float) -> LeastSquares:
+    """Closed form for rows that are all ordinary: one matrix serves every column.
+
+    A = D^T D / f^2 + 1,   t = A^-1 (D^T e / f^2 - [x; 0]),   misfit = |e|^2 / f^2 + |x|^2 - t^T A t
+    """
+    prepared, x = rows.prepared, rows.columns.x
+    count, own = len(prepared.axes), slice(len(prepared.axes), len(prepared.axes) + len(prepared.levels))
+    matrix = rows.matrix / factor**2 + np.eye(rows.matrix.shape[0])
+    vector = rows.vector / factor**2
+    vector[:count] -= x
+    covariance = np.linalg.inv(matrix)
+    solved = covariance @ vector
+    misfit = rows.square / factor**2 + np.einsum("ij,ij->j", x, x) - np.einsum("ij,ij->j", vector, solved)
+    sd = np.sqrt(np.diag(covariance)[:count])[:, np.newaxis]
+    box = log_bound_share(prepared, x, solved[:count], sd) - 0.5 * np.linalg.slogdet(matrix)[1]
+    inner = covariance[:count, :count]
+    return LeastSquares(misfit, box, x + solved[:count], inner, solved[own], covariance[own, own])
 
 
 def censored_least_squares(
@@ -444,45 +494,6 @@ def censored_least_squares(
     return LeastSquares(
         misfit, volume, x + change, inverse[best, :count, :count], step[:, own].T, inverse[:, own, own]
     )
-
-
-def level_sets(count: int) -> tuple[list[list[int]], Floats]:
-    """Sets of levels that may be off while the others are 0, never none of them, and ln of their priors.
-
-    Of many observables only single ones, pairs, and all of them at once.
-    """
-    sizes = range(1, count + 1) if count <= MOST_LEVELS else (1, 2, count)
-    sets = [list(chosen) for size in sizes for chosen in combinations(range(count), size)]
-    each = levels.PRIOR_LEVEL_EACH
-    log_prior = np.array([len(c) * np.log(each) + (count - len(c)) * np.log1p(-each) for c in sets])
-    return sets, log_prior - log_sum_exp(log_prior)
-
-
-def log_level_sets(best: Floats, covariance: Floats) -> Floats:
-    """Ln evidence (sets, columns) with only some levels off over that with all of them free, priors included.
-
-        Z(S) / Z(all) = N(0; mu, C) / N(0; 0, 1)    over the levels that are not in S
-
-    Reference: Dickey (1971), Ann. Math. Stat. 42, 204.
-    """
-    sets, log_prior = level_sets(best.shape[0])
-    found = np.repeat(log_prior[:, np.newaxis], best.shape[1], axis=1)
-    for row, chosen in enumerate(sets):
-        rest = [k for k in range(best.shape[0]) if k not in chosen]
-        if rest:
-            part, mean = covariance[..., rest, :][..., rest], best[rest].T
-            squares = (
-                np.einsum("ci,...ij,cj->c", mean, np.linalg.inv(part), mean)
-                if part.ndim == 2
-                else np.einsum("ci,cij,cj->c", mean, np.linalg.inv(part), mean)
-            )
-            found[row] -= 0.5 * (squares + np.linalg.slogdet(part)[1])
-    return found
-
-
-def log_level_share(best: Floats, covariance: Floats) -> Floats:
-    """Ln evidence (columns,) averaged over the sets of levels that may be off, over that with all free."""
-    return log_sum_exp(log_level_sets(best, covariance), axis=0)
 
 
 def log_bound_share(prepared: PreparedProblem, x: Floats, change: Floats, sd: Floats) -> Floats:

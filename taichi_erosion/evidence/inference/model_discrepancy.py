@@ -1,19 +1,25 @@
-"""The rival "none of these": a smooth discrepancy that no calibration and no named effect can imitate.
+"""The rival "none of these": a smooth discrepancy beside what a hypothesis explains itself.
 
-    delta ~ GP(0, lambda^2 M K M)
+    delta ~ GP(0, lambda^2 K)
 
-with K built from one condition at a time, or all of them, within each observable, and M the projection that
-removes what the hypothesis explains itself. Its evidence over that of the hypothesis without it,
+with K built from one condition at a time, or all of them, within each observable. About the best fit the
+rows are linear in the strengths and calibrated numbers t, so that with whitened columns D, residual e at t_0,
+prior precision P and V = 1 + lambda^2 K
 
-    gain = -1/2 sum ln(1 + lambda^2 d_j) + 1/2 sum c_j^2 / f^2 lambda^2 d_j / (1 + lambda^2 d_j)
+    A = D^T V^-1 D + P,   b = D^T V^-1 e - P t_0,   Q = e^T V^-1 e + t_0^T P t_0 - b^T A^-1 b
+    gain = -1/2 (ln |V| + ln |A| - ln |A_0|) + (Q_0 - Q) / 2 f^2
 
-comes from the eigenvalues d_j of M K M and the coefficients c_j of the projected residual; it needs no
-simulation. With such a rival probabilities cannot polarise onto a wrong name.
+is its evidence over that of the hypothesis without it (index 0: lambda = 0; f: factor of all errors). What
+the hypothesis can imitate gains nothing. V^-1 = 1 - U diag(lambda^2 d / (1 + lambda^2 d)) U^T comes from the
+eigenvectors U and eigenvalues d of K, which serve every hypothesis; no simulation is needed. With such a
+rival probabilities cannot polarise onto a wrong name.
 
-Reference: Plumlee & Joseph (2018), Stat. Sinica 28, 601 (orthogonal discrepancy).
+Reference: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425; Plumlee & Joseph (2018), Stat. Sinica 28, 601
+(what calibration imitates is no discrepancy).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
 
@@ -26,6 +32,8 @@ from taichi_erosion.evidence.models.predictor import standard_axis
 LENGTHS = (0.5, 1.0, 2.0)  # of the kernel, in sd of a condition
 AMPLITUDES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # sd of the discrepancy over that of the noise
 SMALL = 1e-5  # eigenvalues below this share of the largest are dropped
+LOOSE = 1e-12  # prior precision of a strength, over the square of its unit
+PINNED = 1e12  # prior precision of what is held
 
 
 def condition_axes(prepared: PreparedProblem) -> dict[str, Floats]:
@@ -34,25 +42,52 @@ def condition_axes(prepared: PreparedProblem) -> dict[str, Floats]:
     return {name: values for name, values in axes.items() if values is not None}
 
 
-def kernels(prepared: PreparedProblem) -> list[Floats]:
-    """Factors B (n, r) of K = B B^T: one per length and condition, and one over all conditions together.
+@dataclass(frozen=True)
+class Kernels:
+    """Eigenvectors and eigenvalues of k kernels over n rows, whitened."""
+
+    vectors: Floats  # (k, n, n)
+    values: Floats  # (k, n)
+
+    @property
+    def count(self) -> int:
+        """Number of kernels."""
+        return int(self.values.shape[0])
+
+    def rescaled(self, scale: Floats) -> "Kernels":
+        """The same for rows whose errors are 1 / scale (n,) times as large."""
+        roots = self.vectors * np.sqrt(self.values)[:, np.newaxis] * scale[:, np.newaxis]
+        return spectra(roots @ np.swapaxes(roots, 1, 2))
+
+
+NO_KERNELS = Kernels(np.zeros((0, 0, 0)), np.zeros((0, 0)))
+
+
+def spectra(matrices: Floats) -> Kernels:
+    """Eigenvectors and eigenvalues of kernels (k, n, n)."""
+    values, vectors = np.linalg.eigh(matrices)
+    return Kernels(vectors, np.maximum(values, 0.0))
+
+
+def kernels(prepared: PreparedProblem) -> Kernels:
+    """One kernel per length and condition, and one over all conditions together.
 
     They are whitened by the typical noise of each observable.
     """
-    axes = condition_axes(prepared)
+    axes, size = condition_axes(prepared), prepared.rows.size
+    if not axes:
+        return NO_KERNELS
     same = prepared.rows.which[:, np.newaxis] == prepared.rows.which[np.newaxis, :]
-    typical = np.ones(prepared.rows.size)
+    typical = np.ones(size)
     for _, rows in prepared.by_observable():
         typical[rows] = np.median(prepared.sd[rows])
     height = typical / prepared.sd
-    found = []
-    for length in LENGTHS:
-        distances = {name: squared_distance(values, length) for name, values in axes.items()}
-        if len(distances) > 1:
-            distances["all"] = np.sum(list(distances.values()), axis=0)
-        for square in distances.values():
-            found.append(low_rank(np.where(same, np.exp(-0.5 * square), 0.0) * np.outer(height, height)))
-    return found
+    squares = [squared_distance(values, 1.0) for values in axes.values()]
+    if len(squares) > 1:
+        squares.append(np.sum(squares, axis=0))
+    lengths = np.array(LENGTHS)[:, np.newaxis, np.newaxis, np.newaxis]
+    found = np.exp(-0.5 * np.array(squares) / lengths**2).reshape(-1, size, size)
+    return spectra(np.where(same, found, 0.0) * np.outer(height, height))
 
 
 def squared_distance(values: Floats, length: float) -> Floats:
@@ -67,10 +102,106 @@ def low_rank(matrix: Floats) -> Floats:
     return vectors[:, kept] * np.sqrt(values[kept])
 
 
-def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: list[Floats]) -> Floats:
+@dataclass(frozen=True)
+class LinearRows:
+    """Whitened rows about the fit of a hypothesis, linear in its strengths, numbers and shared errors."""
+
+    columns: Floats  # (n, d)
+    residual: Floats  # (n,), at the fit
+    away: Floats  # (d,), fit less prior mean
+    precision: Floats  # (d,), of the prior
+
+    def terms(self, family: Kernels, amplitudes: Floats) -> "LinearTerms":
+        """The model with a discrepancy, for every kernel and amplitude; amplitude 0: without one."""
+        raised = amplitudes[:, np.newaxis] ** 2 * family.values[:, np.newaxis]  # (k, a, n)
+        share, turned = raised / (1.0 + raised), self.columns.T @ family.vectors  # (k, d, n)
+        left = self.residual @ family.vectors  # (k, n)
+        weighted = turned[:, np.newaxis] * share[:, :, np.newaxis]  # (k, a, d, n)
+        matrix = self.columns.T @ self.columns - weighted @ np.swapaxes(turned, 1, 2)[:, np.newaxis]
+        vector = self.columns.T @ self.residual - (weighted @ left[:, np.newaxis, :, np.newaxis])[..., 0]
+        square = self.residual @ self.residual - (share @ (left**2)[:, :, np.newaxis])[..., 0]
+        size, volume = self.away.size, np.sum(np.log1p(raised), axis=2)
+        return LinearTerms(
+            matrix.reshape(volume.size, size, size),
+            vector.reshape(volume.size, size),
+            square.ravel(),
+            volume.ravel(),
+        )
+
+    def plain(self) -> "LinearTerms":
+        """The model without a discrepancy, as one term."""
+        columns, residual = self.columns, self.residual
+        return LinearTerms(
+            (columns.T @ columns)[np.newaxis],
+            (columns.T @ residual)[np.newaxis],
+            np.array([residual @ residual]),
+            np.zeros(1),
+        )
+
+
+@dataclass(frozen=True)
+class LinearTerms:
+    """D^T V^-1 D, D^T V^-1 e, e^T V^-1 e and ln |V| for some covariances V (terms)."""
+
+    matrix: Floats  # (terms, d, d)
+    vector: Floats  # (terms, d)
+    square: Floats  # (terms,)
+    volume: Floats  # (terms,)
+
+    def repeated(self, count: int) -> "LinearTerms":
+        """A single term so many times, for as many priors."""
+        return LinearTerms(*(np.repeat(each, count, axis=0) for each in vars(self).values()))
+
+    def solved(self, away: Floats, precision: Floats, factors: Floats) -> "LinearPosterior":
+        """Posterior at noise factors f of the rows, with priors of some precision (d,) or (terms, d)."""
+        precision = np.broadcast_to(precision, self.vector.shape)
+        scale = factors[:, np.newaxis] ** -2.0
+        prior = precision[:, np.newaxis, :, np.newaxis] * np.eye(away.size)
+        matrix = self.matrix[:, np.newaxis] * scale[:, np.newaxis] + prior
+        vector = self.vector[:, np.newaxis] * scale - (precision * away)[:, np.newaxis]
+        inverse = np.linalg.inv(matrix)
+        change = (inverse @ vector[..., np.newaxis])[..., 0]
+        start = self.square[:, np.newaxis] * scale[:, 0] + (precision @ away**2)[:, np.newaxis]
+        volume = self.volume[:, np.newaxis] + np.linalg.slogdet(matrix)[1]
+        volume = volume - np.sum(np.log(precision), axis=1)[:, np.newaxis]
+        return LinearPosterior(change, inverse, start - np.sum(vector * change, axis=2), volume)
+
+
+@dataclass(frozen=True)
+class LinearPosterior:
+    """Normal posterior of what the rows are linear in, for every term and noise factor."""
+
+    change: Floats  # (terms, factors, d), of the best values from the fit
+    covariance: Floats  # (terms, factors, d, d)
+    misfit: Floats  # (terms, factors), rows and prior at their best
+    volume: Floats  # (terms, factors), ln of the determinant of everything, over that of the scatter
+
+    @property
+    def log_evidence(self) -> Floats:
+        """Ln marginal likelihood (terms, factors), up to what the scatter alone makes."""
+        return -0.5 * (self.misfit + self.volume)
+
+
+def linear_rows(prepared: PreparedProblem, expansion: Expansion) -> LinearRows:
+    """The linear model; strengths have no prior, and what would leave its range is held at its end."""
+    work, fit = prepared.working(expansion.mean), expansion.fit
+    stuck = projected_residual(prepared, expansion).stuck
+    weight = (work.weight / prepared.sd)[:, np.newaxis]
+    columns = np.hstack([expansion.local, expansion.jacobian]) * weight
+    columns[:, stuck] = 0.0
+    columns = np.hstack([columns, expansion.shared * weight])
+    strengths, away = expansion.local.shape[1], np.zeros(columns.shape[1])
+    away[strengths : strengths + fit.x.size] = np.where(stuck[strengths:], 0.0, fit.x)
+    precision = np.ones(columns.shape[1])
+    precision[:strengths] = LOOSE
+    precision[: stuck.size][stuck] = PINNED
+    return LinearRows(columns, work.residual, away, precision)
+
+
+def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: Kernels) -> Floats:
     """Ln evidence gained by a discrepancy on top of a hypothesis, per noise factor."""
     factors = prepared.doubt.factor
-    if not family or not expansion.finite:
+    if not family.count or not expansion.finite:
         return np.full(factors.size, -np.inf)
     if expansion.shared.shape[1] == prepared.rows.shared.shape[1]:
         return gains(prepared, expansion, family, factors)
@@ -79,16 +210,11 @@ def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: li
     return np.concatenate([gains(each, expansion, family, np.ones(1)) for each in scaled])
 
 
-def gains(prepared: PreparedProblem, expansion: Expansion, family: list[Floats], factors: Floats) -> Floats:
+def gains(prepared: PreparedProblem, expansion: Expansion, family: Kernels, factors: Floats) -> Floats:
     """Ln evidence gained at every noise factor where one balance of errors serves all of them."""
-    left = projected_residual(prepared, expansion)
-    terms, amplitude = [], np.array(AMPLITUDES)[:, np.newaxis] ** 2
-    for factor in family:
-        values, vectors = np.linalg.eigh(factor.T @ left.project(factor))
-        values = np.maximum(values, 1e-12)
-        squares = (vectors.T @ (factor.T @ left.free)) ** 2 / values
-        loss = -0.5 * np.sum(np.log1p(amplitude * values), axis=1)
-        gained = 0.5 * (amplitude * values / (1.0 + amplitude * values) @ squares)
-        terms.append(loss[:, np.newaxis] + gained[:, np.newaxis] / factors**2)
-    stacked = np.concatenate(terms, axis=0)
-    return log_sum_exp(stacked, axis=0) - np.log(stacked.shape[0])
+    rows, one = linear_rows(prepared, expansion), np.ones(1)
+    bare = rows.plain().solved(rows.away, rows.precision, one)
+    smooth = rows.terms(family, np.array(AMPLITUDES)).solved(rows.away, rows.precision, one)
+    loss = -0.5 * (smooth.volume - bare.volume)
+    gained = loss + 0.5 * (bare.misfit - smooth.misfit) / factors**2
+    return log_sum_exp(gained, axis=0) - log(gained.shape[0])

@@ -18,8 +18,15 @@ from taichi_erosion.evidence.inference.familywise_test import DRAWS, FamilywiseT
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p, misfit_places, stuck_numbers
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
-from taichi_erosion.evidence.inference.model_discrepancy import kernels
-from taichi_erosion.evidence.inference.posterior import Posterior, label, log_prior_of, mixed, posterior_of
+from taichi_erosion.evidence.inference.model_discrepancy import Kernels, kernels
+from taichi_erosion.evidence.inference.posterior import (
+    Hypothesis,
+    Posterior,
+    label,
+    log_prior_of,
+    mixed,
+    posterior_of,
+)
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.robustness.error_accounts import (
@@ -55,13 +62,16 @@ class FittedHypotheses:
     screened: Screen
     ranking: FamilywiseTest
     refits: list[FittedHypothesis]
-    family: list[Floats]
+    family: Kernels
     search: Search  # of the refits
+
+    def listed(self) -> list[Hypothesis]:
+        """Every explanation with its evidence."""
+        return refit.hypotheses(self.prepared, self.base, self.screened, self.ranking, self.refits)
 
     def posterior(self) -> Posterior:
         """Probabilities of all explanations."""
-        listed = refit.hypotheses(self.prepared, self.base, self.screened, self.ranking, self.refits)
-        return posterior_of(self.prepared, listed)
+        return posterior_of(self.prepared, self.listed())
 
     def of(self, names: tuple[str, ...]) -> FittedHypothesis:
         """The fit of a set; the bare model where it was not fitted."""
@@ -124,6 +134,7 @@ class Analysis:
     stated: Account | None = None  # with the errors as stated, where the answer rests on others
     members: tuple[MemberTest, ...] = ()  # of a set of three or more, each tested beside the others
     unvisited: Mapping[str, float] = field(default_factory=dict)  # probability of sets not fitted, by effect
+    accounts: tuple["WeighedAccount", ...] = ()  # all that were weighed
 
 
 def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysis:
@@ -147,6 +158,7 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
         level_probability=chance_of("levels", tried, weight),
         errors=lead.errors,
         errors_probability=chance_of("errors", tried, weight),
+        accounts=tuple(tried),
     )
     if lead.kind == "errors":
         found = replace(found, stated=stated)
@@ -298,7 +310,8 @@ def account(
     if not prepared.quick and refit.none_fits(prepared, list(search.found.values())):
         singles = [item for item in search.found.values() if len(item.names) == 1]
         more = refit.fit_from_other_starts(prepared, screened, singles, family, progress)
-        search = with_sets(prepared, screened, more, family, progress)
+        if any(all(item is not known for known in singles) for item in more):
+            search = with_sets(prepared, screened, more, family, progress)
     complete(search, screened, base)
     progress("weighing the evidence", 0.9)
     refits = list(search.found.values())
@@ -319,7 +332,7 @@ def with_sets(
     prepared: PreparedProblem,
     screened: Screen,
     singles: list[FittedHypothesis],
-    family: list[Floats],
+    family: Kernels,
     progress: Progress,
 ) -> Search:
     """Singles, those beyond the list among them, and sets of several effects."""

@@ -5,13 +5,11 @@ The explanations are exclusive: nothing missing, one effect, two effects, someth
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import comb
 from typing import Literal
 
 import numpy as np
 from scipy import stats
-from scipy.interpolate import PchipInterpolator
 
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Estimate, LevelShift
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
@@ -20,17 +18,11 @@ from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import axis_value, effect_of
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.marginal_likelihood import (
-    BOUND,
-    ScoredHypothesis,
-    cell_width,
-    level_sets,
-    log_level_sets,
-)
+from taichi_erosion.evidence.inference.intervals.mixtures import tabulated
+from taichi_erosion.evidence.inference.marginal_likelihood import BOUND, ScoredHypothesis, cell_width
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.robustness.free_levels import level_sets, log_level_sets
 
-FINE = 12  # parts of a cell in which a density is integrated
-LEAST_DENSITY = 1e-30  # over its maximum
 TAIL = levels.INTERVAL_TAIL
 HALF_WIDTH = float(stats.norm.ppf(1.0 - TAIL))  # of a normal 90 % interval, in sd
 
@@ -201,19 +193,11 @@ def offset_words(value: float, low: float, high: float, units: TableUnits, obser
 
 
 def quantile(grid: Floats, share: Floats, level: float) -> float:
-    """Quantile of cell probabilities on a grid; between nodes ln density is a monotone cubic.
-
-    Straight lines between nodes would raise the tails of a narrow density, and with them every interval.
-    """
+    """Quantile of cell probabilities on a grid."""
     if grid.size < 2:
         return float(grid[0]) if grid.size else 0.0
-    density = share / cell_width(grid)
-    fine = np.unique(np.concatenate([np.linspace(a, b, FINE + 1) for a, b in pairwise(grid)]))
-    logs = np.log(np.maximum(density, LEAST_DENSITY * density.max()))
-    between = np.exp(PchipInterpolator(grid, logs)(fine) - logs.max())
-    pieces = 0.5 * (between[1:] + between[:-1]) * np.diff(fine)
-    cumulative = np.concatenate([[0.0], np.cumsum(pieces)])
-    return float(np.interp(level * cumulative[-1], cumulative, fine))
+    table = tabulated(grid, share)
+    return float(np.interp(level * table.below[-1], table.below, table.points))
 
 
 def upper_strength(grid: Floats, log_likelihood: Floats) -> float:

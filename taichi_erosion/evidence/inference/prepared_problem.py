@@ -176,14 +176,26 @@ class PreparedProblem:
         """
         found = {}
         for observable, chosen in self.by_observable():
-            z = self.rows.z[chosen]
-            typical = max(float(np.median(np.abs(z))), float(np.std(z)), 1e-300)
-            unit = typical if observable.transform == "identity" else 1.0
-            gap = np.nan_to_num(np.median(z - mean[chosen])) / unit
+            unit = self.level_unit(observable, chosen)
+            gap = np.nan_to_num(np.median(self.rows.z[chosen] - mean[chosen])) / unit
             held = max(LEVEL_REACH * abs(gap), (least or {}).get(observable.name, 0.0) / unit)
             widths = [w for w in LEVEL_WIDTHS if w >= held * (1.0 - 1e-9)] or [LEVEL_WIDTHS[-1]]
             found[observable.name] = widths[0] * unit
         return found
+
+    def level_columns(self) -> Floats:
+        """Change of the rows (n, observables) by a level of width 1 of each observable."""
+        columns = []
+        for observable, chosen in self.by_observable():
+            unit = self.level_unit(observable, chosen)
+            columns.append(np.where(chosen, unit * level_shape(observable, self.rows.z), 0.0))
+        return np.column_stack(columns)
+
+    def level_unit(self, observable: Observable, chosen: Bools) -> float:
+        """What a level of width 1 is on the comparison scale: a typical value, of logarithms a factor e."""
+        z = self.rows.z[chosen]
+        typical = max(float(np.median(np.abs(z))), float(np.std(z)), 1e-300)
+        return typical if observable.transform == "identity" else 1.0
 
     def with_wide_ranges(self) -> "PreparedProblem":
         """The same with the ranges of all calibrated numbers wider by WIDER prior sd, strengths apart."""

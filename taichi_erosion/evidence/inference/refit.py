@@ -20,7 +20,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import (
     expand,
     score,
 )
-from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain
+from taichi_erosion.evidence.inference.model_discrepancy import Kernels, discrepancy_gain
 from taichi_erosion.evidence.inference.posterior import Hypothesis, log_prior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.screen import Screen
@@ -55,9 +55,7 @@ class FittedHypothesis:
         return bool(self.scored.likelihoods)
 
 
-def scored_expansion(
-    prepared: PreparedProblem, expansion: Expansion, family: list[Floats]
-) -> FittedHypothesis:
+def scored_expansion(prepared: PreparedProblem, expansion: Expansion, family: Kernels) -> FittedHypothesis:
     """Evidence of an expansion, scored with fresh seeds, without and with a smooth discrepancy."""
     return FittedHypothesis(score(prepared, expansion), discrepancy_gain(prepared, expansion, family))
 
@@ -77,7 +75,7 @@ def shortlist(prepared: PreparedProblem, screened: Screen, test: FamilywiseTest)
 
 
 def fit_singles(
-    prepared: PreparedProblem, screened: Screen, names: list[str], family: list[Floats], progress: Progress
+    prepared: PreparedProblem, screened: Screen, names: list[str], family: Kernels, progress: Progress
 ) -> list[FittedHypothesis]:
     """All shortlisted singles; where none of them fits, every candidate from the prior mean too.
 
@@ -110,7 +108,7 @@ def fit_from_other_starts(
     prepared: PreparedProblem,
     screened: Screen,
     found: list[FittedHypothesis],
-    family: list[Floats],
+    family: Kernels,
     progress: Progress,
 ) -> list[FittedHypothesis]:
     """The better fits of all singles, from the leader's calibration and from the bare model's."""
@@ -130,7 +128,7 @@ def improve(
     singles: dict[str, FittedHypothesis],
     name: str,
     starts: list[Floats],
-    family: list[Floats],
+    family: Kernels,
 ) -> None:
     """The fit of one effect from further starts, kept where it is better."""
     best = fit(prepared, (name,), starts)

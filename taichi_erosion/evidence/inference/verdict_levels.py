@@ -53,6 +53,9 @@ ABSORBED = 0.8  # share of a signature that calibration imitates, from which the
 UNRESOLVED_NOISE = 0.7  # share of noise in a signature from which it is not used at all
 NOISE_LIMIT = 0.1  # share of noise in a signature from which more seeds are needed
 
+EFFECTIVE = 0.5  # prior sd by which effects move a number, from which it is read as effective
+UNIDENTIFIED = 0.9  # share of the interval of its prior, from which a number is not identified
+CORRELATED = 0.9  # correlation of two numbers from which it is told: sd of either given the other below 0.44
 INTERVAL_TAIL = 0.05  # to either side; t0: such intervals hold 0.920 of strengths, 0.889 of parameters
 HELD_OUT_MISFIT = 2.0  # per held-out row, from which the bare model fails there
 HELD_OUT_SHARE = 0.5  # of that misfit left, above which a name is refuted; t0: right names leave 0.096

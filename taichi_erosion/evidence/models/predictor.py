@@ -16,7 +16,6 @@ from math import sqrt
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import (
-    Bools,
     Candidate,
     Conditions,
     Floats,
@@ -29,12 +28,20 @@ from taichi_erosion.evidence.data.problem import (
 from taichi_erosion.evidence.data.transforms import Axis, split_setting, strengths, to_scale
 
 Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
-Spectrum = tuple[Floats, Floats]  # eigenvalues and eigenvectors of a kernel
 NEGLIGIBLE = 1e-6  # share of the largest variance below which a common error is dropped
 PRIOR_FREEDOM = 6.0  # nu_0, degrees of freedom of the pooled variance of seeds
 LENGTH = 1.5  # of the kernel, in sd of a condition
 AMPLITUDES = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 25)])  # of the smooth part, over the noise
 LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """A kernel over m rows with every amplitude a: K a + s^2 over the variance s^2."""
+
+    vectors: Floats  # (m, m), eigenvectors
+    shrink: Floats  # (amplitudes, m), 1 over its eigenvalues
+    volume: Floats  # (amplitudes,), ln of its determinant
 
 
 @dataclass
@@ -183,53 +190,53 @@ def standard_axis(column: Floats) -> Floats | None:
     return (filled - filled.mean()) / filled.std()
 
 
-def pooled_noise(differences: Floats, which: Integers) -> Floats:
-    """Variance of the mean difference of paired runs (r, n), pooled over the rows of an observable."""
+def pooled_noise(differences: Floats, observables: tuple[Integers, ...]) -> Floats:
+    """Variance of the mean difference of paired runs (r, n), pooled over the rows of every observable."""
     count = differences.shape[0]
     if count < 2:
         return np.zeros(differences.shape[1])
     good = np.where(np.isfinite(differences), differences, 0.0)
-    spread = np.var(good, axis=0, ddof=1) / count
+    centred = good - np.add.reduce(good, axis=0) / count
+    spread = np.add.reduce(centred * centred, axis=0) / ((count - 1) * count)
     pooled = np.zeros(spread.size)
-    for index in np.unique(which):
-        rows = which == index
-        pooled[rows] = spread[rows].mean()
+    for rows in observables:
+        if rows.size:
+            pooled[rows] = np.add.reduce(spread[rows]) / rows.size
     return pooled
 
 
 def paired_change(after: Floats, before: Floats, predictor: Predictor) -> Floats:
     """Mean change between paired runs of a predictor, smoothed where it is noisy."""
     change = seed_mean(after) - seed_mean(before)
-    noise = pooled_noise(after - before, predictor.which)
+    noise = pooled_noise(after - before, predictor.rows)
     if not np.any(noise > 0.0):
         return change
-    for index in np.unique(predictor.which):
-        rows = (predictor.which == index) & np.isfinite(change) & (change != 0.0)
-        if rows.sum() > 2 and noise[rows].max() > 0.0:
-            change[rows] = smoothed(change[rows], float(noise[rows].mean()), spectrum(predictor, rows))
+    moved = np.isfinite(change) & (change != 0.0)
+    for own in predictor.rows:
+        rows = own[moved[own]]
+        if rows.size > 2 and noise[rows[0]] > 0.0:
+            change[rows] = smoothed(change[rows], float(noise[rows[0]]), spectrum(predictor, rows))
     return change
 
 
-def spectrum(predictor: Predictor, rows: Bools) -> Spectrum:
-    """Eigenvalues and eigenvectors of the kernel over some rows, cached."""
+def spectrum(predictor: Predictor, rows: Integers) -> Spectrum:
+    """The kernel over some rows, cached."""
     key = rows.tobytes()
     if key not in predictor.spectra:
         axes = [standard_axis(column[rows]) for column in predictor.conditions.values()]
         varied = [axis for axis in axes if axis is not None]
-        square = np.zeros((int(rows.sum()), int(rows.sum())))
+        square = np.zeros((rows.size, rows.size))
         for axis in varied:
             square += ((axis[:, np.newaxis] - axis[np.newaxis, :]) / LENGTH) ** 2
         values, vectors = np.linalg.eigh(np.exp(-0.5 * square / max(sqrt(len(varied)), 1.0)))
-        predictor.spectra[key] = np.maximum(values, 0.0), vectors
+        total = 1.0 + AMPLITUDES[:, np.newaxis] * np.maximum(values, 0.0)
+        predictor.spectra[key] = Spectrum(vectors, 1.0 / total, np.sum(np.log(total), axis=1))
     return predictor.spectra[key]
 
 
 def smoothed(values: Floats, variance: float, kernel: Spectrum) -> Floats:
     """Posterior mean of a smooth function of the conditions, at its most likely amplitude."""
-    eigenvalues, vectors = kernel
-    centre = values.mean()
-    parts = vectors.T @ (values - centre)
-    total = variance * (1.0 + AMPLITUDES[:, np.newaxis] * eigenvalues)
-    fit = -0.5 * np.sum(np.log(total) + parts**2 / total, axis=1)
-    best = AMPLITUDES[int(np.argmax(fit))] * eigenvalues
-    return centre + vectors @ (best / (1.0 + best) * parts)
+    centre = np.add.reduce(values) / values.size
+    parts = (values - centre) @ kernel.vectors
+    fit = kernel.volume + kernel.shrink @ (parts * parts) / variance
+    return centre + kernel.vectors @ ((1.0 - kernel.shrink[int(np.argmin(fit))]) * parts)

@@ -208,35 +208,35 @@ def expected(observable: str, conditions: Conditions, parameters: Numbers, effec
     """The model without its scatter."""
     at = complete_conditions(conditions)
     given = {**PARAMETERS, **parameters}
-    return shifted(observable, conditions, given, [EFFECTS[k](v, at) for k, v in effects.items() if v != 0.0])
+    shifts = [EFFECTS[k](v, at) for k, v in effects.items() if v != 0.0]
+    return shifted(observable, row_count(conditions), at, given, shifts)
 
 
-def shifted(observable: str, conditions: Conditions, given: Numbers, shifts: list[Shift]) -> Floats:
-    """The model without its scatter, with some shifts; `given` are all its parameters."""
-    at = complete_conditions(conditions)
+def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts: list[Shift]) -> Floats:
+    """The model without its scatter in `count` rows with some shifts; all conditions and parameters."""
     if observable == "repose_angle":
         angle = np.degrees(np.arctan(given["friction_sliding"]))
         bare = angle + DEGREES_PER_ROLLING * given["friction_rolling"]
-        return bare + sum((shift.repose for shift in shifts), start=np.zeros(row_count(conditions)))
+        return bare + sum((shift.repose for shift in shifts), start=np.zeros(count))
     weight = (GRAIN_DENSITY / AIR_DENSITY - 1.0) * GRAVITY * at["diameter"]
     threshold = given["threshold_coefficient"] * np.sqrt(weight)
     threshold = threshold * np.exp(sum((shift.threshold for shift in shifts), start=0.0))
     if observable == "threshold_u_star":
-        return threshold * np.ones(row_count(conditions))
+        return threshold * np.ones(count)
     if observable != "flux":
         raise BadInput(f"reduced model: observable = {observable!r} is not one of {', '.join(OBSERVABLES)}")
     excess = np.maximum(at["u_star"] ** 2 - threshold**2, 0.0)
     flux = given["flux_coefficient"] * AIR_DENSITY / GRAVITY * threshold * excess
-    return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(row_count(conditions))))
+    return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(count)))
 
 
 def complete_conditions(conditions: Conditions) -> Conditions:
     """Conditions with the default where one is not given or not known; a default alone stays one number."""
+    if isfinite(np.add.reduce(sum(conditions.values()), axis=None)):  # one pass, where most are complete
+        return DEFAULT_COLUMNS | conditions
     complete = dict(DEFAULT_COLUMNS)
     for name, column in conditions.items():
-        missing = not isfinite(np.add.reduce(column))  # one pass, where most columns are complete
-        known = np.isfinite(column) if missing else None
-        complete[name] = column if known is None else np.where(known, column, DEFAULTS.get(name, 0.0))
+        complete[name] = np.where(np.isfinite(column), column, DEFAULTS.get(name, 0.0))
     return complete
 
 

@@ -22,7 +22,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, row_count
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.reduced import Shift
 
@@ -118,7 +118,7 @@ def expected(observable: str, conditions: Conditions, parameters: Numbers, effec
         PLACES[name](size, given) if name in PLACES else reduced.EFFECTS[name](size, at)
         for name, size in acting.items()
     ]
-    return reduced.shifted(observable, conditions, given, shifts)
+    return reduced.shifted(observable, row_count(conditions), at, given, shifts)
 
 
 predict_mechanisms = {  # doses at which the model has values

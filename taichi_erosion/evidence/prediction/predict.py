@@ -13,12 +13,12 @@ from taichi_erosion.evidence.answers.next_experiments import repeat_variance
 from taichi_erosion.evidence.data.findings import Estimate
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Measurements, Problem, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, slope
+from taichi_erosion.evidence.inference.intervals.estimates import estimates_alone
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     ScoredHypothesis,
     projected_residual,
     slopes_of,
 )
-from taichi_erosion.evidence.inference.posterior import parameter_estimates
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import LOG_SPAN
 from taichi_erosion.evidence.prediction.discrepancy_mixture import (
@@ -107,7 +107,7 @@ def predict(
         fitted=fitted_check(prepared, base, found),
         held_out=None if held is None else held_out_check(prepared, base, held, seed),
         discrepancy_odds=found.discrepancy_odds,
-        parameters=parameter_estimates(prepared, base),
+        parameters=estimates_alone(prepared, base)[1],
         noise_known=known,
         warnings=(*prepared.warnings, *lost),
         failures=prepared.predictor.cost.failures,

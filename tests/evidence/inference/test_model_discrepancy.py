@@ -5,7 +5,14 @@ import pytest
 from scipy import stats
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
-from taichi_erosion.evidence.inference.model_discrepancy import AMPLITUDES, LENGTHS, discrepancy_gain, kernels
+from taichi_erosion.evidence.inference.model_discrepancy import (
+    AMPLITUDES,
+    LENGTHS,
+    NO_KERNELS,
+    condition_axes,
+    discrepancy_gain,
+    kernels,
+)
 from tests.evidence.linear_study import linear_problem, screened
 
 
@@ -14,12 +21,13 @@ def test_the_gain_is_the_ratio_of_two_multivariate_normal_densities(truth):
     problem = linear_problem({"bend": lambda x: x**2}, truth, count=15, calibrated=False)
     prepared, found = screened(problem)
     family = kernels(prepared)
-    assert len(family) == len(LENGTHS), "one condition"
+    assert family.count == len(LENGTHS), "one condition"
     residual = problem.measurements.value / prepared.sd
     factors = prepared.doubt.factor
-    expected = np.empty((len(family) * len(AMPLITUDES), factors.size))
-    for row, (kernel, size) in enumerate((k, a) for k in family for a in AMPLITUDES):
-        smooth = size**2 * kernel @ kernel.T
+    expected = np.empty((family.count * len(AMPLITUDES), factors.size))
+    (axis,) = condition_axes(prepared).values()
+    for row, (length, size) in enumerate((k, a) for k in LENGTHS for a in AMPLITUDES):
+        smooth = size**2 * np.exp(-0.5 * ((axis[:, np.newaxis] - axis) / length) ** 2)
         for column, factor in enumerate(factors):
             whole = factor**2 * (np.eye(15) + smooth)  # discrepancy in units of the noise
             with_it = stats.multivariate_normal(cov=whole).logpdf(residual)
@@ -45,4 +53,4 @@ def test_what_calibration_can_imitate_is_no_discrepancy():
 
 def test_without_a_varied_condition_there_is_no_discrepancy():
     prepared, found = screened(linear_problem({"bend": lambda x: x**2}, {}))
-    assert np.all(discrepancy_gain(prepared, found.base, []) == -np.inf)
+    assert np.all(discrepancy_gain(prepared, found.base, NO_KERNELS) == -np.inf)

@@ -12,6 +12,7 @@ from taichi_erosion.evidence.data.findings import OUTSIDE
 from taichi_erosion.evidence.data.transforms import position_of
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Objective, fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand
+from taichi_erosion.evidence.inference.model_discrepancy import NO_KERNELS
 from taichi_erosion.evidence.inference.posterior import posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.inference.refit import FittedHypothesis, fit_singles, hypotheses, mean_misfit_p
@@ -38,7 +39,7 @@ def test_a_recalibration_with_the_true_effect_is_no_worse_than_the_truth(case):
     prepared, best, _ = fit_base(prepared)
     screened = screen(prepared, expand(prepared, best))
     (name,) = case.truth.effects
-    (refitted,) = fit_singles(prepared, screened, [name], [], no_progress)[:1]
+    (refitted,) = fit_singles(prepared, screened, [name], NO_KERNELS, no_progress)[:1]
     objective = Objective(prepared, (name,), prepared.seeds.fitting)
     truth = np.append(position_of(prepared.axes, case.truth.parameters, {}), case.truth.effects[name])
     assert refitted.names == (name,)

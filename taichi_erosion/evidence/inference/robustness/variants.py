@@ -133,7 +133,7 @@ def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Floats]]:
 def reweighed(fitted: FittedHypotheses, prepared: PreparedProblem) -> FittedHypotheses:
     """All hypotheses with other variances or shared errors, about the fits that they have."""
     before, scale = fitted.posterior(), (fitted.prepared.sd / prepared.sd)[:, np.newaxis]
-    family = [scale * factor for factor in fitted.family]  # kernels are in sd of the rows
+    family = fitted.family.rescaled(scale[:, 0])  # kernels are in sd of the rows
 
     def again(item: FittedHypothesis) -> FittedHypothesis:
         if not item.usable:

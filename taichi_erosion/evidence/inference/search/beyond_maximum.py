@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.inference.map_fit import Fit, fit
 from taichi_erosion.evidence.inference.marginal_likelihood import BOUND, Expansion, expand, projected_residual
+from taichi_erosion.evidence.inference.model_discrepancy import Kernels
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_expansion
 
@@ -19,7 +19,7 @@ FALL = 6.0  # of the misfit that the wider range must bring: what its prior cost
 
 
 def with_stronger(
-    prepared: PreparedProblem, items: Sequence[FittedHypothesis], family: list[Floats]
+    prepared: PreparedProblem, items: Sequence[FittedHypothesis], family: Kernels
 ) -> list[FittedHypothesis]:
     """Fits beyond the list of those hypotheses that end at a largest strength and would go on."""
     wide = [stronger_fit(prepared, item.expansion) for item in items if item.usable]

@@ -19,6 +19,7 @@ from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Fit, fit
 from taichi_erosion.evidence.inference.marginal_likelihood import expand
+from taichi_erosion.evidence.inference.model_discrepancy import Kernels
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import GAIN, WITHIN, FittedHypothesis, scored_expansion
 from taichi_erosion.evidence.inference.screen import Screen, screen
@@ -39,7 +40,7 @@ class Search:
     """What has been fitted and screened so far."""
 
     prepared: PreparedProblem
-    family: list[Floats]  # kernels of the smooth discrepancy
+    family: Kernels  # kernels of the smooth discrepancy
     found: dict[Names, FittedHypothesis]
     fits: dict[Names, Fit] = field(default_factory=dict)  # of all sets that were tried
     screens: dict[Names, Screen] = field(default_factory=dict)
@@ -65,7 +66,7 @@ def fit_sets(
     prepared: PreparedProblem,
     screened: Screen,
     singles: Sequence[FittedHypothesis],
-    family: list[Floats],
+    family: Kernels,
     progress: Progress,
 ) -> Search:
     """Singles with the better fits that steps find, and all sets of more effects that they find."""

@@ -1,0 +1,1 @@
+"""Intervals of calibrated numbers and strengths, averaged over all explanations of the measurements."""
