@@ -87,8 +87,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
     outside, base = found.decision.verdict == "outside_library", found.fitted.base.expansion
     record = Discovery(
         **shared_fields(prepared, found.fitted.base.scored, found.final.scored, seed),
-        parameters=calibrated_numbers(whole, found.final, found.fitted.base.fit.x),
-        correlations=correlations(prepared, found.final.expansion),
+        **number_fields(found, whole),
         verdict=found.decision.verdict,
         named=found.decision.named,
         group=found.decision.group,
@@ -124,6 +123,14 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         beyond=found_beyond(found),
     )
     return replace(record, sentences=discovery_sentences(record))
+
+
+def number_fields(found: Analysis, whole: Average) -> dict[str, Any]:
+    """Calibrated numbers with averaged intervals, and their correlations."""
+    return {
+        "parameters": calibrated_numbers(whole, found.final, found.fitted.base.fit.x),
+        "correlations": correlations(found.fitted.prepared, found.final.expansion),
+    }
 
 
 def error_fields(found: Analysis) -> dict[str, Any]:

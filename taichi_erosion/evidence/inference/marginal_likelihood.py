@@ -381,11 +381,6 @@ class StrengthRows:
         return np.hstack(parts) / self.prepared.sd[:, np.newaxis]
 
     @cached_property
-    def matrix(self) -> Floats:
-        """D^T D."""
-        return self.design.T @ self.design
-
-    @cached_property
     def residual(self) -> Floats:
         """Residuals e (n, columns)."""
         gap = (self.prepared.rows.z - self.expansion.mean)[:, np.newaxis] - self.columns.change
@@ -455,7 +450,7 @@ def least_squares(rows: StrengthRows, factor: float) -> LeastSquares:
     """
     prepared, x = rows.prepared, rows.columns.x
     count, own = len(prepared.axes), slice(len(prepared.axes), len(prepared.axes) + len(prepared.levels))
-    matrix = rows.matrix / factor**2 + np.eye(rows.matrix.shape[0])
+    matrix = rows.design.T @ rows.design / factor**2 + np.eye(rows.design.shape[1])
     vector = rows.vector / factor**2
     vector[:count] -= x
     covariance = np.linalg.inv(matrix)

@@ -40,14 +40,18 @@ ENDS = (levels.INTERVAL_TAIL, 1.0 - levels.INTERVAL_TAIL)
 
 
 def averaged(found: Analysis) -> Average:
-    """Numbers and strengths over all accounts and all explanations of an analysis."""
-    weighed = [each for account in found.accounts for each in weighed_account(account)]
+    """Numbers and strengths over all accounts and all explanations of an analysis.
+
+    Free levels that lead are as they were fitted; where they do not, levels of every width are weighed beside
+    each of the other explanations.
+    """
+    lead = max(found.accounts, key=lambda account: account.log_weight).kind
+    accounts = [each for each in found.accounts if each.kind != "levels" or lead == "levels"]
+    weighed = [each for account in accounts for each in weighed_account(account)]
     total = float(log_sum_exp(np.array([each.log_weight for each in weighed])))
-    further = [
-        one for each in weighed if isinstance(each, WeighedHypothesis) for one in unseen(each, weighed, total)
-    ]
-    asked = any(account.kind == "levels" for account in found.accounts)
-    return average(found.fitted.prepared, [*weighed, *further], asked)
+    likely = [each for each in weighed if isinstance(each, WeighedHypothesis)]
+    further = [one for each in likely for one in unseen(each, weighed, total)]
+    return average(found.fitted.prepared, [*weighed, *further], lead == "levels")
 
 
 def weighed_account(each: WeighedAccount) -> Iterator[Weighed]:

@@ -179,8 +179,9 @@ def normal_part(
     """Normal distributions about the fit of a hypothesis; weights (terms, factors)."""
     fit, kept, weight = item.fit, weight.ravel() > LEAST_PART, weight.ravel()
     count, own = len(fit.names), len(fit.names) + fit.x.size
-    change = solved.change.reshape(weight.size, -1)[kept, :own]
-    variance = np.einsum("tfii->tfi", solved.covariance).reshape(weight.size, -1)[kept, :own]
+    size = solved.change.shape[2]
+    change = solved.change.reshape(weight.size, size)[kept, :own]
+    variance = np.einsum("tfii->tfi", solved.covariance).reshape(weight.size, size)[kept, :own]
     mean, sd, weight = np.concatenate([fit.psi, fit.x]) + change, np.sqrt(variance), weight[kept]
     strengths = tuple(
         Mixture(weight, mean[:, k], sd[:, k], 0.0, prepared.candidate(name, fit.beyond).maximum)
@@ -233,7 +234,11 @@ def grid_part(each: WeighedHypothesis, factors: Integers, weight: Floats) -> Par
     kept = own.ravel() > LEAST_PART
     count = mean.shape[2]
     return Part(
-        names, own.ravel()[kept], mean.reshape(-1, count)[kept], sd.reshape(-1, count)[kept], strengths
+        names,
+        own.ravel()[kept],
+        mean.reshape(own.size, count)[kept],
+        sd.reshape(own.size, count)[kept],
+        strengths,
     )
 
 
@@ -293,8 +298,9 @@ def screened_part(each: WeighedSignature, total: float) -> Part:
     vector = plain.vector - signature.raw @ rows.columns  # (strengths, d)
     count, own = len(fit.names), len(fit.names) + fit.x.size
     change = ((vector * scale - rows.precision * rows.away) @ covariance)[..., :own]
-    mean = (np.concatenate([fit.psi, fit.x]) + change).reshape(-1, own)
-    sd = np.sqrt(np.einsum("fii->fi", covariance)[:, np.newaxis, :own] + 0.0 * change).reshape(-1, own)
+    size = change.shape[0] * change.shape[1]
+    mean = (np.concatenate([fit.psi, fit.x]) + change).reshape(size, own)
+    sd = np.sqrt(np.einsum("fii->fi", covariance)[:, np.newaxis, :own] + 0.0 * change).reshape(size, own)
     logs = signature.log_prior + 0.5 * signature.fall(each.residual) * scale[:, 0]
     weight = np.exp(logs - log_sum_exp(logs, axis=1)[:, np.newaxis] + each.plain[kept, np.newaxis] - total)
     flat, table = weight.ravel(), tabulated(signature.grid, weight.sum(axis=0))

@@ -120,3 +120,11 @@ def test_two_hypotheses_are_mixed_by_their_weights():
     (bare_low, bare_high), (low, high), (bend_low, bend_high) = ends
     assert low == pytest.approx(min(bare_low, bend_low), abs=0.6 * (bare_high - bare_low))
     assert min(bare_low, bend_low) < low < high < max(bare_high, bend_high)
+
+
+def test_a_model_without_calibrated_numbers_has_strengths_alone():
+    problem = linear_problem(SHAPES, {"slope": 1.0}, calibrated=False)
+    prepared, _, _ = fit_base(prepare(problem, problem.measurements, 1))
+    acting = fitted(prepared, ("slope",), 0.9).strength("slope", 3.0)
+    assert acting.quantile(0.05) < 1.0 < acting.quantile(0.95)
+    assert fitted(prepared).parts
