@@ -102,11 +102,16 @@ def solve_file(path: Path) -> None:
         "p_misfit": found.p_misfit,
         "seconds": process_time() - start,
     }
+    if found.trend is not None:
+        answer |= {"trend": asdict(found.trend)}
     if found.beyond is not None:
         beyond = found.beyond
         answer |= {
             "beyond": beyond.verdict,
             "mechanisms": beyond.group,
+            "against": beyond.named,
+            "named_odds": beyond.named_odds,
+            "withdrawn": beyond.withdrawn,
             "best": [[m.name, m.log_bayes_factor, m.p_left, m.p_one_dose] for m in beyond.mechanisms[:4]],
             "free": beyond.log_bayes_discrepancy,
             "law": None if beyond.law is None else asdict(beyond.law),
@@ -120,11 +125,10 @@ def held_out(problem: Problem, beyond: BeyondList, seed: int) -> list[float]:
     law, name = beyond.law, beyond.group[0] if beyond.group else ""
     if law is None or ":" in name:
         return []
-    params = SimpleNamespace(**{key: each.value for key, each in law.numbers.items()})
-    code = compile(law.python.replace("PARAMS_", "params."), "law", "eval")
+    known = {tuple(at[name] for name in law.conditions): dose for at, dose in law.table}
 
     def dose(_params: Any, conditions: Mapping[str, float]) -> float:
-        return float(eval(code, {"np": np, "params": params, "at": conditions}))
+        return known[tuple(conditions[name] for name in law.conditions)]
 
     effect: Any = SimpleNamespace(mechanism=name, params=lambda: None, dose=dose, name=FOUND)
     with_law = replace(
@@ -167,6 +171,11 @@ def ratio(problem: Problem, truth: Any) -> float:
     return float(np.sqrt(max(best.misfit, 0.0)))
 
 
+def is_unchallenged(answer: Mapping[str, Any]) -> bool:
+    """Whether an effect is named and neither a mechanism nor another law of it is told."""
+    return answer["verdict"] == "present" and not answer.get("mechanisms") and "trend" not in answer
+
+
 def metrics(rows: Sequence[Mapping[str, str]]) -> list[Metric]:
     """All metrics, with Clopper-Pearson bounds at 95 %."""
     cases = [(json.loads(r["truth"]), float(r["ratio"]), json.loads(r["answer"])) for r in rows]
@@ -204,9 +213,19 @@ def metrics(rows: Sequence[Mapping[str, str]]) -> list[Metric]:
             ("<=", 0.05),
         ),
         share(
-            "outside, ratio >= 7: a listed effect named alone",
-            [a["verdict"] == "present" for _, a in outside],
+            "outside, ratio >= 7: a listed effect named, nothing beside it",
+            [is_unchallenged(a) for _, a in outside],
             ("<=", 0.05),
+        ),
+        share(
+            "outside, ratio >= 7: a listed effect named, a mechanism or another law told with it",
+            [a["verdict"] == "present" and not is_unchallenged(a) for _, a in outside],
+            ("<=", 1.0),
+        ),
+        share(
+            "listed, ratio >= 7: named, nothing beside it",
+            [is_unchallenged(a) and a["named"] == [t["name"]] for t, a in listed],
+            (">=", 0.85),
         ),
         share("nulls: any mechanism", [bool(a.get("mechanisms")) for a in nulls], ("<=", 0.02)),
         share(

@@ -129,6 +129,9 @@ class Candidates(Section):
     """Effects to try."""
 
     effects: tuple[Name, ...] = Field(default=(), description="'all', or a list of names")
+    mechanisms: tuple[Name, ...] | None = Field(
+        default=None, description="to try where no effect suffices: all if left out, [] for none"
+    )
     tables: dict[Name, CandidateEntry] = Field(default={}, description="priors of single effects")
 
 
@@ -360,11 +363,12 @@ def nested_candidates(table: dict[str, Any]) -> dict[str, Any]:
     candidates = table.get("candidates")
     if not isinstance(candidates, dict):
         return table
-    single = {name: entry for name, entry in candidates.items() if name != "effects"}
+    single = {name: entry for name, entry in candidates.items() if name not in ("effects", "mechanisms")}
     names = candidates.get("effects", ())
-    return table | {
-        "candidates": {"effects": (names,) if isinstance(names, str) else names, "tables": single}
-    }
+    listed = {"effects": (names,) if isinstance(names, str) else names, "tables": single}
+    if "mechanisms" in candidates:
+        listed["mechanisms"] = candidates["mechanisms"]
+    return table | {"candidates": listed}
 
 
 def with_entry(text: str, path: Sequence[str], value: float | str | list[str], note: str = "") -> str:

@@ -23,15 +23,25 @@ def has_law(document: Mapping[str, Any]) -> bool:
 
 
 def mechanism_law_file(
-    name: str, document: Mapping[str, Any], columns: Mapping[str, tuple[str, float]], source: str, page: str
+    name: str,
+    document: Mapping[str, Any],
+    columns: Mapping[str, tuple[str, float]],
+    readings: Mapping[str, tuple[str, float]],
+    source: str,
+    page: str,
 ) -> str:
-    """Effect file of the law of the best mechanism; `columns`: column -> condition and its unit over SI."""
+    """Effect file of the law of the best mechanism.
+
+    `columns`: column -> condition and its unit over SI; `readings`: observable -> measure that an instrument
+    reads, and the unit of the study over that of the measure.
+    """
     from taichi_erosion.mechanisms.library import load_mechanisms
 
     beyond = document["beyond"]
     refuse_foreign_code(beyond["law"]["python"])
     law, best = beyond["law"], beyond["mechanisms"][0]
     mechanism, _, observable = best["name"].partition(OF)
+    measure, unit = readings.get(observable, (observable, 1.0))
     used = {column: columns[column] for column in law["conditions"]}
     environment = Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     return environment.from_string(page).render(
@@ -39,7 +49,8 @@ def mechanism_law_file(
         title=name.replace("_", " ").capitalize(),
         mechanism=mechanism,
         mechanism_title=best["title"],
-        observable=observable,
+        observable=measure,
+        scale=None if best.get("scale") is None else unit * best["scale"],
         expression=law["expression"],
         python=law["python"].replace("PARAMS_", "params."),
         source=source,

@@ -36,6 +36,7 @@ class NamesOfStudy:
     conditions: Mapping[str, str] = field(default_factory=dict)  # column -> condition
     factors: Mapping[str, float] = field(default_factory=dict)  # condition -> its unit over that of SI
     observables: Mapping[str, str] = field(default_factory=dict)  # observable -> measure of the model
+    simulated: bool = False  # by scenes, whose measures are in SI units, angles in degrees
 
 
 def write_effect_file(
@@ -70,7 +71,9 @@ def law_file(name: str, source: Path) -> str:
     names = NamesOfStudy() if study is None else names_of_study(study)
     if has_law(document):
         columns = {column: known_column(column, names) for column in document["beyond"]["law"]["conditions"]}
-        return mechanism_law_file(name, document, columns, result.name, scaffold("mechanism_law"))
+        readings = {each: known_reading(each, names, document) for each in document.get("units", {})}
+        page = scaffold("mechanism_law")
+        return mechanism_law_file(name, document, columns, readings, result.name, page)
     environment = Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     page, title = environment.from_string(scaffold("law")), name.replace("_", " ").capitalize()
     law = law_fields(proposed_law(document, result), names, document.get("units", {}))
@@ -123,7 +126,7 @@ def names_of_study(path: Path) -> NamesOfStudy:
         return NamesOfStudy(dict(file.conditions), observables=measures)
     units = declared_conditions(file, path.parent)
     factors = {name: parse_scale(unit).factor for name, unit in units.items()}
-    return NamesOfStudy(conditions_set(file), factors, measures)
+    return NamesOfStudy(conditions_set(file), factors, measures, simulated=True)
 
 
 def conditions_set(file: "StudyFile") -> dict[str, str]:
@@ -165,6 +168,17 @@ def known_column(column: str, names: NamesOfStudy) -> tuple[str, float]:
     """Condition that an effect reads for a column, and the unit of the column over that of SI."""
     name = condition_of(column, names)
     return name, names.factors.get(name, 1.0)
+
+
+def known_reading(observable: str, names: NamesOfStudy, document: Mapping[str, Any]) -> tuple[str, float]:
+    """Measure that an instrument reads for an observable, and the study's unit over that of the measure."""
+    from taichi_erosion.scene.schema.units import conversion, parse_unit
+
+    measure = names.observables.get(observable, observable)
+    if not names.simulated:
+        return measure, 1.0
+    unit, degrees = parse_unit(document["units"][observable]), parse_unit("deg")
+    return measure, conversion(unit, degrees) or unit.factor
 
 
 def condition_of(column: str, names: NamesOfStudy) -> str:

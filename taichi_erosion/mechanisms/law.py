@@ -28,8 +28,13 @@ def law_constants(mechanism: Effect, dose_of: DoseOf) -> Callable[[Any, float, C
     return of_law
 
 
-def law_act(mechanism: Effect, dose_of: DoseOf, observable: str = "") -> Callable[..., Any]:
-    """`act` of a mechanism at the dose of a law; of an instrument for one observable."""
+def law_act(
+    mechanism: Effect, dose_of: DoseOf, observable: str = "", scale: float | None = None
+) -> Callable[..., Any]:
+    """`act` of a mechanism at the dose of a law; of an instrument for one observable.
+
+    `scale` is that of an offset, in the unit of the reading.
+    """
     if mechanism.place == "scene":
 
         def change(params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
@@ -43,19 +48,24 @@ def law_act(mechanism: Effect, dose_of: DoseOf, observable: str = "") -> Callabl
             dose = strength * float(dose_of(params, conditions))
             if name != observable or dose == 0.0:
                 return value
-            return mechanism.act(at_dose(mechanism, dose), 1.0, conditions, name, value)
+            return mechanism.act(at_dose(mechanism, dose, scale), 1.0, conditions, name, value)
 
         return read
     return mechanism.act
 
 
-def at_dose(mechanism: Effect, dose: float) -> Any:
-    """Parameters of a mechanism at one dose."""
-    return mechanism.params(dose=dose)
+def at_dose(mechanism: Effect, dose: float, scale: float | None = None) -> Any:
+    """Parameters of a mechanism at one dose; of an offset with its scale."""
+    return mechanism.params(dose=dose) if scale is None else mechanism.params(dose=dose, scale=scale)
 
 
 def law_checks(
-    mechanism: Effect, probe: Probe, params: Any, points: Sequence[Point], observable: str = ""
+    mechanism: Effect,
+    probe: Probe,
+    params: Any,
+    points: Sequence[Point],
+    observable: str = "",
+    scale: float | None = None,
 ) -> Iterator[Check]:
     """One line for each point: the effect does there what the mechanism does at the dose of the point."""
     for conditions, dose, response in points:
@@ -68,7 +78,8 @@ def law_checks(
             yield Check(claim, scene_difference(found, wanted), 0.0, atol=1e-4)
         elif mechanism.place == "instrument":
             got = probe(params, conditions, observable=observable, value=SAMPLE_READING)
-            want = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, observable, SAMPLE_READING)
+            made = at_dose(mechanism, dose, scale)
+            want = mechanism.act(made, 1.0, conditions, observable, SAMPLE_READING)
             yield Check(claim, got, want, rtol=1e-4)
         else:
             yield Check(claim, device_response(mechanism, probe, params, conditions), response, rtol=1e-3)

@@ -29,6 +29,7 @@ from taichi_erosion.report.html import made, number, render
 from taichi_erosion.report.lead import LEVEL, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.report.pictures import answers as answers_drawn
+from taichi_erosion.report.pictures.doses import draw_doses
 from taichi_erosion.report.plain_words import effect_words, words_of
 from taichi_erosion.report.strength_words import strength_words
 from taichi_erosion.report.study_figures import Panel
@@ -37,6 +38,7 @@ TEMPLATE = "evidence.html"
 RECORDING = "study.rrd"
 MOST_SHOWN = 4  # observables in the first figure before a reader asks for others
 STATUSES = {"present": "present", "excluded": "excluded", "not_testable": "not testable"}
+BEYOND = "What acts like the missing effect"
 TIMES = {0: "has not been opened", 1: "was opened once"}
 
 
@@ -151,6 +153,7 @@ def page_fields(found: Results) -> dict[str, Any]:
         "held_out_errors": HELD_OUT_ERRORS,
         "limits": list(limits(found)),
         "experiments": experiments(found),
+        "beyond": beyond_section(found),
         "prediction": found.prediction,
         "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
         "facts": list(facts(found)),
@@ -160,7 +163,8 @@ def page_fields(found: Results) -> dict[str, Any]:
 
 def sections(found: Results) -> list[tuple[str, str]]:
     """Names and titles of the sections that there are."""
-    there = [("where", "Where the model fails")]
+    there = [("beyond", BEYOND)] if beyond_sentences(found) else []
+    there += [("where", "Where the model fails")]
     there += [("missing", "Which effect is missing")] if found.discovery else []
     there += [("vault", "Vault")] if found.first["rows_hidden"] or found.adoption else []
     there += [("ladder", "Error ladder")] if len(found.adoptions) > 1 else []
@@ -221,6 +225,23 @@ def pictures(found: Results) -> dict[str, Picture | None]:
     }
 
 
+def beyond_section(found: Results) -> dict[str, Any] | None:
+    """Title, figures and sentences on mechanisms; None where none was weighed."""
+    if not (told := beyond_sentences(found)):
+        return None
+    return {
+        "title": BEYOND,
+        "pictures": draw_doses(found.discovery, found.adoption, found.table),
+        "told": told,
+    }
+
+
+def beyond_sentences(found: Results) -> list[str]:
+    """What acts like the missing effect, where mechanisms were weighed."""
+    beyond = (found.discovery or {}).get("beyond")
+    return list(beyond["sentences"]) if beyond else []
+
+
 def failures(document: Document | None) -> list[str]:
     """Sentences on the places of significant misfit of the bare model."""
     return [place["sentence"] for place in (document or {"where": ()})["where"] if fails(place["p"])]
@@ -262,7 +283,7 @@ def answers(found: Results) -> list[str]:
     discovery, adoption = found.discovery, found.adoption
     if discovery is None:
         return []
-    told = failures({"where": found.where})
+    told = [*failures({"where": found.where}), *beyond_sentences(found)]
     sentences = [sentence for sentence in discovery["sentences"] if sentence not in told]
     if adoption and adoption["base"]["vault_chi2"] is not None and adoption["contradicted"]:
         names = " and ".join(effect_words(name) for name in adoption["added"]["effects"])

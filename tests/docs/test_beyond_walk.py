@@ -11,6 +11,8 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.answers.documents import read_answer
+from taichi_erosion.report import write_report
+from tests.report.browser import assert_readable
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "beyond_the_list.md").read_text(encoding="utf-8")
@@ -38,6 +40,13 @@ def test_a_table_beyond_the_list_leads_to_a_law_and_a_falling_error(tmp_path, mo
     assert adopted is not None
     assert adopted["vault"]["chi2_after"] < 0.1 * adopted["vault"]["chi2_before"]
     assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
+    page = write_report(Path("doe/beyond/rolling_wet.toml"), tmp_path / "page.html")
+    assert_readable({"page": page}, tmp_path)
+    second = page.read_text(encoding="utf-8").partition('id="beyond"')[2].partition("<h2")[0]
+    assert "of a factor of rolling friction" in second
+    held = re.findall(r"<title>asked for: [^<]*\(held out\)[^<]*</title>", second)
+    assert held
+    assert "moisture" in held[0]
 
 
 def test_the_committed_table_is_the_one_of_the_laboratory():

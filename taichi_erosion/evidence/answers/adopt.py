@@ -25,9 +25,17 @@ from taichi_erosion.evidence.answers.held_out_misfit import (
 from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.mechanism_findings import DoseEstimate
 from taichi_erosion.evidence.data.problem import Problem, Progress, expected_strength
+from taichi_erosion.evidence.inference.doses.held_out_doses import held_out_doses
 from taichi_erosion.evidence.inference.familywise_test import familywise_test
-from taichi_erosion.evidence.inference.goodness_of_fit import chi_square, misfit_p, misfit_places, rows_table
+from taichi_erosion.evidence.inference.goodness_of_fit import (
+    calibration_covariance,
+    chi_square,
+    misfit_p,
+    misfit_places,
+    rows_table,
+)
 from taichi_erosion.evidence.inference.intervals.estimates import correlations, estimates_alone
 from taichi_erosion.evidence.inference.map_fit import Fit, fit, fit_base, fit_free_levels
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
@@ -61,14 +69,9 @@ def adopt(
     ready = account_of(prepared, every)
     prepared, screened = ready.prepared, ready.screened
     held = held_out_problem(prepared)
-    fits: list[tuple[HypothesisFit, HeldOutPrediction | None] | None] = [
-        evaluated(prepared, ready.base, held, ready.base)
-    ]
     wrong = [() if name is None else (name,) for name in controls(prepared, screened, every, seed)]
-    for index, names in enumerate((chosen, *wrong, every if every != chosen else ())):
-        progress(f"recalibrating with {' and '.join(names)}", 0.2 * (index + 1))
-        best = added_fit(prepared, screened, names) if names else None
-        fits.append(None if best is None else evaluated(prepared, best, held, ready.base))
+    sets = (chosen, *wrong, every if every != chosen else ())
+    fits, doses = fitted_sets(ready, held, sets, progress)
     bare, added, best_wrong, random_wrong, with_all = on_common_rows(fits)
     assert bare is not None
     assert added is not None
@@ -81,6 +84,7 @@ def adopt(
         with_all=with_all,
         held_out=held.rows.size if held else 0,
         where=misfit_places(prepared, screened.base),
+        doses=doses,
         vault_opened=problem.vault.opened + (1 if held else 0),
         runs=prepared.predictor.cost.runs + (held.predictor.cost.runs if held else 0),
         wall_s=perf_counter() - start,
@@ -103,6 +107,32 @@ class BareAccount:
     prepared: PreparedProblem
     base: Fit
     screened: Screen
+
+
+def fitted_sets(
+    ready: BareAccount, held: PreparedProblem | None, sets: Sequence[tuple[str, ...]], progress: Progress
+) -> tuple[list[tuple[HypothesisFit, HeldOutPrediction | None] | None], tuple[DoseEstimate, ...]]:
+    """The bare model and every set of effects on both sides, and the doses of the first set."""
+    prepared, doses = ready.prepared, tuple[DoseEstimate, ...]()
+    fits: list[tuple[HypothesisFit, HeldOutPrediction | None] | None] = [
+        evaluated(prepared, ready.base, held, ready.base)
+    ]
+    for index, names in enumerate(sets):
+        progress(f"recalibrating with {' and '.join(names)}", 0.2 * (index + 1))
+        best = added_fit(prepared, ready.screened, names) if names else None
+        if index == 0 and held is not None and best is not None:
+            doses = law_doses(prepared, best, held)
+        fits.append(None if best is None else evaluated(prepared, best, held, ready.base))
+    return fits, doses
+
+
+def law_doses(prepared: PreparedProblem, best: Fit, held: PreparedProblem) -> tuple[DoseEstimate, ...]:
+    """Doses that held-out rows ask for where one law of a mechanism was adopted; else none."""
+    laws = [prepared.candidate(name) for name in best.names]
+    if len(laws) != 1 or laws[0].dose is None:
+        return ()
+    covariance = calibration_covariance(prepared, expand(prepared, best))
+    return held_out_doses(held, best, laws[0], covariance[1:, 1:])
 
 
 def account_of(prepared: PreparedProblem, names: tuple[str, ...]) -> BareAccount:

@@ -13,11 +13,13 @@ from taichi_erosion.evidence.answers import documents
 from taichi_erosion.evidence.answers.adopt import adopt, judged
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.documents import Command, Document
+from taichi_erosion.evidence.answers.mechanism_experiments import mechanism_experiments
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
 from taichi_erosion.evidence.answers.rounds import (
     Question,
     adoption_points,
     answered,
+    asks_mechanisms,
     comparison_points,
     discovery_points,
     last_budget,
@@ -92,7 +94,14 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
         def answer(ready: Study, progress: Progress) -> Discovery:
             return discovery(ready, seed, progress)
 
-        question = Question("discover", answer, discovery_points, names_of(study), required=required_points)
+        question = Question(
+            "discover",
+            answer,
+            discovery_points,
+            names_of(study),
+            required=required_points,
+            beyond=asks_mechanisms,
+        )
         found, ready = answered(study, spent, question, progress)
         if study.file.study.model is not None or not study.file.laboratory.ranges:
             found = with_experiments(ready, found)
@@ -166,7 +175,9 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         def answer(ready: Study, progress: Progress) -> Discovery:
             return with_experiments(ready, discovery(ready, seed, progress))
 
-        question = Question("next", answer, discovery_points, names_of(study), ahead=True)
+        question = Question(
+            "next", answer, discovery_points, names_of(study), ahead=True, beyond=asks_mechanisms
+        )
         found, ready = answered(study, budget, question, progress)
         experiments = documents.plain([asdict(each) for each in found.next_experiments])
         document = {"next_experiments": experiments, "sentence": found.next_sentence}
@@ -209,7 +220,8 @@ def with_experiments(study: Study, found: Discovery) -> Discovery:
         return replace(found, next_sentence=WAITS)
     stated = study.file.laboratory
     laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
-    told = next_experiments(study.problem, with_all_open(study, found) if few else found, laboratory)
+    told = None if few else mechanism_experiments(study.problem, found, laboratory)
+    told = told or next_experiments(study.problem, with_all_open(study, found) if few else found, laboratory)
     words = told.sentence
     if few:
         words = f"{more_rows(missing_rows(study.problem))} {words}"

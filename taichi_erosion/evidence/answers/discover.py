@@ -28,14 +28,19 @@ from taichi_erosion.evidence.data.findings import (
     Status,
     VaultErrors,
 )
-from taichi_erosion.evidence.data.mechanism_findings import BeyondList
 from taichi_erosion.evidence.data.problem import Budget, Candidate, Problem, Progress, expected_strength
 from taichi_erosion.evidence.data.transforms import split_setting
 from taichi_erosion.evidence.inference import goodness_of_fit
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
-from taichi_erosion.evidence.inference.doses.mechanism_search import beyond_list
+from taichi_erosion.evidence.inference.doses.mechanism_search import (
+    after_challenge,
+    beyond_list,
+    challenged,
+    missing,
+)
+from taichi_erosion.evidence.inference.doses.named_strength import strength_trend
 from taichi_erosion.evidence.inference.familywise_test import power
 from taichi_erosion.evidence.inference.intervals.estimates import (
     acting_strengths,
@@ -80,6 +85,7 @@ def discover(problem: Problem, seed: int, budget: Budget, progress: Progress) ->
 
 def discovery_of(found: Analysis, seed: int) -> Discovery:
     """The record of an analysis."""
+    found, beyond = with_beyond(found)
     prepared, screened = found.fitted.prepared, found.fitted.screened
     whole = averaged(found)
     strengths = fitted_strengths(found, whole)
@@ -120,7 +126,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         survivors=plausible_hypotheses(found),
         closest=closest_hypotheses(found),
         nearest=nearest_hypothesis(found) if outside else None,
-        beyond=found_beyond(found),
+        **beyond,
     )
     return replace(record, sentences=discovery_sentences(record))
 
@@ -163,14 +169,20 @@ def stated_row_off(found: Analysis) -> RowOff | None:
     return goodness_of_fit.row_off(fitted.prepared, expansions)
 
 
-def found_beyond(found: Analysis) -> BeyondList | None:
-    """Mechanisms, where the model has places for them and no listed effect explains a misfit."""
-    silent = found.decision.verdict in ("none_detected", "not_testable") and levels.fails(found.p_misfit)
-    asked = found.decision.verdict == "outside_library" or (silent and not found.range_suffices)
-    if not asked or not found.fitted.prepared.problem.mechanisms:
-        return None
-    beyond = beyond_list(found.fitted)
-    return replace(beyond, sentences=mechanism_sentences(beyond))
+def with_beyond(found: Analysis) -> tuple[Analysis, dict[str, Any]]:
+    """Mechanisms, where the model has places for them and the list explains a misfit badly; the answer then.
+
+    What is named is weighed against them where it leaves a misfit, or its strength would have to vary.
+    """
+    trend = strength_trend(found.fitted.prepared, found.final)
+    verdict = found.decision.verdict
+    doubtful = challenged(verdict, found, trend)
+    if not (missing(verdict, found) or doubtful) or not found.fitted.prepared.problem.mechanisms:
+        return found, {"trend": trend}
+    beyond = beyond_list(found.fitted, found.final if doubtful else None)
+    found = after_challenge(found, beyond)
+    told = replace(beyond, sentences=mechanism_sentences(beyond))
+    return found, {"beyond": told, "trend": None if beyond.withdrawn else trend}
 
 
 def nameless_discovery(problem: Problem, seed: int, progress: Progress) -> Discovery:

@@ -18,6 +18,7 @@ import numpy as np
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
+from taichi_erosion.evidence.answers.mechanism_sentences import trend_sentences
 from taichi_erosion.evidence.answers.words.agreement import row_sentences
 from taichi_erosion.evidence.answers.words.effect_sets import set_sentences
 from taichi_erosion.evidence.answers.words.held_out import refuted
@@ -67,6 +68,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
             f"With {names} the calibration still drives {numbers} to the end of its range: check that range, "
             "and units, before the name."
         )
+    sentences += trend_sentences(found.trend)
     sentences += nearest_sentences(found.nearest)
     if found.verdict == "outside_library":
         sentences += row_sentences(None if found.worst_row is None else asdict(found.worst_row))

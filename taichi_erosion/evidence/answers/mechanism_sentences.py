@@ -2,7 +2,12 @@
 
 from math import isnan
 
-from taichi_erosion.evidence.data.mechanism_findings import BeyondList, DoseLaw, MechanismFinding
+from taichi_erosion.evidence.data.mechanism_findings import (
+    BeyondList,
+    DoseLaw,
+    MechanismFinding,
+    StrengthTrend,
+)
 from taichi_erosion.evidence.inference.verdict_levels import p_text
 
 MOST_TOLD = 3  # members of a group, and mechanisms that explain it worse
@@ -12,10 +17,13 @@ LEAST_ODDS, MOST_ODDS = 1.5, 1e6  # written as about equal, and as "more than"
 def mechanism_sentences(found: BeyondList) -> tuple[str, ...]:
     """What acts, by which law, what else would do, what does not."""
     best = found.mechanisms[0]
+    if found.named and not found.withdrawn:
+        return beside_name(found)
     if found.verdict == "none":
         return none_sentences(found)
     group = [each for each in found.mechanisms if each.name in found.group]
-    told = [lead_sentence(best, alone=len(group) == 1)]
+    told = [withdrawn_sentence(found, best)] if found.withdrawn else []
+    told.append(lead_sentence(best, alone=len(group) == 1))
     if found.law is not None:
         told.append(law_sentence(found.law))
     if len(group) > 1:
@@ -24,6 +32,45 @@ def mechanism_sentences(found: BeyondList) -> tuple[str, ...]:
         told.append(f"Not distinguished from it by these measurements: {names}{more}.")
     worse = [each for each in found.mechanisms if each.name not in found.group][:MOST_TOLD]
     told += [worse_sentence(each) for each in worse[:1]]
+    return tuple(told)
+
+
+def trend_sentences(trend: StrengthTrend | None) -> list[str]:
+    """A named effect whose law has another power of a condition than the list."""
+    if trend is None:
+        return []
+    along, chance = trend.condition, p_text(trend.p)
+    if trend.exponent is None:
+        how = f"has to vary along {along}"
+    else:
+        e = trend.exponent
+        how = f"has to vary as {along}^{e.value:.2g} ({e.low:.2g} to {e.high:.2g})"
+    return [
+        f"{trend.effect} alone does not suffice: its strength {how} (one strength for all: {chance}), so its "
+        f"law of {along} is another than that of the list."
+    ]
+
+
+def withdrawn_sentence(found: BeyondList, best: MechanismFinding) -> str:
+    """Why listed effects are no longer named."""
+    names, odds = " and ".join(found.named), min(found.named_odds, MOST_ODDS)
+    return (
+        f"Of the list {names} comes closest, but {best.title} with a law of its own explains the measured "
+        f"values better (odds {odds:.2g} : 1), so {names} is not named."
+    )
+
+
+def beside_name(found: BeyondList) -> tuple[str, ...]:
+    """Mechanisms that explain as much as the listed effects that are named."""
+    names = " and ".join(found.named)
+    if found.verdict == "none":
+        return (f"No mechanism with a law of its own explains the measurements better than {names}.",)
+    group = [each for each in found.mechanisms if each.name in found.group]
+    acts = " or ".join(each.title for each in group[:MOST_TOLD])
+    more = f" ({len(group)} in all)" if len(group) > MOST_TOLD else ""
+    told = [f"Not distinguished from {names} by these measurements: something that acts like {acts}{more}."]
+    if found.law is not None:
+        told.append(f"With {group[0].title}: {law_sentence(found.law)}")
     return tuple(told)
 
 

@@ -17,8 +17,10 @@ from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.emulator.mechanism_runs import fits_budget, with_mechanisms
 from taichi_erosion.evidence.emulator.plan_cost import plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
+from taichi_erosion.evidence.inference.doses.mechanism_search import challenged, missing
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.scene.load import file_text
 
@@ -42,6 +44,7 @@ class Question(Generic[Found]):
     most: int = MOST_POINTS  # points of a round
     ahead: bool = False  # whether it needs conditions that were not measured but could be
     required: Callable[[Found], Points] = lambda _: []  # to be simulated about before the answer counts
+    beyond: Callable[[Found], bool] = lambda _: False  # whether mechanisms are to be tried before it counts
 
 
 def answered(
@@ -69,7 +72,14 @@ def answered(
             own.append([])  # a round about nothing new changes no answer
         if points is None:
             write_rounds(study, {**rounds, key: own})
-            return found, ready
+            if runs.mechanisms or not question.beyond(found):
+                return found, ready
+            wider = with_mechanisms(runs)
+            if not wider.mechanisms or not fits_budget(wider):
+                return found, ready
+            runs = wider
+            study.options.announce(f"No listed effect suffices. {plan_cost(runs, 0, 0).sentence}")
+            continue
         runs = training_runs.refined_training_runs(runs, points, f"{key}|{len(own)}")
         own.append(points)
         write_rounds(study, {**rounds, key: own})
@@ -170,6 +180,11 @@ def required_points(found: Discovery) -> Points:
     """The closest single effect and set of several, before the verdict is that no candidate describes it."""
     closest = found.closest if found.verdict == "outside_library" else ()
     return [refinement_point(each.parameters, each.strengths) for each in closest]
+
+
+def asks_mechanisms(found: Discovery) -> bool:
+    """Whether the answer has to stand beside mechanisms, or to be found among them."""
+    return missing(found.verdict, found) or challenged(found.verdict, found, found.trend)
 
 
 def adoption_points(found: Adoption) -> Points:

@@ -10,7 +10,7 @@ import numpy as np
 from taichi_erosion.evidence.data.problem import Bools, Floats
 
 if TYPE_CHECKING:
-    from taichi_erosion.evidence.data.mechanism_findings import BeyondList
+    from taichi_erosion.evidence.data.mechanism_findings import BeyondList, DoseEstimate, StrengthTrend
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "not_testable"]
@@ -411,7 +411,8 @@ class Discovery:
     survivors: tuple[PlausibleHypothesis, ...] = ()
     closest: tuple[PlausibleHypothesis, ...] = ()  # effect and set of several that leave least misfit
     nearest: NearestHypothesis | None = None
-    beyond: "BeyondList | None" = None  # mechanisms, where no listed effect explains a misfit
+    beyond: "BeyondList | None" = None  # mechanisms, where no listed effect explains a misfit alone
+    trend: "StrengthTrend | None" = None  # of the strength of the named effect
     rows_before: Rows
     rows_after: Rows
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of the effects of the final model
@@ -453,6 +454,7 @@ class Adoption:
     held_out: int = 0  # rows in the vault, with and without a value of the model
     vault_opened: int = 0
     contradicted: bool = False  # held-out rows fail no less with what was adopted
+    doses: tuple["DoseEstimate", ...] = ()  # that held-out rows ask for, of an adopted law of a mechanism
     where: tuple[MisfitPlace, ...] = ()  # of the bare model
     sentence: str = ""
     runs: int = 0

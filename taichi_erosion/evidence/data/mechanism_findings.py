@@ -35,6 +35,8 @@ class DoseLaw:
     stability: float  # share of the left-out groups without which the same form is chosen [1]
     python: str  # the same as a Python expression of `dose_of`
     points: tuple[tuple[Mapping[str, float], float], ...]  # conditions, and the dose there [1]
+    table: tuple[tuple[Mapping[str, float], float], ...] = ()  # the same at all that were measured
+    curve: tuple[tuple[float, float, float], ...] = ()  # of one condition: its value, the dose, its sd
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class MechanismFinding:
 
     name: str
     title: str
+    meaning: str  # of its dose
     observable: str  # whose readings an instrument changes; "" for physics
     log_bayes_factor: float  # against the bare model
     odds: float  # of the best mechanism over this one [1]
@@ -52,11 +55,25 @@ class MechanismFinding:
     axis: str  # condition along which its doses vary; "" for all together
     curvature: float  # of the model along the doses within their error [1]
     explains: bool  # enough evidence, no misfit left, one dose for all observables
+    scale: float = float("nan")  # offset of a dose of 1, in the unit of the observable; NaN for others
+
+
+@dataclass(frozen=True)
+class StrengthTrend:
+    """A named effect whose strength would have to vary along a condition: its law has another power of it."""
+
+    effect: str
+    condition: str
+    p: float  # chance of as much if one strength serves all conditions
+    exponent: Estimate | None  # of the condition, beyond that of the law of the list
 
 
 @dataclass(frozen=True)
 class BeyondList:
-    """Where something is missing, and the law that it follows, where no listed effect explains a misfit."""
+    """Where something is missing, and the law that it follows, where no listed effect explains a misfit.
+
+    Where one is named, mechanisms stand beside it that explain as much, or more: it is then withdrawn.
+    """
 
     verdict: BeyondVerdict
     mechanisms: tuple[MechanismFinding, ...]  # best first
@@ -66,4 +83,7 @@ class BeyondList:
     listed: str  # those: a+b
     doses: tuple[DoseEstimate, ...]  # of the best mechanism
     law: DoseLaw | None  # of the best mechanism
+    named: tuple[str, ...] = ()  # listed effects against which the mechanisms were weighed
+    named_odds: float = float("nan")  # of the best mechanism over these [1]
+    withdrawn: bool = False  # whether these were named before, and are no longer
     sentences: tuple[str, ...] = ()

@@ -148,6 +148,7 @@ class Candidate:
     prior_scale: float = 1.5  # of the strength [1]
     maximum: float = 3.0
     mask: Mask | None = None  # conditions -> where the effect can act at all; None: anywhere
+    dose: Callable[[Conditions], Floats] | None = None  # of a law of a mechanism, at strength 1; None: no law
 
 
 @dataclass(frozen=True)

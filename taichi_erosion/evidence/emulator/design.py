@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
-from taichi_erosion.evidence.data.problem import Candidate, Floats, Numbers, expected_strength
+from taichi_erosion.evidence.data.problem import Candidate, Floats, Mechanism, Numbers, expected_strength
 from taichi_erosion.evidence.data.transforms import Axis, axis_value
 from taichi_erosion.evidence.models.simulator import (
     SceneMeasure,
@@ -21,6 +21,7 @@ from taichi_erosion.evidence.models.simulator import (
     condition_matters,
     parameter_matters,
 )
+from taichi_erosion.mechanisms.library import dose_at, dose_position
 
 REACH = 2.0  # prior sd to either side over which calibrated numbers are spread
 LEAST_STRENGTH = 0.3  # of the expected one, at which an effect is tried
@@ -28,6 +29,7 @@ MOST_STRENGTH = 3.0  # likewise; effects that much stronger are read off the emu
 WARP = 1.5  # > 1 puts more of the tried strengths below the middle
 JITTER_NUMBERS = 0.4  # prior sd by which runs of a later round spread about an explanation
 JITTER_STRENGTH = 0.25  # likewise, share of the strength
+BOTH_SIDES = 1.5  # runs along a dose, which has two signs, over those along a strength
 DIGITS = 6  # of a number in a run: rounding errors must not make it another run
 SEEDS = 2**30  # seeds of runs lie below
 
@@ -107,11 +109,37 @@ def base_runs(scene: StudyScene, size: PlanSize, tag: str = "") -> list[Training
 def effect_runs(scene: StudyScene, candidate: Candidate, size: PlanSize, tag: str = "") -> list[TrainingRun]:
     """Runs with one effect, at strengths from weak to strong."""
     names = (candidate.name,)
-    rows = distinct_conditions(scene, names)
-    columns = {tuple(row.get(path) for row in rows) for path in dict.fromkeys(p for row in rows for p in row)}
-    varying = sum(len(set(column)) > 1 for column in columns)
+    varying = varying_count(scene, names)
     own = len(relevant_axes(scene, names)) - len(relevant_axes(scene, ()))
     return spread_runs(scene, candidate, size.effect + size.condition * (varying + own), tag)
+
+
+def mechanism_runs(
+    scene: StudyScene, mechanism: Mechanism, size: PlanSize, tag: str = ""
+) -> list[TrainingRun]:
+    """Runs along the dose of one mechanism, from the least to the largest; they serve any law of it."""
+    names = (mechanism.name,)
+    low, high = dose_position(mechanism.low), dose_position(mechanism.high)
+
+    def dose(_: str, share: float) -> float:
+        return dose_at(low + (high - low) * share)
+
+    count = round(BOTH_SIDES * size.effect) + size.condition * varying_count(scene, names)
+    key = f"{scene.measure.scene.name}|{mechanism.name}|{tag}"
+    return sampled_runs(scene, names, count, key, (spread_parameter, dose), 2)
+
+
+def spread_parameter(axis: Axis, share: float) -> float:
+    """A calibrated number within the reach of its prior."""
+    low, high = max(axis.low, -REACH), min(axis.high, REACH)
+    return axis_value(axis, low + (high - low) * share)
+
+
+def varying_count(scene: StudyScene, names: Sequence[str]) -> int:
+    """Conditions that vary among those on which a run with some effects can depend."""
+    rows = distinct_conditions(scene, names)
+    columns = {tuple(row.get(path) for row in rows) for path in dict.fromkeys(p for row in rows for p in row)}
+    return sum(len(set(column)) > 1 for column in columns)
 
 
 def spread_runs(scene: StudyScene, candidate: Candidate | None, count: int, tag: str) -> list[TrainingRun]:
@@ -124,12 +152,8 @@ def spread_runs(scene: StudyScene, candidate: Candidate | None, count: int, tag:
         low, high = LEAST_STRENGTH * unit, min(candidate.maximum, MOST_STRENGTH * unit)
         return low + (high - low) * share**WARP
 
-    def parameter(axis: Axis, share: float) -> float:
-        low, high = max(axis.low, -REACH), min(axis.high, REACH)
-        return axis_value(axis, low + (high - low) * share)
-
     key = f"{scene.measure.scene.name}|{'+'.join(names)}|{tag}"
-    return sampled_runs(scene, names, count, key, (parameter, strength), 2)
+    return sampled_runs(scene, names, count, key, (spread_parameter, strength), 2)
 
 
 def refinement_runs(

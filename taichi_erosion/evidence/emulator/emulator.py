@@ -32,6 +32,7 @@ from taichi_erosion.evidence.emulator.gaussian_process import (
     fit_gaussian_process,
 )
 from taichi_erosion.evidence.models import simulator
+from taichi_erosion.mechanisms.library import dose_position
 
 LEAST_RUNS = 4  # with a value; fewer make no emulator
 LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
@@ -60,6 +61,12 @@ class EmulatorInputs:
     axes: tuple[Axis, ...]  # calibrated numbers that the scene accepts
     scales: Mapping[str, ConditionScale]  # of conditions that vary, by dotted path
     candidates: tuple[Candidate, ...]
+    mechanisms: tuple[str, ...] = ()  # whose doses are inputs, as far as there are runs with them
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effects and mechanisms in the order of their inputs."""
+        return (*(candidate.name for candidate in self.candidates), *self.mechanisms)
 
     def points(self, at: Conditions, parameters: Columns, effects: Columns) -> Points:
         """Standardised inputs of rows; everything is a column."""
@@ -70,6 +77,7 @@ class EmulatorInputs:
             self.strength(candidate, at, parameters, np.broadcast_to(effects.get(candidate.name, 0.0), size))
             for candidate in self.candidates
         ]
+        psi += [dose_position(np.broadcast_to(effects.get(n, 0.0), size)) for n in self.mechanisms]
         return Points(*(np.array(part, dtype=float).reshape(-1, size).T for part in (x, c, psi)))
 
     def strength(
@@ -94,7 +102,7 @@ class EmulatorInputs:
             self.scene.simulator.library,
             self.scene.simulator.acting_effects(self.scene.measure.scene),
         )
-        names = [candidate.name for candidate in self.candidates]
+        names = self.names
 
         def conditions(*effects: str) -> list[bool]:
             read = {name for effect in {*present, *effects} for name in library[effect].reads}
@@ -170,8 +178,7 @@ def fit_emulators(
     paths = dict.fromkeys(path for run in runs for path in run.at)
     at = {path: np.array([run.at.get(path, np.nan) for run in runs]) for path in paths}
     numbers = {axis.name: np.array([run.parameters[axis.name] for run in runs]) for axis in inputs.axes}
-    names = [candidate.name for candidate in inputs.candidates]
-    effects = {name: np.array([run.effects.get(name, 0.0) for run in runs]) for name in names}
+    effects = {name: np.array([run.effects.get(name, 0.0) for run in runs]) for name in inputs.names}
     points = inputs.points(at or {"": np.full(len(runs), np.nan)}, numbers, effects)
     found = {}
     for name in inputs.scene.observables:

@@ -23,6 +23,7 @@ from taichi_erosion.evidence.data.problem import (
     Candidate,
     Conditions,
     Floats,
+    Mechanism,
     Numbers,
     Observable,
     Problem,
@@ -63,6 +64,7 @@ class TrainingRuns:
     ahead_size: PlanSize | None = None  # of the runs at conditions that could be measured; None: no room
     runs: tuple[TrainingRun, ...] = ()
     elsewhere: int = 0  # planned for other questions of the study
+    mechanisms: tuple[Mechanism, ...] = ()  # along whose doses there are runs
 
 
 def initial_training_runs(
@@ -285,7 +287,7 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     faults: list[SetUpFault] = []
     for scene in training.scenes:
         own = [k for k, run in enumerate(runs) if run.scene == scene.measure.scene]
-        inputs = emulator_inputs(study.problem, scene)
+        inputs = emulator_inputs(study.problem, scene, [each.name for each in training.mechanisms])
         trained = [(runs[k], results[k]) for k in own]
         faults += run_faults(study, scene, trained)
         try:
@@ -296,7 +298,7 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     notes = (run_note(requests), *inactive_notes(training), *refused, *emulator_notes(emulators))
     return replace(
         study,
-        problem=emulated_problem(study.problem, Emulator(emulators)),
+        problem=replace(emulated_problem(study.problem, Emulator(emulators)), mechanisms=training.mechanisms),
         notes=(*study.notes, *notes),
         simulations=len({request.key for request in requests}),
         faults=(*study.faults, *faults),
@@ -320,7 +322,7 @@ def requested(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunReques
     return kept, requests, [f"{name} cannot act here: {reason}" for name, reason in refused.items()]
 
 
-def emulator_inputs(problem: Problem, scene: StudyScene) -> EmulatorInputs:
+def emulator_inputs(problem: Problem, scene: StudyScene, mechanisms: Sequence[str]) -> EmulatorInputs:
     """Inputs of the emulators of one scene."""
     accepted = scene.measure.accepted_paths
     return EmulatorInputs(
@@ -328,6 +330,7 @@ def emulator_inputs(problem: Problem, scene: StudyScene) -> EmulatorInputs:
         axes=tuple(axis for axis in scene.axes if axis.name in accepted),
         scales=condition_scales((*scene.rows, *scene.proposed), accepted),
         candidates=tuple(known_effects(problem).values()),
+        mechanisms=tuple(mechanisms),
     )
 
 

@@ -77,6 +77,7 @@ LAW_SHARE = 0.1  # of the misfit of left-out groups, from which a law is told as
 MECHANISM_GAIN = 3.0  # ln Bayes factor against the bare model, from which a mechanism explains a misfit
 MECHANISM_BEHIND = 3.0  # the same behind a free smooth discrepancy of every observable, at most
 MECHANISM_ODDS = 20.0  # of the best mechanism over another, up to which the two are one group
+CHALLENGE_LEVEL = 0.05  # chance of what a name leaves, below which mechanisms are weighed against it
 NUMBER_SHARE = 0.5  # of the misfit, from which a calibrated number is told that would have to vary
 UNVISITED = 0.02  # estimated probability of sets that were not fitted, from which it is told
 REPORTED_RIVAL = 1e-3  # probability from which another explanation is reported

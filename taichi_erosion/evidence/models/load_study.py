@@ -22,6 +22,7 @@ from taichi_erosion.evidence.data.problem import (
     Budget,
     Candidate,
     Measurements,
+    Mechanism,
     Model,
     Observable,
     Parameter,
@@ -34,6 +35,7 @@ from taichi_erosion.evidence.models.own_effects import function_candidate, funct
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 from taichi_erosion.evidence.models.study_values import study_value_faults
+from taichi_erosion.mechanisms.library import load_mechanisms
 
 BudgetName = Literal["quick", "full"]
 EffectFiles = tuple[EffectFile, ...]
@@ -125,7 +127,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
         adopted=found.adopted,
         uncertainty=uncertainty,
-        mechanisms=() if found.plugin is None else found.plugin.mechanisms,
+        mechanisms=wanted_mechanisms(path, file, () if found.plugin is None else found.plugin.mechanisms),
     )
     fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
     notes = (*notes, vault_note)
@@ -139,6 +141,15 @@ def read_with_table(path: Path) -> StudyFile:
         return read_evidence_study(path)
     except BadInput as error:
         raise BadInput(*error.faults, *table_faults_of(path)) from None
+
+
+def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ...]) -> tuple[Mechanism, ...]:
+    """Mechanisms of a model that the study asks for. Raises BadInput for one that does not exist."""
+    wanted, known = file.candidates.mechanisms, load_mechanisms()
+    if missing := [name for name in wanted or () if name not in known]:
+        told = f"candidates.mechanisms: '{missing[0]}' is not one of {', '.join(known)}"
+        raise BadInput(f"{path}: {told}")
+    return tuple(each for each in declared if wanted is None or each.name in wanted)
 
 
 def study_effect_files(path: Path, file: StudyFile, options: StudyOptions) -> EffectFiles:

@@ -134,7 +134,14 @@ def with_effects(model: Model, effects: Mapping[str, Effect]) -> Model:
 
 def function_candidate(effect: Effect, columns: Mapping[str, str]) -> Candidate:
     """An effect of a file as a candidate, with the priors of its file."""
-    return Candidate(effect.name, effect.prior_scale, effect.most, partial(mask, effect, dict(columns)))
+    acts = partial(mask, effect, dict(columns))
+    dose = partial(candidate_doses, effect, dict(columns)) if effect.mechanism else None
+    return Candidate(effect.name, effect.prior_scale, effect.most, acts, dose)
+
+
+def candidate_doses(law: Effect, columns: Mapping[str, str], conditions: Conditions) -> Floats:
+    """Dose of strength 1 in every row of a table."""
+    return row_doses(law, {columns[name]: column for name, column in conditions.items()})
 
 
 def mask(effect: Effect, columns: Mapping[str, str], conditions: Conditions) -> Bools:

@@ -179,15 +179,40 @@ def seed_variance(values: Floats, which: Integers) -> Floats:
     return (PRIOR_FREEDOM * pooled + squares) / (PRIOR_FREEDOM + freedom)
 
 
-def standard_axis(column: Floats) -> Floats | None:
-    """Standardised condition; None if it does not vary. Missing entries sit at the mean."""
+@dataclass(frozen=True)
+class AxisScale:
+    """Standardisation of a condition, by the rows that it was made from."""
+
+    middle: float  # where a missing entry sits
+    centre: float
+    width: float
+    logarithmic: bool
+
+    def __call__(self, column: Floats) -> Floats:
+        """Standardised values of the rows, or of others."""
+        return (self.filled(column) - self.centre) / self.width
+
+    def filled(self, column: Floats) -> Floats:
+        """Values on the scale of the axis, missing ones at the mean."""
+        filled = np.where(np.isfinite(column), column, self.middle)
+        return np.log(np.maximum(filled, 1e-300)) if self.logarithmic else filled
+
+
+def axis_scale(column: Floats) -> AxisScale | None:
+    """Standardisation of a condition; None if it does not vary."""
     finite = column[np.isfinite(column)]
     if finite.size < 2 or np.ptp(finite) <= 1e-12 * np.abs(finite).max():
         return None
-    filled = np.where(np.isfinite(column), column, finite.mean())
-    if finite.min() > 0.0 and finite.max() > LOG_SPAN * finite.min():
-        filled = np.log(filled)
-    return (filled - filled.mean()) / filled.std()
+    logarithmic = bool(finite.min() > 0.0 and finite.max() > LOG_SPAN * finite.min())
+    scale = AxisScale(float(finite.mean()), 0.0, 1.0, logarithmic)
+    filled = scale.filled(column)
+    return replace(scale, centre=float(filled.mean()), width=float(filled.std()))
+
+
+def standard_axis(column: Floats) -> Floats | None:
+    """Standardised condition; None if it does not vary. Missing entries sit at the mean."""
+    scale = axis_scale(column)
+    return None if scale is None else scale(column)
 
 
 def pooled_noise(differences: Floats, observables: tuple[Integers, ...]) -> Floats:

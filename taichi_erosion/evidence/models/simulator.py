@@ -19,6 +19,7 @@ from taichi_erosion.campaign.ledger import Ledger, open_ledger
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
+from taichi_erosion.core.effect_file import read_effect_files
 from taichi_erosion.core.effect_loading import effect_in, failures_of
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
@@ -34,6 +35,7 @@ from taichi_erosion.evidence.data.problem import (
     with_stated,
 )
 from taichi_erosion.evidence.data.transforms import effect_of
+from taichi_erosion.mechanisms.library import DOSE, mechanism_path
 from taichi_erosion.run.checks import EffectFiles, read_scene, scene_effect_files
 from taichi_erosion.scene import Scene, scene_hash
 from taichi_erosion.scene.schema.conditions import Conditions as PredefinedConditions
@@ -65,6 +67,7 @@ class Simulator:
     folder: Path  # of the ledger
     effect_files: EffectFiles = ()  # of the study and its scenes
     own: tuple[str, ...] = ()  # effects of the study's files: candidates
+    mechanisms: tuple[str, ...] = ()  # of the library, known by their doses in place of strengths
     ledger: Ledger | None = field(default=None, repr=False)
 
     def __call__(
@@ -105,8 +108,24 @@ class Simulator:
             for path, value in {**kept, **parameters}.items()
             if path in measure.accepted_paths and parameter_matters(path, present)
         }
-        entries = numbers | {f"effects.{name}.strength": psi for name, psi in acting.items()}
+        entries = numbers | {f"effects.{name}.{self.size_of(name)}": psi for name, psi in acting.items()}
         return tuple(f"{path}={float(value)!r}" for path, value in entries.items())
+
+    def size_of(self, name: str) -> str:
+        """Entry of an effect that says how much of it acts."""
+        return DOSE if name in self.mechanisms else STRENGTH
+
+    def with_mechanisms(self, names: Sequence[str]) -> "Simulator":
+        """The same with some mechanisms in its library; the ledger is shared."""
+        files = read_effect_files([mechanism_path(name) for name in names])
+        library = dict(self.library) | {effect_in(file).name: effect_in(file) for file in files}
+        return replace(
+            self,
+            library=library,
+            effect_files=(*self.effect_files, *files),
+            mechanisms=tuple(names),
+            ledger=self.opened(),
+        )
 
     def can_act(self, effect: str, scene: Path, at: Mapping[str, float]) -> bool:
         """Whether an effect can act under some conditions; the scene may state what they leave out."""
@@ -285,10 +304,22 @@ def library_candidate(
 ) -> Candidate:
     """One effect; the study overrides the library."""
     effect = simulator.library[name]
-    known = Candidate(
-        name, effect.prior_scale, effect.most, partial(can_act, simulator, effect, dict(columns))
-    )
+    acts = partial(can_act, simulator, effect, dict(columns))
+    dose = partial(law_doses, simulator, effect, dict(columns)) if effect.mechanism else None
+    known = Candidate(name, effect.prior_scale, effect.most, acts, dose)
     return with_stated(known, prior_scale=entry.prior_scale, maximum=entry.max)
+
+
+def law_doses(
+    simulator: Simulator, effect: Effect, columns: Mapping[str, str], conditions: Conditions
+) -> Floats:
+    """Dose of a law of a mechanism at strength 1 in every row of a table, in the first scene of the study."""
+    by_path = {path: column for name, column in conditions.items() for path in dotted_paths(columns[name])}
+    scene = next(iter(simulator.measures.values())).scene
+    known = simulator.known_conditions(by_path, scene)
+    with failures_of(effect, "dose"):
+        doses = effect.dose(effect.params(), known)
+    return np.broadcast_to(np.asarray(doses, dtype=np.float64), row_count(conditions))
 
 
 def uncertain_parameters(

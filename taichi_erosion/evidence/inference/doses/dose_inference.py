@@ -32,7 +32,7 @@ FIRST_AMPLITUDE = 1.0  # at which every kernel is tried first
 LEVEL = 0.25  # variance of the level of the doses over that of their variation
 ALL = ""  # name of the kernel over all conditions together
 SLACK = 1e-3  # variance of doses at which a prior takes over those of another one
-STEPS, FIRST_STEPS = 30, 8  # Gauss-Newton steps
+STEPS, FIRST_STEPS, BESIDE_STEPS = 30, 8, 3  # Gauss-Newton steps of the best fit, a first one, one beside it
 HALVINGS = 6  # of one step
 ENOUGH = 1e-3  # fall of the misfit below which no further step is made [1]
 
@@ -198,10 +198,14 @@ class DoseSearch:
 
     def beside(self, fit: DoseFit) -> Floats:
         """[x, s, f] with the doses of another fit, as well as this prior has them."""
-        count = self.origin.size
+        start, count = self.origin, fit.theta.size - fit.prior.factor.shape[1]
+        if count == start.size:
+            start = fit.theta[:count]
+        else:  # the errors that rows share are others
+            start[: self.path.x.size] = fit.theta[: self.path.x.size]
         doses = self.amplitude * self.prior.factor
         near = np.linalg.solve(doses.T @ doses + SLACK * np.eye(doses.shape[1]), doses.T @ fit.doses)
-        return np.asarray(np.concatenate([fit.theta[:count], near]), dtype=np.float64)
+        return np.asarray(np.concatenate([start, near]), dtype=np.float64)
 
     def run(self, theta: Floats, steps: int) -> Floats:
         """Best [x, s, f] from a start."""
@@ -270,7 +274,7 @@ def dose_evidence(prepared: PreparedProblem, path: DosePath, fit: DoseFit) -> Do
         for amplitude in AMPLITUDES:
             search = DoseSearch(prepared, path, sets, prior, amplitude)
             if (prior.axis, prior.length, amplitude) != (fit.prior.axis, fit.prior.length, fit.amplitude):
-                fits.append(search.fit(search.run(search.beside(fit), FIRST_STEPS)))
+                fits.append(search.fit(search.run(search.beside(fit), BESIDE_STEPS)))
     best = max(fits, key=lambda each: averaged(prepared, each.log_evidence))
     evidence = log_sum_exp(np.array([each.log_evidence for each in fits]), axis=0) - np.log(len(fits))
     return DoseEvidence(path, sets, best, evidence)

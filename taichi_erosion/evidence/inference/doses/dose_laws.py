@@ -30,7 +30,9 @@ FOLDS = 6  # of the groups, at most
 KEPT = 6  # forms that are cross-validated, after their fit to all rows at hand
 QUANTILE = float(stats.norm.ppf(0.95))  # half width of a 90 % interval, in sd
 LEAST_ROWS = 6
-MOST_STEPS = 30  # of one fit
+CURVE = 33  # values of a condition at which a law is drawn
+STEP = 1e-3  # of a number, for the slope of a law along it
+MOST_STEPS = 20  # of one fit
 STEPS = (1.0, 0.6, 0.35, 1.7)  # conditions at which a law is stated, over their largest values [1]
 
 
@@ -193,6 +195,7 @@ def dose_law(rows: LawRows) -> tuple[FittedForm | None, DoseLaw | None]:
         stability=stability,
         python=best.form.python.format(**exact),
         points=tuple(law_points(rows, best)),
+        curve=law_curve(rows, best, excess),
     )
     return best, law
 
@@ -203,6 +206,38 @@ def law_points(rows: LawRows, best: FittedForm) -> Iterator[tuple[dict[str, floa
         at = {name: float(f"{step * rows.conditions[name].max():.4g}") for name in best.form.conditions}
         columns = {name: np.array([value]) for name, value in at.items()}
         yield at, float(best.form.dose(columns, best.numbers)[0])
+
+
+def law_table(best: FittedForm, conditions: Conditions) -> tuple[tuple[dict[str, float], float], ...]:
+    """Every set of the conditions of a law in a table, and the dose of the law there."""
+    names = best.form.conditions
+    if not names:
+        return (({}, float(best.numbers[0])),)
+    sets = np.unique(np.column_stack([conditions[name] for name in names]), axis=0)
+    sets = sets[np.all(np.isfinite(sets), axis=1)]
+    dose = np.nan_to_num(best.form.dose({name: sets[:, k] for k, name in enumerate(names)}, best.numbers))
+    at = [dict(zip(names, map(float, row), strict=True)) for row in sets]
+    return tuple(zip(at, map(float, dose), strict=True))
+
+
+def law_curve(rows: LawRows, best: FittedForm, excess: float) -> tuple[tuple[float, float, float], ...]:
+    """A law of one condition between its least and largest value, with the standard error of its numbers."""
+    if len(best.form.conditions) != 1:
+        return ()
+    (name,) = best.form.conditions
+    column = rows.conditions[name]
+    x = np.linspace(float(column.min()), float(column.max()), CURVE)
+
+    def dose(numbers: Floats) -> Floats:
+        return np.nan_to_num(best.form.dose({name: x}, numbers))
+
+    steps = np.diag(STEP * np.maximum(np.abs(best.numbers), STEP))
+    slopes = np.column_stack(
+        [(dose(best.numbers + step) - dose(best.numbers - step)) / (2.0 * step.sum()) for step in steps]
+    )
+    variance = excess * np.einsum("ij,jk,ik->i", slopes, best.covariance, slopes)
+    sd = np.sqrt(np.maximum(variance, 0.0))
+    return tuple((float(a), float(b), float(c)) for a, b, c in zip(x, dose(best.numbers), sd, strict=True))
 
 
 def estimate(value: float, variance: float, form: Form, index: int) -> Estimate:

@@ -36,10 +36,12 @@ class DosePath:
         """Change of the mean (n,), and its slope, at one dose for each row."""
         if self.curve is None:
             return np.zeros(dose.size), np.zeros(dose.size)
-        inside = np.clip(dose, self.low, self.high)
+        inside = np.minimum(np.maximum(dose, self.low), self.high)
         value, slope = row_values(self.curve, inside)
         width = SOFT * (self.high - self.low)
         beyond = (dose - inside) / width
+        if not beyond.any():
+            return value, slope
         value = value + slope * width * np.tanh(beyond)
         return value, slope / np.cosh(np.clip(beyond, -50.0, 50.0)) ** 2
 
@@ -54,9 +56,8 @@ class DosePath:
 def row_values(curve: interpolate.PchipInterpolator, dose: Floats) -> tuple[Floats, Floats]:
     """Value and derivative of curves (..., n, ...) with a dose for each row."""
     nodes, powers = curve.x, curve.c
-    piece = np.clip(np.searchsorted(nodes, dose, side="right") - 1, 0, nodes.size - 2)
-    rows = np.arange(dose.size)
-    a, b, c, d = (powers[k, piece, rows] for k in range(4))
+    piece = np.minimum(np.maximum(nodes.searchsorted(dose, side="right") - 1, 0), nodes.size - 2)
+    a, b, c, d = powers[:, piece, np.arange(dose.size)]
     t = (dose - nodes[piece]).reshape(-1, *([1] * (a.ndim - 1)))
     return ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c
 

@@ -3,24 +3,32 @@
 A mechanism explains a misfit if it is likely enough against the bare model and against a free smooth
 discrepancy of every observable, leaves no misfit, and one dose in each set of conditions serves all
 observables. Instruments take part: a gain and an offset of every observable, which need no further runs.
+
+An effect that is named stands beside them where its strength would have to vary, or a misfit is left: one
+that is likelier by `levels.MECHANISM_ODDS` withdraws the name, others that explain as much are told.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy import interpolate
 
+from taichi_erosion.evidence.data.findings import Verdict
 from taichi_erosion.evidence.data.mechanism_findings import (
     BeyondList,
     DoseEstimate,
     DoseLaw,
     MechanismFinding,
+    StrengthTrend,
 )
 from taichi_erosion.evidence.data.problem import Mechanism, Observable
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.doses.dose_inference import (
     DoseEvidence,
+    DoseFit,
     again,
     averaged,
     bare_log_evidence,
@@ -30,12 +38,14 @@ from taichi_erosion.evidence.inference.doses.dose_inference import (
     left_p,
     one_dose_p,
 )
-from taichi_erosion.evidence.inference.doses.dose_laws import dose_law, law_doses, law_rows
+from taichi_erosion.evidence.inference.doses.dose_laws import dose_law, law_doses, law_rows, law_table
 from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_nodes, dose_path
-from taichi_erosion.evidence.inference.pipeline import FittedHypotheses
+from taichi_erosion.evidence.inference.pipeline import Analysis, FittedHypotheses
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.mechanisms.library import load_mechanisms
+from taichi_erosion.evidence.inference.refit import FittedHypothesis
+from taichi_erosion.evidence.inference.verdict import Decision
+from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
 
 GAIN, OFFSET = "reading_gain", "reading_offset"  # mechanisms of instruments
 OF = ":"  # between such a mechanism and its observable
@@ -54,8 +64,12 @@ class Weighed:
     finding: MechanismFinding
 
 
-def beyond_list(fitted: FittedHypotheses) -> BeyondList:
-    """Mechanisms, doses and law for one prepared problem whose misfit no listed effect explains."""
+def beyond_list(fitted: FittedHypotheses, named: FittedHypothesis | None = None) -> BeyondList:
+    """Mechanisms, doses and law for one prepared problem whose misfit no listed effect explains.
+
+    With a named hypothesis, which competes, the group holds those that are not less likely by a factor of
+    `levels.MECHANISM_ODDS`.
+    """
     prepared = fitted.prepared
     free = discrepancy_log_bayes(fitted)
     weighed = [weigh(prepared, path, free) for path in first_paths(fitted)]
@@ -65,11 +79,55 @@ def beyond_list(fitted: FittedHypotheses) -> BeyondList:
         replace(item.finding, odds=float(np.exp(np.clip(top - item.log_bayes, -50.0, 50.0))))
         for item in weighed
     )
-    group = tuple(f.name for f in findings if f.explains and f.odds <= levels.MECHANISM_ODDS)
+    behind = 0.0 if named is None else named_gain(fitted, named) - top  # ln odds of the name
+    kept = levels.MECHANISM_ODDS * np.exp(min(-behind, 0.0))
+    group = tuple(f.name for f in findings if f.explains and f.odds <= kept)
     law, doses = law_and_doses(prepared, weighed[0].evidence) if group else (None, ())
     listed, names = listed_log_bayes(fitted)
     verdict = "none" if not group else "mechanism" if len(group) == 1 else "group"
-    return BeyondList(verdict, findings, group, free, listed, names, doses, law)
+    found = BeyondList(verdict, findings, group, free, listed, names, doses, law)
+    if named is None:
+        return found
+    withdrawn = bool(group) and behind < -np.log(levels.MECHANISM_ODDS)
+    odds = float(np.exp(np.clip(-behind, -50.0, 50.0)))
+    return replace(found, named=named.names, named_odds=odds, withdrawn=withdrawn)
+
+
+class Chances(Protocol):
+    """What an answer leaves unexplained."""
+
+    @property
+    def p_misfit(self) -> float: ...
+    @property
+    def p_misfit_after(self) -> float: ...
+    @property
+    def range_suffices(self) -> bool: ...
+
+
+def missing(verdict: Verdict, found: Chances) -> bool:
+    """Whether the list explains a misfit with nothing, so that mechanisms are asked."""
+    silent = verdict in ("none_detected", "not_testable") and levels.fails(found.p_misfit)
+    return verdict == "outside_library" or (silent and not found.range_suffices)
+
+
+def challenged(verdict: Verdict, found: Chances, trend: StrengthTrend | None) -> bool:
+    """Whether an answer that names effects has to stand beside mechanisms."""
+    doubtful = trend is not None or found.p_misfit_after < levels.CHALLENGE_LEVEL
+    return verdict in ("present", "group") and doubtful
+
+
+def after_challenge(found: Analysis, beyond: BeyondList) -> Analysis:
+    """The answer, its names withdrawn where a mechanism is far likelier."""
+    if not beyond.withdrawn:
+        return found
+    decision, base = Decision("outside_library"), found.fitted.base
+    return replace(found, decision=decision, final=base, p_misfit_after=found.p_misfit)
+
+
+def named_gain(fitted: FittedHypotheses, named: FittedHypothesis) -> float:
+    """Ln Bayes factor of named effects against the bare model."""
+    bare, own = (averaged(fitted.prepared, item.scored.log_evidence) for item in (fitted.base, named))
+    return own - bare
 
 
 def first_paths(fitted: FittedHypotheses) -> list[DosePath]:
@@ -78,16 +136,24 @@ def first_paths(fitted: FittedHypotheses) -> list[DosePath]:
     paths = [dose_path(prepared, mechanism, x) for mechanism in prepared.problem.mechanisms]
     bare = dose_path(prepared, Mechanism("", 0.0, 0.0), x) if not paths else paths[0]
     for observable, _ in prepared.by_observable():
-        paths += [instrument_path(prepared, bare, kind, observable) for kind in INSTRUMENT_DOSES]
+        size = reading_size(prepared, observable)
+        paths += [instrument_path(prepared, bare, kind, observable, size) for kind in INSTRUMENT_DOSES]
     return [path for path in paths if path.curve is not None]
 
 
-def instrument_path(prepared: PreparedProblem, bare: DosePath, kind: str, observable: Observable) -> DosePath:
-    """Path of the gain or the offset of one observable, from its bare values."""
+def reading_size(prepared: PreparedProblem, observable: Observable) -> float:
+    """Median size of the readings of one observable, in its unit: the scale of an offset."""
+    chosen = prepared.rows.which == prepared.rows.observables.index(observable)
+    return float(np.median(np.abs(from_scale(observable, prepared.rows.z[chosen]))))
+
+
+def instrument_path(
+    prepared: PreparedProblem, bare: DosePath, kind: str, observable: Observable, size: float
+) -> DosePath:
+    """Path of the gain or the offset of one observable, from its bare values; `size`: scale of an offset."""
     low, high = INSTRUMENT_DOSES[kind]
     chosen = prepared.rows.which == prepared.rows.observables.index(observable)
     values = from_scale(observable, bare.bare[chosen])
-    size = float(np.median(np.abs(from_scale(observable, prepared.rows.z[chosen]))))
     doses, changes = [], []
     for dose in dose_nodes(Mechanism(kind, low, high)):
         change = np.zeros(bare.bare.size)
@@ -107,23 +173,50 @@ def instrument_path(prepared: PreparedProblem, bare: DosePath, kind: str, observ
 
 def weigh(prepared: PreparedProblem, path: DosePath, free: float) -> Weighed:
     """Evidence of one mechanism, from the best fit of the bare model and from the prior mean."""
-    nothing = averaged(prepared, bare_log_evidence(prepared, path))
+    bare = prepared.with_model_errors(path.x, {})
+    nothing = averaged(prepared, bare_log_evidence(bare, path))
     declared = {mechanism.name: mechanism for mechanism in prepared.problem.mechanisms}
-    found = [settled(prepared, path, declared.get(path.name))]
+    starts = [path]
     if path.name in declared and np.max(np.abs(path.x - prepared.prior_mean), initial=0.0) > FARTHEST:
         other = dose_path(prepared, declared[path.name], prepared.prior_mean)
         if other.curve is not None and np.all(np.isfinite(other.bare)):
-            found.append(settled(prepared, other, declared[path.name]))
-    best = max(found, key=lambda each: averaged(prepared, each.log_evidence))
+            starts.append(other)
+    best = settled(prepared, starts, declared.get(path.name))
     gain = averaged(prepared, best.log_evidence) - nothing
     return Weighed(best, gain, finding_of(prepared, best, gain, free))
 
 
-def settled(prepared: PreparedProblem, path: DosePath, mechanism: Mechanism | None) -> DoseEvidence:
-    """Evidence on a path that is made anew until the calibrated numbers stay where it was made."""
-    fit = first_fit(prepared, path)
-    for _ in range(ROUNDS if mechanism is not None else 0):
-        assert mechanism is not None
+@dataclass(frozen=True)
+class SettledFit:
+    """Doses fitted on a path that was made where the calibrated numbers stay."""
+
+    prepared: PreparedProblem  # with the model's own errors there
+    path: DosePath
+    fit: DoseFit
+
+
+def settled(
+    prepared: PreparedProblem, starts: Sequence[DosePath], mechanism: Mechanism | None
+) -> DoseEvidence:
+    """Evidence of a mechanism from the best of some starts."""
+    fits = [settled_fit(prepared, path, mechanism) for path in starts]
+    best = max(fits, key=lambda each: averaged(prepared, each.fit.log_evidence))
+    return dose_evidence(best.prepared, best.path, best.fit)
+
+
+def settled_fit(prepared: PreparedProblem, path: DosePath, mechanism: Mechanism | None) -> SettledFit:
+    """Doses on a path that is made anew until the calibrated numbers stay where it was made.
+
+    The model's own errors are those at the typical dose.
+    """
+    bare = prepared.with_model_errors(path.x, {})
+    fit = first_fit(bare, path)
+    if mechanism is None:
+        return SettledFit(bare, path, fit)
+    if bare is not prepared:
+        prepared = prepared.with_model_errors(path.x, {path.name: typical_dose(fit)})
+        fit = again(prepared, path, fit)
+    for _ in range(ROUNDS):
         move = np.clip(fit.theta[: path.x.size] - path.x, -FARTHEST, FARTHEST)
         x = np.clip(path.x + move, prepared.low, prepared.high)
         if np.max(np.abs(x - path.x), initial=0.0) < STILL:
@@ -132,7 +225,13 @@ def settled(prepared: PreparedProblem, path: DosePath, mechanism: Mechanism | No
         if made.curve is None or not np.all(np.isfinite(made.bare)):
             break
         path, fit = made, again(prepared, made, fit)
-    return dose_evidence(prepared, path, fit)
+    return SettledFit(prepared, path, fit)
+
+
+def typical_dose(fit: DoseFit) -> float:
+    """Root mean square of the doses, with the sign of most of them [1]."""
+    size = float(np.sqrt(np.mean(fit.doses**2)))
+    return size if float(fit.doses.sum()) >= 0.0 else -size
 
 
 def finding_of(prepared: PreparedProblem, found: DoseEvidence, gain: float, free: float) -> MechanismFinding:
@@ -142,9 +241,13 @@ def finding_of(prepared: PreparedProblem, found: DoseEvidence, gain: float, free
     enough = gain > levels.MECHANISM_GAIN and gain > free - levels.MECHANISM_BEHIND
     moved = found.path.change(found.best.doses[found.sets.index])[0]
     moves = tuple(o.name for o, chosen in prepared.by_observable() if np.any(moved[chosen] != 0.0))
+    mechanism, scale = load_mechanisms()[name], float("nan")
+    if name == OFFSET:
+        scale = next(reading_size(prepared, o) for o, _ in prepared.by_observable() if o.name == observable)
     return MechanismFinding(
         name=found.path.name,
-        title=load_mechanisms()[name].title + (f" of {observable}" if observable else ""),
+        title=mechanism.title + (f" of {observable}" if observable else ""),
+        meaning=dose_meaning(mechanism),
         observable=observable,
         log_bayes_factor=gain,
         odds=1.0,
@@ -154,6 +257,7 @@ def finding_of(prepared: PreparedProblem, found: DoseEvidence, gain: float, free
         axis=found.best.prior.axis,
         curvature=curvature(prepared, found),
         explains=bool(enough and not levels.fails(left) and not levels.fails(one)),
+        scale=scale,
     )
 
 
@@ -182,6 +286,8 @@ def law_and_doses(
     """Law of the best mechanism, and its doses in every set of conditions."""
     rows = law_rows(prepared, evidence)
     fitted, law = dose_law(rows)
+    if fitted is not None and law is not None:
+        law = replace(law, table=law_table(fitted, prepared.problem.measurements.conditions))
     sets, fit = evidence.sets, evidence.best
     by_law = np.full(prepared.rows.size, np.nan) if fitted is None else law_doses(rows, fitted)
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
