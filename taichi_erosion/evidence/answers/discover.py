@@ -109,8 +109,6 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         stability=found.stability,
         warnings=(*prepared.warnings, *found.warnings, *bound_warnings(found)),
         levels=level_shifts(prepared, found.final.scored),
-        level_probability=found.level_probability,
-        p_misfit_stated=found.p_misfit_stated,
         **error_fields(found),
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),
         stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
@@ -142,6 +140,8 @@ def number_fields(found: Analysis, whole: Average) -> dict[str, Any]:
 def error_fields(found: Analysis) -> dict[str, Any]:
     """What an answer rests on: errors that nobody stated, and the variants in which it holds."""
     return {
+        "level_probability": found.level_probability,
+        "p_misfit_stated": found.p_misfit_stated,
         "errors": error_findings(found),
         "errors_probability": found.errors_probability,
         "errors_stated": likeliest_words(found.stated.posterior) if found.stated else "",
