@@ -38,6 +38,7 @@ TEMPLATE = "evidence.html"
 RECORDING = "study.rrd"
 MOST_SHOWN = 4  # observables in the first figure before a reader asks for others
 STATUSES = {"present": "present", "excluded": "excluded", "not_testable": "not testable"}
+ANSWERS = ("comparison", "discovery", "adoption", "prediction")  # that the template reads
 BEYOND = "What acts like the missing effect"
 TIMES = {0: "has not been opened", 1: "was opened once"}
 
@@ -134,9 +135,7 @@ def page_fields(found: Results) -> dict[str, Any]:
         },
         "first_panels": first_panels(found),
         "units": found.units,
-        "comparison": found.comparison,
-        "discovery": found.discovery,
-        "adoption": found.adoption,
+        **{name: getattr(found, name) for name in ANSWERS},
         "where": places_of_misfit(found),
         "residuals": study_figures.residual_pictures(panels(found)),
         "effects": ranked_effects(found.discovery),
@@ -154,7 +153,6 @@ def page_fields(found: Results) -> dict[str, Any]:
         "limits": list(limits(found)),
         "experiments": experiments(found),
         "beyond": beyond_section(found),
-        "prediction": found.prediction,
         "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
         "facts": list(facts(found)),
         "figures": pictures(found),

@@ -113,8 +113,6 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),
         stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
         range_suffices=found.range_suffices,
-        worst_row=stated_worst_row(found),
-        row_off=stated_row_off(found),
         scatter_factor=goodness_of_fit.scatter_factor(prepared, base),
         noise=goodness_of_fit.noise_table(prepared, screened.seed_correlation),
         ambiguity=confounded_effects(prepared, screened, expected),
@@ -140,6 +138,8 @@ def number_fields(found: Analysis, whole: Average) -> dict[str, Any]:
 def error_fields(found: Analysis) -> dict[str, Any]:
     """What an answer rests on: errors that nobody stated, and the variants in which it holds."""
     return {
+        "worst_row": stated_worst_row(found),
+        "row_off": stated_row_off(found),
         "level_probability": found.level_probability,
         "p_misfit_stated": found.p_misfit_stated,
         "errors": error_findings(found),
