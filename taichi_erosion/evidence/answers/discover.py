@@ -90,7 +90,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
     whole = averaged(found)
     strengths = fitted_strengths(found, whole)
     expected = {name: estimate.value for name, estimate in strengths.items()}
-    outside, base = found.decision.verdict == "outside_library", found.fitted.base.expansion
+    base = found.fitted.base.expansion
     record = Discovery(
         **shared_fields(prepared, found.fitted.base.scored, found.final.scored, seed),
         **number_fields(found, whole),
@@ -100,8 +100,6 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         probabilities=found.posterior.probability,
         effects=effect_findings(found, strengths),
         where=found.places,
-        clues=residual_trends(prepared, base, found.places) if outside else (),
-        varying=varying_number(prepared, base) if outside else None,
         p=found.test.p,
         p_misfit=found.p_misfit,
         p_misfit_after=found.p_misfit_after,
@@ -121,7 +119,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         probability_unvisited=found.unvisited.get("", 0.0),
         survivors=plausible_hypotheses(found),
         closest=closest_hypotheses(found),
-        nearest=nearest_hypothesis(found) if outside else None,
+        **unlisted_fields(found),
         **beyond,
     )
     return replace(record, sentences=discovery_sentences(record))
@@ -132,6 +130,18 @@ def number_fields(found: Analysis, whole: Average) -> dict[str, Any]:
     return {
         "parameters": calibrated_numbers(whole, found.final, found.fitted.base.fit.x),
         "correlations": correlations(found.fitted.prepared, found.final.expansion),
+    }
+
+
+def unlisted_fields(found: Analysis) -> dict[str, Any]:
+    """What there is to see where no listed effect explains a misfit; nothing elsewhere."""
+    if found.decision.verdict != "outside_library":
+        return {}
+    prepared, base = found.fitted.prepared, found.fitted.base.expansion
+    return {
+        "clues": residual_trends(prepared, base, found.places),
+        "varying": varying_number(prepared, base),
+        "nearest": nearest_hypothesis(found),
     }
 
 
