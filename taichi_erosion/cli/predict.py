@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,6 +22,10 @@ from taichi_erosion.cli.evidence import (
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Record, print_table
 from taichi_erosion.cli.progress import KEPT, interruptible
+from taichi_erosion.evidence.data.number_words import heading
+
+if TYPE_CHECKING:
+    from taichi_erosion.evidence.data.table_units import TableUnits
 
 COLUMNS = ("model", "value", "low", "high", "measured_low", "measured_high")
 HEADINGS = ("model", "value", "90 % interval", "of one measurement", "note")
@@ -67,17 +71,28 @@ def predict(
         typer.echo(f"written: {out}")
 
 
+def scales_of(document: Record) -> "TableUnits":
+    """Units of the study's table, in which predictions are told."""
+    from taichi_erosion.evidence.data.table_units import TableUnits
+
+    return TableUnits.of(document)
+
+
 def csv_text(document: Record) -> str:
     """Predictions as CSV: a column for each condition, then those of the intervals."""
     units = document["rows"][0]["condition_units"] if document["rows"] else {}
+    scales = scales_of(document)
     conditions = [f"{name} [{unit}]" if unit else name for name, unit in units.items()]
     page = io.StringIO()
     writer = csv.writer(page, lineterminator="\n")
     writer.writerow(["observable", *conditions, *COLUMNS, "unit", "outside"])
     for row in document["rows"]:
-        numbers = [row["conditions"][name] for name in units] + [row[key] for key in COLUMNS]
+        name = row["observable"]
+        numbers = [row["conditions"][each] for each in units] + [
+            scales.value(name, row[key]) for key in COLUMNS
+        ]
         cells = ["" if value is None else f"{value:.6g}" for value in numbers]
-        writer.writerow([row["observable"], *cells, row["unit"], "; ".join(row["outside"])])
+        writer.writerow([name, *cells, scales.value_unit(name) or "1", "; ".join(row["outside"])])
     return page.getvalue()
 
 
@@ -88,16 +103,19 @@ def print_prediction(document: Record) -> None:
         rows = [row for row in document["rows"] if row["observable"] == observable]
         units = rows[0]["condition_units"]
         conditions = [f"{name} [{unit}]" if unit else name for name, unit in units.items()]
-        title = f"{observable} [{rows[0]['unit']}]"
-        print_table(title, (*conditions, *HEADINGS), table_rows(rows))
+        scales = scales_of(document)
+        title = heading(observable, scales.value_unit(observable))
+        print_table(title, (*conditions, *HEADINGS), table_rows(rows, scales))
     print_lines(document["sentences"])
     print_lines([*document["notes"], *document["warnings"]], "note: ")
     typer.echo(cost(document))
 
 
-def table_rows(rows: list[dict[str, Any]]) -> Iterator[tuple[str, ...]]:
-    """Cells of one observable."""
-    for row in rows:
+def table_rows(rows: list[dict[str, Any]], scales: "TableUnits") -> Iterator[tuple[str, ...]]:
+    """Cells of one observable, in the units of the study's table."""
+    for stored in rows:
+        name = stored["observable"]
+        row = {**stored, **{key: scales.value(name, stored[key]) for key in COLUMNS}}
         conditions = [f"{value:.4g}" for value in row["conditions"].values()]
         outside = f"extrapolates: {', '.join(row['outside'])}" if row["outside"] else ""
         single = interval(row["measured_low"], row["measured_high"])

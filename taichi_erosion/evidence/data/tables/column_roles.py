@@ -25,6 +25,7 @@ from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 MOISTURE = "conditions.moisture"
+NOTE = "note"  # first word of the heading of a column that is not used
 SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
 SYMBOLS = {
     "d": ("mm", DIAMETER),
@@ -47,6 +48,7 @@ class Column:
     near: str = ""  # what an unknown heading may mean: misspelt, or with several readings
     height: float = nan  # above the bed at which a wind was measured [m]; NaN: no wind, or none is stated
     factor: float = 1.0  # from the numbers of the column to those of what it measures or sets
+    is_repeat: bool = False  # of an observable whose first repeats stand in a column before it
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def heading_faults(cells: Cells) -> Iterator[str]:
         where = f"{cells.file}: row {cells.rows[0][0]}, column {place + 1}"
         if not text:
             if any(row[place] for _, row in cells.lines):
-                yield f"{where} has no heading; name it, or empty it"
+                yield f"{where} has no heading; name it (repeats: 'angle 1', 'angle 2'), or empty it"
         elif text in seen and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):
             yield f"{where}: heading '{text}' stands in column {seen[text] + 1} too; give each its own name"
         seen.setdefault(text, place)
@@ -126,6 +128,8 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if place in named:
         return Column(place, heading, *named[place], numeric=numeric)
     role, name = meaning_of(heading.name)
+    if role == "remark" and numeric and heading.unit and not plain_words(heading.name).startswith(NOTE):
+        role = "unknown"  # a quantity, whatever word of remarks it has
     if role == "unknown":
         role, name = meaning_of_symbol(heading)
     if not numeric:

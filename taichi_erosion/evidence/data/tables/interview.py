@@ -4,9 +4,11 @@ Every question has a guess, which counts where nobody is asked. Where a guess co
 is none: without an answer the question is a fault, with what would settle it.
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isnan
+from math import isnan, nan
+from statistics import median
 from typing import Literal
 
 from taichi_erosion.core.errors import BadInput
@@ -17,13 +19,20 @@ from taichi_erosion.evidence.data.tables.headings import stated_unit
 from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.data.tables.tidy_table import Faults
-from taichi_erosion.evidence.data.tables.vocabulary import FRICTION_VELOCITY, known_places, meaning_of
+from taichi_erosion.evidence.data.tables.vocabulary import (
+    FRICTION_VELOCITY,
+    SCATTER,
+    known_places,
+    meaning_of,
+    plain_words,
+)
 from taichi_erosion.evidence.data.tables.wind_heights import friction_factor, roughness_length
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
+MOST_APART = 2.0  # ratio of the medians of two columns up to which they may hold repeats [1]
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 UNITS = {  # of the program's measures, where a heading has none
     **dict.fromkeys(
@@ -76,7 +85,9 @@ def understood(
         interview = Interview(lambda _, guess: guess)
     measured = any(column.role == "observable" for column in columns)
     answers = [settled(column, interview, wishes, measured, cells, faults) for column in columns]
+    answers = repeats_side_by_side(answers, interview, cells, faults)
     columns = with_partners(without_unknown(answers, wishes, cells, faults))
+    columns = without_foreign_scatter(without_scatter_of_repeats(columns, interview), interview)
     if not any(column.role == "observable" for column in columns):
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
@@ -220,6 +231,72 @@ def without_unknown(
     return found
 
 
+def repeats_side_by_side(
+    columns: Sequence[Column], interview: Interview, cells: Cells, faults: Faults
+) -> list[Column]:
+    """The columns; those whose headings differ in a number alone are repeats of one measurement, if agreed.
+
+    Columns of different size are none, such as value, scatter and number under one merged heading.
+    """
+    families: dict[tuple[str, str], list[Column]] = {}
+    for column in columns:
+        if column.role == "observable":
+            families.setdefault((column.name, unnumbered(column)), []).append(column)
+    repeats: set[int] = set()
+    for family in families.values():
+        if len(family) < 2:
+            continue
+        told = ", ".join(f"'{column.heading.text}'" for column in family)
+        middles = [abs(median(numbers(column, cells) or [nan])) for column in family]
+        if not max(middles) <= MOST_APART * min(middles):
+            faults.append(
+                f"{cells.file}: columns {told} are of different size, so no repeats of one measurement; give "
+                "each its own heading, such as 'angle', 'SD' and 'n'"
+            )
+            repeats |= {column.place for column in family[1:]}
+            continue
+        question = f"Columns {told}: repeats of one measurement (yes or no)"
+        if interview.choice(question, "yes", f"columns {told} are repeats of one measurement") == "yes":
+            repeats |= {column.place for column in family[1:]}
+    return [replace(column, is_repeat=column.place in repeats) for column in columns]
+
+
+def unnumbered(column: Column) -> str:
+    """Name of a column without numbers."""
+    return " ".join(re.sub(r"[\W\d_]+", " ", plain_words(column.heading.name)).split())
+
+
+def without_scatter_of_repeats(columns: Sequence[Column], interview: Interview) -> list[Column]:
+    """The columns; scatter and number of repeats that stand beside the repeats themselves are not used."""
+    names = {column.name for column in columns if column.is_repeat}
+    places = {column.place for column in columns if column.role == "observable" and column.name in names}
+    found = []
+    for column in columns:
+        if column.role in SCATTER and places and column.of in (*places, -1):
+            interview.assume(f"column '{column.heading.text}' is not used: the repeats stand beside it")
+            column = replace(column, role="remark")
+        found.append(column)
+    return found
+
+
+def without_foreign_scatter(columns: Sequence[Column], interview: Interview) -> list[Column]:
+    """The columns; scatter right behind a quantity that is not used belongs to that one."""
+    found: list[Column] = []
+    for column in columns:
+        before = next((each for each in reversed(found) if each.role not in SCATTER), None)
+        foreign = before is not None and before.role == "remark" and before.numeric and before.heading.unit
+        measured = next((each for each in columns if each.place == column.of), None)
+        named = measured is not None and plain_words(measured.heading.name) in plain_words(
+            column.heading.name
+        )
+        if column.role in SCATTER and column.role != "n" and before is not None and foreign and not named:
+            words = f"it stands behind '{before.heading.text}', which is not used"
+            interview.assume(f"column '{column.heading.text}' is not used: {words}")
+            column = replace(column, role="remark")
+        found.append(column)
+    return found
+
+
 def column_faults(
     column: Column, seen: Mapping[str, str], wishes: TableWishes, cells: Cells
 ) -> Iterator[str]:
@@ -227,7 +304,7 @@ def column_faults(
     where = f"{cells.file}: column '{column.heading.text}'"
     if column.role == "observable" and column.name not in wishes.measures:
         yield f"{where}: no scene measures '{column.name}'; known: {', '.join(wishes.measures)}"
-    if column.role in ("observable", "condition") and column.name in seen:
+    if column.role in ("observable", "condition") and column.name in seen and not column.is_repeat:
         yield (
             f"{where} means {column.name}, as column '{seen[column.name]}' does; say what it is with "
             f"--condition '{column.heading.name}=PATH', or begin the heading of the one that is not used "

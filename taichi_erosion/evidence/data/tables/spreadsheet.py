@@ -192,22 +192,66 @@ def with_unit_row(rows: Sequence[tuple[int, list[str]]]) -> list[tuple[int, list
 
 def workbook_cells(content: bytes, name: str, faults: list[str]) -> Cells:
     """Cells of the first sheet with content of a workbook."""
-    sheets = [(title, rows) for title, rows in sheets_of(content, name) if rows]
+    sheets = [(title, rows, merged) for title, rows, merged in sheets_of(content, name) if rows]
     if not sheets:
         raise BadInput(f"{name}: its sheets are empty")
-    title, rows = sheets[0]
+    title, rows, merged = sheets[0]
     texts = [value for _, values in rows for value in values if isinstance(value, str)]
     comma = has_decimal_comma(texts, "")
     mark = "," if comma else "."
     shown = [(line, [cell_text(value, mark) for value in values]) for line, values in rows]
     form = f"workbook, sheet '{title}'"
     if len(sheets) > 1:
-        form += f" (not read: {', '.join(repr(other) for other, _ in sheets[1:])})"
-    return Cells(name, tuple(rectangular(list(below_titles(shown)), name, "", faults)), comma, form)
+        form += f" (not read: {', '.join(repr(other) for other, _, _ in sheets[1:])})"
+    below = with_merged_headings(list(below_titles(shown)), merged)
+    return Cells(name, tuple(rectangular(below, name, "", faults)), comma, form)
 
 
-def sheets_of(content: bytes, name: str) -> list[tuple[str, list[tuple[int, list[Any]]]]]:
-    """Title and rows with content of every visible sheet; percentages as text with their sign."""
+def with_merged_headings(
+    rows: Sequence[tuple[int, list[str]]], merged: Sequence[tuple[int, int, int]]
+) -> list[tuple[int, list[str]]]:
+    """Rows below titles; a heading of merged cells stands above each of its columns.
+
+    A second row of headings below it belongs to it; without one its columns are numbered.
+    """
+    if not rows:
+        return []
+    (line, heading), *others = rows
+    spread = {
+        place: (first, place - first + 1)
+        for row, first, last in merged
+        if row == line and heading[first]
+        for place in range(first + 1, min(last + 1, len(heading)))
+    }
+    if spread and others and is_second_heading(others[0][1]):
+        above = [heading[spread[k][0]] if k in spread else text for k, text in enumerate(heading)]
+        return [(line, list(map(joined_heading, above, others[0][1]))), *others[1:]]
+    filled = [f"{heading[spread[k][0]]} {spread[k][1]}" if k in spread else t for k, t in enumerate(heading)]
+    return [(line, filled), *others]
+
+
+def is_second_heading(cells: Sequence[str]) -> bool:
+    """Whether a row below merged headings holds headings too: words, and not units alone."""
+    filled = [cell.strip("[]() ") for cell in cells if cell]
+    numbers = any(cell.replace(",", "").replace(".", "").isdigit() for cell in filled)
+    return len(filled) > 1 and not numbers and not all(map(unit_in, filled))
+
+
+def joined_heading(above: str, below: str) -> str:
+    """Heading of a column from two rows: `repose angle` above `SD [deg]`; a unit alone goes into brackets."""
+    unit = below.strip("[]() ")
+    if below and above and unit_in(unit) and not read_heading(above).unit:
+        return f"{above} [{unit}]"
+    return f"{above} {below}".strip()
+
+
+def sheets_of(
+    content: bytes, name: str
+) -> list[tuple[str, list[tuple[int, list[Any]]], list[tuple[int, int, int]]]]:
+    """Title, rows with content and cells merged along a row (row, first and last place) of visible sheets.
+
+    Percentages are text with their sign.
+    """
     import openpyxl
 
     try:
@@ -222,9 +266,9 @@ def sheets_of(content: bytes, name: str) -> list[tuple[str, list[tuple[int, list
     for sheet in book.worksheets:
         rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
         if sheet.sheet_state == "visible":
-            found.append(
-                (sheet.title, [(k, row) for k, row in rows if any(v not in (None, "") for v in row)])
-            )
+            filled = [(k, row) for k, row in rows if any(v not in (None, "") for v in row)]
+            areas = [each for each in sheet.merged_cells.ranges if each.min_row == each.max_row]
+            found.append((sheet.title, filled, [(m.min_row, m.min_col - 1, m.max_col - 1) for m in areas]))
     return found
 
 

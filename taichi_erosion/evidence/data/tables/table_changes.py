@@ -26,7 +26,7 @@ class CellChange:
     """A cell that says something else."""
 
     line: int  # row in the new file
-    column: str
+    column: str  # of a measured value its observable
     before: str
     after: str
 
@@ -52,7 +52,7 @@ def table_changes(before: Cells, after: Cells) -> TableChanges:
     old, new = plain_rows(before), plain_rows(after)
     earlier = paired(old, new)
     cells = [
-        CellChange(line, name, old[place].get(name, ""), text)
+        CellChange(line, row["observable"] if name == "value" else name, old[place].get(name, ""), text)
         for (line, _), row, place in zip(after.lines, new, earlier, strict=True)
         if place is not None
         for name, text in with_lost(row, old[place]).items()

@@ -57,7 +57,7 @@ def test_a_corrected_value_is_told_and_moves_no_row_into_or_out_of_the_vault(fol
         lines[place] = lines[place].rpartition(";0.6;")[0].rpartition(";")[0] + ";77.7;0.6;5\n"
         changes = again(folder, lines)["changes"]
         told = [(change["line"], change["column"], change["after"]) for change in changes["cells"]]
-        assert (place + 2, "value", "77.7") in told
+        assert (place + 2, "threshold_u_star", "77.7") in told
         assert held_out(folder) == before
         study = load_study(folder / "sand" / "sand.toml")
         assert study.drawn_from == digest != study.digest

@@ -73,7 +73,7 @@ def test_a_correction_an_addition_and_a_loss_at_once():
     rows[5] = row(6, value="45.00")
     rows.append(row(20, value="50", diameter="999", moisture="7"))
     changes = table_changes(BEFORE, table(*rows))
-    assert [(c.column, c.before, c.after) for c in changes.cells] == [("value", "32.22", "45.00")]
+    assert [(c.column, c.before, c.after) for c in changes.cells] == [("repose_angle", "32.22", "45.00")]
     assert (changes.removed, changes.added) == ((2,), (13,))
 
 
