@@ -26,6 +26,8 @@ FrictionCap = Literal["thornton", "edem"]
 RollingLaw = Literal["none", "constant_torque", "elastic_plastic"]
 DragLaw = Literal["schiller_naumann", "two_limits", "two_limits_hindered", "di_felice", "gidaspow"]
 Precision = Literal["f32", "f64"]
+Arch = Literal["cpu", "cuda", "vulkan"]
+Decomposition = Literal["partitions", "grains"]  # what one thread advances
 
 EVERYWHERE: tuple[Triple, Triple] = ((-inf, -inf, -inf), (inf, inf, inf))  # m, a domain without an end
 
@@ -164,8 +166,14 @@ class Motion:
 
 @dataclass(frozen=True)
 class Numerics:
-    """How the device runs; none of these changes a result on a CPU."""
+    """How the device runs; on a CPU neither arch nor threads change a result."""
 
-    arch: Literal["cpu", "cuda"] = "cpu"
+    arch: Arch = "cpu"
     threads: int = field(default=0)  # 0: all cores
     precision: Precision = "f32"
+    decomposition: Decomposition | None = None  # None: partitions on a CPU, grains elsewhere
+
+    @property
+    def by_grain(self) -> bool:
+        """Whether one thread advances one grain, rather than a partition of a replica."""
+        return (self.decomposition or ("partitions" if self.arch == "cpu" else "grains")) == "grains"

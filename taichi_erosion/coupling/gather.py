@@ -172,20 +172,26 @@ def apply_grain_effects(world_out: ti.template(), r, i, grain_out: ti.template()
 @ti.func
 def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, updates_state):
     """Frozen terms of the grains of one partition; effects update their state where `updates_state`."""
-    grains, frozen_out, replicas = ti.static((world_out.grains, world_out.frozen_drag, world_out.replicas))
-    base = side_block(grains, r, replicas.side[r])
+    (replicas,) = ti.static((world_out.replicas,))
+    base = side_block(world_out.grains, r, replicas.side[r])
     for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
-        i = base + rank
-        void, shear = 1.0, 0.0
-        if ti.static(world_out.driven):
-            frozen_out.steady_acceleration[i] = 0.0 * frozen_out.steady_acceleration[i]
-        if ti.static(coupling.has_air):
-            void, shear = gather_drag(world_out, coupling, r, i)
-        if ti.static(world_out.grain_effects.any or world_out.has_state):
-            grain = grain_record(world_out, coupling, r, i, void, shear)
-            if ti.static(world_out.has_state):
-                if updates_state:
-                    update_states(world_out.pair_effects, r, grain, i)
-                    update_states(world_out.grain_effects, r, grain, i)
-            if ti.static(world_out.grain_effects.any):
-                apply_grain_effects(world_out, r, i, grain)
+        gather_grain(world_out, coupling, r, base + rank, updates_state)
+
+
+@ti.func
+def gather_grain(world_out: ti.template(), coupling: ti.template(), r, i, updates_state):
+    """Frozen terms of the grain at place i; effects update its state where `updates_state`."""
+    (frozen_out,) = ti.static((world_out.frozen_drag,))
+    void, shear = 1.0, 0.0
+    if ti.static(world_out.driven):
+        frozen_out.steady_acceleration[i] = 0.0 * frozen_out.steady_acceleration[i]
+    if ti.static(coupling.has_air):
+        void, shear = gather_drag(world_out, coupling, r, i)
+    if ti.static(world_out.grain_effects.any or world_out.has_state):
+        grain = grain_record(world_out, coupling, r, i, void, shear)
+        if ti.static(world_out.has_state):
+            if updates_state:
+                update_states(world_out.pair_effects, r, grain, i)
+                update_states(world_out.grain_effects, r, grain, i)
+        if ti.static(world_out.grain_effects.any):
+            apply_grain_effects(world_out, r, i, grain)

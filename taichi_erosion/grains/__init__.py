@@ -32,6 +32,7 @@ class World:
     wall_pairs: WallList
     materials: Materials
     laws: ContactLaws
+    lanes: int  # contacts of a batch
     batch_type: Any  # struct type of a batch of pairs, in the run's precision
     clumped: bool  # compiled in: without clumps nothing of them is in the kernels
     clumps: Clumps

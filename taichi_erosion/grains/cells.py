@@ -113,18 +113,24 @@ def position_of(grains: ti.template(), replicas: ti.template(), r, i):
 
 
 @ti.func
-def occupied_box(grains: ti.template(), replicas: ti.template(), r):
-    """Low and high corner of the box around most grains of replica r [m]; along a period, the period."""
-    count = replicas.released[r]
+def sums_of_positions(grains: ti.template(), replicas: ti.template(), r, begin, end):
+    """Low and high corner of the box around the grains of ranks begin to end [m], and sums for `most_of`."""
     base = side_block(grains, r, replicas.side[r])
     low = replicas.high[r]
     high = replicas.low[r]
     total, squares = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
-    for i in range(base, base + count):
+    for i in range(base + begin, base + end):
         place = grains.origin[i] + ti.cast(grains.shift[i], ti.f64)
         low, high = ti.min(low, place), ti.max(high, place)
         total += place
         squares += place * place
+    return low, high, total, squares
+
+
+@ti.func
+def most_of(replicas: ti.template(), r, low, high, total, squares):
+    """Low and high corner of the box around most grains of replica r [m]; along a period, the period."""
+    count = replicas.released[r]
     mean = total / ti.max(count, 1)
     spread = SPREAD * ti.sqrt(ti.max(squares / ti.max(count, 1) - mean * mean, 0.0))
     low, high = ti.max(low, mean - spread), ti.min(high, mean + spread)
@@ -137,8 +143,15 @@ def occupied_box(grains: ti.template(), replicas: ti.template(), r):
 
 @ti.func
 def fit_cells(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
-    """Grid of replica r around its grains; cells are widened while they are too many."""
-    low, high = occupied_box(grains, replicas, r)
+    """Grid of replica r around its grains."""
+    low, high, total, squares = sums_of_positions(grains, replicas, r, 0, replicas.released[r])
+    low, high = most_of(replicas, r, low, high, total, squares)
+    divide_box(cells_out, replicas, r, low, high)
+
+
+@ti.func
+def divide_box(cells_out: ti.template(), replicas: ti.template(), r, low, high):
+    """Grid of replica r in a box; cells are widened while they are too many."""
     width = cells_out.width_least[r]
     span = ti.max(high - low, width)
     fewest = ti.select(replicas.period[r] > 0.0, float(PERIOD_CELLS_LEAST), 1.0)
@@ -149,6 +162,13 @@ def fit_cells(cells_out: ti.template(), grains: ti.template(), replicas: ti.temp
     cells_out.low[r] = low
     cells_out.inverse_width[r] = number / span
     cells_out.number[r] = ti.cast(number, ti.i32)
+
+
+@ti.func
+def grain_cell(cells: ti.template(), grains: ti.template(), replicas: ti.template(), r, i):
+    """Number of the cell of the grain at place i."""
+    place = cell_coordinates(cells, r, position_of(grains, replicas, r, i))
+    return cell_index(arranged(cells, r, cells.number[r]), place)
 
 
 @ti.func
@@ -164,8 +184,7 @@ def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.te
     for c in range(total + 1):
         cells_out.first[first + c] = 0
     for i in range(count):
-        place = cell_coordinates(cells_out, r, position_of(grains, replicas, r, base + i))
-        c = cell_index(number, place)
+        c = grain_cell(cells_out, grains, replicas, r, base + i)
         cells_out.cell[row + i] = c
         cells_out.first[first + c + 1] = cells_out.first[first + c + 1] + 1
     for c in range(total):

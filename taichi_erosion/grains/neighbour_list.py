@@ -98,14 +98,21 @@ def skin(replicas: ti.template(), r, radius, speed):
 
 
 @ti.func
+def wants_more_than_cells(world: ti.template(), r, i):
+    """1 where the skin that the grain at place i wants reaches beyond adjacent cells, else 0."""
+    radius = world.grains.radius[i]
+    wanted = wanted_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
+    return ti.cast(radius + wanted > world.replicas.cell_reach[r], ti.i32)
+
+
+@ti.func
 def count_wide_grains(world_out: ti.template(), r):
     """Set `crowded` where more grains than `WIDE_MOST` would reach beyond adjacent cells."""
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
     base = side_block(grains, r, replicas_out.side[r])
     wide = 0
     for i in range(base, base + replicas_out.released[r]):
-        wanted = wanted_skin(replicas_out, r, grains.radius[i], grains.velocity[i].norm())
-        wide += ti.cast(grains.radius[i] + wanted > replicas_out.cell_reach[r], ti.i32)
+        wide += wants_more_than_cells(world_out, r, i)
     replicas_out.crowded[r] = ti.cast(wide > WIDE_MOST, ti.i32)
 
 

@@ -152,66 +152,85 @@ def search_grain(world_out: ti.template(), r, rank, entry, limit):
 
 
 @ti.func
+def release_grain(world_out: ti.template(), r, rank):
+    """Put the grain of row `rank` of the GrainTable at that place of the valid side, with empty lists."""
+    grains_out, source = ti.static((world_out.grains, world_out.source))
+    i = side_block(grains_out, r, world_out.replicas.side[r]) + rank
+    row = r * grains_out.capacity + rank
+    grains_out.origin[i] = source.position[row]
+    grains_out.shift[i] = 0.0 * source.velocity[row]
+    grains_out.velocity[i] = source.velocity[row]
+    grains_out.spin[i] = source.spin[row]
+    grains_out.radius[i] = source.radius[row]
+    grains_out.mass_inverse[i] = source.mass_inverse[row]
+    grains_out.material[i] = source.material[row]
+    grains_out.ident[i] = rank
+    if ti.static(world_out.driven):
+        clear_frozen_drag(world_out.frozen_drag, i)
+    if ti.static(world_out.sleeps):
+        clear_sleep(world_out.sleep, i)
+    if ti.static(world_out.has_state):
+        set_initial_states(world_out.pair_effects, r, i)
+        set_initial_states(world_out.grain_effects, r, i)
+    for bounds_out in ti.static((world_out.pairs, world_out.wall_pairs)):
+        bounds_out.start[i] = 0
+        bounds_out.stop[i] = 0
+
+
+@ti.func
+def is_due(world: ti.template(), r, rank):
+    """Whether a grain of row `rank` exists and its release step has come."""
+    (replicas,) = ti.static((world.replicas,))
+    row = r * world.grains.capacity + rank
+    return rank < replicas.total[r] and world.source.release_step[row] <= replicas.step[r]
+
+
+@ti.func
 def release_grains(world_out: ti.template(), r):
     """Append the grains whose release step has come to the valid side, with empty lists."""
-    grains_out, source, replicas_out = ti.static((world_out.grains, world_out.source, world_out.replicas))
-    base = side_block(grains_out, r, replicas_out.side[r])
-    row = r * grains_out.capacity
+    (replicas_out,) = ti.static((world_out.replicas,))
     count = replicas_out.released[r]
-    while count < replicas_out.total[r] and source.release_step[row + count] <= replicas_out.step[r]:
-        grains_out.origin[base + count] = source.position[row + count]
-        grains_out.shift[base + count] = 0.0 * source.velocity[row + count]
-        grains_out.velocity[base + count] = source.velocity[row + count]
-        grains_out.spin[base + count] = source.spin[row + count]
-        grains_out.radius[base + count] = source.radius[row + count]
-        grains_out.mass_inverse[base + count] = source.mass_inverse[row + count]
-        grains_out.material[base + count] = source.material[row + count]
-        grains_out.ident[base + count] = count
-        if ti.static(world_out.driven):
-            clear_frozen_drag(world_out.frozen_drag, base + count)
-        if ti.static(world_out.sleeps):
-            clear_sleep(world_out.sleep, base + count)
-        if ti.static(world_out.has_state):
-            set_initial_states(world_out.pair_effects, r, base + count)
-            set_initial_states(world_out.grain_effects, r, base + count)
-        for bounds_out in ti.static((world_out.pairs, world_out.wall_pairs)):
-            bounds_out.start[base + count] = 0
-            bounds_out.stop[base + count] = 0
+    while is_due(world_out, r, count):
+        release_grain(world_out, r, count)
         count += 1
     replicas_out.released[r] = count
     replicas_out.bounds[r, replicas_out.partitions[r]] = count
 
 
 @ti.func
-def move_grains(world_out: ti.template(), r, p):
-    """Copy partition p to the other side in sorted order, with the shift added to the origin."""
+def move_grain(world_out: ti.template(), r, rank):
+    """Copy the grain that the sort puts at `rank` to the other side, with the shift added to the origin."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
-    old = side_block(grains_out, r, replicas.side[r])
-    new = side_block(grains_out, r, 1 - replicas.side[r])
-    first = partition_first(replicas, r, p)
-    for rank in range(first, partition_first(replicas, r, p + 1)):
-        i = old + world_out.cells.order[r * grains_out.capacity + rank]
-        k = new + rank
-        velocity = grains_out.velocity[i]
-        radius = grains_out.radius[i]
-        allowed = skin(replicas, r, radius, velocity.norm())
-        grains_out.origin[k] = position_of(grains_out, replicas, r, i)
-        grains_out.shift[k] = 0.0 * velocity
-        grains_out.velocity[k] = velocity
-        grains_out.spin[k] = grains_out.spin[i]
-        grains_out.radius[k] = radius
-        grains_out.mass_inverse[k] = grains_out.mass_inverse[i]
-        grains_out.skin_squared[k] = allowed * allowed
-        grains_out.extent[k] = radius + allowed
-        grains_out.material[k] = grains_out.material[i]
-        grains_out.ident[k] = grains_out.ident[i]
-        if ti.static(world_out.driven):
-            copy_frozen_drag(world_out.frozen_drag, k, i)
-        if ti.static(world_out.sleeps):
-            move_sleep(world_out.sleep, k, i)
-        if ti.static(world_out.has_state):
-            move_states(world_out.pair_effects, k, i)
-            move_states(world_out.grain_effects, k, i)
+    i = side_block(grains_out, r, replicas.side[r]) + world_out.cells.order[r * grains_out.capacity + rank]
+    k = side_block(grains_out, r, 1 - replicas.side[r]) + rank
+    velocity = grains_out.velocity[i]
+    radius = grains_out.radius[i]
+    allowed = skin(replicas, r, radius, velocity.norm())
+    grains_out.origin[k] = position_of(grains_out, replicas, r, i)
+    grains_out.shift[k] = 0.0 * velocity
+    grains_out.velocity[k] = velocity
+    grains_out.spin[k] = grains_out.spin[i]
+    grains_out.radius[k] = radius
+    grains_out.mass_inverse[k] = grains_out.mass_inverse[i]
+    grains_out.skin_squared[k] = allowed * allowed
+    grains_out.extent[k] = radius + allowed
+    grains_out.material[k] = grains_out.material[i]
+    grains_out.ident[k] = grains_out.ident[i]
+    if ti.static(world_out.driven):
+        copy_frozen_drag(world_out.frozen_drag, k, i)
+    if ti.static(world_out.sleeps):
+        move_sleep(world_out.sleep, k, i)
+    if ti.static(world_out.has_state):
+        move_states(world_out.pair_effects, k, i)
+        move_states(world_out.grain_effects, k, i)
+
+
+@ti.func
+def move_grains(world_out: ti.template(), r, p):
+    """Copy partition p to the other side in sorted order."""
+    first = partition_first(world_out.replicas, r, p)
+    for rank in range(first, partition_first(world_out.replicas, r, p + 1)):
+        move_grain(world_out, r, rank)
 
 
 @ti.func

@@ -9,7 +9,6 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT, end_contact
 from taichi_erosion.grains.simd_batch import (
-    LANES,
     evaluate_contact,
     lane,
     load_entry,
@@ -25,9 +24,15 @@ STIR, UNIT = 0x85EBCA6B, 2.0**-32  # odd, from the finaliser of MurmurHash3; of 
 
 
 @ti.func
+def is_too_deep(replicas: ti.template(), r, overlap, size):
+    """Whether an overlap is beyond the limit, which is a share of `size` [m]."""
+    return overlap > replicas.overlap_limit[r] * size
+
+
+@ti.func
 def report_overlap(replicas_out: ti.template(), r, p, rank, partner, overlap, size):
     """Record the first overlap of this partition beyond the limit, which is a share of `size` [m]."""
-    if overlap > replicas_out.overlap_limit[r] * size and replicas_out.fault_value[r, p] == 0.0:
+    if is_too_deep(replicas_out, r, overlap, size) and replicas_out.fault_value[r, p] == 0.0:
         replicas_out.fault_value[r, p] = overlap / size
         replicas_out.fault_grain[r, p] = rank
         replicas_out.fault_partner[r, p] = partner
@@ -58,9 +63,9 @@ def pair_attraction(bound: ti.template(), entries_out: ti.template(), r, e, pair
 
 
 @ti.func
-def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
-    """Add the force of the pair effects to both grains of lane n."""
-    grains_out, pairs_out = ti.static((world_out.grains, world_out.pairs))
+def pair_effect_force(world_out: ti.template(), batch: ti.template(), n, r, base):
+    """Force of the pair effects on the first grain of lane n [N]; the second has its opposite."""
+    grains, pairs_out = ti.static((world_out.grains, world_out.pairs))
     e, root = batch.entry[n], batch.root_radius[n]
     i, j = base + batch.owner[n], base + batch.partner[n]
     normal = lane(batch.offset, n).normalized()
@@ -70,8 +75,8 @@ def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, bas
         radius_i=batch.radius_i[n],
         radius_j=batch.radius_j[n],
         radius_effective=root * root,
-        mass_i=1.0 / grains_out.mass_inverse[i],
-        mass_j=1.0 / grains_out.mass_inverse[j],
+        mass_i=1.0 / grains.mass_inverse[i],
+        mass_j=1.0 / grains.mass_inverse[j],
         closing_speed=-lane(batch.velocity, n).dot(normal),
         stiffness=hertz_stiffness(world_out.materials, row, root, batch.overlap[n]),
         touched=0.0,
@@ -82,6 +87,14 @@ def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, bas
     force = -pair_attraction(world_out.pair_effects, pairs_out, r, e, pair, i, j) * normal
     if ti.static(world_out.pair_effects.any_vector):
         force += total_vector_force(world_out.pair_effects, r, pair, i, j)
+    return force
+
+
+@ti.func
+def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
+    """Add the force of the pair effects to both grains of lane n."""
+    (grains_out,) = ti.static((world_out.grains,))
+    force = pair_effect_force(world_out, batch, n, r, base)
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
     grains_out.force[action] = grains_out.force[action] + force
     grains_out.force[reaction] = grains_out.force[reaction] - force
@@ -117,7 +130,7 @@ def passes_through(world: ti.template(), r, e, i, j, overlap):
 def fill_materials(world: ti.template(), batch_out: ti.template(), row):
     """Load the row of Materials that all pairs share to all lanes; nothing where it is -1."""
     if row >= 0:
-        for n in range(LANES):
+        for n in range(world.lanes):
             load_materials(world, batch_out, n, row)
 
 
@@ -150,16 +163,24 @@ def evaluate_pair(laws: ti.template(), batch_out: ti.template(), n, dt):
 
 
 @ti.func
+def pair_torques(batch: ti.template(), n):
+    """Torque on the first grain of lane n, and the opposite of that on the second [N m]."""
+    moment, twist = lane(batch.moment, n), lane(batch.torque_per_radius, n)
+    return moment - batch.radius_i[n] * twist, moment + batch.radius_j[n] * twist
+
+
+@ti.func
 def scatter_pair(world_out: ti.template(), batch: ti.template(), n, buffer):
     """Add the contact force in lane n to both grains, and store its history."""
     (grains_out,) = ti.static((world_out.grains,))
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
-    force, moment, twist = lane(batch.force, n), lane(batch.moment, n), lane(batch.torque_per_radius, n)
+    force = lane(batch.force, n)
+    torque, back = pair_torques(batch, n)
     store_contact(world_out.pairs, batch, n)
     grains_out.force[action] = grains_out.force[action] + force
-    grains_out.torque[action] = grains_out.torque[action] + (moment - batch.radius_i[n] * twist)
+    grains_out.torque[action] = grains_out.torque[action] + torque
     grains_out.force[reaction] = grains_out.force[reaction] - force
-    grains_out.torque[reaction] = grains_out.torque[reaction] - (moment + batch.radius_j[n] * twist)
+    grains_out.torque[reaction] = grains_out.torque[reaction] - back
 
 
 @ti.func
@@ -190,10 +211,16 @@ def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, bas
 
 
 @ti.func
+def pair_size(batch: ti.template(), n):
+    """Length that the overlap in lane n is compared with: twice the effective radius [m]."""
+    return 2.0 * batch.root_radius[n] * batch.root_radius[n]
+
+
+@ti.func
 def apply_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """Apply the contact in lane n to its grains."""
     buffer = force_block(world_out.grains, world_out.replicas, r, p)
-    size = 2.0 * batch.root_radius[n] * batch.root_radius[n]
+    size = pair_size(batch, n)
     report_overlap(world_out.replicas, r, p, batch.owner[n], batch.partner[n], batch.overlap[n], size)
     if batch.acts[n] == 1:
         scatter_pair(world_out, batch, n, buffer)
@@ -222,7 +249,7 @@ def add_pair_forces(world_out: ti.template(), r, p):
         e = next_awake(world_out, base, pairs.start[base + first], end)
         while e < end:
             filled = 0
-            while e < end and filled < LANES:
+            while e < end and filled < world_out.lanes:
                 filled += detect_pair(world_out, batch, filled, r, e, base)
                 e = next_awake(world_out, base, e + 1, end)
             for n in range(filled):

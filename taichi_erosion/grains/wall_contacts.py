@@ -23,7 +23,6 @@ from taichi_erosion.grains.neighbour_list import (
 )
 from taichi_erosion.grains.pair_contacts import effects_act, hertz_stiffness, pair_attraction, report_overlap
 from taichi_erosion.grains.simd_batch import (
-    LANES,
     evaluate_contact,
     lane,
     load_entry,
@@ -208,10 +207,17 @@ def evaluate_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
 @ti.func
 def apply_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """Apply the contact in lane n to its grain."""
+    rank, radius = batch.owner[n], batch.radius_i[n]
+    report_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
+    add_wall_force(world_out, batch, n, r, base, force_block(world_out.grains, world_out.replicas, r, p))
+
+
+@ti.func
+def add_wall_force(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
+    """Add the force in lane n to the buffer of its grain, and store its history."""
     grains_out, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
     e, rank, radius = batch.entry[n], batch.owner[n], batch.radius_i[n]
-    place = force_block(grains_out, world_out.replicas, r, p) + rank
-    report_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
+    place = buffer + rank
     if batch.acts[n] == 1:
         store_contact(entries_out, batch, n)
         # until the next rebuild: a contact that ends is cleared at once
@@ -263,7 +269,7 @@ def add_wall_forces(world_out: ti.template(), r, p):
         end = entries.stop[base + last - 1]
         while e < end:
             filled = 0
-            while e < end and filled < LANES:
+            while e < end and filled < world_out.lanes:
                 e = next_wall_entry(world_out, base, e, end)
                 if e < end:
                     filled += detect_wall(world_out, batch, filled, r, base, e)

@@ -10,6 +10,7 @@ from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.capacities import with_doubled_lists
+from taichi_erosion.simulation.grain_decomposition.step import run_steps
 from taichi_erosion.simulation.saved_state import export_state, import_state
 from taichi_erosion.simulation.schedule import assign_steps, upload_schedule
 from taichi_erosion.simulation.step import run_replicas, run_teams
@@ -62,17 +63,12 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
     """Run once; returns the steps that each replica did not do."""
     replicas, count = sim.world.replicas, len(steps)
     upload([(replicas.steps_left, steps), (replicas.spins_most, [spins_most(sim.pace)] * count)])
-    for signal in (replicas.arrivals, replicas.late, replicas.pause):
-        write(signal, 0)
     start, used = time.perf_counter(), time.process_time()
     size = team_size(sim.team, largest_team(sim))
-    if largest_team(sim) > 1:
-        # teams of one too: another kernel would have to be loaded first, a second of a core
-        run_teams(count, size, sim.chunk, sim.world, sim.coupling)
+    if sim.buffers is not None:
+        run_steps(sim.world, sim.coupling, sim.buffers, int(steps.max()))
     else:
-        workers = min(sim.workers, count)
-        upload_schedule(sim.schedule, assign_steps(steps, workers))
-        run_replicas(workers, sim.chunk, sim.schedule, sim.world, sim.coupling)
+        run_partitions(sim, steps, size)
     left = download([replicas.steps_left], 0, count)[0].astype(np.int32)
     elapsed, used = time.perf_counter() - start, time.process_time() - used
     if sim.launched:
@@ -80,6 +76,20 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
         note_team(sim, size, elapsed, used)
     sim.launched = True
     return left
+
+
+def run_partitions(sim: Simulation, steps: Integers, size: int) -> None:
+    """Run so many steps of every replica in its partitions, by teams of a size or by single workers."""
+    replicas, count = sim.world.replicas, len(steps)
+    for signal in (replicas.arrivals, replicas.late, replicas.pause):
+        write(signal, 0)
+    if largest_team(sim) > 1:
+        # teams of one too: another kernel would have to be loaded first, a second of a core
+        run_teams(count, size, sim.chunk, sim.world, sim.coupling)
+    else:
+        workers = min(sim.workers, count)
+        upload_schedule(sim.schedule, assign_steps(steps, workers))
+        run_replicas(workers, sim.chunk, sim.schedule, sim.world, sim.coupling)
 
 
 def largest_team(sim: Simulation) -> int:

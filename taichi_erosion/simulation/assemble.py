@@ -20,7 +20,7 @@ from taichi_erosion.grains.frozen_drag import allocate_frozen_drag
 from taichi_erosion.grains.materials import allocate_materials
 from taichi_erosion.grains.neighbour_list import allocate_neighbour_list
 from taichi_erosion.grains.partition import CPU_CHUNK
-from taichi_erosion.grains.simd_batch import batch_type
+from taichi_erosion.grains.simd_batch import LANES, batch_type
 from taichi_erosion.grains.sleep import allocate_sleep
 from taichi_erosion.grains.state import allocate_grains, allocate_replicas, allocate_source
 from taichi_erosion.grains.wall_contacts import allocate_wall_list
@@ -31,6 +31,8 @@ from taichi_erosion.simulation.capacities import (
     padded_with_copies,
     partition_count,
 )
+from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, allocate_buffers
+from taichi_erosion.simulation.grain_decomposition.limits import refuse_too_large, refuse_unsupported
 from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
 from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.team import Team
@@ -52,12 +54,13 @@ class Simulation:
     world: World
     coupling: CouplingState
     schedule: Schedule
+    buffers: GrainBuffers | None = None  # of the grain decomposition
     pace: float = 0.0  # steps a second and replica seen so far
     launched: bool = False  # the first launch compiles and does not count for the pace
     team: Team = field(default_factory=Team)
 
 
-def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> World:
+def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, lanes: int) -> World:
     """Fields of all setups, one per replica, and the device functions; the device must have been started."""
     compiled = compile_contact_laws(laws)
     driven, sleeps = is_driven(setups), any(s.coupling.sleep_exchanges > 0 for s in setups)
@@ -73,7 +76,8 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> Worl
         wall_pairs=allocate_wall_list(capacities.replicas, capacities.grains, capacities.wall_pairs),
         materials=allocate_materials(capacities.replicas, capacities.materials),
         laws=compiled,
-        batch_type=batch_type(),
+        lanes=lanes,
+        batch_type=batch_type(lanes),
         clumped=setups[0].clumps is not None,
         clumps=allocate_clumps(capacities.replicas, capacities.bodies, capacities.grains),
         pair_effects=pair_effects,
@@ -96,7 +100,8 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities) -> Worl
 def upload_setups(world: World, setups: list[Setup]) -> None:
     """Write the Setups to the fields, one a replica. Raises BadInput where a period is too narrow."""
     reaches = [gap_reach(s, world.laws) for s in setups]
-    upload_world(world, setups, reaches, [partition_count(s) for s in setups])
+    most = world.replicas.need.shape[1]
+    upload_world(world, setups, reaches, [min(partition_count(s), most) for s in setups])
     check_periods(world, setups)
 
 
@@ -157,19 +162,29 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
 
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
-    listed = checked(setups)
+    listed, capacities = checked(setups), initial_capacities(list(setups))
+    if numerics.by_grain:
+        refuse_unsupported(listed)
+        capacities = replace(capacities, partitions=1)
+        refuse_too_large(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"
-    capacities = initial_capacities(listed)
     workers = threads if on_cpu else len(listed)
-    everyone = padded_with_copies(listed, capacities)
+    chunk = CPU_CHUNK if on_cpu else 1
+    fields = allocate_fields(listed, laws, numerics, workers, capacities)
+    release_first(fields[0])
+    return Simulation(listed, laws, numerics, workers, chunk, capacities, *fields)
+
+
+def allocate_fields(
+    setups: list[Setup], laws: Laws, numerics: Numerics, workers: int, capacities: Capacities
+) -> tuple[World, CouplingState, Schedule, GrainBuffers | None]:
+    """All fields of a run."""
+    everyone = padded_with_copies(setups, capacities)
     schedule = allocate_schedule(max(workers, POOL_LEAST), capacities.replicas)
-    world = build_world(everyone, laws, capacities)
+    world = build_world(everyone, laws, capacities, 1 if numerics.by_grain else LANES)
     coupling = allocate_coupling(everyone, laws, capacities.partitions)
-    release_first(world)
-    return Simulation(
-        listed, laws, numerics, workers, CPU_CHUNK if on_cpu else 1, capacities, world, coupling, schedule
-    )
+    return world, coupling, schedule, allocate_buffers(capacities) if numerics.by_grain else None
 
 
 def reallocate(sim: Simulation, capacities: Capacities) -> None:
@@ -179,7 +194,5 @@ def reallocate(sim: Simulation, capacities: Capacities) -> None:
     """
     start_device(sim.numerics, POOL_LEAST)
     sim.capacities = replace(capacities)
-    everyone = padded_with_copies(sim.setups, capacities)
-    sim.schedule = allocate_schedule(max(sim.workers, POOL_LEAST), capacities.replicas)
-    sim.world = build_world(everyone, sim.laws, sim.capacities)
-    sim.coupling = allocate_coupling(everyone, sim.laws, sim.capacities.partitions)
+    fields = allocate_fields(sim.setups, sim.laws, sim.numerics, sim.workers, sim.capacities)
+    sim.world, sim.coupling, sim.schedule, sim.buffers = fields

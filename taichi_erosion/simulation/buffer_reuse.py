@@ -6,7 +6,7 @@ the ensemble before.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import Laws, Numerics, Setup
@@ -29,7 +29,7 @@ def reuse_or_assemble(
     listed = checked(setups)
     if before is None or not is_reusable(before, listed, laws, numerics):
         return assemble(listed, laws, numerics)
-    for record in (before.world, before.coupling):
+    for record in (before.world, before.coupling, *([before.buffers] if before.buffers else [])):
         for field in device_fields(record):
             write(field, 0)
     before.setups = listed
@@ -44,6 +44,9 @@ def reuse_or_assemble(
 
 def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: Numerics) -> bool:
     """Whether an ensemble would compile what the one before has compiled, and fits in its fields."""
+    wanted = initial_capacities(setups)
+    if numerics.by_grain:
+        wanted = replace(wanted, partitions=1)
     same_laws = (before.laws, before.numerics) == (laws, numerics)
     alike = (before.setups[0].clumps is None) == (setups[0].clumps is None)
     without_air = not before.coupling.has_air and all(setup.air is None for setup in setups)
@@ -51,7 +54,7 @@ def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: N
         same_laws
         and alike
         and without_air
-        and has_capacity(before.capacities, initial_capacities(setups))
+        and has_capacity(before.capacities, wanted)
         and has_same_effects(before, setups)
     )
 

@@ -169,6 +169,10 @@ def capacity_wanted(state: Arrays, prefix: str) -> int:
 def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     """Grains, lists and bodies of one replica, on side 0."""
     world, rows = sim.world, sim.capacities.grains
+    if sim.buffers is not None:
+        part = part | {"bounds": np.array([0, len(part["ident"])])}
+        upload([(world.replicas.partitions, [1.0])], r)
+        upload([(sim.buffers.linked, [0.0])], r)
     upload(columns("", world.grains, GRAIN, part), 2 * r * rows)
     upload(columns("", world.grains, RATE, part), r * rows)
     if world.driven:
@@ -177,7 +181,7 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
         upload(columns("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
     import_memory(sim, r, part)
     bounds = read(world.replicas.bounds)
-    bounds[r] = part["bounds"]
+    bounds[r, : len(part["bounds"])] = part["bounds"]
     write(world.replicas.bounds, bounds)
     part = part | {"wall_wall": part["wall_wall"] + r * sim.capacities.primitives}
     for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):

@@ -21,18 +21,33 @@ OVERFLOW = int(Status.OVERFLOW)
 
 
 @ti.func
+def position_fault(world: ti.template(), r, rank):
+    """Whether the position of a grain is finite and inside the domain: 0, LOST or NOT_FINITE, and where."""
+    grains, replicas = ti.static((world.grains, world.replicas))
+    position = position_of(grains, replicas, r, side_block(grains, r, replicas.side[r]) + rank)
+    fault, value = 0, ti.cast(0.0, float)
+    for k in ti.static(range(3)):
+        finite = position[k] - position[k] == 0.0
+        if not (finite and replicas.low[r][k] <= position[k] <= replicas.high[r][k]):
+            fault, value = ti.select(finite, LOST, NOT_FINITE), ti.cast(position[k], float)
+    return fault, value
+
+
+@ti.func
 def check_positions(world_out: ti.template(), r):
     """Stop the replica where a position is not finite or outside the domain."""
-    grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
-    base = side_block(grains, r, replicas_out.side[r])
-    for rank in range(replicas_out.released[r]):
-        position = position_of(grains, replicas_out, r, base + rank)
-        for k in ti.static(range(3)):
-            finite = position[k] - position[k] == 0.0
-            if not (finite and replicas_out.low[r][k] <= position[k] <= replicas_out.high[r][k]):
-                replicas_out.status[r] = ti.select(finite, LOST, NOT_FINITE)
-                replicas_out.fault_grain[r, 0] = rank
-                replicas_out.fault_value[r, 0] = ti.cast(position[k], float)
+    for rank in range(world_out.replicas.released[r]):
+        fault, value = position_fault(world_out, r, rank)
+        if fault != 0:
+            stop_at(world_out.replicas, r, rank, fault, value)
+
+
+@ti.func
+def stop_at(replicas_out: ti.template(), r, rank, fault, value):
+    """Stop replica r for a fault of the grain of that rank."""
+    replicas_out.status[r] = fault
+    replicas_out.fault_grain[r, 0] = rank
+    replicas_out.fault_value[r, 0] = value
 
 
 @ti.func
@@ -51,7 +66,15 @@ def prepare_rebuild(world_out: ti.template(), r):
 @ti.func
 def finish_rebuild(world_out: ti.template(), r):
     """Make the other side the valid one; where the lists did not fit, keep the old and stop."""
-    replicas_out, clumped = ti.static((world_out.replicas, world_out.clumped))
+    swap_sides(world_out.replicas, r)
+    if ti.static(world_out.clumped):
+        if world_out.replicas.status[r] == 0:
+            locate_spheres(world_out, r, 0, world_out.replicas.released[r])
+
+
+@ti.func
+def swap_sides(replicas_out: ti.template(), r):
+    """Make the other side of replica r the valid one, unless lists did not fit."""
     short = 0
     for p in range(replicas_out.partitions[r]):
         short += replicas_out.short[r, p] + replicas_out.wall_short[r, p]
@@ -62,8 +85,6 @@ def finish_rebuild(world_out: ti.template(), r):
         replicas_out.rebuilds[r] = replicas_out.rebuilds[r] + 1
         replicas_out.wall_travel[r] = 0.0
         replicas_out.stale[r] = 0
-        if ti.static(clumped):
-            locate_spheres(world_out, r, 0, replicas_out.released[r])
 
 
 @ti.func

@@ -1,0 +1,245 @@
+"""One step of all replicas by the grain decomposition, and the launch of many."""
+
+from typing import Any
+
+from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import field_view, is_host
+from taichi_erosion.coupling.coupling_state import CouplingState
+from taichi_erosion.coupling.gather import gather_grain
+from taichi_erosion.grains import World
+from taichi_erosion.grains.clumps import advance_body, place_spheres
+from taichi_erosion.grains.integrate import kick_time
+from taichi_erosion.grains.state import REBUILD, STOP, side_block
+from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stages
+from taichi_erosion.simulation.grain_decomposition.forces import add_walls, evaluate_entry, move, sum_pairs
+from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
+from taichi_erosion.simulation.grain_decomposition.reverse_lists import link_stages
+from taichi_erosion.simulation.step import OVERLAP, required_action, tick
+
+STEPS_A_REBUILD = 4  # steps between two launches that look for rebuilds; a replica waits for the next one
+
+
+@ti.func
+def judge(world_out: ti.template(), buffers_out: ti.template(), r):
+    """Whether replica r takes part in the coming step; a replica with too large an overlap is stopped."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    stepping = 0
+    if replicas_out.status[r] == 0:
+        action = required_action(world_out, r)
+        if action == STOP:
+            replicas_out.status[r] = OVERLAP
+        elif action != REBUILD and replicas_out.steps_left[r] > 0:
+            stepping = buffers_out.linked[r]
+    buffers_out.stepping[r] = stepping
+
+
+@ti.func
+def note_fault(world_out: ti.template(), buffers_out: ti.template(), r):
+    """Record the first overlap beyond the limit of this step, in the order of the list entries."""
+    replicas_out, pairs = ti.static((world_out.replicas, world_out.pairs))
+    k = buffers_out.faulty[r]
+    if k != NO_FAULT:
+        if k < pairs.capacity:
+            e = (2 * r + replicas_out.side[r]) * pairs.capacity + k
+            replicas_out.fault_grain[r, 0] = pairs.owner[e]
+            replicas_out.fault_partner[r, 0] = pairs.neighbour[e]
+            replicas_out.fault_value[r, 0] = buffers_out.level[r * pairs.capacity + k] - 1.0
+        else:
+            place = r * world_out.grains.capacity + k - pairs.capacity
+            replicas_out.fault_grain[r, 0] = k - pairs.capacity
+            replicas_out.fault_partner[r, 0] = buffers_out.wall[place]
+            replicas_out.fault_value[r, 0] = buffers_out.wall_overlap[place]
+        replicas_out.need[r, 0] = STOP
+        buffers_out.faulty[r] = NO_FAULT
+
+
+@ti.func
+def is_moving(world: ti.template(), buffers: ti.template(), r, rank):
+    """Whether the coming step advances a grain."""
+    return buffers.stepping[r] == 1 and rank < world.replicas.released[r]
+
+
+@ti.func
+def exchange(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
+    """Forces of fields and states of effects of one grain, where its exchange is due."""
+    due = world_out.replicas.step[r] % coupling.exchange.look_steps[r] == 0
+    if due and is_moving(world_out, buffers, r, rank):
+        i = side_block(world_out.grains, r, world_out.replicas.side[r]) + rank
+        gather_grain(world_out, coupling, r, i, True)
+
+
+@ti.func
+def evaluate(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
+    """Force of one pair."""
+    if buffers_out.stepping[r] == 1 and k < buffers_out.listed[r]:
+        evaluate_entry(world_out, buffers_out, r, k)
+
+
+@ti.func
+def load_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
+    """Forces on one grain."""
+    if is_moving(world_out, buffers_out, r, rank):
+        sum_pairs(world_out, buffers_out, r, rank)
+        add_walls(world_out, buffers_out, r, rank)
+
+
+@ti.func
+def advance_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
+    """Forces on one grain, and its motion."""
+    load_grain(world_out, coupling, buffers_out, r, rank)
+    if is_moving(world_out, buffers_out, r, rank):
+        move(world_out, r, rank)
+
+
+@ti.func
+def advance_clump(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, k):
+    """Motion of body k, if it has been released."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    released = replicas_out.released[r]
+    if buffers.stepping[r] == 1 and released > 0:
+        if k <= world_out.source.body[r * world_out.grains.capacity + released - 1]:
+            b = r * world_out.clumps.capacity + k
+            advance_body(world_out, r, b, ti.cast(kick_time(replicas_out, r, replicas_out.step[r]), ti.f64))
+            ti.atomic_max(replicas_out.need[r, 0], place_spheres(world_out, r, b))
+
+
+@ti.func
+def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
+    """Clock, walls and faults of replica r, and whether it goes on."""
+    if buffers_out.stepping[r] == 1:
+        note_fault(world_out, buffers_out, r)
+        tick(world_out, r)
+        world_out.replicas.steps_left[r] = world_out.replicas.steps_left[r] - 1
+        judge(world_out, buffers_out, r)
+
+
+def step_stages(world: World) -> Stages:
+    """Stages of one step."""
+    grains = world.grains.capacity
+    first = [(exchange, grains)] if world.driven or world.has_state else []
+    motion = [(load_grain, grains), (advance_clump, world.clumps.capacity)]
+    return (
+        *first,
+        (evaluate, world.pairs.capacity),
+        *(motion if world.clumped else [(advance_grain, grains)]),
+        (end_step, 1),
+    )
+
+
+@ti.kernel
+def run_queued(
+    # parameters
+    stages: ti.template(),
+    # in
+    queue: ti.template(),
+    queued: ti.template(),
+    # out
+    world_out: ti.template(),
+    buffers_out: ti.template(),
+):
+    """Run stages one after the other, each for all queued replicas at once; it writes what they write."""
+    number = queued[0]
+    for stage in ti.static(stages):
+        task, width = ti.static(stage)
+        for n in range(number * width):
+            task(world_out, buffers_out, queue[n // width], n % width)
+
+
+@ti.kernel
+def run_all(
+    # parameters
+    stages: ti.template(),
+    # out
+    world_out: ti.template(),
+    coupling_out: ti.template(),
+    buffers_out: ti.template(),
+):
+    """Run stages one after the other, each for all replicas at once; it writes what they write."""
+    for stage in ti.static(stages):
+        task, width = ti.static(stage)
+        for n in range(world_out.replicas.count * width):
+            task(world_out, coupling_out, buffers_out, n // width, n % width)
+
+
+@ti.kernel
+def queue_rebuilds(
+    # in
+    world: ti.template(),
+    # out
+    buffers_out: ti.template(),
+):
+    """Queue the replicas that have steps to do and need new lists.
+
+    Writes `buffers_out`: queue, queued.
+    """
+    for _ in range(1):
+        buffers_out.queued[0] = 0
+    for r in range(world.replicas.count):
+        if world.replicas.status[r] == 0 and world.replicas.steps_left[r] > 0:
+            if required_action(world, r) == REBUILD:
+                # the place in the queue changes no result
+                buffers_out.queue[ti.atomic_add(buffers_out.queued[0], 1)] = r
+
+
+@ti.kernel
+def queue_links(
+    # in
+    world: ti.template(),
+    # out
+    buffers_out: ti.template(),
+):
+    """Queue the replicas that have no reverse lists.
+
+    Writes `buffers_out`: link_queue, unlinked.
+    """
+    for _ in range(1):
+        buffers_out.unlinked[0] = 0
+    for r in range(world.replicas.count):
+        if world.replicas.status[r] == 0 and buffers_out.linked[r] == 0:
+            buffers_out.link_queue[ti.atomic_add(buffers_out.unlinked[0], 1)] = r
+
+
+@ti.kernel
+def judge_all(
+    # out
+    world_out: ti.template(),
+    buffers_out: ti.template(),
+):
+    """Which replicas take part in the coming step.
+
+    Writes `buffers_out`: stepping.
+    Writes `world_out`: replicas.status.
+    """
+    for r in range(world_out.replicas.count):
+        judge(world_out, buffers_out, r)
+
+
+def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, steps: int) -> None:
+    """Launch so many steps; a replica that waited for new lists has done fewer.
+
+    Nothing is read back in between, except on a CPU, where fields are read in place: there the launches that
+    look for rebuilds are left out while no replica waits.
+    """
+    stages = step_stages(world)
+    renew_lists(world, buffers)
+    for k in range(1, steps + 1):
+        run_all(stages, world, coupling, buffers)
+        if is_waiting(world, buffers) if is_host() else k % STEPS_A_REBUILD == 0:
+            renew_lists(world, buffers)
+    ti.sync()
+
+
+def renew_lists(world: World, buffers: GrainBuffers) -> None:
+    """Rebuild the lists of the replicas that need it."""
+    queue_rebuilds(world, buffers)
+    run_queued(rebuild_stages(world, buffers), buffers.queue, buffers.queued, world, buffers)
+    queue_links(world, buffers)
+    run_queued(link_stages(world, buffers), buffers.link_queue, buffers.unlinked, world, buffers)
+    judge_all(world, buffers)
+
+
+def is_waiting(world: World, buffers: GrainBuffers) -> bool:
+    """Whether any replica has steps to do and does not take part, on a CPU."""
+    replicas = world.replicas
+    running: Any = (field_view(replicas.status) == 0) & (field_view(replicas.steps_left) > 0)
+    return bool((running & (field_view(buffers.stepping) == 0)).any())
