@@ -95,6 +95,7 @@ def add_walls(world_out: ti.template(), buffers_out: ti.template(), r, rank):
     base = side_block(world_out.grains, r, replicas.side[r])
     buffer = force_block(world_out.grains, replicas, r, 0)
     e, end = entries.start[base + rank], entries.stop[base + rank]
+    deep = 0
     while e < end:
         e = next_wall_entry(world_out, base, e, end)
         if e < end:
@@ -103,20 +104,24 @@ def add_walls(world_out: ti.template(), buffers_out: ti.template(), r, rank):
                 load_entry(world_out, entries, batch, 0)
                 load_materials(world_out, batch, 0, entries.label[e] >> ROW_SHIFT)
                 evaluate_wall(world_out.laws, batch, 0, replicas.time_step[r])
-                note_deep_wall(world_out, buffers_out, batch, r, rank)
+                deep = deep | note_deep_wall(world_out, buffers_out, batch, r, rank)
                 add_wall_force(world_out, batch, 0, r, base, buffer)
             e += 1
+    if deep == 1:
+        # it comes behind all pairs
+        ti.atomic_min(buffers_out.faulty[r], world_out.pairs.capacity + rank)
 
 
 @ti.func
 def note_deep_wall(world: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, rank):
-    """Note a grain that overlaps too far with a wall; it comes behind all pairs."""
-    overlap, radius = batch.overlap[0], batch.radius_i[0]
+    """Note the wall that a grain overlaps too far with; returns 1 where it does, else 0."""
+    overlap, radius, deep = batch.overlap[0], batch.radius_i[0], 0
     if is_too_deep(world.replicas, r, overlap, radius):
         place = r * world.grains.capacity + rank
         buffers_out.wall_overlap[place] = overlap / radius
         buffers_out.wall[place] = batch.partner[0]
-        ti.atomic_min(buffers_out.faulty[r], world.pairs.capacity + rank)
+        deep = 1
+    return deep
 
 
 @ti.func

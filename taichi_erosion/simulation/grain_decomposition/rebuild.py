@@ -268,13 +268,16 @@ def locate_sphere(world_out: ti.template(), buffers: ti.template(), r, rank):
         locate_spheres(world_out, r, rank, rank + 1)
 
 
-def rebuild_stages(world: World, buffers: GrainBuffers) -> Stages:
-    """Stages of a rebuild."""
+def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stages, ...]:
+    """Stages of a rebuild, kernel by kernel.
+
+    The search stands in a kernel of its own: Taichi 1.7.4 cannot compile it for Vulkan beside other stages.
+    """
     grains, cells = world.grains.capacity, world.cells.capacity
     chunks, cell_chunks = buffers.grain_chunks, buffers.cell_chunks
-    stages = [(begin_rebuild, 1), (release, grains), (survey_chunk, chunks), (prepare_sort, 1)]
-    stages += [(clear_cell, cells + 2), (count_in_cell, grains)]
-    stages += [(sum_cells, cell_chunks), (join_cells, 1), (bound_cells, cell_chunks)]
-    stages += [(put_in_cell, grains), (sort_cell, cells), (move_sorted, grains), (count_entries, grains)]
-    stages += [(sum_lists, chunks), (join_lists, 1), (bound_lists, chunks), (write_lists, grains)]
-    return (*stages, (end_rebuild, 1), *([(locate_sphere, grains)] if world.clumped else []))
+    begin = ((begin_rebuild, 1), (release, grains), (survey_chunk, chunks), (prepare_sort, 1))
+    count = ((clear_cell, cells + 2), (count_in_cell, grains), (sum_cells, cell_chunks), (join_cells, 1))
+    sort = ((bound_cells, cell_chunks), (put_in_cell, grains), (sort_cell, cells), (move_sorted, grains))
+    bound = ((sum_lists, chunks), (join_lists, 1), (bound_lists, chunks))
+    end = ((write_lists, grains), (end_rebuild, 1), *([(locate_sphere, grains)] if world.clumped else []))
+    return (*begin, *count, *sort), ((count_entries, grains),), (*bound, *end)

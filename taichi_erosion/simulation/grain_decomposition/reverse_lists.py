@@ -22,12 +22,28 @@ def clear_partners(world: ti.template(), buffers_out: ti.template(), r, rank):
 
 
 @ti.func
-def count_partners(world: ti.template(), buffers_out: ti.template(), r, rank):
-    """Count the entries of a grain at their second grains."""
-    i, row = side_block(world.grains, r, world.replicas.side[r]) + rank, r * world.grains.capacity
-    if rank < world.replicas.released[r]:
-        for e in range(world.pairs.start[i], world.pairs.stop[i]):
-            ti.atomic_add(buffers_out.start[row + world.pairs.neighbour[e]], 1)
+def begin_link(world: ti.template(), buffers_out: ti.template(), r, _):
+    """Number of entries of replica r."""
+    side, released = world.replicas.side[r], world.replicas.released[r]
+    listed = 0
+    if released > 0:
+        last = side_block(world.grains, r, side) + released - 1
+        listed = world.pairs.stop[last] - entry_block(world.pairs, r, side)
+    buffers_out.listed[r] = listed
+
+
+@ti.func
+def second_grain(world: ti.template(), r, k):
+    """Place of the second grain of entry k among those of the reverse lists."""
+    e = entry_block(world.pairs, r, world.replicas.side[r]) + k
+    return r * world.grains.capacity + world.pairs.neighbour[e]
+
+
+@ti.func
+def count_partner(world: ti.template(), buffers_out: ti.template(), r, k):
+    """Count an entry at its second grain."""
+    if k < buffers_out.listed[r]:
+        ti.atomic_add(buffers_out.start[second_grain(world, r, k)], 1)
 
 
 @ti.func
@@ -61,14 +77,11 @@ def begin_filling(world: ti.template(), buffers_out: ti.template(), r, rank):
 
 
 @ti.func
-def note_partners(world: ti.template(), buffers_out: ti.template(), r, rank):
-    """Write the entries of a grain to the reverse lists of their second grains."""
-    side = world.replicas.side[r]
-    i, row = side_block(world.grains, r, side) + rank, r * world.grains.capacity
-    if rank < world.replicas.released[r]:
-        for e in range(world.pairs.start[i], world.pairs.stop[i]):
-            place = ti.atomic_add(buffers_out.stop[row + world.pairs.neighbour[e]], 1)
-            buffers_out.partner_entry[place] = e - entry_block(world.pairs, r, side)
+def note_partner(world: ti.template(), buffers_out: ti.template(), r, k):
+    """Write an entry to the reverse list of its second grain."""
+    if k < buffers_out.listed[r]:
+        place = ti.atomic_add(buffers_out.stop[second_grain(world, r, k)], 1)
+        buffers_out.partner_entry[place] = k
 
 
 @ti.func
@@ -81,20 +94,18 @@ def sort_partners(world: ti.template(), buffers_out: ti.template(), r, rank):
 
 @ti.func
 def end_link(world: ti.template(), buffers_out: ti.template(), r, _):
-    """Number of entries of replica r; from here on its reverse lists are valid."""
-    side, released = world.replicas.side[r], world.replicas.released[r]
-    last = side_block(world.grains, r, side) + released - 1
-    listed = 0
-    if released > 0:
-        listed = world.pairs.stop[last] - entry_block(world.pairs, r, side)
-    buffers_out.listed[r] = listed
+    """From here on the reverse lists of replica r are valid."""
     buffers_out.faulty[r] = NO_FAULT
     buffers_out.linked[r] = 1
 
 
 def link_stages(world: World, buffers: GrainBuffers) -> Stages:
-    """Stages that make reverse lists."""
-    grains, chunks = world.grains.capacity, buffers.grain_chunks
-    counted = ((clear_partners, grains), (count_partners, grains))
+    """Stages that make reverse lists.
+
+    Entries are counted one by one, not grain by grain: an atomic operation in a loop of a thread is wrong on
+    Mesa's software Vulkan driver (22.3.6).
+    """
+    grains, entries, chunks = world.grains.capacity, world.pairs.capacity, buffers.grain_chunks
+    counted = ((begin_link, 1), (clear_partners, grains), (count_partner, entries))
     bounded = ((sum_partners, chunks), (join_partners, 1), (bound_partners, chunks), (begin_filling, grains))
-    return (*counted, *bounded, (note_partners, grains), (sort_partners, grains), (end_link, 1))
+    return (*counted, *bounded, (note_partner, entries), (sort_partners, grains), (end_link, 1))

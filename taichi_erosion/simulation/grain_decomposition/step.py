@@ -16,6 +16,7 @@ from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
 from taichi_erosion.simulation.grain_decomposition.reverse_lists import link_stages
 from taichi_erosion.simulation.step import OVERLAP, required_action, tick
 
+THREADS_MOST = 1 << 18  # of a stage of queued replicas: they are few, and each thread takes some places
 STEPS_A_REBUILD = 4  # steps between two launches that look for rebuilds; a replica waits for the next one
 
 
@@ -138,11 +139,14 @@ def run_queued(
     buffers_out: ti.template(),
 ):
     """Run stages one after the other, each for all queued replicas at once; it writes what they write."""
-    number = queued[0]
     for stage in ti.static(stages):
         task, width = ti.static(stage)
-        for n in range(number * width):
-            task(world_out, buffers_out, queue[n // width], n % width)
+        threads = ti.static(min(world_out.replicas.count * width, THREADS_MOST))
+        for thread in range(threads):
+            n = thread
+            while n < queued[0] * width:
+                task(world_out, buffers_out, queue[n // width], n % width)
+                n += threads
 
 
 @ti.kernel
@@ -232,7 +236,8 @@ def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, step
 def renew_lists(world: World, buffers: GrainBuffers) -> None:
     """Rebuild the lists of the replicas that need it."""
     queue_rebuilds(world, buffers)
-    run_queued(rebuild_stages(world, buffers), buffers.queue, buffers.queued, world, buffers)
+    for stages in rebuild_stages(world, buffers):
+        run_queued(stages, buffers.queue, buffers.queued, world, buffers)
     queue_links(world, buffers)
     run_queued(link_stages(world, buffers), buffers.link_queue, buffers.unlinked, world, buffers)
     judge_all(world, buffers)
