@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 PathLike = str | Path
 SceneLike = PathLike | Mapping[str, Any]
 
-OPTIONS = ("seed", "replicas", "threads", "precision", "arch", "force")  # of a run beside its scene
+# of a run beside its scene
+OPTIONS = ("seed", "replicas", "threads", "precision", "arch", "decomposition", "force")
 
 
 @dataclass(frozen=True, repr=False)
@@ -129,7 +130,8 @@ def run(
 
     `changes` maps dotted paths of a scene to values, {"grains.count": 3000}. `record` is a file (.rrd), True
     for one in recordings/, or False. Further entries are the options of `./erosion run`: seed, replicas,
-    threads, precision, arch, force; a name with two underscores is a change, grains__count=3000.
+    threads, precision, arch, decomposition, force; a name with two underscores is a change,
+    grains__count=3000.
     Raises BadInput for a wrong scene or entry, SimulationStopped where every replica fails.
     """
     from taichi_erosion.run import RunOptions, run_scene

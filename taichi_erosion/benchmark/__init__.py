@@ -9,25 +9,39 @@ from functools import partial
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.benchmark.grain_cases import grain_case, standard_grain_cases, wide_bed_cases
+from taichi_erosion.benchmark.grain_cases import (
+    device_grain_cases,
+    grain_case,
+    standard_grain_cases,
+    wide_bed_cases,
+)
 from taichi_erosion.benchmark.shared_machine import shared_cases
 from taichi_erosion.benchmark.wind_cases import air_case, standard_air_cases, threshold_case
 from taichi_erosion.core.compiler_target import compiler_target
 from taichi_erosion.core.engine.choice import engine_name, engine_version
+from taichi_erosion.core.setup import Arch
 
 __all__ = ["run_benchmarks"]
 
 
-def run_benchmarks(progress: Callable[[float, str], None] | None = None) -> dict[str, Any]:
+def cpu_runs(cores: int) -> list[tuple[str, Callable[[], Any]]]:
     """Beds, funnels, a patch that blows and ensembles; air; a threshold; wide beds; a shared machine."""
-    cores = len(os.sched_getaffinity(0))
-    runs: list[tuple[str, Callable[[], Any]]] = [
+    return [
         *((str(case), partial(grain_case, case)) for case in standard_grain_cases(cores)),
         *((name, partial(air_case, name, setup, cores)) for name, setup in standard_air_cases()),
         ("fluid threshold", threshold_case),
         ("beds of growing width", wide_bed_cases),
         ("shared machine", partial(shared_cases, cores)),
     ]
+
+
+def run_benchmarks(
+    progress: Callable[[float, str], None] | None = None, arch: Arch = "cpu", large: bool = False
+) -> dict[str, Any]:
+    """All cases of a CPU, or those of grains on a graphics processor; `large`: what fills one."""
+    cores = len(os.sched_getaffinity(0))
+    on_device = [(str(case), partial(grain_case, case)) for case in device_grain_cases(arch, large)]
+    runs = cpu_runs(cores) if arch == "cpu" else on_device
     cases: list[dict[str, Any]] = []
     for index, (name, run) in enumerate(runs):
         if progress:

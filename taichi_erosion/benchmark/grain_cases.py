@@ -15,7 +15,7 @@ import numpy as np
 from taichi_erosion.benchmark.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
 from taichi_erosion.benchmark.wind_cases import blowing_patch
 from taichi_erosion.core.compiler_target import packed_width
-from taichi_erosion.core.setup import Floats, Numerics, Setup
+from taichi_erosion.core.setup import Arch, Floats, Numerics, Setup
 from taichi_erosion.core.transfer import device_fields, inner_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import Simulation, advance, assemble, export_bed, snapshot, totals
@@ -29,7 +29,8 @@ START, WIDE_START = (
     0.02,
 )  # s, until contacts last and a funnel flows; of a funnel that would take a minute
 FUNNELS, WIDE_FUNNEL = (2000, 10_000), 50_000  # grains
-ENSEMBLE = 32  # replicas
+ENSEMBLE, FUNNELS_MANY = 32, 1000  # replicas
+MILLION_SIDE = 267  # grains along each period of a bed of a million
 ROUNDS = 3  # the median is reported
 TILES = ((1, 1), (5, 1), (10, 5), (10, 10))  # copies along either period: 2,016 to 201,600 grains
 UNTIMED, WIDE_STEPS = (
@@ -47,9 +48,11 @@ class GrainCase:
     threads: int
     precision: Precision = "f32"
     steps: int = 1000
+    arch: Arch = "cpu"
 
     def __str__(self) -> str:
-        return f"{self.name}, {self.threads} thread(s), {self.precision}"
+        where = f"{self.threads} thread(s)" if self.arch == "cpu" else self.arch
+        return f"{self.name}, {where}, {self.precision}"
 
 
 def after(until: float, setups: Callable[[], list[Setup]]) -> Callable[[Numerics], Simulation]:
@@ -77,6 +80,23 @@ def standard_grain_cases(cores: int) -> list[GrainCase]:
         GrainCase("ensemble of beds", beds, 1, steps=300),
         GrainCase("ensemble of beds", beds, cores, steps=300),
     ]
+
+
+def device_grain_cases(arch: Arch, large: bool) -> list[GrainCase]:
+    """A bed, a funnel and an ensemble on a graphics processor; `large`: what fills one."""
+    names = ["settled bed", "funnel", "ensemble of beds"]
+    begins = [
+        after(START, lambda: [lattice_bed(0)]),
+        after(START, lambda: [filled_funnel(0, FUNNELS[1])]),
+        after(START, lambda: [lattice_bed(seed) for seed in range(ENSEMBLE)]),
+    ]
+    if large:
+        names += ["ensemble of funnels", "bed of a million"]
+        begins.append(
+            after(WIDE_START, lambda: [filled_funnel(seed, FUNNELS[0]) for seed in range(FUNNELS_MANY)])
+        )
+        begins.append(after(WIDE_START, lambda: [lattice_bed(0, MILLION_SIDE)]))
+    return [GrainCase(name, begin, 1, arch=arch) for name, begin in zip(names, begins, strict=True)]
 
 
 def grain_count(sim: Simulation) -> int:
@@ -120,20 +140,24 @@ def device_bytes(owner: Any) -> int:
 
 def grain_case(case: GrainCase) -> dict[str, Any]:
     """Median speed, with the share of every stage."""
-    sim = case.begin(Numerics("cpu", case.threads, case.precision))
+    sim = case.begin(Numerics(case.arch, case.threads, case.precision))
     done, grains = int(totals(sim, 0).step), grain_count(sim)
     rates = [rate(sim, case.steps, done + k * case.steps) for k in range(ROUNDS)]
     middle = sorted(rates, key=lambda found: found["grain_steps_per_s"])[ROUNDS // 2]
     speed = 1e-6 * middle["grain_steps_per_s"]
-    return {
+    found = {
         "case": case.name,
         "grains": grains,
-        "threads": case.threads,
         "precision": case.precision,
         "M grain-steps/s": speed,
-        "per core": speed / min(case.threads, sim.workers),
         "contacts per grain": middle["contacts_per_grain"],
-        "bytes per grain": device_bytes(sim.world) / grains,
+        "bytes per grain": (device_bytes(sim.world) + device_bytes(sim.buffers)) / grains,
+    }
+    if case.arch != "cpu":
+        return found | {"device": case.arch}
+    return found | {
+        "threads": case.threads,
+        "per core": speed / min(case.threads, sim.workers),
         "vector bits": packed_width(),
         "stages": stage_shares(sim, middle["rebuilds"] / case.steps),
     }

@@ -107,11 +107,11 @@ def lattice(sides: tuple[int, int, int], seed: int) -> Floats:
     return sites + np.random.Generator(np.random.Philox(seed)).uniform(-JITTER, JITTER, sites.shape)
 
 
-def lattice_bed(seed: int) -> Setup:
-    """Jittered lattice over a periodic floor, which settles to a bed."""
+def lattice_bed(seed: int, side: int = BED_SIDE) -> Setup:
+    """Jittered lattice over a periodic floor, which settles to a bed; `side` grains along each period."""
     diameter = SOIL["diameter"]
-    position = diameter * (lattice((BED_SIDE, BED_SIDE, BED_LAYERS), seed) + 0.6)
-    return bed_setup(SOIL | {"position": position, "period": (diameter * PITCH * BED_SIDE,) * 2})
+    position = diameter * (lattice((side, side, BED_LAYERS), seed) + 0.6)
+    return bed_setup(SOIL | {"position": position, "period": (diameter * PITCH * side,) * 2})
 
 
 def filled_funnel(seed: int, grains: int) -> Setup:

@@ -48,7 +48,14 @@ Override = Annotated[
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the first replica.")]
 Replicas = Annotated[int | None, typer.Option(min=1, help="Number of repeats; default: that of the scene.")]
-Arch = Annotated[Literal["cpu", "cuda"] | None, typer.Option(help="Device; default: cpu.")]
+Arch = Annotated[
+    Literal["auto", "cpu", "cuda", "vulkan"] | None,
+    typer.Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
+]
+Decomposition = Annotated[
+    Literal["partitions", "grains"] | None,
+    typer.Option(help="What one thread advances; default: partitions on cpu, grains elsewhere."),
+]
 Threads = Annotated[
     int | None, typer.Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
 ]
@@ -125,6 +132,7 @@ def run(
     seed: Seed = None,
     replicas: Replicas = None,
     arch: Arch = None,
+    decomposition: Decomposition = None,
     threads: Threads = None,
     precision: Precision = None,
     record: RecordTo = None,
@@ -143,6 +151,7 @@ def run(
         return print_check(scene, overrides, effects, as_json)
     check_options(record, no_record, checkpoint, every)
     options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
+    options |= given(decomposition=decomposition)
     options |= given(record=record, checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
     options |= {"overrides": overrides, "effect_files": effects} | ({"force": True} if force else {})
     document = simulate(scene, no_record=no_record, **options)
@@ -378,12 +387,22 @@ def print_claim(claim: "Claim") -> None:
 
 
 @app.command(**help_of("bench"))
-def bench(as_json: AsJson = False) -> None:
+def bench(
+    arch: Annotated[
+        Literal["cpu", "cuda", "vulkan"] | None, typer.Option(help="Device; default: cpu.")
+    ] = None,
+    large: Annotated[
+        bool, typer.Option("--large", help="Also what fills a graphics processor; not for a CPU.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
     """Measure the speed: grain-steps per second and per core, and the time of each stage."""
+    if large and (arch or "cpu") == "cpu":
+        raise BadInput("--large: 1,000 funnels and a bed of a million; for --arch cuda or vulkan")
     from taichi_erosion.benchmark import run_benchmarks
 
     with reporting("timing") as progress:
-        document = run_benchmarks(progress=progress)
+        document = run_benchmarks(progress, **given(arch=arch, large=large or None))
     output.print_result(document, as_json, output.print_cases)
 
 

@@ -12,7 +12,7 @@ from taichi_erosion.core.engine.choice import engine_mark, engine_version
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import cache_root
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.core.ti import LOCK, OPTIONS, impl, ti
+from taichi_erosion.core.ti import LOCK, OPTIONS, core, impl, ti
 from taichi_erosion.core.transfer import is_host
 
 LOCK_SECONDS = 30.0  # age from which the lock of a cache counts as left behind
@@ -82,7 +82,33 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
             **OPTIONS,
         )
     refuse_fallback(numerics.arch)
+    refuse_single_precision(numerics.arch)
     return threads
+
+
+@ti.kernel
+def add_one(
+    # out
+    number_out: ti.template(),
+):
+    number_out[0] = number_out[0] + ti.cast(1.0, ti.f64)
+
+
+def refuse_single_precision(arch: str) -> None:
+    """Raise BadInput for a Vulkan device without 64-bit floats, in which positions are kept."""
+    if arch != "vulkan":
+        return
+    try:
+        add_one(ti.field(ti.f64, shape=1))
+    except RuntimeError:
+        stop_device()
+        told = "this device has no 64-bit floats, in which positions are kept; use --arch cpu"
+        raise BadInput(f"--arch vulkan: {told}") from None
+
+
+def has_cuda() -> bool:
+    """Whether there is an NVIDIA graphics processor that the engine can use."""
+    return bool(core.with_cuda())
 
 
 def refuse_fallback(arch: str) -> None:

@@ -1,7 +1,7 @@
 """The one import of the engine that compiles kernels: Taichi, or quadrants (`core/engine/choice.py`).
 
-`ti` is the engine, `impl` its state. Both engines have the same words for what is used here; where they
-differ, this file says how.
+`ti` is the engine, `impl` its state, `core` its library. Both engines have the same words for what is used
+here; where they differ, this file says how.
 """
 
 import os
@@ -18,6 +18,7 @@ os.environ.setdefault("HOME", os.path.expanduser("~") if os.path.isabs(os.path.e
 if TYPE_CHECKING or engine_name() == "taichi":
     with frames_without_source():
         import taichi as ti
+        from taichi._lib import core
         from taichi.lang import impl
 
     CompilationError = ti.TaichiCompilationError
@@ -26,6 +27,7 @@ if TYPE_CHECKING or engine_name() == "taichi":
 else:
     with frames_without_source():
         import quadrants as ti
+        from quadrants._lib import core
         from quadrants.lang import impl
 
     CompilationError = ti.QuadrantsCompilationError
@@ -33,6 +35,6 @@ else:
     OPTIONS = {"force_scalarize_matrix": True}
     LOCK = os.path.join("kernel_compilation_manager", "qdcache.lock")
 
-__all__ = ["LOCK", "OPTIONS", "CompilationError", "impl", "ti"]
+__all__ = ["LOCK", "OPTIONS", "CompilationError", "core", "impl", "ti"]
 
 take_shortcuts(engine_name())

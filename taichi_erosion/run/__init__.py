@@ -26,7 +26,8 @@ class RunOptions:
     overrides: tuple[str, ...] = ()
     seed: int | None = None
     replicas: int | None = None
-    arch: Literal["cpu", "cuda"] = "cpu"
+    arch: Literal["auto", "cpu", "cuda", "vulkan"] = "cpu"
+    decomposition: Literal["partitions", "grains"] | None = None  # None: as the device has it
     threads: int = 0
     precision: Literal["f32", "f64"] | None = None
     record: Path | None = None

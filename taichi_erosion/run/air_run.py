@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.air.readback import air_snapshot
@@ -48,6 +48,15 @@ class AirRun:
     frames: list[list[AirSnapshot]] = field(default_factory=list)  # for the measures, by replica
 
 
+def arch_of_air(arch: str) -> Literal["cpu", "cuda"]:
+    """Device of a run of air alone. Raises BadInput for Vulkan, where its functions of 64-bit floats lack."""
+    if arch == "vulkan":
+        raise BadInput(
+            "--arch vulkan: air alone needs functions of 64-bit floats that Vulkan lacks; use --arch cpu"
+        )
+    return "cuda" if arch == "cuda" else "cpu"
+
+
 def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     """Simulate, measure and record a flow; returns the document of `run --json`.
 
@@ -59,7 +68,7 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
     setups = [build_air(scene, seed) for seed in seeds]
-    threads = start_device(Numerics(options.arch, options.threads, "f64"))
+    threads = start_device(Numerics(arch_of_air(options.arch), options.threads, "f64"))
     run = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step)
     record = options.record or RECORDINGS / f"{path.stem}-{scene_hash(scene)}-{first}.rrd"
     if not options.no_record:

@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, Literal
 
+from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.files import REMEDY, check_writable
-from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.setup import Arch, Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
@@ -43,6 +44,7 @@ from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
 from taichi_erosion.simulation.team import mean_threads
 
+CROSSOVER = 50_000  # grains of all replicas from which `auto` takes a graphics processor: not measured yet
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SURFACE_ENERGY_CONVENTION = "energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"
 
@@ -127,12 +129,23 @@ def assemble_run(
     setups = [prepare(scene, seed, library) for seed in seeds]
     refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)
-    sim = assemble(setups, laws(effective), Numerics(options.arch, options.threads, scene.run.precision))
+    grains = sum(len(setup.grains.radius) for setup in setups)
+    numerics = Numerics(
+        arch_of(options.arch, grains), options.threads, scene.run.precision, options.decomposition
+    )
+    sim = assemble(setups, laws(effective), numerics)
     ensemble = EnsembleRun([effective] * len(seeds), sim, [ReplicaState(seed) for seed in seeds])
     if resume:
         import_state(sim, resume[0])
         restore_run(ensemble, *resume)
     return ensemble
+
+
+def arch_of(arch: Literal["auto", "cpu", "cuda", "vulkan"], grains: int) -> Arch:
+    """Device of a run; `auto` takes a graphics processor where there is one and the work is large enough."""
+    if arch != "auto":
+        return arch
+    return "cuda" if grains >= CROSSOVER and has_cuda() else "cpu"
 
 
 def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> None:
@@ -200,6 +213,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
     """The result document of a scene of grains."""
     sim = ensemble.sim
     numerics = {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision}
+    numerics |= {"decomposition": "grains"} if sim.numerics.by_grain else {}
     measured = [state.measurements for state in ensemble.states]
     names = dict.fromkeys(name for measurements in measured for name in measurements)
     pooled = {name: pool_beds([found[name] for found in measured if name in found]) for name in names}

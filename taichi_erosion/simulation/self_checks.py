@@ -21,6 +21,8 @@ from taichi_erosion.grains.neighbour_list import entry_block
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.state import force_block, partition_first, side_block
 from taichi_erosion.simulation.assemble import Simulation
+from taichi_erosion.simulation.grain_decomposition.forces import evaluate_entry, sum_pairs
+from taichi_erosion.simulation.grain_decomposition.step import renew_lists
 
 
 @ti.func
@@ -31,10 +33,15 @@ def copy_histories(world_out: ti.template(), r, source, target):
     valid = entry_block(pairs_out, r, world_out.replicas.side[r])
     for rank in range(world_out.replicas.released[r]):
         for e in range(pairs_out.start[base + rank], pairs_out.stop[base + rank]):
-            f, g = e - valid + source, e - valid + target
-            pairs_out.label[g] = pairs_out.label[f]
-            pairs_out.tangential_displacement[g] = pairs_out.tangential_displacement[f]
-            pairs_out.rolling_displacement[g] = pairs_out.rolling_displacement[f]
+            copy_entry(pairs_out, e - valid + source, e - valid + target)
+
+
+@ti.func
+def copy_entry(pairs_out: ti.template(), source, target):
+    """Copy the history of one entry."""
+    pairs_out.label[target] = pairs_out.label[source]
+    pairs_out.tangential_displacement[target] = pairs_out.tangential_displacement[source]
+    pairs_out.rolling_displacement[target] = pairs_out.rolling_displacement[source]
 
 
 @ti.func
@@ -77,10 +84,49 @@ def sum_pair_forces(
         copy_histories(world_out, r, spare, valid)
 
 
+@ti.kernel
+def keep_pair_forces(
+    # parameters
+    r: ti.i32,
+    # out
+    world_out: ti.template(),
+    buffers_out: ti.template(),
+    force_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
+):
+    """Force of all pairs on every grain by rank [N], one thread per pair and grain; contacts stay the same.
+
+    Writes `buffers_out`: back, faulty, force, level, torque.
+    Writes `world_out`: grains.force, grains.torque, pairs.label, pairs.rolling_displacement,
+    pairs.tangential_displacement, sleep.state.
+    """
+    side, capacity = world_out.replicas.side[r], ti.static(world_out.pairs.capacity)
+    valid, spare = entry_block(world_out.pairs, r, side), entry_block(world_out.pairs, r, 1 - side)
+    for k in range(capacity):
+        if k < buffers_out.listed[r]:
+            copy_entry(world_out.pairs, valid + k, spare + k)
+            evaluate_entry(world_out, buffers_out, r, k)
+    for rank in range(world_out.grains.capacity):
+        if rank < world_out.replicas.released[r]:
+            sum_pairs(world_out, buffers_out, r, rank)
+            place = force_block(world_out.grains, world_out.replicas, r, 0) + rank
+            for n in ti.static(range(3)):
+                force_out[rank, n] = ti.cast(world_out.grains.force[place][n], ti.f64)
+            clear(world_out.grains, place)
+    for k in range(capacity):
+        if k < buffers_out.listed[r]:
+            copy_entry(world_out.pairs, spare + k, valid + k)
+
+
 def force_imbalance(sim: Simulation, replica: int) -> float:
     """Magnitude of the sum of all forces between grains over the sum of their magnitudes [1]."""
     sums = np.zeros(4)
-    sum_pair_forces(replica, sim.world, sums)
+    if sim.buffers is None:
+        sum_pair_forces(replica, sim.world, sums)
+    else:
+        renew_lists(sim.world, sim.buffers)
+        force = np.zeros((sim.capacities.grains, 3))
+        keep_pair_forces(replica, sim.world, sim.buffers, force)
+        sums[:3], sums[3] = force.sum(axis=0), np.linalg.norm(force, axis=1).sum()
     return float(np.linalg.norm(sums[:3]) / sums[3]) if sums[3] > 0.0 else 0.0
 
 

@@ -307,6 +307,7 @@ def test_devices_and_precisions_on_offer_are_those_of_the_core():
     words = get_type_hints(commands.run)
     offered = {name: set(get_args(get_args(words[name])[0])) for name in ("arch", "precision")}
     known = get_type_hints(Numerics)
+    assert offered.pop("arch") == {"auto", *get_args(known["arch"])}
     assert offered == {name: set(get_args(known[name])) for name in offered}
 
 

@@ -73,11 +73,14 @@ def worlds() -> dict[str, Setup]:
     }
 
 
-def run_worlds() -> dict[str, WorldRecord]:
+IN_PARTITIONS = Numerics("cpu", 1, "f64")
+
+
+def run_worlds(numerics: Numerics = IN_PARTITIONS) -> dict[str, WorldRecord]:
     """All worlds run side by side in double precision."""
     setups = worlds()
     index = {name: replica for replica, name in enumerate(setups)}
-    sim = assemble(list(setups.values()), Laws(rolling="elastic_plastic"), Numerics("cpu", 1, "f64"))
+    sim = assemble(list(setups.values()), Laws(rolling="elastic_plastic"), numerics)
     move_surface(sim, index["belt"], "wall 0", Motion(velocity=(BELT_SPEED, 0.0, 0.0)))
     move_surface(sim, index["turntable"], "wall 0", Motion(spin=(0.0, 0.0, TURN)))
     move_surface(sim, index["drum"], "wall 0", Motion(spin=(0.0, TURN, 0.0)))

@@ -1,1 +1,1 @@
-"""The engine that compiles kernels: which one, and shortcuts through its front end. `core/ti.py` uses it."""
+"""The engine that compiles kernels: which one, shortcuts through its front end, functions that it lacks."""
