@@ -162,9 +162,11 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
 
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
-    listed, capacities = checked(setups), initial_capacities(list(setups))
+    listed = checked(setups)
     if numerics.by_grain:
         refuse_unsupported(listed)
+    capacities = initial_capacities(listed)
+    if numerics.by_grain:
         capacities = replace(capacities, partitions=1)
         refuse_too_large(capacities)
     threads = start_device(numerics, POOL_LEAST)

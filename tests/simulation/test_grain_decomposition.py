@@ -1,0 +1,163 @@
+"""One thread per grain against partitions: the same device functions in another order give the same forces.
+
+Both run in double precision from the same start. A force is a sum of a few contact forces, whose order
+differs, so what is left is rounding; a heap amplifies it, and 500 steps of a hundred collisions leave 1e-12
+of a speed. On Vulkan the device may also fuse multiplication and addition, by one rounding more.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from few_grains import run_worlds
+from grain_worlds import RADIUS, contacts, fingerprint, grains, heap, setup
+
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.run.sanity_checks import MOMENTUM_ERROR
+from taichi_erosion.simulation import (
+    advance,
+    assemble,
+    energies,
+    export_state,
+    failure,
+    force_imbalance,
+    import_state,
+    snapshot,
+)
+from taichi_erosion.simulation.assemble import reallocate
+
+ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, "f64")
+ROLLING = Laws(rolling="elastic_plastic")
+GRAINS = 120
+HALF, WHOLE = 0.0025, 0.005  # s
+FORCES = 1e-6  # of the largest value: what the two ways may differ by; rounding leaves a millionth of that
+on_vulkan = [pytest.mark.gpu, pytest.mark.slow]
+VULKAN = pytest.param(Numerics("vulkan", 1, "f64"), marks=on_vulkan, id="vulkan")
+devices = pytest.mark.parametrize("numerics", [pytest.param(ON_CPU, id="cpu"), VULKAN])
+
+
+@pytest.fixture(autouse=True)
+def stopped() -> Iterator[None]:
+    yield
+    stop_device()
+
+
+def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> list[Snapshot]:
+    """States of all replicas at a time; skips where there is no such device."""
+    try:
+        sim = assemble(setups, laws, numerics)
+    except BadInput as missing:
+        pytest.skip(str(missing))
+    advance(sim, [until] * len(setups))
+    assert [failure(sim, r) for r in range(len(setups))] == [None] * len(setups)
+    found = [snapshot(sim, r) for r in range(len(setups))]
+    stop_device()
+    return found
+
+
+def distance(first: Snapshot, second: Snapshot) -> float:
+    """Largest difference of velocities, and of spins times the radius, over the largest velocity [1]."""
+    slip, turn = first.velocity - second.velocity, RADIUS * (first.spin - second.spin)
+    return float(max(np.abs(slip).max(), np.abs(turn).max()) / np.abs(first.velocity).max())
+
+
+def sticky(count: int, seed: int) -> Setup:
+    """A heap whose grains adhere; the pull-off force is ten times their weight."""
+    dry = heap(count, seed)
+    energy = 10.0 * 9.81e-6 / (3.0 * np.pi * 0.5 * RADIUS)
+    return replace(dry, contacts=replace(dry.contacts, surface_energy=np.full(3, energy)))
+
+
+def trickle() -> Setup:
+    """Grains that are released one after the other onto a plate."""
+    place = [(0.3 * RADIUS * k, 0.0, (3.0 + 2.2 * k) * RADIUS) for k in range(4)]
+    table = grains(place, (0.0, 0.0, -0.3), release=[0.0, 0.0, 0.0012, 0.003])
+    return setup(table, law=contacts(rolling=0.1))
+
+
+@devices
+def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numerics):
+    ensemble = [heap(GRAINS, 1), trickle(), heap(GRAINS // 2, 2, friction=0.1)]
+    want = run(ensemble, ROLLING, IN_PARTITIONS, WHOLE)
+    found, again = (run(ensemble, ROLLING, numerics, WHOLE) for _ in range(2))
+    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
+    assert [fingerprint(a) for a in found] == [fingerprint(a) for a in again]
+
+
+@devices
+@pytest.mark.parametrize("rolling", ["none", "constant_torque", "elastic_plastic"])
+@pytest.mark.slow
+def test_adhesive_heaps_move_as_in_partitions_with_every_rolling_law(numerics, rolling):
+    laws, ensemble = Laws(normal="jkr", rolling=rolling), [sticky(60, 1), sticky(40, 2)]
+    want = run(ensemble, laws, IN_PARTITIONS, HALF)
+    found = run(ensemble, laws, numerics, HALF)
+    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
+
+
+@devices
+@pytest.mark.slow
+def test_every_small_world_ends_as_in_partitions(numerics):
+    """Meshes, moving walls, periodic boxes, releases, removed walls, and every way to fail."""
+    try:
+        found = run_worlds(numerics)
+    except BadInput as missing:
+        pytest.skip(str(missing))
+    for name, want in run_worlds().items():
+        for a, b in zip(want.frames, found[name].frames, strict=True):
+            # velocities of order 0.1 m/s and 50 rad/s; double precision rounds at 1e-16 of that
+            assert b.position == pytest.approx(a.position, rel=1e-9, abs=1e-12, nan_ok=True), name
+            assert b.velocity == pytest.approx(a.velocity, rel=1e-9, abs=1e-9, nan_ok=True), name
+            assert b.spin == pytest.approx(a.spin, rel=1e-9, abs=1e-6, nan_ok=True), name
+        assert repr(found[name].failure) == repr(want.failure), name
+
+
+def test_a_resumed_run_lists_that_grow_and_a_look_at_its_forces_change_no_bit():
+    sim = assemble([heap(GRAINS, 1)], ROLLING, replace(ON_CPU, precision="f32"))
+    reallocate(sim, replace(sim.capacities, pairs=160, wall_pairs=64))  # the heap wants more
+    advance(sim, [HALF])
+    assert sim.capacities.pairs > 160
+    assert force_imbalance(sim, 0) < MOMENTUM_ERROR
+    state = export_state(sim)
+    energy = energies(sim)
+    advance(sim, [WHOLE])
+    end = fingerprint(snapshot(sim, 0))
+    import_state(sim, state)
+    assert energies(sim) == pytest.approx(energy, rel=1e-12)
+    advance(sim, [WHOLE])
+    assert fingerprint(snapshot(sim, 0)) == end
+
+
+def test_a_replica_gives_the_same_bits_alone_and_in_company():
+    (alone,) = run([heap(GRAINS, 1)], ROLLING, ON_CPU, HALF)
+    company = run([heap(GRAINS // 2, 3), heap(GRAINS, 1)], ROLLING, ON_CPU, HALF)
+    assert fingerprint(company[1]) == fingerprint(alone)
+
+
+def test_a_state_of_partitions_goes_on_with_one_thread_per_grain():
+    first = assemble([heap(GRAINS, 1)], ROLLING, IN_PARTITIONS)
+    advance(first, [HALF])
+    state = export_state(first)
+    advance(first, [WHOLE])
+    want = snapshot(first, 0)
+    second = assemble([heap(GRAINS, 1)], ROLLING, ON_CPU)
+    import_state(second, state)
+    advance(second, [WHOLE])
+    assert distance(want, snapshot(second, 0)) < FORCES
+
+
+def test_lost_reactions_of_the_reverse_lists_are_noticed():
+    sim = assemble([heap(GRAINS, 1)], ROLLING, ON_CPU)
+    advance(sim, [HALF])
+    stop = sim.buffers.stop.to_numpy()
+    sim.buffers.stop.from_numpy(np.minimum(stop, stop[GRAINS // 2]))
+    assert force_imbalance(sim, 0) > 100.0 * MOMENTUM_ERROR
+
+
+def test_what_is_not_there_is_refused_by_name():
+    clumped = replace(heap(8, 1), clumps=object())
+    with pytest.raises(BadInput, match="one thread per grain has no clumps"):
+        assemble([clumped], ROLLING, ON_CPU)
