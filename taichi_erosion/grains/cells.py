@@ -133,12 +133,12 @@ def most_of(replicas: ti.template(), r, low, high, total, squares):
     count = replicas.released[r]
     mean = total / ti.max(count, 1)
     spread = SPREAD * ti.sqrt(ti.max(squares / ti.max(count, 1) - mean * mean, 0.0))
-    low, high = ti.max(low, mean - spread), ti.min(high, mean + spread)
+    lowest, highest = ti.max(low, mean - spread), ti.min(high, mean + spread)
     for k in ti.static(range(3)):
         if replicas.period[r][k] > 0.0:
-            low[k] = replicas.low[r][k]
-            high[k] = low[k] + replicas.period[r][k]
-    return low, high
+            lowest[k] = replicas.low[r][k]
+            highest[k] = lowest[k] + replicas.period[r][k]
+    return lowest, highest
 
 
 @ti.func
