@@ -137,7 +137,7 @@ def held_out(problem: Problem, beyond: BeyondList, seed: int) -> list[float]:
         candidates=(*problem.candidates, Candidate(FOUND)),
     )
     proof = adopt(with_law, (FOUND,), seed, no_progress)
-    return [proof.base.vault_chi2, proof.added.vault_chi2]
+    return [proof.base.vault_chi2_per_row, proof.added.vault_chi2_per_row]
 
 
 def opened(folder: Path, seed: int, number_: int) -> dict[str, str]:

@@ -87,5 +87,5 @@ def solve(number: int, problem: Problem, with_vault: bool) -> Outcome:
 def vault_errors(number: int, problem: Problem, found: Discovery) -> tuple[float, float, float]:
     """Held-out misfit of the bare model, of the adopted effect, of a random wrong one."""
     proof = adopt(problem, found.named[:1], number, no_progress)
-    wrong = proof.random_wrong.vault_chi2 if proof.random_wrong is not None else float("nan")
-    return proof.base.vault_chi2, proof.added.vault_chi2, wrong
+    wrong = proof.random_wrong.vault_chi2_per_row if proof.random_wrong is not None else float("nan")
+    return proof.base.vault_chi2_per_row, proof.added.vault_chi2_per_row, wrong

@@ -104,9 +104,9 @@ def scored_row(case: Case, found: dict[str, Any], vault: dict[str, Any]) -> dict
         "group": "+".join(sorted(found["group"])),
         "judged": judged(case, found["verdict"], {*found["named"], *found["group"]}),
         "p_misfit": f"{found['p_misfit']:.2g}",
-        "vault_before": vault.get("chi2_before"),
-        "vault_after": vault.get("chi2_after"),
-        "vault_wrong": vault.get("chi2_wrong_effect"),
+        "vault_before": vault.get("chi2_per_row_before"),
+        "vault_after": vault.get("chi2_per_row_after"),
+        "vault_wrong": vault.get("chi2_per_row_wrong_effect"),
         "strength_found": " ".join(f"{strength:.2f}" for strength in strengths),
         "runs": found["runs"],
     }

@@ -139,9 +139,9 @@ def score_row(name: str) -> dict[str, Any]:
         "chi2_before": f"{found['chi2_before']:.4g}",
         "chi2_after": f"{found['chi2_after']:.4g}",
         "rows": found["n"],
-        "vault_before": f"{vault['chi2_before']:.3g}" if vault else "",
-        "vault_after": f"{vault['chi2_after']:.3g}" if vault else "",
-        "vault_wrong": f"{vault['chi2_wrong_effect']:.3g}" if vault else "",
+        "vault_before": f"{vault['chi2_per_row_before']:.3g}" if vault else "",
+        "vault_after": f"{vault['chi2_per_row_after']:.3g}" if vault else "",
+        "vault_wrong": f"{vault['chi2_per_row_wrong_effect']:.3g}" if vault else "",
         "runs": found["runs"],
         "wall_s": f"{found['wall_s']:.0f}",
     }

@@ -145,7 +145,7 @@ class AdoptionResult(Result):
         labels = {"base": "before", "added": "after", "with_all": "with all that was named"}
         labels |= {"best_wrong": "control: best other effect", "random_wrong": "control: drawn at random"}
         rows = (
-            {"model": label, "fitted": fit["chi2"], "held_out": fit["vault_chi2"]}
+            {"model": label, "fitted": fit["chi2_per_row"], "held_out": fit["vault_chi2_per_row"]}
             for key, label in labels.items()
             if (fit := self.document.get(key))
         )

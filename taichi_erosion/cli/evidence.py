@@ -264,14 +264,14 @@ def print_errors(document: Record) -> None:
 
     rungs = document.get("ladder") or []
     if rungs and rungs[0]["effects"] != document["adopted"]:
-        chi2 = number(rungs[0]["chi2_fitted"]), number(rungs[0]["chi2_held_out"])
+        chi2 = number(rungs[0]["chi2_per_row_fitted"]), number(rungs[0]["chi2_per_row_held_out"])
         rows.append(("as it was", *chi2, *errors(rungs[0], "rmse_held_out")))
     labels = {"base": "before", "added": f"with {listed(document['added'])}", **CONTROLS}
     for key, label in labels.items():
         fit = document.get(key)
         if fit is not None:
             effects = f" ({listed(fit)})" if key in CONTROLS else ""
-            chi2 = number(fit["chi2"]), number(fit["vault_chi2"])
+            chi2 = number(fit["chi2_per_row"]), number(fit["vault_chi2_per_row"])
             rows.append((label + effects, *chi2, *errors(fit, "vault_rmse")))
     columns = [heading("rmse" if len(names) == 1 else name, units.value_unit(name)) for name in names]
     title = "chi2 per row; rmse of held-out rows" if names else "chi2 per row"

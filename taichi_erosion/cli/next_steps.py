@@ -199,7 +199,11 @@ def check_row(row: Record) -> str:
 
 def after_adoption(document: Record) -> Iterator[str]:
     """What the held-out rows said, and the study to go on with."""
-    before, after, new = document["base"]["vault_chi2"], document["added"]["vault_chi2"], document["written"]
+    before, after, new = (
+        document["base"]["vault_chi2_per_row"],
+        document["added"]["vault_chi2_per_row"],
+        document["written"],
+    )
     rows = f"rows {unseen_words(document['vault']['opened'])}"
     if after is None or before is None:
         yield "No held-out row tests the effect: measure under further conditions before you trust it."

@@ -215,7 +215,7 @@ def first_panels(found: Results) -> list[dict[str, Any]]:
 def pictures(found: Results) -> dict[str, Picture | None]:
     """Figures of the later sections by name; None without data."""
     discovery, adoption = found.discovery, found.adoption
-    tested = adoption if adoption and adoption["base"]["vault_chi2"] is not None else None
+    tested = adoption if adoption and adoption["base"]["vault_chi2_per_row"] is not None else None
     return {
         "posterior": answers_drawn.draw_posterior(discovery["probabilities"]) if discovery else None,
         "vault": answers_drawn.draw_vault(tested) if tested else None,
@@ -283,7 +283,7 @@ def answers(found: Results) -> list[str]:
         return []
     told = [*failures({"where": found.where}), *beyond_sentences(found)]
     sentences = [sentence for sentence in discovery["sentences"] if sentence not in told]
-    if adoption and adoption["base"]["vault_chi2"] is not None and adoption["contradicted"]:
+    if adoption and adoption["base"]["vault_chi2_per_row"] is not None and adoption["contradicted"]:
         names = " and ".join(effect_words(name) for name in adoption["added"]["effects"])
         verdict = (
             f"The vault, opened afterwards, does not confirm {names}: read the rest as it was before that."

@@ -108,8 +108,8 @@ def error_sentence(adoption: Document, units: TableUnits) -> str:
     """Error on the held-out measurements before and after, by observable, in its unit."""
     base, added = adoption["base"], adoption["added"]
     names = listed([effect_words(name) for name in added["effects"]])
-    if not base["vault_rmse"] or added["vault_chi2"] is None:
-        change = f"from {short(base['chi2'])} to {short(added['chi2'])}"
+    if not base["vault_rmse"] or added["vault_chi2_per_row"] is None:
+        change = f"from {short(base['chi2_per_row'])} to {short(added['chi2_per_row'])}"
         return (
             f"With {names} the misfit per fitted row goes {change}; "
             "no measurement was held out, so nothing is proved."

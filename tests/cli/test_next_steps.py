@@ -90,7 +90,11 @@ def test_a_discovery_leads_on_by_its_verdict():
 
 
 def adoption(before: float | None, after: float | None, opened: int = 1) -> dict:
-    fits = {"base": {"vault_chi2": before}, "added": {"vault_chi2": after}, "vault": {"opened": opened}}
+    fits = {
+        "base": {"vault_chi2_per_row": before},
+        "added": {"vault_chi2_per_row": after},
+        "vault": {"opened": opened},
+    }
     return fits | {"written": "a_with_x.toml", "study": "a.toml"}
 
 

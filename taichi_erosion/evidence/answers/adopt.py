@@ -95,8 +95,12 @@ def adopt(
 def judged(found: Adoption) -> Adoption:
     """The adoption with what the held-out rows say about it."""
     base, after = found.base, found.with_all or found.added
-    worse = after.vault_chi2 >= base.vault_chi2 or after.vault_log_score < base.vault_log_score
-    found = replace(found, contradicted=bool(worse or refuted(base.vault_chi2, after.vault_chi2)))
+    worse = (
+        after.vault_chi2_per_row >= base.vault_chi2_per_row or after.vault_log_score < base.vault_log_score
+    )
+    found = replace(
+        found, contradicted=bool(worse or refuted(base.vault_chi2_per_row, after.vault_chi2_per_row))
+    )
     return replace(found, sentence=adoption_sentence(found))
 
 
@@ -189,8 +193,8 @@ def evaluated(
         effects=best.names,
         strengths=strengths,
         parameters=parameters,
-        chi2=chi_square(prepared, expansion) / prepared.rows.size,
-        vault_chi2=nan,
+        chi2_per_row=chi_square(prepared, expansion) / prepared.rows.size,
+        vault_chi2_per_row=nan,
         vault_rmse={},
         rows=rows_table(prepared, expansion),
         vault_rows=None,

@@ -99,16 +99,22 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
             answer,
             discovery_points,
             names_of(study),
+            ahead=bool(study.file.laboratory.ranges),
             required=required_points,
             beyond=asks_mechanisms,
         )
         found, ready = answered(study, spent, question, progress)
-        if study.file.study.model is not None or not study.file.laboratory.ranges:
-            found = with_experiments(ready, found)
-        adopted = documents.read_answer(study.results, path.stem, "adopt")
-        vault = adopted["vault"] if adopted and adopted.get("digest") == study.digest[:12] else None
-        document = documents.record(found) | ({"vault": vault} if vault else {}) | {"budget": spent}
-        return stored(ready, "discover", document, start)
+        document = documents.record(with_experiments(ready, found)) | {"budget": spent}
+        return stored(ready, "discover", document | vault_of(study, found), start)
+
+
+def vault_of(study: Study, found: Discovery) -> Document:
+    """What the held-out rows said when the effects that a discovery names were adopted; else nothing."""
+    adopted = documents.read_answer(study.results, study.path.stem, "adopt")
+    if adopted is None or adopted["digest"] != study.digest[:12]:
+        return {}
+    vault = adopted["vault"]
+    return {"vault": vault} if set(vault["effects"]) == set(found.named) else {}
 
 
 def adopt_study(
@@ -256,14 +262,18 @@ def with_one_base(study: Study, found: Adoption) -> Adoption:
     """
     rungs, adopted = documents.ladder(study.results, study.digest[:12]), list(study.file.adopted)
     known = [each for each in rungs if each["effects"] == adopted]
-    if not known or known[0]["chi2_held_out"] is None:
+    if not known or known[0]["chi2_per_row_held_out"] is None:
         return found
-    fitted, held_out = known[0]["chi2_fitted"], known[0]["chi2_held_out"]
-    return judged(replace(found, base=replace(found.base, chi2=fitted, vault_chi2=held_out)))
+    fitted, held_out = known[0]["chi2_per_row_fitted"], known[0]["chi2_per_row_held_out"]
+    return judged(replace(found, base=replace(found.base, chi2_per_row=fitted, vault_chi2_per_row=held_out)))
 
 
 def rung(study: Study, effects: Sequence[str], fit: HypothesisFit) -> Document:
     """One rung of the error ladder: the errors per row with some more effects in the model."""
     effects = [*study.file.adopted, *effects]
-    errors = {"chi2_fitted": fit.chi2, "chi2_held_out": fit.vault_chi2, "rmse_held_out": fit.vault_rmse}
+    errors = {
+        "chi2_per_row_fitted": fit.chi2_per_row,
+        "chi2_per_row_held_out": fit.vault_chi2_per_row,
+        "rmse_held_out": fit.vault_rmse,
+    }
     return documents.plain({"of": study.digest[:12], "effects": effects} | errors)

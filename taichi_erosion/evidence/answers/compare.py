@@ -43,6 +43,9 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
         observables=misfits,
         where=goodness_of_fit.misfit_places(placed[0], placed[1].expansion),
         chi2=goodness_of_fit.chi_square(prepared, base.expansion) if known else nan,
+        chi2_per_row=goodness_of_fit.chi_square(prepared, base.expansion) / prepared.rows.size
+        if known
+        else nan,
         dof=goodness_of_fit.freedom(marginal_likelihood.projected_residual(prepared, base.expansion)),
         p=goodness_of_fit.misfit_p(prepared, base.expansion) if known else nan,
         noise=goodness_of_fit.noise_table(prepared, known=known),

@@ -211,7 +211,8 @@ def nameless_discovery(problem: Problem, seed: int, progress: Progress) -> Disco
         noise=goodness_of_fit.noise_table(prepared, known=known),
     )
     if not known:
-        record = replace(record, chi2_before=nan, chi2_after=nan)
+        unknown = {"chi2_before": nan, "chi2_after": nan}
+        record = replace(record, **unknown, chi2_per_row_before=nan, chi2_per_row_after=nan)
     return replace(record, sentences=discovery_sentences(record))
 
 
@@ -219,13 +220,16 @@ def shared_fields(
     prepared: PreparedProblem, base: ScoredHypothesis, final: ScoredHypothesis, seed: int
 ) -> dict[str, Any]:
     """Fields that do not depend on what is named, from the bare model and the recalibrated one."""
+    n = max(prepared.rows.size, 1)
     return {
         "calibrated": len(prepared.axes),
         "calibrated_with": final.expansion.fit.names,
         "chi2_before": goodness_of_fit.chi_square(prepared, base.expansion),
         "chi2_after": goodness_of_fit.chi_square(prepared, final.expansion),
+        "chi2_per_row_before": goodness_of_fit.chi_square(prepared, base.expansion) / n,
+        "chi2_per_row_after": goodness_of_fit.chi_square(prepared, final.expansion) / n,
         "n": prepared.rows.size,
-        "vault": VaultErrors(prepared.problem.vault.opened, nan, nan, nan),
+        "vault": VaultErrors(prepared.problem.vault.opened),
         "rows_before": goodness_of_fit.rows_table(prepared, base.expansion),
         "rows_after": goodness_of_fit.rows_table(prepared, final.expansion),
         "actions": effect_actions(prepared, final.expansion.fit),
@@ -298,12 +302,14 @@ def effect_finding(
         strength=strength.value,
         strength_low=strength.low,
         strength_high=strength.high,
+        strength_high_kind="interval_90" if acts or name in decision.accepted else "limit_95",
         log_bayes_factor=posterior.log_bayes.get(name, 0.0),
         power=strong,
         absorption=rest.absorption,
         signature_norm=rest.norm,
         probability=posterior.inclusion.get(name, 0.0),
         probability_unvisited=found.unvisited.get(name, 0.0),
+        probability_alone=posterior.probability.get(name, 0.0),
         p=p,
         held_out_gain=gain.gain,
         held_out_error=gain.error,

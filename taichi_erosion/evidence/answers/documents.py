@@ -40,6 +40,7 @@ from taichi_erosion.measures.result import without_nan
 
 Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]
 Document = dict[str, Any]
+FORMAT = 2  # of documents: their keys are those of docs/json.md
 LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
 ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
 FIGURE_ROWS = ("rows", "rows_before", "rows_after", "vault_rows")  # of a document, drawn but not printed
@@ -290,22 +291,24 @@ def told(found: Discovery, key: str) -> bool:
 def adoption_sentence(found: Adoption) -> str:
     """Errors of the held-out rows before and after, with the controls."""
     effect, base, added = " and ".join(found.effect.split("+")), found.base, found.added
-    if isnan(added.vault_chi2):
+    if isnan(added.vault_chi2_per_row):
+        change = f"from {base.chi2_per_row:.3g} to {added.chi2_per_row:.3g}"
         return (
-            f"With {effect} the misfit per fitted row goes from {base.chi2:.3g} to {added.chi2:.3g}; "
-            f"no row was held out, so nothing is proved.{missing_sentence(found)}"
+            f"With {effect} the misfit per fitted row goes {change}; no row was held out, so nothing is "
+            f"proved.{missing_sentence(found)}"
         )
-    words = (
-        f"With {effect} the misfit per held-out row goes from {base.vault_chi2:.3g} to {added.vault_chi2:.3g}"
-    )
+    change = f"from {base.vault_chi2_per_row:.3g} to {added.vault_chi2_per_row:.3g}"
+    words = f"With {effect} the misfit per held-out row goes {change}"
     controls = ((found.best_wrong, "the best other candidate"), (found.random_wrong, "a random one"))
     told = [
-        f"{fit.vault_chi2:.3g} with {what} ({fit.effects[0]})" for fit, what in controls if fit is not None
+        f"{fit.vault_chi2_per_row:.3g} with {what} ({fit.effects[0]})"
+        for fit, what in controls
+        if fit is not None
     ]
     words += f"; for comparison {', '.join(told)}." if told else "."
     if found.with_all is not None:
         names = " and ".join(found.with_all.effects)
-        after = found.with_all.vault_chi2
+        after = found.with_all.vault_chi2_per_row
         words += f" With all that was named ({names}) it goes to {after:.3g}: adopt these together."
     judged = found.with_all or added
     if found.contradicted:
@@ -315,7 +318,9 @@ def adoption_sentence(found: Adoption) -> str:
 
 def wider(base: HypothesisFit, judged: HypothesisFit) -> str:
     """Why held-out rows contradict although their misfit falls; empty where it does not fall clearly."""
-    if not judged.vault_chi2 < base.vault_chi2 or refuted(base.vault_chi2, judged.vault_chi2):
+    if not judged.vault_chi2_per_row < base.vault_chi2_per_row or refuted(
+        base.vault_chi2_per_row, judged.vault_chi2_per_row
+    ):
         return ""
     return ": it predicts them with wider errors, not better"
 
@@ -371,6 +376,7 @@ def study_document(study: Study) -> Document:
     table = study.problem.measurements
     versions = {"taichi_erosion": __version__, "python": platform.python_version()}
     return {
+        "format": FORMAT,
         "study": str(study.path),
         "title": study.file.study.title,
         "model": study.model,
@@ -390,11 +396,14 @@ def study_document(study: Study) -> Document:
 
 def adopt_document(found: Adoption, opened: int, files: Sequence[str]) -> Document:
     """The document of `adopt --json`: errors on fitted and held-out rows, and the files, the study first."""
-    control = found.random_wrong or found.best_wrong
-    wrong = control.vault_chi2 if control else nan
-    vault = VaultErrors(opened, found.base.vault_chi2, found.added.vault_chi2, wrong)
+    control, rows = found.random_wrong or found.best_wrong, found.added.vault_rows
+    each = [fit.vault_chi2_per_row if fit else nan for fit in (found.base, found.added, control)]
+    count = len(rows.observable) if rows is not None else 0
+    vault = VaultErrors(opened, *(count * one for one in each), *each, found.added.effects)
     document = record(found) | {"vault": record(vault), "written": files[0], "files": list(files)}
-    return document | plain({"chi2_before": found.base.chi2, "chi2_after": found.added.chi2})
+    n, before, after = len(found.base.rows.observable), found.base.chi2_per_row, found.added.chi2_per_row
+    totals = {"n": n, "chi2_before": n * before, "chi2_after": n * after}
+    return document | plain(totals | {"chi2_per_row_before": before, "chi2_per_row_after": after})
 
 
 def without_rows(document: Document) -> Document:
@@ -417,8 +426,11 @@ def write_document(file: Path, document: Document) -> Path:
 
 
 def read_answer(folder: Path, stem: str, command: Command) -> Document | None:
-    """The last answer of a command, None if it has not been given."""
-    return read_document(document_file(folder, stem, command))
+    """The last answer of a command, None if it has not been given in this format."""
+    document = read_document(document_file(folder, stem, command))
+    if document is None or command == ROUNDS:
+        return document
+    return document if document.get("format") == FORMAT else None
 
 
 def read_document(file: Path) -> Document | None:
@@ -443,4 +455,5 @@ def extend_ladder(folder: Path, rung: Document) -> None:
 def ladder(folder: Path, digest: str) -> list[Document]:
     """Rungs of the error ladder on a table, from the model as it came to the last adoption."""
     document = read_document(folder / LADDER)
-    return [] if document is None else [each for each in document["rungs"] if each.get("of") == digest]
+    rungs = [] if document is None else document["rungs"]
+    return [each for each in rungs if each.get("of") == digest and "chi2_per_row_fitted" in each]

@@ -144,7 +144,7 @@ def with_held_out(best: HypothesisFit, told: HeldOutPrediction, chosen: Bools) -
     residual = work.residual[chosen]
     return replace(
         best,
-        vault_chi2=float(np.mean(residual**2)),
+        vault_chi2_per_row=float(np.mean(residual**2)),
         vault_rmse={str(name): float(np.sqrt(np.mean(gap[names == name] ** 2))) for name in np.unique(names)},
         vault_p=float(quadratic_form_p(float(residual @ residual), correlation[np.ix_(chosen, chosen)])),
         vault_log_score=log_score(wide, mean, chosen) / int(chosen.sum()),

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "not_testable"]
+HighKind = Literal["interval_90", "limit_95"]  # upper end of a 90 % interval, or of what 95 % lie below
 Limit = Literal["", "below", "above", "between"]
 NONE, OUTSIDE = "none", "outside_library"  # keys of probabilities beside effects and pairs "a+b"
 FIGURES = (
@@ -213,7 +214,8 @@ class Comparison:
 
     observables: Mapping[str, ObservableMisfit]
     where: tuple[MisfitPlace, ...]
-    chi2: float
+    chi2: float  # of all rows
+    chi2_per_row: float
     dof: float
     p: float
     noise: Noise
@@ -244,7 +246,9 @@ class EffectFinding:
     power: float = 0.0  # chance that the test would see it at its expected strength [1]
     absorption: float = nan  # share of its signature that calibration can imitate [1]
     signature_norm: float = nan  # left of the signature at expected strength, in standard deviations
+    strength_high_kind: HighKind = "limit_95"
     probability: float = 0.0  # that it acts, alone or with others [1]
+    probability_alone: float = 0.0  # that it acts and no other does [1]
     probability_unvisited: float = 0.0  # estimated, of sets that hold it and were not fitted [1]
     p: float = 1.0  # family-wise, step-down
     held_out_gain: float = nan  # log score of left-out groups, against the model without it
@@ -333,12 +337,16 @@ class Proposals:
 
 @dataclass(frozen=True)
 class VaultErrors:
-    """Misfit per held-out row before and after; NaN until the vault has been opened."""
+    """Misfit of the held-out rows before and after; NaN until the vault has been opened."""
 
     opened: int
-    chi2_before: float
-    chi2_after: float
-    chi2_wrong_effect: float
+    chi2_before: float = nan  # of all held-out rows
+    chi2_after: float = nan
+    chi2_wrong_effect: float = nan  # of the control
+    chi2_per_row_before: float = nan
+    chi2_per_row_after: float = nan
+    chi2_per_row_wrong_effect: float = nan
+    effects: tuple[str, ...] = ()  # with which it was opened last
 
 
 @dataclass(frozen=True)
@@ -375,8 +383,10 @@ class Discovery:
     calibrated: int  # how many numbers were calibrated
     calibrated_with: tuple[str, ...] = ()  # effects in the recalibrated model
     where: tuple[MisfitPlace, ...]
-    chi2_before: float
+    chi2_before: float  # of all rows
     chi2_after: float
+    chi2_per_row_before: float
+    chi2_per_row_after: float
     n: int
     vault: VaultErrors
     next_experiments: tuple[Experiment, ...] = ()
@@ -430,14 +440,14 @@ class HypothesisFit:
     effects: tuple[str, ...]
     strengths: Mapping[str, Estimate]
     parameters: Mapping[str, Estimate]
-    chi2: float  # per visible row
-    vault_chi2: float  # per held-out row; NaN with an empty vault
+    chi2_per_row: float  # of the visible rows
+    vault_chi2_per_row: float  # of the held-out rows; NaN with an empty vault
     vault_rmse: Mapping[str, float]  # by observable, in its unit
     rows: Rows
     vault_rows: Rows | None
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of its effects
     correlations: tuple[Correlation, ...] = ()
-    vault_p: float = nan  # of a `vault_chi2` as large if the model is adequate; NaN with an empty vault
+    vault_p: float = nan  # of as large a `vault_chi2_per_row` if the model is adequate; NaN with an empty vault
     vault_log_score: float = nan  # per held-out row: ln of the density that was predicted for its value
 
 

@@ -36,12 +36,14 @@ def draw_adoptions(adoptions: Sequence[Record]) -> Picture:
             for step in adoptions
         ]
         for key, colour, label in (
-            ("chi2_fitted", CONTROL, "fitted rows"),
-            ("chi2_held_out", AFTER, "held-out rows"),
+            ("chi2_per_row_fitted", CONTROL, "fitted rows"),
+            ("chi2_per_row_held_out", AFTER, "held-out rows"),
         ):
             frame.plot(labels, numbers([step[key] for step in adoptions]), "o-", color=colour, label=label)
         frame.axhline(1.0, color=SOFT, lw=0.8, ls=":", zorder=0)
-        values = numbers([step[key] for step in adoptions for key in ("chi2_fitted", "chi2_held_out")])
+        values = numbers(
+            [step[key] for step in adoptions for key in ("chi2_per_row_fitted", "chi2_per_row_held_out")]
+        )
         scale_axis(frame, "y", values)
         frame.margins(x=0.15)
         frame.set_title("chi2 per row", loc="left")
@@ -79,7 +81,7 @@ def draw_vault(adoption: Record) -> Picture:
         "random_wrong": "control: at random",
     }
     there = {key: label for key, label in labels.items() if adoption.get(key)}
-    values = numbers([adoption[key]["vault_chi2"] for key in there])[::-1]
+    values = numbers([adoption[key]["vault_chi2_per_row"] for key in there])[::-1]
     colours = {"base": BEFORE, "added": AFTER}
 
     def draw(width: float) -> Figure:

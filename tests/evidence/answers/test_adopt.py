@@ -88,7 +88,7 @@ def test_errors_of_held_out_rows_are_those_of_a_normal_with_what_calibration_lea
     # the strength's prior of 1.5 moves its best value, and its variance, by a thousandth
     assert rows.residual == pytest.approx(gap / sd, abs=0.02)
     assert rows.residual_error == pytest.approx(sd, rel=0.01)
-    assert found.added.vault_chi2 == pytest.approx(np.mean(rows.residual**2))
+    assert found.added.vault_chi2_per_row == pytest.approx(np.mean(rows.residual**2))
     drawn = np.random.default_rng(0).standard_normal((20000, held.size)) @ np.linalg.cholesky(whole).T
     exact = np.mean(np.sum((drawn / sd) ** 2, axis=1) > np.sum((gap / sd) ** 2))
     assert found.added.vault_p == pytest.approx(exact, abs=0.03)  # 20,000 draws know p to 0.004

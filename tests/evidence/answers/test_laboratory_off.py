@@ -125,18 +125,18 @@ def test_two_named_effects_are_adopted_together_and_one_of_them_is_not_refuted_a
     problem = heap_problem({"bridge": 0.5, "size": 1.0}, hidden=HIDDEN)
     both, one = adopt(problem, ("size", "bridge"), 1), adopt(problem, ("bridge",), 1, others=("size",))
     assert both.added.effects == ("bridge", "size")
-    assert both.added.vault_chi2 < 3.0, "four rows of chi2 1"
-    assert both.added.vault_chi2 < 0.1 * both.base.vault_chi2
-    assert both.base.vault_chi2 == pytest.approx(one.base.vault_chi2), "one value as it was"
+    assert both.added.vault_chi2_per_row < 3.0, "four rows of chi2 1"
+    assert both.added.vault_chi2_per_row < 0.1 * both.base.vault_chi2_per_row
+    assert both.base.vault_chi2_per_row == pytest.approx(one.base.vault_chi2_per_row), "one value as it was"
     assert one.with_all is not None
-    assert one.with_all.vault_chi2 == pytest.approx(both.added.vault_chi2, rel=0.1)
+    assert one.with_all.vault_chi2_per_row == pytest.approx(both.added.vault_chi2_per_row, rel=0.1)
     assert "With all that was named (bridge and size) it goes to" in one.sentence
     assert "does not bear" not in one.sentence
 
 
 def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
     found = adopt(heap_problem({"bridge": 0.5}, offset=OFFSET, hidden=HIDDEN), ("bridge",), 1)
-    assert found.added.vault_chi2 < 3.0, "four rows of chi2 1"
+    assert found.added.vault_chi2_per_row < 3.0, "four rows of chi2 1"
     assert found.added.strengths["bridge"].low < 0.5 < found.added.strengths["bridge"].high
 
 

@@ -31,13 +31,13 @@ def open_words(adoption: Document) -> str:
     Empty where they support it, where nothing is left, and where none was held out.
     """
     judged = adoption.get("with_all") or adoption["added"]
-    if judged["vault_chi2"] is None:
+    if judged["vault_chi2_per_row"] is None:
         return ""
     if adoption["contradicted"]:
         return "they do not confirm it"
     if not levels.fails(judged["vault_p"]):
         return ""
-    size = f"{sqrt(judged['vault_chi2']):.2g} times their errors"
+    size = f"{sqrt(judged['vault_chi2_per_row']):.2g} times their errors"
     return f"the model still differs from them by {size}, which nothing in it explains"
 
 
