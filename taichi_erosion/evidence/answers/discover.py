@@ -156,6 +156,8 @@ def error_fields(found: Analysis) -> dict[str, Any]:
         "errors_probability": found.errors_probability,
         "errors_stated": likeliest_words(found.stated.posterior) if found.stated else "",
         "variants": variants(found),
+        "worst_row": stated_worst_row(found),
+        "row_off": stated_row_off(found),
     }
 
 
