@@ -29,6 +29,7 @@ RECORDS = {
     "noise": findings.Noise,
     "noise of an observable": findings.ObservableNoise,
     "estimate": findings.Estimate,
+    "correlation": findings.Correlation,
     "level": findings.LevelShift,
     "row misfit": findings.RowMisfit,
     "row off": findings.RowOff,

@@ -111,7 +111,6 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),
         stuck_after=tuple(goodness_of_fit.stuck_numbers(prepared, found.final.expansion)),
         range_suffices=found.range_suffices,
-        scatter_factor=goodness_of_fit.scatter_factor(prepared, base),
         noise=goodness_of_fit.noise_table(prepared, screened.seed_correlation),
         ambiguity=confounded_effects(prepared, screened, expected),
         absorbed_by=absorbed_by(prepared, screened),
@@ -156,6 +155,7 @@ def error_fields(found: Analysis) -> dict[str, Any]:
         "errors_probability": found.errors_probability,
         "errors_stated": likeliest_words(found.stated.posterior) if found.stated else "",
         "variants": variants(found),
+        "scatter_factor": goodness_of_fit.scatter_factor(found.fitted.prepared, found.fitted.base.expansion),
         "worst_row": stated_worst_row(found),
         "row_off": stated_row_off(found),
     }

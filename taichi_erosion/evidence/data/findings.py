@@ -447,7 +447,9 @@ class HypothesisFit:
     vault_rows: Rows | None
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of its effects
     correlations: tuple[Correlation, ...] = ()
-    vault_p: float = nan  # of as large a `vault_chi2_per_row` if the model is adequate; NaN with an empty vault
+    vault_p: float = (
+        nan  # of as large a `vault_chi2_per_row` if the model is adequate; NaN with an empty vault
+    )
     vault_log_score: float = nan  # per held-out row: ln of the density that was predicted for its value
 
 
