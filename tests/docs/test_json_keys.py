@@ -36,6 +36,7 @@ RECORDS = {
     "unstated error": findings.ErrorFinding,
     "variants": findings.Variants,
     "effect": findings.EffectFinding,
+    "strength trend": mechanism_findings.StrengthTrend,
     "member": findings.MemberFinding,
     "action": findings.EffectAction,
     "explanation": findings.PlausibleHypothesis,
@@ -54,6 +55,7 @@ RECORDS = {
     "law of doses": mechanism_findings.DoseLaw,
     "scale": Scale,
 }
+TUPLES = ("points", "table", "curve")  # lists whose entries are lists
 NOT_PRINTED = {"rows", "vault_rows"}  # of fits: figures are drawn from them
 
 
@@ -113,7 +115,7 @@ def check_value(value: Any, entry: Entry, ends: tuple[str, ...], where: str) -> 
             check_value(each, entry, ends[1:], where)
     elif entry.record:
         check_record(value, TABLES[entry.record], where)
-    elif where.rpartition(".")[2] != "points":
+    elif where.rpartition(".")[2] not in TUPLES:
         assert not isinstance(value, dict | list), f"{where} is no single value"
 
 

@@ -156,8 +156,6 @@ def error_fields(found: Analysis) -> dict[str, Any]:
         "errors_stated": likeliest_words(found.stated.posterior) if found.stated else "",
         "variants": variants(found),
         "scatter_factor": goodness_of_fit.scatter_factor(found.fitted.prepared, found.fitted.base.expansion),
-        "worst_row": stated_worst_row(found),
-        "row_off": stated_row_off(found),
     }
 
 
