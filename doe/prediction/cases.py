@@ -18,6 +18,7 @@ from taichi_erosion.evidence.data.problem import (
     Parameter,
     Problem,
 )
+from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.models.reduced import expected, predict
 
 PARAMETERS = (
@@ -45,6 +46,7 @@ class Case:
     conditions: Conditions
     truth: Floats  # mean of many repeats
     measured: Floats  # one more measurement
+    numbers: dict[str, float]  # true calibrated numbers and strengths, by path
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ def draw(seed: int, discrepancy: float) -> Case:
         {key: np.concatenate([at[key] for _, at, _, _ in asked]) for key in ("moisture", "diameter")},
         np.concatenate([value for _, _, value, _ in asked]),
         np.concatenate([value for *_, value in asked]),
+        truth | ({f"{EFFECTS}liquid_bridge{STRENGTH}": effects["liquid_bridge"]} if adopted else {}),
     )
 
 
