@@ -14,12 +14,14 @@ from taichi_erosion.evidence.data.findings import Estimate
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Measurements, Problem, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, slope
 from taichi_erosion.evidence.inference.intervals.estimates import estimates_alone
+from taichi_erosion.evidence.inference.map_fit import Fit
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     ScoredHypothesis,
     projected_residual,
     slopes_of,
 )
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.condition_errors import error_columns
 from taichi_erosion.evidence.models.predictor import LOG_SPAN
 from taichi_erosion.evidence.prediction.discrepancy_mixture import (
     JointPrediction,
@@ -153,6 +155,7 @@ def joint(
             "calibration": jacobian,
             "instrument": instrument_errors(prepared, both, mean),
             "emulator": both.predictor.model_errors(fit.x, fit.acting()),
+            **errors_of_conditions(prepared, fit, mean.size),
         },
         axes=standard_axes(prepared.rows.conditions, both.rows.conditions),
         which=both.rows.which,
@@ -160,6 +163,14 @@ def joint(
         noise=prepared.doubt,
     )
     return joint_prediction(rows, seed), mean[n:]
+
+
+def errors_of_conditions(prepared: PreparedProblem, fit: Fit, size: int) -> dict[str, Floats]:
+    """Columns of the errors of stated conditions, where there are any; new conditions are exact."""
+    if prepared.condition_errors is None:
+        return {}
+    own = error_columns(prepared.condition_errors, prepared.predictor, fit.x, fit.acting())
+    return {"conditions": np.vstack([own, np.zeros((size - own.shape[0], own.shape[1]))])}
 
 
 def with_new_rows(prepared: PreparedProblem, wanted: Wanted) -> PreparedProblem:
@@ -321,7 +332,9 @@ def held_out_check(
     found, mean = joint(prepared, base, Wanted(names, held.rows.conditions), seed)
     index = [observable.name for observable in prepared.rows.observables]
     which = np.array([index.index(name) for name in names], dtype=np.int64)
-    error = found.factor[:, np.newaxis] ** 2 * held.rows.variance
+    fit, error = base.expansion.fit, found.factor[:, np.newaxis] ** 2 * held.rows.variance
+    own = errors_of_conditions(held, fit, held.rows.size).get("conditions", np.zeros((held.rows.size, 0)))
+    error = error + np.sum(own**2, axis=1)
     whole = found.whole.widened(error + simulated_variance(prepared, which))
     low, high = (whole.quantile(0.5 + sign * 0.5 * SHARE) for sign in (-1.0, 1.0))
     inside = (held.rows.z >= low) & (held.rows.z <= high)

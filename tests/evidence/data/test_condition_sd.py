@@ -1,0 +1,89 @@
+"""Columns on errors of conditions: read from tidy tables and from those of laboratories, told, or refused."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows
+from taichi_erosion.evidence.data.measured import read_table
+from taichi_erosion.evidence.models.condition_errors import condition_errors
+from taichi_erosion.evidence.models.load_study import load_study
+from tests.evidence.small_study import study_text, table_text
+
+TIDY = "observable,value,n,unit,group,moisture [%],sd of moisture [%],diameter,sd of set diameter\n"
+ROWS = "repose_angle,33,3,deg,a,1.5,0.1,0.0002,0.00001\nrepose_angle,31,3,deg,b,0,,0.0002,\n"
+
+
+def table(folder: Path, text: str):
+    file = folder / "heap.csv"
+    file.write_text(text, encoding="utf-8")
+    return read_table(file, "heap.csv")
+
+
+def test_the_sd_of_a_condition_is_no_condition(tmp_path):
+    found = table(tmp_path, TIDY + ROWS)
+    assert found.conditions == ("moisture", "diameter")
+    assert [dict(row.condition_sd) for row in found.rows] == [{"moisture": 0.1, "diameter": 1e-5}, {}]
+    assert found.set_conditions == ("diameter",)
+
+
+@pytest.mark.parametrize(
+    ("heading", "told"),
+    [
+        ("sd of moistur [%]", "no column 'moistur'; conditions there: moisture, diameter"),
+        ("sd of moisture", ""),
+        ("sd of moisture [mm]", "is in [mm]; moisture is in [%]: give it so"),
+    ],
+)
+def test_an_sd_belongs_to_a_condition_in_its_unit(tmp_path, heading, told):
+    text = (TIDY + ROWS).replace("sd of moisture [%]", heading)
+    if not told:
+        assert table(tmp_path, text).rows[0].condition_sd["moisture"] == 0.1
+        return
+    with pytest.raises(BadInput, match=re.escape(told)):
+        table(tmp_path, text)
+
+
+def test_an_sd_below_0_is_refused(tmp_path):
+    with pytest.raises(BadInput, match=re.escape("row 2, sd of moisture = '-0.1' must not be below 0")):
+        table(tmp_path, (TIDY + ROWS).replace(",0.1,", ",-0.1,"))
+
+
+def test_a_study_has_it_in_the_unit_of_the_model_and_tells_it(tmp_path):
+    head, *lines = table_text({"liquid_bridge": 1.0}, 1).splitlines()
+    head = head.replace("diameter [mm]", "diameter [mm],sd of set diameter [mm]")
+    rows = [",".join([*line.split(",")[:7], "0.02", *line.split(",")[7:]]) for line in lines]
+    (tmp_path / "heap.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    (tmp_path / "heap.toml").write_text(study_text(), encoding="utf-8")
+    study = load_study(tmp_path / "heap.toml")
+    assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 2e-5))
+    assert any("rows state its sd, 0.02 mm; it enters their errors" in note for note in study.notes)
+    errors = condition_errors(comparison_rows(study.problem, study.problem.visible()))
+    assert errors is not None
+    assert errors.fixed == {"diameter"}
+    assert not errors.movable
+
+
+def test_a_laboratory_s_own_table_may_state_it(tmp_path, capsys):
+    text = "Korngröße [µm];Wassergehalt [%];sd Wassergehalt [%];u*t [cm/s];n\n"
+    text += "".join(f"{d};{w};0,1;{20 + k};5\n" for k, (d, w) in enumerate([(90, "0,2"), (90, 1), (250, 2)]))
+    (tmp_path / "sand.csv").write_text(text, encoding="utf-8")
+    words = [
+        "study",
+        "new",
+        str(tmp_path / "sand.csv"),
+        "--yes",
+        "--closed-form",
+        "--out",
+        str(tmp_path / "s"),
+    ]
+    assert main(words) == 0
+    assert "sd of moisture" in capsys.readouterr().out
+    tidy = (tmp_path / "s" / "sand_tidy.csv").read_text("utf-8")
+    assert "sd of moisture [%]" in tidy.splitlines()[0]
+    study = load_study(tmp_path / "s" / "sand.toml")
+    assert study.problem.measurements.condition_sd["moisture"] == pytest.approx([1e-3] * 3)
