@@ -18,6 +18,7 @@ FROM_ROOT = {
 }
 LINK = re.compile(r"\]\((?!https?://|#)([^)#]+)(#[^)]*)?\)")
 NAMED_PAGE = re.compile(r"(?<!\[)`docs/(\w+\.md)`(?!\])")
+DRAWN = "│┃─━"  # signs of tables in a terminal
 OUTSIDE = re.compile(r"(?<!!)\[([^\]]+)\]\(OUTSIDE\)")
 
 
@@ -45,4 +46,12 @@ def on_page_markdown(markdown: str, files: Files, **_: Any) -> str:
     for place in range(0, len(parts), 2):
         text = LINK.sub(moved, parts[place])
         parts[place] = NAMED_PAGE.sub(linked, OUTSIDE.sub(r"\1", text))
+    for place in range(1, len(parts), 2):
+        parts[place] = with_wrapped_sentences(parts[place])
     return "".join(parts)
+
+
+def with_wrapped_sentences(block: str) -> str:
+    """A block of printed text whose long lines wrap; one with a drawn table keeps its lines."""
+    printed = block.startswith("```text\n") and not any(sign in block for sign in DRAWN)
+    return block.replace("```text\n", "```{ .text .sentences }\n", 1) if printed else block

@@ -25,6 +25,7 @@ START_LIMIT = 30.0  # s until a viewer answers
 LOAD_LIMIT = 60.0  # s until a recording is loaded
 POLL = 0.1  # s between two questions
 DRAW_TIME = 1.5  # s for the software renderer to finish a view after the time was set
+NOTICE_TIME = 6.0  # s after its start, in which the whole viewer shows a notice on its connection
 SHOTS = 5  # calls for a picture before it is given up
 ROUNDING = 1e-6  # of a time that the viewer counts in nanoseconds [1]
 END_LIMIT = 5.0  # s in which a viewer that has lost its connection ends
@@ -137,13 +138,15 @@ def render_picture(
     `view` names the one view to draw alone, such as Grains; `source` is what the recording was made from, by
     which the picture is marked.
     """
+    start = time.monotonic()
     with headless_viewer(path, size) as client:
         end = last_moment(client)
         wanted = end if moment is None else moment
         if not 0.0 <= wanted <= end * (1.0 + ROUNDING):
             raise BadInput(f"--time {wanted:g}: {path} runs from 0 to {end:.6g} s")
         client.set_time(TIMELINE, duration=wanted, play_state="paused")
-        time.sleep(DRAW_TIME)
+        notice = NOTICE_TIME - (time.monotonic() - start) if view is None else 0.0
+        time.sleep(max(DRAW_TIME, notice))
         views = {shown.name: shown.view_id for shown in client.get_state().views}
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")
