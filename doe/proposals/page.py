@@ -2,18 +2,25 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 from scipy import stats
 
 from doe.proposals.cases import COUNTS
-from doe.sealed.score import share
+from doe.sealed.score import IDENTIFIABLE, STRONG, share
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 
 FOLDER = Path(__file__).parent
 Row = dict[str, str]
+DESIGNS = {  # of `criterion.csv`
+    "before": "none",
+    "random": "six at random",
+    "squares": "six by squared separations (before)",
+    "bound": "six by the bound of errors (now)",
+}
 
 
 def results_of(name: str) -> Path:
@@ -44,7 +51,25 @@ def publish(slots: int) -> None:
     for path in sorted((FOLDER / "results").glob("*.csv")):
         if f"<!-- table: {path.stem} -->" in text:
             tables[path.stem] = shares_table(read_rows(path), slots)
+    tables["criterion"] = criterion_table(read_rows(FOLDER / "criterion.csv"))
     write_atomic(page, fill_tables(text, tables).encode())
+
+
+def criterion_table(rows: Sequence[Row]) -> str:
+    """How well designs show the truth: medians, and cases above the lines of being identified and named."""
+    lines = []
+    for arm, words in DESIGNS.items():
+        told = [words]
+        for measure in ("ratio", "separation"):
+            values = np.array([float(row[f"{arm} {measure}"]) for row in rows])
+            told += [
+                f"{np.median(values):.2g}",
+                *(str(int(np.sum(values >= x))) for x in (IDENTIFIABLE, STRONG)),
+            ]
+        lines.append(tuple(told))
+    limits = (f">= {IDENTIFIABLE:g}", f">= {STRONG:g}")
+    header = ("measurements", "ratio, median", *limits, "separation, median", *limits)
+    return markdown_table(header, lines)
 
 
 def right(row: Row, arm: str) -> bool:
@@ -88,7 +113,7 @@ def shares_table(rows: Sequence[Row], slots: int) -> str:
     return markdown_table(header, lines)
 
 
-def shares_of(rows: Sequence[Row], hit) -> list[str]:
+def shares_of(rows: Sequence[Row], hit: Callable[[Row, str], bool]) -> list[str]:
     """Shares with bounds, and the difference of the two kinds of measurements."""
     found = []
     for arm in ("before", "proposed", "random"):

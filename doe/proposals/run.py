@@ -67,9 +67,9 @@ def write(path: Path, content: bytes) -> None:
 
 
 @app.command()
-def ask(name: str, folder: Path, every: int = 1) -> None:
+def ask(name: str, folder: Path, every: int = 1, first: int = 0) -> None:
     """Answers before, of one case in so many; where no name stands, proposals and random requests."""
-    for path in sorted((folder / name / "before").glob("*.pickle"))[::every]:
+    for path in sorted((folder / name / "before").glob("*.pickle"))[first::every]:
         if path.with_suffix(".json").exists():
             continue
         problem, number = pickle.loads(path.read_bytes()), int(path.stem)

@@ -12,7 +12,7 @@ from taichi_erosion.evidence.data.problem import Floats, Progress, expected_stre
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.familywise_test import FamilywiseTest
 from taichi_erosion.evidence.inference.goodness_of_fit import explained_share, misfit_p, misfit_p_by_noise
-from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Fit, fit
+from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, STEPS, Fit, fit
 from taichi_erosion.evidence.inference.marginal_likelihood import (
     BOUND,
     Expansion,
@@ -77,10 +77,11 @@ def shortlist(prepared: PreparedProblem, screened: Screen, test: FamilywiseTest)
 def fit_singles(
     prepared: PreparedProblem, screened: Screen, names: list[str], family: Kernels, progress: Progress
 ) -> list[FittedHypothesis]:
-    """All shortlisted singles; where none of them fits, every candidate from the prior mean too.
+    """All shortlisted singles; where none of them fits, or the screen misleads, every candidate.
 
     The screen relies on the slopes at the bare model's best fit. A large missing effect drives that fit to
-    where slopes mean little, and the screen may then dismiss the very effect that is missing.
+    where slopes mean little, and the screen may then dismiss the very effect that is missing, while another
+    one imitates it.
     """
     singles: dict[str, FittedHypothesis] = {}
     for index, name in enumerate(names):
@@ -90,13 +91,43 @@ def fit_singles(
         if best.misfit > base.misfit:  # a fit is no worse than the bare model, its own case at strength 0
             best = fit(prepared, (name,), [np.append(base.x, 0.0)])
         singles[name] = scored_expansion(prepared, expand(prepared, best), family)
-    if prepared.quick or not none_fits(prepared, list(singles.values())):
-        return list(singles.values())
+    if not prepared.quick and none_fits(prepared, list(singles.values())):
+        for name in (s.name for s in screened.signatures if s.resolved):
+            progress(f"refitting with {name} from the prior mean", 0.6)
+            start = np.append(prepared.prior_mean, expected_strength(prepared.candidate(name)))
+            improve(prepared, singles, name, [start], family)
+    elif misleading(screened, list(singles.values())):
+        fit_all(prepared, screened, singles, family, progress)
+    return list(singles.values())
+
+
+def misleading(screened: Screen, items: list[FittedHypothesis]) -> bool:
+    """Whether a refit took away another misfit than the screen told, by what would dismiss an effect."""
+    told = {
+        s.name: float(np.max(s.fall(screened.residual), initial=0.0))
+        for s in screened.signatures
+        if s.resolved
+    }
+    found = {item.names[0]: screened.base.fit.misfit - item.fit.misfit for item in items}
+    return any(abs(told[name] - fall) > 2.0 * WITHIN for name, fall in found.items() if name in told)
+
+
+def fit_all(
+    prepared: PreparedProblem,
+    screened: Screen,
+    singles: dict[str, FittedHypothesis],
+    family: list[Floats],
+    progress: Progress,
+) -> None:
+    """Fits of all effects after a misleading screen; those that are better and not far behind are weighed."""
     for name in (s.name for s in screened.signatures if s.resolved):
         progress(f"refitting with {name} from the prior mean", 0.6)
         start = np.append(prepared.prior_mean, expected_strength(prepared.candidate(name)))
-        improve(prepared, singles, name, [start], family)
-    return list(singles.values())
+        best = fit(prepared, (name,), [start], STEPS)
+        least = min((item.fit.misfit for item in singles.values()), default=np.inf)
+        known = singles[name].fit.misfit if name in singles else least + 2.0 * WITHIN
+        if best.misfit < known - GOOD_ENOUGH:
+            singles[name] = scored_expansion(prepared, expand(prepared, best), family)
 
 
 def none_fits(prepared: PreparedProblem, items: list[FittedHypothesis]) -> bool:

@@ -15,9 +15,16 @@ from taichi_erosion.evidence.inference.marginal_likelihood import expand
 from taichi_erosion.evidence.inference.model_discrepancy import NO_KERNELS
 from taichi_erosion.evidence.inference.posterior import posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import prepare
-from taichi_erosion.evidence.inference.refit import FittedHypothesis, fit_singles, hypotheses, mean_misfit_p
+from taichi_erosion.evidence.inference.refit import (
+    FittedHypothesis,
+    fit_singles,
+    hypotheses,
+    mean_misfit_p,
+    misleading,
+)
 from taichi_erosion.evidence.inference.screen import screen
 from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL
+from tests.evidence.linear_study import linear_problem
 
 FAMILY = 5000
 
@@ -59,8 +66,30 @@ def test_what_the_measurements_reject_counts_as_something_not_in_the_list(wet):
     assert mean_misfit_p(prepared, right) > REJECTION_LEVEL
     wrong = jagged(prepared, right, 40.0)
     assert mean_misfit_p(prepared, wrong) < REJECTION_LEVEL
-    others = [item for item in wet.fitted.refits if item is not right]
+    others = [item for item in wet.fitted.refits if not set(right.names) & set(item.names)]
     listed = hypotheses(prepared, wet.fitted.base, wet.fitted.screened, wet.test, [*others, wrong])
     assert [h.rejected for h in listed if h.names == right.names] == [True, True]
     posterior = posterior_of(prepared, listed)
     assert posterior.inclusion["liquid_bridge"] < 0.01 < 0.5 < posterior.probability[OUTSIDE]
+
+
+def test_a_screen_misleads_where_a_refit_takes_away_another_misfit_than_it_told():
+    problem = linear_problem({"slope": lambda x: x, "bend": lambda x: x**2}, {"bend": 1.0}, sd=0.05)
+    prepared, best, _ = fit_base(prepare(problem, problem.measurements, 1))
+    screened = screen(prepared, expand(prepared, best))
+    (item,) = fit_singles(prepared, screened, ["bend"], [], no_progress)
+    assert not misleading(screened, [item]), "the model is linear in the strength"
+    worse = replace(item.fit, misfit=item.fit.misfit + 40.0)
+    scored = replace(item.scored, expansion=replace(item.expansion, fit=worse))
+    assert misleading(screened, [FittedHypothesis(scored, item.gain)])
+
+
+def test_after_a_misleading_screen_an_effect_that_it_dismissed_is_weighed(monkeypatch):
+    problem = linear_problem({"slope": lambda x: x, "bend": lambda x: x**2}, {"bend": 1.0}, sd=0.05)
+    prepared, best, _ = fit_base(prepare(problem, problem.measurements, 1))
+    screened = screen(prepared, expand(prepared, best))
+    for misled, names in ((False, {"slope"}), (True, {"slope", "bend"})):
+        monkeypatch.setattr("taichi_erosion.evidence.inference.refit.misleading", lambda *_, m=misled: m)
+        monkeypatch.setattr("taichi_erosion.evidence.inference.refit.none_fits", lambda *_: False)
+        found = fit_singles(prepared, screened, ["slope"], [], no_progress)
+        assert {item.names[0] for item in found} == names
