@@ -40,7 +40,7 @@ from taichi_erosion.evidence.inference.doses.mechanism_search import (
     challenged,
     missing,
 )
-from taichi_erosion.evidence.inference.doses.named_strength import strength_trend
+from taichi_erosion.evidence.inference.doses.named_strength import nearest_trend, strength_trend
 from taichi_erosion.evidence.inference.familywise_test import power
 from taichi_erosion.evidence.inference.intervals.estimates import (
     acting_strengths,
@@ -184,8 +184,10 @@ def with_beyond(found: Analysis) -> tuple[Analysis, dict[str, Any]]:
 
     What is named is weighed against them where it leaves a misfit, or its strength would have to vary.
     """
-    trend = strength_trend(found.fitted.prepared, found.final)
-    verdict = found.decision.verdict
+    verdict, prepared = found.decision.verdict, found.fitted.prepared
+    trend = strength_trend(prepared, found.final)
+    if verdict == "outside_library":
+        trend = nearest_trend(prepared, found.fitted.refits)
     doubtful = challenged(verdict, found, trend)
     if not (missing(verdict, found) or doubtful) or not found.fitted.prepared.problem.mechanisms:
         return found, {"trend": trend}

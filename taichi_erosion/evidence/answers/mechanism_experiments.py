@@ -62,7 +62,7 @@ def named_rivals(
     prepared: PreparedProblem, pool: DesignPool, found: Discovery, beyond: BeyondList
 ) -> Sequence[RivalPrediction]:
     """The named effects, where they are not withdrawn."""
-    if beyond.withdrawn:
+    if beyond.withdrawn or not beyond.named:
         return []
     named = [each for each in found.survivors if each.names == beyond.named]
     weight = 1.0 / max(beyond.named_odds, 1e-12)

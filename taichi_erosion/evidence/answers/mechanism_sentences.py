@@ -36,18 +36,19 @@ def mechanism_sentences(found: BeyondList) -> tuple[str, ...]:
 
 
 def trend_sentences(trend: StrengthTrend | None) -> list[str]:
-    """A named effect whose law has another power of a condition than the list."""
+    """A listed effect whose law has another power of a condition than the list."""
     if trend is None:
         return []
     along, chance = trend.condition, p_text(trend.p)
     if trend.exponent is None:
-        how = f"has to vary along {along}"
+        how = f"varies along {along}"
     else:
         e = trend.exponent
-        how = f"has to vary as {along}^{e.value:.2g} ({e.low:.2g} to {e.high:.2g})"
+        how = f"varies as {along}^{e.value:.2g} ({e.low:.2g} to {e.high:.2g})"
+    share = "" if isnan(trend.share) else f", which takes {trend.share:.0%} of the rest away"
     return [
-        f"{trend.effect} alone does not suffice: its strength {how} (one strength for all: {chance}), so its "
-        f"law of {along} is another than that of the list."
+        f"{trend.effect} explains the measurements only if its strength {how}{share} (one strength for all: "
+        f"{chance}): its law of {along} is then another than that of the list."
     ]
 
 

@@ -60,12 +60,13 @@ class MechanismFinding:
 
 @dataclass(frozen=True)
 class StrengthTrend:
-    """A named effect whose strength would have to vary along a condition: its law has another power of it."""
+    """A listed effect whose strength would have to vary along a condition: by another power of it."""
 
     effect: str
     condition: str
     p: float  # chance of as much if one strength serves all conditions
     exponent: Estimate | None  # of the condition, beyond that of the law of the list
+    share: float = float("nan")  # of what one strength leaves, which that power takes away [1]
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ MOST_STRENGTH = 3.0  # likewise; effects that much stronger are read off the emu
 WARP = 1.5  # > 1 puts more of the tried strengths below the middle
 JITTER_NUMBERS = 0.4  # prior sd by which runs of a later round spread about an explanation
 JITTER_STRENGTH = 0.25  # likewise, share of the strength
-BOTH_SIDES = 1.5  # runs along a dose, which has two signs, over those along a strength
+BOTH_SIDES = 1.25  # runs along a dose, which has two signs, over those along a strength
 DIGITS = 6  # of a number in a run: rounding errors must not make it another run
 SEEDS = 2**30  # seeds of runs lie below
 

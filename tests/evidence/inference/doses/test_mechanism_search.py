@@ -8,8 +8,10 @@ import pytest
 from doe.beyond.cases import Truth, draw, measured
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discover
-from taichi_erosion.evidence.data.problem import Candidate, Problem
-from taichi_erosion.evidence.models import reduced
+from taichi_erosion.evidence.answers.mechanism_experiments import mechanism_experiments
+from taichi_erosion.evidence.data.findings import Discovery
+from taichi_erosion.evidence.data.problem import Candidate, Laboratory, Problem
+from taichi_erosion.evidence.models import reduced, reduced_places
 
 WET = Truth("outside", "rolling_friction", "moisture", "power", 5.0, 0.7, dict(reduced.PARAMETERS))
 NOTHING = Truth("null", parameters=dict(reduced.PARAMETERS))
@@ -36,9 +38,15 @@ def problem_of(truth: Truth, seed: int = 5) -> Problem:
     )
 
 
-def test_an_unlisted_mechanism_is_named_with_its_law():
+@pytest.fixture(scope="module")
+def wet() -> Discovery:
+    """Answer where a factor of rolling friction grows with moisture."""
     problem = problem_of(WET)
-    found = discover(problem, 1, problem.budget, no_progress)
+    return discover(problem, 1, problem.budget, no_progress)
+
+
+def test_an_unlisted_mechanism_is_named_with_its_law(wet):
+    found = wet
     assert found.verdict == "outside_library"
     assert found.beyond is not None
     assert found.beyond.group[0] == "rolling_friction"
@@ -75,3 +83,61 @@ def test_forms_are_zero_where_a_condition_that_reaches_zero_is_zero():
         if form.conditions == ("moisture",):
             numbers = np.array([1.0, *form.starts[0]])
             assert form.dose(conditions, numbers)[0] == pytest.approx(0.0, abs=1e-9)
+
+
+EXPONENT = 0.7  # of moisture, by which the strength of a listed effect varies
+
+
+def varying_strength(problem: Problem, seed: int) -> Problem:
+    """The table of a laboratory in which bridges grow with another power of moisture than in the list."""
+    table, generator = problem.measurements, np.random.default_rng(seed)
+    value = table.value.copy()
+    for row, name in enumerate(table.observable):
+        own = {condition: column[row : row + 1] for condition, column in table.conditions.items()}
+        strength = 1.2 * float(own["moisture"][0] / 0.02) ** EXPONENT
+        exact = reduced_places.expected(name, own, dict(reduced.PARAMETERS), {"liquid_bridge": strength})
+        value[row] = exact[0] + table.sd[row] * generator.standard_normal()
+    return replace(problem, measurements=replace(table, value=value))
+
+
+def test_another_power_of_a_named_effect_is_told():
+    problem = replace(varying_strength(problem_of(NOTHING), 3), mechanisms=())
+    found = discover(problem, 1, problem.budget, no_progress)
+    assert found.trend is not None
+    assert (found.trend.effect, found.trend.condition) == ("liquid_bridge", "moisture")
+    assert found.trend.exponent is not None
+    assert found.trend.exponent.low < EXPONENT < found.trend.exponent.high
+    assert any("varies as moisture^" in sentence for sentence in found.sentences)
+
+
+def test_a_listed_effect_of_its_own_law_has_one_strength():
+    truth = Truth("listed", "liquid_bridge", size=1.2, parameters=dict(reduced.PARAMETERS))
+    problem = problem_of(truth)
+    found = discover(problem, 1, problem.budget, no_progress)
+    assert (found.verdict, list(found.named), found.trend) == ("present", ["liquid_bridge"], None)
+    assert found.beyond is None
+
+
+@pytest.mark.slow
+def test_a_mechanism_withdraws_the_name_of_an_effect_that_imitates_it():
+    truth = Truth("outside", "contact_pull", "moisture", "exponential", 2.2, 1.2, dict(reduced.PARAMETERS))
+    problem = problem_of(truth)
+    bare = discover(replace(problem, mechanisms=()), 1, problem.budget, no_progress)
+    found = discover(problem, 1, problem.budget, no_progress)
+    assert "liquid_bridge" in (*bare.named, *bare.group) or bare.verdict == "outside_library"
+    assert found.verdict == "outside_library"
+    assert found.beyond is not None
+    assert found.beyond.group[0] == "contact_pull"
+
+
+def test_next_tells_the_mechanisms_apart_that_are_left(wet):
+    both = ("rolling_friction", "sliding_friction")
+    found = replace(wet, beyond=replace(wet.beyond, group=both))
+    told = mechanism_experiments(problem_of(WET), found, Laboratory(ranges={"moisture": (0.0, 0.05)}))
+    assert told is not None
+    titles = {"a factor of sliding friction", "a factor of rolling friction"}
+    assert set(told.explanations) == titles
+    assert told.sentence
+    for experiment in told.experiments:
+        assert set(experiment.predictions) == titles
+        assert all(sd > 0.0 for _, sd in experiment.predictions.values())
