@@ -11,13 +11,18 @@ import numpy as np
 
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Variants
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
-from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, columns_of, log_prior
 from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain
-from taichi_erosion.evidence.inference.pipeline import Analysis, FittedHypotheses
+from taichi_erosion.evidence.inference.pipeline import (
+    Analysis,
+    FittedHypotheses,
+    enough_for_levels,
+    level_share,
+)
 from taichi_erosion.evidence.inference.posterior import Posterior
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, level_shape
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.robustness.error_accounts import (
     evidence_by_factor,
@@ -38,6 +43,18 @@ class Variant:
 
     words: str  # "if ..."
     fitted: FittedHypotheses
+    freed: FittedHypotheses | None = None  # the same with a free level in place of a shared error not granted
+
+    def posterior(self) -> Posterior:
+        """Probabilities; with the free level where that is likelier and leaves nothing unexplained.
+
+        A study that declares no shared error is weighed so too.
+        """
+        stated = self.fitted.posterior()
+        other = None if self.freed is None else self.freed.posterior()
+        if other is None or other.probability[OUTSIDE] > levels.LEVEL_ODDS:
+            return stated
+        return other if level_share(stated.log_total, other.log_total) > levels.LEVEL_ODDS else stated
 
 
 def variants(found: Analysis) -> Variants:
@@ -48,7 +65,7 @@ def variants(found: Analysis) -> Variants:
     kept, changes = 0, list[str]()
     tried = list(all_variants(found.fitted))
     for variant in tried:
-        posterior = variant.fitted.posterior()
+        posterior = variant.posterior()
         if holds(posterior, decision.verdict, decision.named, decision.group):
             kept += 1
         else:
@@ -87,6 +104,7 @@ def all_variants(fitted: FittedHypotheses) -> Iterator[Variant]:
     for factor in TOLERANCES:
         for words, other in tolerance_variants(prepared, factor):
             yield Variant(words, reweighed(fitted, other))
+        yield from shared_error_variants(fitted, factor)
     for words, rows in row_sets(fitted):
         if rows.sum() < prepared.rows.size - len(prepared.axes) - 1:
             other = with_variances(prepared, np.where(rows, GONE, 1.0))
@@ -94,21 +112,39 @@ def all_variants(fitted: FittedHypotheses) -> Iterator[Variant]:
 
 
 def tolerance_variants(prepared: PreparedProblem, factor: float) -> Iterator[tuple[str, PreparedProblem]]:
-    """Declared tolerances and declared shared errors times a factor, observable by observable."""
+    """Declared tolerances times a factor, observable by observable."""
     rows = prepared.rows
-    said = "is not granted" if factor == 0.0 else f"is {factor:g} times as large"
     for index, observable in enumerate(rows.observables):
         own = rows.which == index
         if observable.sd_numerical > 0.0 and own.any():
             part = np.where(own, (observable.sd_numerical * rows.slope) ** 2, 0.0)
             change = 1.0 + (factor**2 - 1.0) * part / rows.variance
-            words = f"if the tolerance of {observable.sd_numerical:g} of {observable.name} {said}"
+            words = f"if the tolerance of {observable.sd_numerical:g} of {observable.name} {said(factor)}"
             yield words, with_variances(prepared, np.maximum(change, 1e-6))
-        if (observable.sd_shared or observable.sd_shared_relative) and not prepared.levels:
-            column = np.any(rows.shared[own] != 0.0, axis=0) & ~np.any(rows.shared[~own] != 0.0, axis=0)
-            shared = np.where(column, factor * rows.shared, rows.shared)
-            words = f"if the declared shared error of {observable.name} {said}"
-            yield words, replace(prepared, rows=replace(rows, shared=shared))
+
+
+def said(factor: float) -> str:
+    """What becomes of a declared error."""
+    return "is not granted" if factor == 0.0 else f"is {factor:g} times as large"
+
+
+def shared_error_variants(fitted: FittedHypotheses, factor: float) -> Iterator[Variant]:
+    """Declared shared errors times a factor, observable by observable; none where levels are free already."""
+    prepared, rows = fitted.prepared, fitted.prepared.rows
+    widths = prepared.level_widths(fitted.base.expansion.mean)
+    for observable, own in prepared.by_observable() if not prepared.levels else ():
+        if not (observable.sd_shared or observable.sd_shared_relative):
+            continue
+        column = np.any(rows.shared[own] != 0.0, axis=0) & ~np.any(rows.shared[~own] != 0.0, axis=0)
+
+        def with_column(values: Floats, column: Bools = column) -> FittedHypotheses:
+            shared = np.where(column, values, rows.shared)
+            return reweighed(fitted, replace(prepared, rows=replace(rows, shared=shared)))
+
+        level = np.where(own, widths[observable.name] * level_shape(observable, rows.z), 0.0)[:, np.newaxis]
+        asked = factor == 0.0 and enough_for_levels(prepared)
+        words = f"if the declared shared error of {observable.name} {said(factor)}"
+        yield Variant(words, with_column(factor * rows.shared), with_column(level) if asked else None)
 
 
 def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Floats]]:

@@ -66,3 +66,16 @@ def test_a_clear_answer_holds_everywhere_and_says_so():
 def test_silence_has_no_variants():
     problem = linear_problem(SHAPES, {}, count=36)
     assert discover(problem, 1, problem.budget, no_progress).variants.count == 0
+
+
+def test_a_shared_error_that_is_not_granted_gives_the_answer_of_the_study_that_declares_none():
+    problem = linear_problem(SHAPES, {"wave": 1.0}, sd=0.1, count=36, calibrated=False)
+    table = replace(problem.measurements, value=problem.measurements.value + 1.5)
+    problem = replace(problem, measurements=table)
+    declared = replace(problem, observables={"y": Observable("y", sd_shared=1.0)})
+    found = analyse(prepare(declared, table, 1), 1, no_progress)
+    bare = analyse(prepare(problem, table, 1), 1, no_progress)
+    assert found.decision.named == bare.decision.named == ("wave",)
+    assert bare.level_probability > 0.9
+    told = variants(found)
+    assert not any("is not granted" in words for words in told.changes), told.changes
