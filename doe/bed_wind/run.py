@@ -7,7 +7,6 @@ python -m doe.bed_wind.run --page     only the tables of README.md
 
 import csv
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from doe.common.command import words
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 from taichi_erosion.scene import Scene
+from taichi_erosion.scene.change import with_section
 from taichi_erosion.verification.reference.hopping import Sand
 from taichi_erosion.verification.wind.saltation import (
     AIR,
@@ -57,9 +57,7 @@ def zero_rows() -> list[Cells]:
 
 def resting(size: float, law: str) -> Scene:
     """A bed at rest under a wind that feels its grains by a law of drag."""
-    scene = at_rest(size)
-    assert scene.wind is not None
-    return replace(scene, wind=replace(scene.wind, drag=law))
+    return with_section(at_rest(size), "wind", drag=law)
 
 
 def rough_rows() -> list[Cells]:

@@ -61,6 +61,7 @@ CHECKS: dict[str, Check] = {
     "V36": saltation.saltation,
     "V37": designed_experiments.recovered_effects,
     "V38": exchange.grid_momentum,
+    "V39": saltation.start_of_motion,
 }
 
 
