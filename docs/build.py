@@ -39,15 +39,22 @@ version of the program and 2.71 in the next.
 V35, silo, drum and penetration by Dosta et al. (2024), needs walls and places of grains that were published
 beside that paper. They could not be had, and the check is missing.
 
-V36: its rows above are those of the check as it was, with four winds over either sand; it now asks for six winds
-over the finer one, which tell a flux linear in the stress from one with the cube of the wind, and leaves the wind
-that starts a bed to V39. It was not run on the whole since. The same test of the flux over the six winds of
-Creyssels et al. refutes the cube (`docs/threshold.md`).
+V36: its rows above are those of the check as it was, with four winds over either sand; it now asks for six
+winds over the finer one, which tell a flux linear in the stress from one with the cube of the wind, and
+leaves the wind that starts a bed to V39. It was not run on the whole since. The same test of the flux over
+the six winds of Creyssels et al. refutes the cube (`docs/threshold.md`).
 
 In strong winds the air keeps more stress at the bed of 0.5 mm than that of the wind in which one grain goes
 on, by more than the fifth that is allowed; over 0.25 mm it does not. It is not chance alone, for other beds
 of 0.5 and 1 mm under other winds (`docs/threshold.md`, wind by wind) show the same growth with the wind.
 Owen has it constant; why it grows over coarse grains is not known here, and until then those rows fail.
+
+V39: one grain goes on over a bed down to 0.53 of the wind that starts it, where 0.75 to 0.9 is measured.
+The fluid threshold, 0.320 (0.298 to 0.343) m/s, is at the upper end of what is asked for; it is that of two
+grains of a patch of 14 diameters in 0.3 s. By one percent of the surface grains in 5 s such beds start at
+about 0.85 of that wind (`docs/threshold.md`, other criteria), and the ratio is then near 0.6. The rest lies
+in the impact threshold: 0.171 m/s is 0.89 of Bagnold's 0.192 m/s for 0.24 mm. Which of both is wrong is not
+known here; until then that row fails.
 
 The thresholds of V36 are known to a twentieth or a tenth: four winds of two seconds leave as much scatter.
 Two runs, alike but for the time after which deep grains sleep, read 0.250 and 0.278 m/s for 0.5 mm, 1.48

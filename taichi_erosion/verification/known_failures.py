@@ -26,6 +26,13 @@ KNOWN = (
         "V33", "Beverloo, round holes", 2.58, 2.70, "2.64 +- 0.03 from nine fillings, and two standard errors"
     ),
     KnownFailure(
+        "V39",
+        "impact over fluid threshold",
+        0.49,
+        0.58,
+        "0.53, and the 95 % interval of the fluid threshold of five beds, 0.298 to 0.343 m/s",
+    ),
+    KnownFailure(
         "V36",
         "stress of the air at the bed of 0.5 mm",
         1.0,
