@@ -165,9 +165,8 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     listed = checked(setups)
     if numerics.by_grain:
         refuse_unsupported(listed)
-    capacities = initial_capacities(listed)
+    capacities = initial_capacities(listed, numerics.by_grain)
     if numerics.by_grain:
-        capacities = replace(capacities, partitions=1)
         refuse_too_large(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"

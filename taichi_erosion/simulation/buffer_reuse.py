@@ -6,7 +6,7 @@ the ensemble before.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 
 from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import Laws, Numerics, Setup
@@ -44,9 +44,7 @@ def reuse_or_assemble(
 
 def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: Numerics) -> bool:
     """Whether an ensemble would compile what the one before has compiled, and fits in its fields."""
-    wanted = initial_capacities(setups)
-    if numerics.by_grain:
-        wanted = replace(wanted, partitions=1)
+    wanted = initial_capacities(setups, numerics.by_grain)
     same_laws = (before.laws, before.numerics) == (laws, numerics)
     alike = (before.setups[0].clumps is None) == (setups[0].clumps is None)
     without_air = not before.coupling.has_air and all(setup.air is None for setup in setups)

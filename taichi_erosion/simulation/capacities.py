@@ -65,19 +65,19 @@ def round_up(number: int) -> int:
     return power * 3 // 4 if power * 3 // 4 >= number else power
 
 
-def initial_capacities(setups: list[Setup]) -> Capacities:
-    """Capacities for a dense start."""
+def initial_capacities(setups: list[Setup], by_grain: bool = False) -> Capacities:
+    """Capacities for a dense start; with one thread per grain there is one partition, and no idle replica."""
     grains = round_up(max(len(s.grains.radius) for s in setups))
     bodies = max(0 if s.clumps is None else len(s.clumps.mass) for s in setups)
     primitives = max(len(s.primitives.kind) for s in setups)
     surfaces = max(len(s.surfaces) for s in setups)
     replicas = len(setups)
-    if grains <= SMALL_GRAINS and cells_of_air(setups[0]) <= SMALL_AIR:
+    if grains <= SMALL_GRAINS and cells_of_air(setups[0]) <= SMALL_AIR and not by_grain:
         grains, replicas = SMALL_GRAINS, max(round_up(replicas), SMALL_REPLICAS)
         primitives, surfaces = (max(round_up(walls), SMALL_WALLS) for walls in (primitives, surfaces))
     return Capacities(
         replicas=replicas,
-        partitions=max(partition_count(s) for s in setups),
+        partitions=1 if by_grain else max(partition_count(s) for s in setups),
         grains=grains,
         pairs=max(grains * ENTRIES_PER_GRAIN, ENTRIES_LEAST),
         wall_pairs=max(grains * WALL_ENTRIES_PER_GRAIN, ENTRIES_LEAST),

@@ -7,6 +7,7 @@ of a speed. On Vulkan the device may also fuse multiplication and addition, by o
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +15,11 @@ from few_grains import run_worlds
 from grain_worlds import RADIUS, contacts, fingerprint, grains, heap, setup
 
 from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.effects import load_library
 from taichi_erosion.run.sanity_checks import MOMENTUM_ERROR
 from taichi_erosion.simulation import (
     advance,
@@ -30,6 +33,7 @@ from taichi_erosion.simulation import (
 )
 from taichi_erosion.simulation.assemble import reallocate
 
+LIBRARY = load_library([Path(__file__).parents[1] / "effects" / "ageing_pull.py"])
 ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, "f64")
 ROLLING = Laws(rolling="elastic_plastic")
 GRAINS = 120
@@ -86,6 +90,33 @@ def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numeri
     found, again = (run(ensemble, ROLLING, numerics, WHOLE) for _ in range(2))
     assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
     assert [fingerprint(a) for a in found] == [fingerprint(a) for a in again]
+
+
+def with_effects(bare: Setup, **parameters: dict[str, float]) -> Setup:
+    """A heap with effects of the library, or of the tests, at full strength."""
+    known = {"grain_diameter": 2.0 * RADIUS, "moisture": 0.01}
+    effects = [
+        replica_effect(LIBRARY[name], LIBRARY[name].params(**given), 1.0, known, RADIUS)
+        for name, given in sorted(parameters.items())
+    ]
+    return replace(bare, effects=tuple(effects))
+
+
+@devices
+def test_effects_with_and_without_memory_act_as_in_partitions(numerics):
+    ageing = {"pull_off": 3e-5, "ageing": 5e-4, "still": 0.02}
+    ensemble = [
+        with_effects(heap(60, 1), ageing_pull=ageing),
+        with_effects(heap(60, 1), liquid_bridge={}, restitution_speed={}),
+        heap(60, 1),
+    ]
+    want = run(ensemble, ROLLING, IN_PARTITIONS, WHOLE)
+    found = run(ensemble, ROLLING, numerics, WHOLE)
+    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
+    age, same = (states[0].effect_state["ageing_pull.age"] for states in (want, found))
+    assert age.max() > 0.0
+    assert same == pytest.approx(age, rel=FORCES)
+    assert len({fingerprint(state) for state in found}) == 3, "must have acted"
 
 
 @devices
