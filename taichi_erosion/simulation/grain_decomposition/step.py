@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import field_view, is_host
 from taichi_erosion.coupling.coupling_state import CouplingState
@@ -16,6 +17,7 @@ from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
 from taichi_erosion.simulation.grain_decomposition.reverse_lists import link_stages
 from taichi_erosion.simulation.step import OVERLAP, required_action, tick
 
+MISSING_FUNCTION = ("does not 64bits operation", "must <= 32bits")  # of Taichi's compiler for Vulkan
 THREADS_MOST = 1 << 18  # of a stage of queued replicas: they are few, and each thread takes some places
 STEPS_A_REBUILD = 4  # steps between two launches that look for rebuilds; a replica waits for the next one
 
@@ -222,15 +224,23 @@ def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, step
     """Launch so many steps; a replica that waited for new lists has done fewer.
 
     Nothing is read back in between, except on a CPU, where fields are read in place: there the launches that
-    look for rebuilds are left out while no replica waits.
+    look for rebuilds are left out while no replica waits. Raises BadInput where Vulkan lacks a function.
     """
     stages = step_stages(world)
-    renew_lists(world, buffers)
-    for k in range(1, steps + 1):
-        run_all(stages, world, coupling, buffers)
-        if is_waiting(world, buffers) if is_host() else k % STEPS_A_REBUILD == 0:
-            renew_lists(world, buffers)
-    ti.sync()
+    try:
+        renew_lists(world, buffers)
+        for k in range(1, steps + 1):
+            run_all(stages, world, coupling, buffers)
+            if is_waiting(world, buffers) if is_host() else k % STEPS_A_REBUILD == 0:
+                renew_lists(world, buffers)
+        ti.sync()
+    except RuntimeError as error:
+        if any(words in str(error) for words in MISSING_FUNCTION):
+            raise BadInput(
+                "--arch vulkan: a law or an effect of this scene needs a power, an exponential or a "
+                "trigonometric function of 64-bit floats, which Vulkan lacks; use --precision f32 or --arch cpu"
+            ) from None
+        raise
 
 
 def renew_lists(world: World, buffers: GrainBuffers) -> None:
