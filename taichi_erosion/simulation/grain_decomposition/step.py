@@ -238,7 +238,7 @@ def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, step
         if any(words in str(error) for words in MISSING_FUNCTION):
             raise BadInput(
                 "--arch vulkan: a law or an effect of this scene needs a power, an exponential or a "
-                "trigonometric function of 64-bit floats, which Vulkan lacks; use --precision f32 or --arch cpu"
+                "sine of 64-bit floats, which Vulkan lacks; use --precision f32 or --arch cpu"
             ) from None
         raise
 
