@@ -76,6 +76,12 @@ def wall_overlap(world: ti.template(), i, e):
     return ti.cast(ti.cast(world.grains.radius[i], ti.f64) - distance, float)
 
 
+@ti.func
+def add(numbers_out: ti.template(), n, number):
+    """Add to a number that no other thread writes."""
+    numbers_out[n] = numbers_out[n] + number
+
+
 @ti.kernel
 def read_contacts(
     # parameters
@@ -94,18 +100,20 @@ def read_contacts(
         for e in range(world.pairs.start[i], world.pairs.stop[i]):
             if world.pairs.label[e] & ENGAGED == ENGAGED:
                 root, overlap = world.pairs.root_radius[e], pair_overlap(world, base, i, e)
-                contacts_out[rank] += 1
-                contacts_out[world.pairs.neighbour[e]] += 1
-                sums_out[ELASTIC] += entry_energy(world, world.pairs, e, overlap)
-                sums_out[CONTACTS] += 1.0
-                ti.atomic_max(sums_out[OVERLAP], overlap / (2.0 * root * root))
+                add(contacts_out, rank, 1)
+                add(contacts_out, world.pairs.neighbour[e], 1)
+                add(sums_out, ELASTIC, entry_energy(world, world.pairs, e, overlap))
+                add(sums_out, CONTACTS, 1.0)
+                share = ti.cast(overlap / (2.0 * root * root), ti.f64)
+                sums_out[OVERLAP] = ti.max(sums_out[OVERLAP], share)
         for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
             if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
                 overlap = wall_overlap(world, i, e)
-                contacts_out[rank] += 1
-                sums_out[ELASTIC] += entry_energy(world, world.wall_pairs, e, overlap)
-                sums_out[CONTACTS] += 1.0
-                ti.atomic_max(sums_out[OVERLAP], overlap / world.grains.radius[i])
+                add(contacts_out, rank, 1)
+                add(sums_out, ELASTIC, entry_energy(world, world.wall_pairs, e, overlap))
+                add(sums_out, CONTACTS, 1.0)
+                share = ti.cast(overlap / world.grains.radius[i], ti.f64)
+                sums_out[OVERLAP] = ti.max(sums_out[OVERLAP], share)
 
 
 @ti.kernel
@@ -212,18 +220,19 @@ def sum_replicas(
             velocity = world.grains.velocity[i] + half * world.grains.acceleration[place]
             spin = world.grains.spin[i] + half * world.grains.spin_rate[place]
             position = position_of(world.grains, world.replicas, r, i)
-            sums_out[r, TRANSLATION] += 0.5 * mass * velocity.norm_sqr()
-            sums_out[r, ROTATION] += 0.5 * inertia * spin.norm_sqr()
-            sums_out[r, POTENTIAL] -= mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64))
+            lifted = mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64))
+            sums_out[r, TRANSLATION] = sums_out[r, TRANSLATION] + 0.5 * mass * velocity.norm_sqr()
+            sums_out[r, ROTATION] = sums_out[r, ROTATION] + 0.5 * inertia * spin.norm_sqr()
+            sums_out[r, POTENTIAL] = sums_out[r, POTENTIAL] - lifted
             sums_out[r, SPEED] = ti.max(sums_out[r, SPEED], ti.cast(velocity.norm(), ti.f64))
             for e in range(world.pairs.start[i], world.pairs.stop[i]):
                 if world.pairs.label[e] & ENGAGED == ENGAGED:
-                    sums_out[r, STORED] += entry_energy(
-                        world, world.pairs, e, pair_overlap(world, base, i, e)
-                    )
+                    stored = entry_energy(world, world.pairs, e, pair_overlap(world, base, i, e))
+                    sums_out[r, STORED] = sums_out[r, STORED] + stored
             for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
                 if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
-                    sums_out[r, STORED] += entry_energy(world, world.wall_pairs, e, wall_overlap(world, i, e))
+                    stored = entry_energy(world, world.wall_pairs, e, wall_overlap(world, i, e))
+                    sums_out[r, STORED] = sums_out[r, STORED] + stored
         sums_out[r, RELEASED] = world.replicas.released[r]
 
 
