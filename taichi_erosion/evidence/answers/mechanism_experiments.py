@@ -128,7 +128,8 @@ def predicted(
     design[:, -size:] = slope[:, np.newaxis] * carried.weights
     precision = fit.columns.T @ fit.columns + np.eye(fit.theta.size)
     known = np.linalg.solve(np.linalg.cholesky(precision), design.T).T
-    return mean, np.hstack([known, slope[:, np.newaxis] * carried.rest])
+    root = np.hstack([known, slope[:, np.newaxis] * carried.rest])
+    return mean, np.asarray(root, dtype=np.float64)
 
 
 def carried_doses(prepared: PreparedProblem, there: PreparedProblem, evidence: DoseEvidence) -> CarriedDoses:
@@ -142,7 +143,8 @@ def carried_doses(prepared: PreparedProblem, there: PreparedProblem, evidence: D
     old = old[sets.first]
     factor, length = fit.prior.factor, fit.prior.length
     cross, own = (kernel(new, each, length) for each in (old, new))
-    weights = np.linalg.solve(factor.T @ factor, (cross @ factor).T).T
+    solved = np.linalg.solve(factor.T @ factor, (cross @ factor).T)
+    weights = np.asarray(solved.T, dtype=np.float64)
     values, vectors = np.linalg.eigh(own - weights @ weights.T)
     rest = vectors * np.sqrt(np.maximum(values, 0.0))
     return CarriedDoses(fit.amplitude * weights, fit.amplitude * rest)
