@@ -37,7 +37,14 @@ from taichi_erosion.evidence.inference.marginal_likelihood import (
 )
 from taichi_erosion.evidence.inference.model_discrepancy import squared_distance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.verdict_levels import NOISE_LEVEL, ONE_ROW, ROW_OFF, fails, p_text
+from taichi_erosion.evidence.inference.verdict_levels import (
+    NOISE_LEVEL,
+    ONE_ROW,
+    ROW_ALONE,
+    ROW_OFF,
+    fails,
+    p_text,
+)
 from taichi_erosion.evidence.models.predictor import standard_axis
 
 LENGTH = 0.7  # of the kernel, in sd of a condition
@@ -374,7 +381,10 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion) -> RowMisfit | No
 
 
 def row_off(prepared: PreparedProblem, expansions: Sequence[Expansion]) -> RowOff | None:
-    """The row that lies `levels.ROW_OFF` or more to one side of the model under every explanation."""
+    """The row that lies `levels.ROW_OFF` or more to one side of the model under every explanation, alone.
+
+    Where others lie as far off, it is the explanations that fail, not a row.
+    """
     found = []
     for expansion in expansions:
         left = projected_residual(prepared, expansion)
@@ -382,7 +392,8 @@ def row_off(prepared: PreparedProblem, expansions: Sequence[Expansion]) -> RowOf
         found.append(np.where(own > LEAST_OWN, left.free / np.sqrt(np.maximum(own, LEAST_OWN)), 0.0))
     every = np.array(found)
     least = np.where(np.abs(np.sum(np.sign(every), axis=0)) == len(found), np.min(np.abs(every), axis=0), 0.0)
-    if not least.size or np.max(least) < ROW_OFF:
+    largest = np.sort(np.append(least, [0.0, 0.0]))[-2:]
+    if largest[1] < max(ROW_OFF, ROW_ALONE * largest[0]):
         return None
     row = int(np.argmax(least))
     conditions = {name: float(column[row]) for name, column in prepared.rows.conditions.items()}

@@ -68,6 +68,7 @@ ONE_ROW = (
 ROW_OFF = (
     4.0  # sd under every explanation, from which a row is to be checked first; by chance 1 row of 16,000
 )
+ROW_ALONE = 2.0  # times as far off as the next row
 TOLD_LEVEL = 0.5  # probability from which an offset of an observable is told
 SETTLED_NAME = 0.9  # probability of listed effects from which free levels are tried alone first
 SETTLED_BEHIND = 5.0  # ln evidence by which levels alone must be behind to be left at that

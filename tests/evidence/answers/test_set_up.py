@@ -1,6 +1,7 @@
 """Faults of a set-up are told before physics: units, levels, bounds, heaps that are too small."""
 
 import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -175,6 +176,20 @@ def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(tmp_path, cap
     if not enough:
         assert f"{count} under different conditions, where 1 number is calibrated" in told[0]
         assert found["named"] == []
+
+
+def test_a_row_that_no_explanation_comes_near_is_to_be_checked_first(tmp_path, capsys):
+    lines = measured_rows(8).splitlines(keepends=True)
+    cells = lines[5].split(",")
+    wrong = ",".join([cells[0], f"{1.5 * float(cells[1]):.3g}", *cells[2:]])
+    study = small_table(tmp_path, "".join([*lines[:5], wrong, *lines[6:]]))
+    assert main(["discover", str(study), "--budget", "quick"]) == 0
+    printed = capsys.readouterr().out
+    at = "moisture = 0.01, diameter = 0.25 mm of x"
+    assert re.search(rf"Check one row first: threshold_u_star at {at} lies \d+ sd above", printed), printed
+    study = small_table(tmp_path, "".join(lines))
+    assert main(["discover", str(study), "--budget", "quick"]) == 0
+    assert "Check one row first" not in capsys.readouterr().out
 
 
 def test_where_rows_are_lacking_the_measurements_are_told_that_tell_most(tmp_path, capsys):

@@ -73,7 +73,7 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     if wishes.closed_form:
         text, scenes = closed_form.study(measured, names, places), {}
     else:
-        text, scenes = scene_study(measured, names, places, wishes, interview)
+        text, scenes = named_apart(*scene_study(measured, names, places, wishes, interview), table.stem)
     text = replace(text, title=table.stem, assumed=tuple(interview.assumed))
     files = StudyFiles(folder, table.stem, text, tidy, scenes)
     if earlier is None:
@@ -173,6 +173,13 @@ def scene_study(
     observables = {name: key for key, own in found.items() for name in own}
     positive = {n for n in names if all(r.value > 0.0 for r in table.rows if r.observable == n)}
     return StudyText(observables, conditions, tuple(parameters.values()), frozenset(positive)), scenes
+
+
+def named_apart(text: StudyText, scenes: Mapping[str, str], study: str) -> tuple[StudyText, dict[str, str]]:
+    """A study and its scenes; a scene that would have the name of the study gets another one."""
+    names = {name: f"{name}_scene" if name == study else name for name in scenes}
+    observables = {name: names[scene] for name, scene in text.observables.items()}
+    return replace(text, observables=observables), {names[name]: each for name, each in scenes.items()}
 
 
 def apparatus_of(observable: str, wishes: Wishes, interview: Interview, file: str) -> str:

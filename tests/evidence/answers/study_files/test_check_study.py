@@ -7,6 +7,7 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files.check_study import check_study
+from taichi_erosion.evidence.models.load_study import load_study
 
 ROOT = Path(__file__).parents[4]
 TABLE = "observable,value,sd,n,unit,group,slope [deg],moisture [%],source\nflux,1,0.1,5,g/(m s),a,5,1,me\n"
@@ -99,6 +100,16 @@ def test_a_table_far_from_its_own_scene_is_suspected_of_a_unit(tmp_path):
         check_study(written(tmp_path, study, table))
     assert "diameter = 250 mm is 0.25 m, which is unusual" in caught.value.faults[0]
     assert "did you mean [um]?" in caught.value.faults[0]
+
+
+@pytest.mark.parametrize("read", [check_study, load_study])
+def test_faults_of_a_study_and_of_its_table_are_told_at_once(tmp_path, read):
+    faulty = STUDY.replace("[candidates]", "[candidates]\nefects = 1")
+    path = written(tmp_path, faulty, TABLE.replace(",g/(m s),", ",gg/(m s),"))
+    with pytest.raises(BadInput) as caught:
+        read(path)
+    assert any("candidates.efects" in fault for fault in caught.value.faults), caught.value.faults
+    assert any("row 2, unit = 'gg/(m s)'" in fault for fault in caught.value.faults), caught.value.faults
 
 
 def test_a_table_of_too_few_rows_is_told_by_the_check(tmp_path):

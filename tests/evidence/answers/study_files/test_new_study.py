@@ -377,6 +377,14 @@ def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_pa
     assert grains >= template.grains
 
 
+def test_a_table_that_is_called_as_its_apparatus_keeps_study_and_scene_apart(tmp_path):
+    (tmp_path / "funnel.csv").write_bytes(GOOD.encode("cp1252"))
+    new_study(tmp_path / "funnel.csv", Wishes(apparatus="funnel"), guess)
+    study = load_study(tmp_path / "funnel" / "funnel.toml")
+    assert study.file.observables["repose_angle"].scene == "funnel_scene.toml"
+    assert read_scene(tmp_path / "funnel" / "funnel_scene.toml", ()).measure
+
+
 def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
     (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
     told = Told(conditions={"Feuchte in %": "conditions.moisture"})
