@@ -25,16 +25,9 @@ REFERENCE = 0.25e-3  # m, to which the values below belong
 MODULUS, SLEEP = 6e4, 1e-3  # Pa; s at rest after which deep grains are held
 SIDE, GRAINS = 14.0, 784  # of the patch in diameters: four grains on the square of a diameter
 FIRST = 0.07  # of sqrt((s - 1) g d), from where winds grow [1]
-FORCES = {
-    "drag_near_the_wall": "near_wall_drag",
-    "torque": "rotational_drag",
-    "lift": "shear_lift",
-    "gusts": "turbulent_gusts",
-    "adhesion": "dry_adhesion",
-}
-WITH, BARE, WITHOUT = "forces", "bare", "without_"
-DIAMETERS = (0.25, 0.5, 1.0, 0.15, 0.1)  # mm
-SHARED = 0.25  # mm, the diameter at which forces are switched off one by one
+FORCES = ("near_wall_drag", "rotational_drag", "shear_lift", "turbulent_gusts", "dry_adhesion")
+WITH, BARE = "forces", "bare"
+DIAMETERS = (1.0, 0.5, 0.25, 0.15, 0.1)  # mm
 BEDS = 5
 KEPT = 1  # rounds of bisection after the step of six percent
 
@@ -47,24 +40,14 @@ class Bed:
     seed: int
     low: float  # m s-1, highest wind that it withstood
     high: float  # m s-1, lowest wind that moved it
-    cpu_s: float  # of all beds of the case
+    wall_s: float  # of all beds of the case
     command: str
     commit: str
 
 
 def names() -> list[str]:
     """All cases, in the order in which they are simulated."""
-    first = [f"{kind}/{size:g}" for size in DIAMETERS[:3] for kind in (WITH, BARE)]
-    shares = [f"{WITHOUT}{force}/{SHARED:g}" for force in FORCES]
-    rest = [f"{kind}/{size:g}" for size in DIAMETERS[3:] for kind in (WITH, BARE)]
-    return [*first, *rest, *shares]
-
-
-def effects_of(kind: str) -> list[str]:
-    """Effects of a kind of case."""
-    if kind == BARE:
-        return []
-    return [effect for force, effect in FORCES.items() if kind != WITHOUT + force]
+    return [f"{kind}/{size:g}" for kind in (WITH, BARE) for size in DIAMETERS]
 
 
 def case_of(name: str) -> Case:
@@ -81,7 +64,7 @@ def case_of(name: str) -> Case:
         f"wind.sleep_after={SLEEP * sqrt(ratio):.4g}",
         f"threshold.first={first:.4g}",
         f"threshold.levels={KEPT}",
-        *(f"effects.{effect}.strength=1" for effect in effects_of(kind)),
+        *(f"effects.{effect}.strength=1" for effect in (FORCES if kind == WITH else ())),
     )
     return Case("fluid", name, settings(*orders), BEDS)
 

@@ -1,14 +1,13 @@
-"""The wind that starts beds of sand of five diameters, with the forces on a grain at rest on and off.
+"""The wind that starts beds of sand of five diameters, under drag alone and with forces on a grain at rest.
 
 python -m doe.fluid_threshold.run            every case that has no beds yet; writes beds.csv
-python -m doe.fluid_threshold.run CASE...    some anew: forces/0.25, bare/0.25, without_gusts/0.25, ...
-python -m doe.fluid_threshold.run --page     only the tables of README.md and the figure, from beds.csv
+python -m doe.fluid_threshold.run CASE...    some anew: forces/0.25, bare/0.25, ...
+python -m doe.fluid_threshold.run --page     only the table of README.md, from beds.csv
 
 `scenes/wind_threshold.toml` with nearly uniform quartz instead of the published soil: sizes, stiffness and
-patch in diameters, winds and the time until grains sleep with the root of the diameter. `forces` are drag
-near the wall, torque of the shear, lift, gusts and dry adhesion at their published sizes; `bare` has drag
-alone; `without_X` is `forces` less one of them. All cases have the same seeds, so that cases of one diameter
-are compared bed by bed.
+patch in diameters, the time until grains sleep with the root of the diameter. `forces` are drag near the
+wall, torque of the shear, lift, gusts and dry adhesion at their published sizes; `bare` has drag alone. All
+cases have the same seeds.
 """
 
 from collections.abc import Sequence
