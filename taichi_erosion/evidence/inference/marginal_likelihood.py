@@ -453,7 +453,7 @@ def least_squares(rows: StrengthRows, factor: float) -> LeastSquares:
     matrix = rows.design.T @ rows.design / factor**2 + np.eye(rows.design.shape[1])
     vector = rows.vector / factor**2
     vector[:count] -= x
-    covariance = np.linalg.inv(matrix)
+    covariance = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     solved = covariance @ vector
     misfit = rows.square / factor**2 + np.einsum("ij,ij->j", x, x) - np.einsum("ij,ij->j", vector, solved)
     sd = np.sqrt(np.diag(covariance)[:count])[:, np.newaxis]

@@ -159,7 +159,7 @@ class LinearTerms:
         prior = precision[:, np.newaxis, :, np.newaxis] * np.eye(away.size)
         matrix = self.matrix[:, np.newaxis] * scale[:, np.newaxis] + prior
         vector = self.vector[:, np.newaxis] * scale - (precision * away)[:, np.newaxis]
-        inverse = np.linalg.inv(matrix)
+        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
         change = (inverse @ vector[..., np.newaxis])[..., 0]
         start = self.square[:, np.newaxis] * scale[:, 0] + (precision @ away**2)[:, np.newaxis]
         volume = self.volume[:, np.newaxis] + np.linalg.slogdet(matrix)[1]

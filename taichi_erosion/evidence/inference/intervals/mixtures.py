@@ -80,9 +80,9 @@ class Mixture:
         low, high, wanted = float(own.min()), float(own.max()), level * self.total
         if self.below(low) >= wanted or self.below(high) <= wanted:
             return low if self.below(low) >= wanted else high
-        return float(
-            optimize.brentq(lambda point: self.below(point) - wanted, low, high, xtol=CLOSE * (high - low))
-        )
+        close, bracket = CLOSE * (high - low), (low, high)
+        found = optimize.root_scalar(lambda point: self.below(point) - wanted, bracket=bracket, xtol=close)
+        return float(found.root)
 
 
 def joined(parts: Sequence[Mixture | Tabulated], low: float, high: float) -> Mixture:
