@@ -45,12 +45,14 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def publish(slots: int) -> None:
-    """Fill the tables of the page, one for every set."""
+    """Fill the tables of the page, one for every set and method."""
     page, tables = FOLDER / "README.md", {}
     text = page.read_text(encoding="utf-8")
     for path in sorted((FOLDER / "results").glob("*.csv")):
-        if f"<!-- table: {path.stem} -->" in text:
-            tables[path.stem] = shares_table(read_rows(path), slots)
+        rows = read_rows(path)
+        for method in dict.fromkeys(row["method"] for row in rows):
+            own = [row for row in rows if row["method"] == method]
+            tables[f"{path.stem} {method}"] = shares_table(own, slots)
     tables["criterion"] = criterion_table(read_rows(FOLDER / "criterion.csv"))
     write_atomic(page, fill_tables(text, tables).encode())
 
