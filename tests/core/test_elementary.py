@@ -1,0 +1,47 @@
+"""Elementary functions of 64-bit floats as series, for Vulkan, against those of NumPy."""
+
+import numpy as np
+import pytest
+
+from taichi_erosion.core.engine import elementary
+from taichi_erosion.core.engine.elementary import cosine, exponential, logarithm, sine
+from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.ti import ti
+
+LAST_PLACE = 2.0**-52
+FEW = 4.0  # units of the last place: three or four roundings of the sum and of the reduction
+
+
+@ti.kernel
+def evaluate(
+    # in
+    numbers: ti.types.ndarray(dtype=ti.f64, ndim=1),
+    # out
+    found_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
+):
+    for n in range(numbers.shape[0]):
+        found_out[n, 0], found_out[n, 1] = sine(numbers[n]), cosine(numbers[n])
+        found_out[n, 2] = exponential(numbers[n])
+        found_out[n, 3] = logarithm(ti.abs(numbers[n]))
+
+
+def test_series_are_right_to_a_few_units_of_the_last_place(start_device, monkeypatch):
+    monkeypatch.setattr(elementary, "has_wide_functions", lambda: False)
+    start_device(Numerics("cpu", 1, "f64"))
+    rng = np.random.default_rng(1)
+    x = np.concatenate([rng.uniform(-50.0, 50.0, 2000), rng.normal(0.0, 1.0, 2000), [1e-9, 1.0, -1.0, 700.0]])
+    found = np.zeros((len(x), 4))
+    evaluate(x, found)
+    for column, want in enumerate((np.sin(x), np.cos(x))):
+        assert np.abs(found[:, column] - want).max() < FEW * LAST_PLACE
+    assert np.abs(found[:, 2] / np.exp(x) - 1.0).max() < FEW * LAST_PLACE
+    logarithms = np.log(np.abs(x))
+    assert np.abs(found[:, 3] - logarithms).max() < FEW * LAST_PLACE * np.abs(logarithms).max()
+
+
+def test_elsewhere_they_are_those_of_the_engine(start_device):
+    start_device(Numerics("cpu", 1, "f64"))
+    x = np.linspace(0.1, 3.0, 50)
+    found = np.zeros((50, 4))
+    evaluate(x, found)
+    assert found[:, 3] == pytest.approx(np.log(x), rel=LAST_PLACE * FEW, abs=LAST_PLACE)
