@@ -168,7 +168,6 @@ def simulate_impacts(
     speed_out: ti.types.ndarray(dtype=ti.f64, ndim=1),
 ):
     """Replace closing speeds by rebound speeds [m s-1]."""
-    ti.loop_config(serialize=True)
     for k in range(row.shape[0]):
         root, inertia = ti.cast(root_radius[k], float), ti.cast(mass[k], float)
         dt, closing = ti.cast(time_step[k], float), ti.cast(speed_out[k], float)
