@@ -261,7 +261,7 @@ def line_table(found: Found, measured: Table, threshold: Bracket | None = None) 
     return markdown_table(header, rows)
 
 
-def power_cells(points: Sequence[tuple[float, float]], threshold: Bracket | None) -> tuple[str, str, str]:
+def power_cells(points: Sequence[tuple[float, float]], threshold: Bracket | None) -> tuple[str, ...]:
     """Power m of flux against wind, and the chances of both laws; empty where it cannot be told."""
     winds, flux = np.array(points).T
     power = None if threshold is None else flux_power(winds, flux, threshold)

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.optimize import curve_fit, root_scalar
 from scipy.special import fdtrc
-from scipy.stats import linregress
 
 from taichi_erosion.core.setup import Floats
 
@@ -120,7 +120,7 @@ BEVERLOO_EDGE = 1.4  # k: grain diameters that the rim takes from the orifice [1
 
 def discharge_exponent(orifice: Floats, diameter: float, flow: Floats, edge: float) -> tuple[float, float]:
     """N of W = c (D - k d)^n and its standard error: a straight line in the logarithms, with k given."""
-    line = linregress(np.log(orifice - edge * diameter), np.log(flow))
+    line = scipy.stats.linregress(np.log(orifice - edge * diameter), np.log(flow))
     return float(line.slope), float(line.stderr)
 
 
