@@ -116,7 +116,7 @@ def fit_all(
     prepared: PreparedProblem,
     screened: Screen,
     singles: dict[str, FittedHypothesis],
-    family: list[Floats],
+    family: Kernels,
     progress: Progress,
 ) -> None:
     """Fits of all effects after a misleading screen; those that are better and not far behind are weighed."""

@@ -77,7 +77,7 @@ def test_a_screen_misleads_where_a_refit_takes_away_another_misfit_than_it_told(
     problem = linear_problem({"slope": lambda x: x, "bend": lambda x: x**2}, {"bend": 1.0}, sd=0.05)
     prepared, best, _ = fit_base(prepare(problem, problem.measurements, 1))
     screened = screen(prepared, expand(prepared, best))
-    (item,) = fit_singles(prepared, screened, ["bend"], [], no_progress)
+    (item,) = fit_singles(prepared, screened, ["bend"], NO_KERNELS, no_progress)
     assert not misleading(screened, [item]), "the model is linear in the strength"
     worse = replace(item.fit, misfit=item.fit.misfit + 40.0)
     scored = replace(item.scored, expansion=replace(item.expansion, fit=worse))
@@ -91,5 +91,5 @@ def test_after_a_misleading_screen_an_effect_that_it_dismissed_is_weighed(monkey
     for misled, names in ((False, {"slope"}), (True, {"slope", "bend"})):
         monkeypatch.setattr("taichi_erosion.evidence.inference.refit.misleading", lambda *_, m=misled: m)
         monkeypatch.setattr("taichi_erosion.evidence.inference.refit.none_fits", lambda *_: False)
-        found = fit_singles(prepared, screened, ["slope"], [], no_progress)
+        found = fit_singles(prepared, screened, ["slope"], NO_KERNELS, no_progress)
         assert {item.names[0] for item in found} == names
