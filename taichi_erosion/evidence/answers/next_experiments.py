@@ -425,7 +425,7 @@ def bordered(pool: DesignPool, roots: Sequence[Floats], chosen: list[int]) -> Bo
     inner = inner + np.diag(pool.variance[chosen])
     cross = share * sum((root @ root[chosen].T for root in roots), np.zeros((pool.rows.size, len(chosen))))
     whole = pool.variance + share * sum(np.einsum("ij,ij->i", root, root) for root in roots)
-    inverse = np.linalg.inv(inner)
+    inverse = np.asarray(np.linalg.inv(inner), dtype=np.float64)
     regression = cross @ inverse
     conditional = np.maximum(whole - np.einsum("ij,ij->i", regression, cross), pool.variance)
     return BorderedCovariance(
