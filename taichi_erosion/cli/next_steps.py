@@ -7,6 +7,7 @@ from math import hypot, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.answers.words.agreement import is_untested
 from taichi_erosion.evidence.answers.words.held_out import unseen_words
 from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
@@ -120,7 +121,7 @@ def studies_of(scene: Path) -> dict[str, Path]:
 def kind_of_study(path: Path, scene: Path) -> str | None:
     """Kind of a study that names a scene; None for any other file."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(read_text_file(path))
         named = {str(entry.get("scene")) for entry in table["observables"].values()}
         is_named = any((path.parent / name).resolve() == scene.resolve() for name in named)
     except (OSError, ValueError, KeyError, AttributeError, TypeError):

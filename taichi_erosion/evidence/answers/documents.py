@@ -397,9 +397,12 @@ def study_document(study: Study) -> Document:
 def adopt_document(found: Adoption, opened: int, files: Sequence[str]) -> Document:
     """The document of `adopt --json`: errors on fitted and held-out rows, and the files, the study first."""
     control, rows = found.random_wrong or found.best_wrong, found.added.vault_rows
-    each = [fit.vault_chi2_per_row if fit else nan for fit in (found.base, found.added, control)]
+    base, added = found.base.vault_chi2_per_row, found.added.vault_chi2_per_row
+    wrong = control.vault_chi2_per_row if control else nan
     count = len(rows.observable) if rows is not None else 0
-    vault = VaultErrors(opened, *(count * one for one in each), *each, found.added.effects)
+    vault = VaultErrors(
+        opened, count * base, count * added, count * wrong, base, added, wrong, found.added.effects
+    )
     document = record(found) | {"vault": record(vault), "written": files[0], "files": list(files)}
     n, before, after = len(found.base.rows.observable), found.base.chi2_per_row, found.added.chi2_per_row
     totals = {"n": n, "chi2_before": n * before, "chi2_after": n * after}

@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import one_line_name
+from taichi_erosion.core.files import one_line_name, read_text_file
 from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
@@ -61,7 +61,7 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
 def table_faults_of(path: Path) -> list[str]:
     """Faults of the tidy table that a study file names, where the study itself cannot be used."""
     try:
-        named = tomllib.loads(path.read_text(encoding="utf-8"))["study"]["measurements"]
+        named = tomllib.loads(read_text_file(path))["study"]["measurements"]
         cells = read_cells(path.parent / named, named, faults := Faults())
     except (OSError, ValueError, KeyError, TypeError, BadInput):
         return []

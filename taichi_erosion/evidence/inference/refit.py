@@ -147,7 +147,8 @@ def fit_from_other_starts(
     for name in (s.name for s in screened.signatures if s.resolved):
         progress(f"refitting with {name} from another start", 0.6)
         unit = expected_strength(prepared.candidate(name))
-        leader = min((each.fit for each in singles.values()), key=lambda best: best.misfit)
+        fits = (each.fit for each in singles.values())
+        leader = min(fits, key=lambda best: best.misfit, default=screened.base.fit)
         strength = leader.psi[0] if leader.names == (name,) else 0.5 * unit
         starts = [np.append(leader.x, strength), np.append(screened.base.fit.x, unit)]
         improve(prepared, singles, name, starts, family)

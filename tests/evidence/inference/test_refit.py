@@ -17,6 +17,7 @@ from taichi_erosion.evidence.inference.posterior import posterior_of
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.inference.refit import (
     FittedHypothesis,
+    fit_from_other_starts,
     fit_singles,
     hypotheses,
     mean_misfit_p,
@@ -71,6 +72,18 @@ def test_what_the_measurements_reject_counts_as_something_not_in_the_list(wet):
     assert [h.rejected for h in listed if h.names == right.names] == [True, True]
     posterior = posterior_of(prepared, listed)
     assert posterior.inclusion["liquid_bridge"] < 0.01 < 0.5 < posterior.probability[OUTSIDE]
+
+
+def test_where_every_single_exceeds_its_maximum_the_others_start_from_the_bare_model():
+    problem = linear_problem({"slope": lambda x: x, "bend": lambda x: x**2}, {"bend": 1.0}, sd=0.05)
+    prepared, best, _ = fit_base(prepare(problem, problem.measurements, 1))
+    screened = screen(prepared, expand(prepared, best))
+    (item,) = fit_singles(prepared, screened, ["bend"], NO_KERNELS, no_progress)
+    stronger = replace(item.scored.expansion, fit=replace(item.fit, beyond=True))
+    beyond = replace(item, scored=replace(item.scored, expansion=stronger))
+    found = fit_from_other_starts(prepared, screened, [beyond], NO_KERNELS, no_progress)
+    assert {each.names[0] for each in found} == {"slope", "bend"}
+    assert not any(each.fit.beyond for each in found)
 
 
 def test_a_screen_misleads_where_a_refit_takes_away_another_misfit_than_it_told():
