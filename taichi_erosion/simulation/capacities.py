@@ -72,8 +72,8 @@ def initial_capacities(setups: list[Setup], by_grain: bool = False) -> Capacitie
     primitives = max(len(s.primitives.kind) for s in setups)
     surfaces = max(len(s.surfaces) for s in setups)
     replicas = len(setups)
-    if grains <= SMALL_GRAINS and cells_of_air(setups[0]) <= SMALL_AIR and not by_grain:
-        grains, replicas = SMALL_GRAINS, max(round_up(replicas), SMALL_REPLICAS)
+    if grains <= SMALL_GRAINS and cells_of_air(setups[0]) <= SMALL_AIR:
+        grains, replicas = SMALL_GRAINS, replicas if by_grain else max(round_up(replicas), SMALL_REPLICAS)
         primitives, surfaces = (max(round_up(walls), SMALL_WALLS) for walls in (primitives, surfaces))
     return Capacities(
         replicas=replicas,

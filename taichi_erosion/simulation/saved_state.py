@@ -126,6 +126,14 @@ def entry_places(start: NDArray[np.int64], stop: NDArray[np.int64]) -> NDArray[n
     return np.repeat(start, number) + within
 
 
+def in_room(saved: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
+    """Numbers by replica and partition in a field of another size, zero where none is saved."""
+    found = np.zeros(room, saved.dtype)
+    rows, columns = np.minimum(saved.shape, room)
+    found[:rows, :columns] = saved[:rows, :columns]
+    return found
+
+
 def import_state(sim: Simulation, state: Arrays) -> None:
     """Put an exported state on the device; the Setups must be those it was exported with."""
     ensure_capacity(sim, state)
@@ -134,7 +142,8 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     clocks = columns("", replicas, REPLICA, state)
     upload([*clocks, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
     for name in FAULT:
-        write(getattr(replicas, name), state[name])
+        field = getattr(replicas, name)
+        write(field, in_room(state[name], field.shape))
     for gone in (replicas.need, world.grains.force, world.grains.torque):
         write(gone, 0)
     if sim.capacities.surfaces:
