@@ -30,6 +30,7 @@ RUNS_MOST = 64  # of a batch: more make an ensemble no cheaper to start, but its
 SIMULATE = "taichi_erosion.campaign.request:simulating"
 HEARTBEAT = ledgers.LEASE / 6.0  # s between two renewals of the leases
 POLL = 0.2  # s that a poll of the workers takes at most
+END_READ = 1.0  # s for the last message of a batch, whose runs another parent may have made
 CONNECT = 20.0  # s until a scheduler that does not answer is an error
 QUEUE = 2  # batches in flight per Dask worker: one runs, one waits beside it
 
@@ -104,6 +105,14 @@ def run_all(campaign: Campaign) -> None:
             ledgers.renew_leases(campaign.ledger)
             ledgers.release_stale_leases(campaign.ledger)
         report_progress(campaign, left)
+    read_ends(campaign.pool)
+
+
+def read_ends(pool: Pool) -> None:
+    """Read that batches have ended whose runs are recorded, so that their workers end by themselves."""
+    until = time.monotonic() + END_READ
+    while pool.free() < pool.workers and time.monotonic() < until:
+        pool.events(POLL)
 
 
 def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:
