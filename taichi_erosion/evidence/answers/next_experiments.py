@@ -367,10 +367,8 @@ def rival_prediction(
 def greedy_design(pool: DesignPool, rivals: list[RivalPrediction]) -> list[int]:
     """Indices of the chosen measurements in order, each the one that lowers the bound of errors most."""
     chosen: list[int] = []
-    novelty, now = (
-        np.ones(pool.rows.size),
-        log_error_bound(rivals, np.zeros((len(rivals), len(rivals), 1)))[0],
-    )
+    novelty = np.ones(pool.rows.size)
+    now = log_error_bound(rivals, np.zeros((len(rivals), len(rivals), 1)))[0]
     while len(chosen) < EXPERIMENTS:
         bound = log_error_bound(rivals, distances(pool, rivals, chosen))
         gain = (now - bound) * novelty / pool.cost

@@ -26,10 +26,8 @@ class GrainBuffers:
     grain_chunks: int  # a replica
     cell_chunk: int  # cells of a chunk
     cell_chunks: int  # a replica
-    queued: Any  # i32 [1], replicas whose lists are rebuilt now
+    queued: Any  # i32 [1], replicas whose lists or reverse lists are made now
     queue: Any  # i32 by place in the queue: replica
-    unlinked: Any  # i32 [1], replicas whose reverse lists are made now
-    link_queue: Any  # i32 by place in the queue: replica
     linked: Any  # i32 by replica, 1 where the reverse lists belong to the neighbour lists
     stepping: Any  # i32 by replica, 1 where the coming step advances it
     listed: Any  # i32 by replica, entries of its neighbour lists
@@ -66,8 +64,8 @@ def allocate_buffers(capacities: Capacities) -> GrainBuffers:
     count, grains, pairs = capacities.replicas, capacities.grains, capacities.pairs
     grain_chunk, cell_chunk = chunk_size(grains), chunk_size(capacities.cells)
     grain_chunks, cell_chunks = -(-grains // grain_chunk), -(-capacities.cells // cell_chunk)
-    table = arrays(1, i32="queued unlinked")
-    table |= arrays(count, i32="queue link_queue linked stepping listed before wide lost faulty cells")
+    table = arrays(1, i32="queued")
+    table |= arrays(count, i32="queue linked stepping listed before wide lost faulty cells")
     table |= arrays(count * grain_chunks, f64x3="low high total squares", i32="pair_sums wall_sums")
     table |= arrays(count * cell_chunks, i32="cell_sums")
     table |= block(count * pairs, realx3="force torque back") | arrays(count * pairs, real="level")

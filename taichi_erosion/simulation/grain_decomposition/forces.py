@@ -1,7 +1,7 @@
 """Forces of the grain decomposition: a pair evaluates its contact law, a grain sums its forces and moves."""
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.integrate import advance_awake, kick_time
+from taichi_erosion.grains.integrate import advance_grain, kick_time
 from taichi_erosion.grains.neighbour_list import ROW_SHIFT, end_contact, entry_block
 from taichi_erosion.grains.pair_contacts import (
     detect_pair,
@@ -14,7 +14,6 @@ from taichi_erosion.grains.pair_contacts import (
     pair_torques,
 )
 from taichi_erosion.grains.simd_batch import lane, load_entry, load_materials, store_contact
-from taichi_erosion.grains.sleep import is_asleep, note_wake
 from taichi_erosion.grains.state import force_block, side_block
 from taichi_erosion.grains.wall_contacts import add_wall_force, detect_wall, evaluate_wall, next_wall_entry
 
@@ -26,17 +25,11 @@ def evaluate_entry(world_out: ti.template(), buffers_out: ti.template(), r, k):
     e = entry_block(world_out.pairs, r, world_out.replicas.side[r]) + k
     place = r * world_out.pairs.capacity + k
     buffers_out.level[place] = 0.0
-    awake = True
-    if ti.static(world_out.sleeps):
-        i, j = base + world_out.pairs.owner[e], base + world_out.pairs.neighbour[e]
-        awake = not (is_asleep(world_out.sleep, i) and is_asleep(world_out.sleep, j))
-        note_wake(world_out.sleep, i, j)
-    if awake:
-        batch = world_out.batch_type()
-        if detect_pair(world_out, batch, 0, r, e, base) == 1:
-            load_pair(world_out, batch, 0, base, -1)
-            evaluate_pair(world_out.laws, batch, 0, world_out.replicas.time_step[r])
-            keep_pair(world_out, buffers_out, batch, r, base, place)
+    batch = world_out.batch_type()
+    if detect_pair(world_out, batch, 0, r, e, base) == 1:
+        load_pair(world_out, batch, 0, base, -1)
+        evaluate_pair(world_out.laws, batch, 0, world_out.replicas.time_step[r])
+        keep_pair(world_out, buffers_out, batch, r, base, place)
 
 
 @ti.func
@@ -132,6 +125,6 @@ def move(world_out: ti.template(), r, rank):
     buffer = force_block(grains_out, replicas_out, r, 0) + rank
     kick = kick_time(replicas_out, r, replicas_out.step[r])
     place = ti.select(replicas_out.steps_left[r] == 1, r * grains_out.capacity + rank, -1)
-    need = advance_awake(world_out, r, i, buffer, kick, place)
+    need = advance_grain(world_out, r, i, buffer, kick, place)
     if need != 0:
         ti.atomic_max(replicas_out.need[r, 0], need)

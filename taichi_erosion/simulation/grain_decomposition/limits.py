@@ -14,7 +14,7 @@ def refuse_unsupported(setups: Sequence[Setup]) -> None:
     """Raise BadInput for parts of a scene whose kernels exist for partitions only."""
     for missing, present in (
         ("air: its exchange with the grains is summed by partitions", any(s.air is not None for s in setups)),
-        ("clumps: their bodies are not tested there", any(s.clumps is not None for s in setups)),
+        ("clumps: their bodies are moved by partitions", any(s.clumps is not None for s in setups)),
     ):
         if present:
             raise BadInput(f"one thread per grain has no {missing}; {REMEDY}")

@@ -8,8 +8,6 @@ from taichi_erosion.core.transfer import field_view, is_host
 from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.coupling.gather import gather_grain
 from taichi_erosion.grains import World
-from taichi_erosion.grains.clumps import advance_body, place_spheres
-from taichi_erosion.grains.integrate import kick_time
 from taichi_erosion.grains.state import REBUILD, STOP, side_block
 from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stages
 from taichi_erosion.simulation.grain_decomposition.forces import add_walls, evaluate_entry, move, sum_pairs
@@ -79,31 +77,12 @@ def evaluate(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.
 
 
 @ti.func
-def load_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
-    """Forces on one grain."""
-    if is_moving(world_out, buffers_out, r, rank):
-        sum_pairs(world_out, buffers_out, r, rank)
-        add_walls(world_out, buffers_out, r, rank)
-
-
-@ti.func
-def advance_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
+def integrate_grain(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Forces on one grain, and its motion."""
-    load_grain(world_out, coupling, buffers_out, r, rank)
-    if is_moving(world_out, buffers_out, r, rank):
+    if is_moving(world_out, buffers, r, rank):
+        sum_pairs(world_out, buffers, r, rank)
+        add_walls(world_out, buffers, r, rank)
         move(world_out, r, rank)
-
-
-@ti.func
-def advance_clump(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, k):
-    """Motion of body k, if it has been released."""
-    (replicas_out,) = ti.static((world_out.replicas,))
-    released = replicas_out.released[r]
-    if buffers.stepping[r] == 1 and released > 0:
-        if k <= world_out.source.body[r * world_out.grains.capacity + released - 1]:
-            b = r * world_out.clumps.capacity + k
-            advance_body(world_out, r, b, ti.cast(kick_time(replicas_out, r, replicas_out.step[r]), ti.f64))
-            ti.atomic_max(replicas_out.need[r, 0], place_spheres(world_out, r, b))
 
 
 @ti.func
@@ -120,22 +99,13 @@ def step_stages(world: World) -> Stages:
     """Stages of one step."""
     grains = world.grains.capacity
     first = [(exchange, grains)] if world.driven or world.has_state else []
-    motion = [(load_grain, grains), (advance_clump, world.clumps.capacity)]
-    return (
-        *first,
-        (evaluate, world.pairs.capacity),
-        *(motion if world.clumped else [(advance_grain, grains)]),
-        (end_step, 1),
-    )
+    return (*first, (evaluate, world.pairs.capacity), (integrate_grain, grains), (end_step, 1))
 
 
 @ti.kernel
 def run_queued(
     # parameters
     stages: ti.template(),
-    # in
-    queue: ti.template(),
-    queued: ti.template(),
     # out
     world_out: ti.template(),
     buffers_out: ti.template(),
@@ -146,8 +116,8 @@ def run_queued(
         threads = ti.static(min(world_out.replicas.count * width, THREADS_MOST))
         for thread in range(threads):
             n = thread
-            while n < queued[0] * width:
-                task(world_out, buffers_out, queue[n // width], n % width)
+            while n < buffers_out.queued[0] * width:
+                task(world_out, buffers_out, buffers_out.queue[n // width], n % width)
                 n += threads
 
 
@@ -167,42 +137,38 @@ def run_all(
             task(world_out, coupling_out, buffers_out, n // width, n % width)
 
 
+@ti.func
+def needs_lists(world: ti.template(), buffers: ti.template(), r):
+    """Whether replica r has steps to do and needs new neighbour lists."""
+    needs = world.replicas.status[r] == 0 and world.replicas.steps_left[r] > 0
+    return needs and required_action(world, r) == REBUILD
+
+
+@ti.func
+def needs_links(world: ti.template(), buffers: ti.template(), r):
+    """Whether replica r has no reverse lists."""
+    return world.replicas.status[r] == 0 and buffers.linked[r] == 0
+
+
 @ti.kernel
-def queue_rebuilds(
+def queue_replicas(
+    # parameters
+    wanted: ti.template(),
     # in
     world: ti.template(),
     # out
     buffers_out: ti.template(),
 ):
-    """Queue the replicas that have steps to do and need new lists.
+    """Queue the replicas for which `wanted` holds.
 
     Writes `buffers_out`: queue, queued.
     """
     for _ in range(1):
         buffers_out.queued[0] = 0
     for r in range(world.replicas.count):
-        if world.replicas.status[r] == 0 and world.replicas.steps_left[r] > 0:
-            if required_action(world, r) == REBUILD:
-                # the place in the queue changes no result
-                buffers_out.queue[ti.atomic_add(buffers_out.queued[0], 1)] = r
-
-
-@ti.kernel
-def queue_links(
-    # in
-    world: ti.template(),
-    # out
-    buffers_out: ti.template(),
-):
-    """Queue the replicas that have no reverse lists.
-
-    Writes `buffers_out`: link_queue, unlinked.
-    """
-    for _ in range(1):
-        buffers_out.unlinked[0] = 0
-    for r in range(world.replicas.count):
-        if world.replicas.status[r] == 0 and buffers_out.linked[r] == 0:
-            buffers_out.link_queue[ti.atomic_add(buffers_out.unlinked[0], 1)] = r
+        if wanted(world, buffers_out, r):
+            # the place in the queue changes no result
+            buffers_out.queue[ti.atomic_add(buffers_out.queued[0], 1)] = r
 
 
 @ti.kernel
@@ -245,11 +211,11 @@ def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, step
 
 def renew_lists(world: World, buffers: GrainBuffers) -> None:
     """Rebuild the lists of the replicas that need it."""
-    queue_rebuilds(world, buffers)
+    queue_replicas(needs_lists, world, buffers)
     for stages in rebuild_stages(world, buffers):
-        run_queued(stages, buffers.queue, buffers.queued, world, buffers)
-    queue_links(world, buffers)
-    run_queued(link_stages(world, buffers), buffers.link_queue, buffers.unlinked, world, buffers)
+        run_queued(stages, world, buffers)
+    queue_replicas(needs_links, world, buffers)
+    run_queued(link_stages(world, buffers), world, buffers)
     judge_all(world, buffers)
 
 
