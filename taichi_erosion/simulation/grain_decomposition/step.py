@@ -77,11 +77,11 @@ def evaluate(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.
 
 
 @ti.func
-def integrate_grain(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
+def integrate_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Forces on one grain, and its motion."""
-    if is_moving(world_out, buffers, r, rank):
-        sum_pairs(world_out, buffers, r, rank)
-        add_walls(world_out, buffers, r, rank)
+    if is_moving(world_out, buffers_out, r, rank):
+        sum_pairs(world_out, buffers_out, r, rank)
+        add_walls(world_out, buffers_out, r, rank)
         move(world_out, r, rank)
 
 
