@@ -138,7 +138,7 @@ def run_all(
 
 
 @ti.func
-def needs_lists(world: ti.template(), buffers: ti.template(), r):
+def needs_lists(world: ti.template(), r):
     """Whether replica r has steps to do and needs new neighbour lists."""
     needs = world.replicas.status[r] == 0 and world.replicas.steps_left[r] > 0
     return needs and required_action(world, r) == REBUILD
@@ -153,20 +153,21 @@ def needs_links(world: ti.template(), buffers: ti.template(), r):
 @ti.kernel
 def queue_replicas(
     # parameters
-    wanted: ti.template(),
+    for_lists: ti.template(),
     # in
     world: ti.template(),
     # out
     buffers_out: ti.template(),
 ):
-    """Queue the replicas for which `wanted` holds.
+    """Queue the replicas that need new neighbour lists, or those that have no reverse lists.
 
     Writes `buffers_out`: queue, queued.
     """
     for _ in range(1):
         buffers_out.queued[0] = 0
     for r in range(world.replicas.count):
-        if wanted(world, buffers_out, r):
+        wanted = needs_lists(world, r) if ti.static(for_lists) else needs_links(world, buffers_out, r)
+        if wanted:
             # the place in the queue changes no result
             buffers_out.queue[ti.atomic_add(buffers_out.queued[0], 1)] = r
 
@@ -211,10 +212,10 @@ def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, step
 
 def renew_lists(world: World, buffers: GrainBuffers) -> None:
     """Rebuild the lists of the replicas that need it."""
-    queue_replicas(needs_lists, world, buffers)
+    queue_replicas(True, world, buffers)
     for stages in rebuild_stages(world, buffers):
         run_queued(stages, world, buffers)
-    queue_replicas(needs_links, world, buffers)
+    queue_replicas(False, world, buffers)
     run_queued(link_stages(world, buffers), world, buffers)
     judge_all(world, buffers)
 
