@@ -6,7 +6,7 @@ python -m doe.bed_wind.run --page     only the tables of README.md
 """
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import with_section
-from taichi_erosion.verification.reference.hopping import Sand
+from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 from taichi_erosion.verification.wind.saltation import (
     AIR,
     DENSITY,
@@ -60,16 +60,24 @@ def resting(size: float, law: str) -> Scene:
     return with_section(at_rest(size), "wind", drag=law)
 
 
-def rough_rows() -> list[Cells]:
-    """Roughness lengths of beds of the simulator."""
-    rows: list[Cells] = []
+def rough_rows() -> Iterator[Cells]:
+    """Roughness lengths of beds of the simulator, and the winds in which one grain goes on over them."""
     for law in LAWS[:2]:
         sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in SIZES]
         winds = winds_over_beds([resting(size, law) for size in SIZES], sands)
         for sand, friction, over in zip(sands, WINDS, winds, strict=True):
             z0 = roughness(over(friction), friction, FAR * sand.diameter)
-            rows.append({"diameter": 1e3 * sand.diameter, "law": law, "wind": friction, "z0": 1e3 * z0})
-    return rows
+            alone = hopping_threshold(sand, over)
+            cells = {"diameter": 1e3 * sand.diameter, "law": law, "wind": friction, "z0": 1e3 * z0}
+            yield cells | {"hopping": alone}
+
+
+def write_rough() -> None:
+    """Write the roughness of every bed as soon as it is known."""
+    rows: list[Cells] = []
+    for row in rough_rows():
+        rows.append(row)
+        write(ROUGH, rows)
 
 
 def write(path: Path, rows: Sequence[Cells]) -> None:
@@ -98,21 +106,21 @@ def zero_table() -> str:
 
 def rough_table() -> str:
     """Roughness of the simulator's beds beside that of textbooks."""
-    header = ("d [mm]", "u* [m/s]", "u* d / nu", "law of drag", "z0 [mm]", "d / z0", "smooth wall", "rough")
+    header = (
+        *("d [mm]", "u* [m/s]", "u* d / nu", "law of drag", "z0 [mm]", "d / z0", "smooth wall", "rough"),
+        "one grain goes on at u* [m/s]",
+    )
     rows = []
     for line in sorted(lines(ROUGH), key=lambda line: float(line["diameter"])):
         size, wind, z0 = (float(line[name]) for name in ("diameter", "wind", "z0"))
         smooth = 1e3 * SMOOTH * VISCOSITY / wind
         reynolds = wind * 1e-3 * size / VISCOSITY
         cells = (f"{size:g}", f"{wind:g}", f"{reynolds:.1f}", line["law"], f"{z0:.4f}", f"{size / z0:.0f}")
-        rows.append((*cells, f"{size / smooth:.0f}", f"{1.0 / GRAIN:.0f}"))
+        rows.append((*cells, f"{size / smooth:.0f}", f"{1.0 / GRAIN:.0f}", line.get("hopping", "")))
     return markdown_table(header, rows)
 
 
-STEPS: dict[str, Callable[[], object]] = {
-    "zero": lambda: write(ZERO, zero_rows()),
-    "rough": lambda: write(ROUGH, rough_rows()),
-}
+STEPS: dict[str, Callable[[], object]] = {"zero": lambda: write(ZERO, zero_rows()), "rough": write_rough}
 
 
 def main(asked: Sequence[str]) -> None:
