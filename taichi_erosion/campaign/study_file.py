@@ -35,6 +35,8 @@ class Head(Section):
     """Section [study]."""
 
     measurements: str = Field("", description="tidy CSV table, beside the study file")
+    made_from: str = Field("", description="table from which `study new` made this study, relative to it")
+    made_from_digest: str = Field("", description="digest of the cells of that table when it was read")
     model: str | None = Field(
         None,
         pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$",

@@ -8,6 +8,7 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
+from taichi_erosion.cli.next_steps import TIDY
 from taichi_erosion.cli.output import AsJson, EffectFiles, Record, print_table
 from taichi_erosion.core.errors import BadInput
 
@@ -135,7 +136,7 @@ def told_changes(document: Record) -> Iterator[str]:
     if changes["added"]:
         yield f"added: row {', '.join(map(str, changes['added']))}"
     yield from (f"no longer there: {row}" for row in changes["removed"])
-    if document["written"]:
+    if any(path.endswith(TIDY) for path in document["written"]):
         yield "the rows of before stay held out or fitted, and openings of the vault go on being counted"
         yield "answers given before rest on the earlier table: ask again"
     yield from (f"kept: {words}" for words in document["kept"])

@@ -35,6 +35,7 @@ from taichi_erosion.evidence.answers.set_up import (
     missing_rows,
     sentences,
     set_up_faults,
+    source_faults,
     table_faults,
 )
 from taichi_erosion.evidence.data.findings import (
@@ -63,7 +64,7 @@ def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study
     """
     with threadpool_limits(1, user_api="blas"):
         study = load_study(path, options)
-        study = replace(study, faults=(*study.faults, *table_faults(study.problem)))
+        study = replace(study, faults=(*study.faults, *source_faults(study), *table_faults(study.problem)))
         try:
             yield study
         finally:

@@ -18,6 +18,7 @@ from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.findings import Discovery, Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Problem, Progress
+from taichi_erosion.evidence.data.tables.source_table import source_changed
 from taichi_erosion.evidence.inference.prepared_problem import NO_VALUE
 from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL, fails, least_rows, too_few_rows
 from taichi_erosion.evidence.models.load_study import Study
@@ -85,6 +86,14 @@ def set_up_faults(
     found += bound_faults(study, parameters)
     failed = [words for words in warnings if words.startswith(NO_VALUE)]
     return (*found, *(SetUpFault("failed_runs", "model", words, False) for words in failed))
+
+
+def source_faults(study: Study) -> Iterator[SetUpFault]:
+    """The laboratory's table, where it has changed since the study was made of it."""
+    head = study.file.study
+    if head.made_from and source_changed(source := study.path.parent / head.made_from, head.made_from_digest):
+        words = f"{source.name} has changed since `study new`: run it again to take over the changes"
+        yield SetUpFault("source_changed", "table", words, False)
 
 
 def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:

@@ -31,7 +31,7 @@ FIGURES = (
 
 FaultKind = Literal[
     *("too_small", "not_converged", "no_value", "failed_runs", "unit", "offset", "at_bound"),
-    *("too_few_rows", "repeats"),
+    *("too_few_rows", "repeats", "source_changed"),
 ]
 
 

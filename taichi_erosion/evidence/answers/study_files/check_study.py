@@ -21,7 +21,7 @@ from taichi_erosion.campaign.study_file import (
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
-from taichi_erosion.evidence.answers.set_up import table_faults
+from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
 from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
 from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
 from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table
@@ -126,6 +126,7 @@ def candidate_faults(path: Path, file: StudyFile, files: tuple[EffectFile, ...])
 def study_document(study: Study, table: Table) -> Document:
     """What was found, as a document."""
     measurements, file = study.problem.measurements, study.file
+    faults = (*source_faults(study), *table_faults(study.problem))
     return {
         "study": str(study.path),
         "kind": "evidence",
@@ -136,7 +137,7 @@ def study_document(study: Study, table: Table) -> Document:
         "conditions": {name: told_range(table, name) for name in file.conditions},
         "parameters": [parameter.path for parameter in study.problem.parameters],
         "candidates": [candidate.name for candidate in study.problem.candidates],
-        "notes": [*(fault.sentence for fault in table_faults(study.problem)), *study.notes],
+        "notes": [*(fault.sentence for fault in faults), *study.notes],
         "cost": study_cost(study),
     }
 

@@ -17,7 +17,7 @@ from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.study_files.check_study import check_study
-from taichi_erosion.evidence.answers.study_files.study_text import study_text
+from taichi_erosion.evidence.answers.study_files.study_text import READ, study_text
 from taichi_erosion.evidence.answers.study_files.written_files import (
     TIDY,
     Document,
@@ -35,7 +35,8 @@ from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.scene.load import file_text
 
 KNOWN_AGAIN = 0.5  # share of the earlier rows that a correction of the same table has again
-UNTOLD = ("study.notes", "study.title", "scene.title", "scene.notes", "vault.drawn_from")  # of differences
+TEXTS = ("study.notes", "study.title", "scene.title", "scene.notes")
+UNTOLD = (*TEXTS, "study.made_from", "study.made_from_digest", "vault.drawn_from")  # of differences
 LONGEST = 60  # characters of an entry that is told
 
 
@@ -74,7 +75,7 @@ def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Doc
     if anew:
         found = write_anew(earlier, files, changes)
     elif changes.none:
-        found = {"written": [], **check_study(files.study)}
+        found = write_origin(earlier, files)
     else:
         found = write_correction(earlier, files, changes)
     kept = [] if anew else list(differences(files))
@@ -92,19 +93,33 @@ def refuse_other_table(earlier: EarlierStudy, changes: TableChanges, files: Stud
 
 
 def write_correction(earlier: EarlierStudy, files: StudyFiles, changes: TableChanges) -> Document:
-    """Write the table anew, and the digest of its first version into the study."""
-    first = earlier.study.file.vault.drawn_from is None
+    """Write the table anew, and into the study the digests of its first version and of the source."""
     with all_or_none([files.study, files.table]):
         write_table(files, drawn_again(earlier, changes))
-        text = with_entry(earlier.text, ("vault", "drawn_from"), earlier.study.drawn_from)
+        text = with_entry(with_origin(earlier, files), ("vault", "drawn_from"), earlier.study.drawn_from)
         write_atomic(files.study, text.encode())
         try:
             found = check_study(files.study)
         except BadInput as error:
             remedy = "the study that is there does not fit the corrected table; correct it, or write it anew "
             raise BadInput(*error.faults, f"{files.study}: {remedy}with --anew") from None
-    written = [files.table, files.study] if first else [files.table]
-    return {"written": [str(path) for path in written], **found}
+    return {"written": [str(files.table), str(files.study)], **found}
+
+
+def write_origin(earlier: EarlierStudy, files: StudyFiles) -> Document:
+    """Write the digest of a source that has changed in what no row rests on."""
+    text = with_origin(earlier, files)
+    if text == earlier.text:
+        return {"written": [], **check_study(files.study)}
+    with all_or_none([files.study]):
+        write_atomic(files.study, text.encode())
+        return {"written": [str(files.study)], **check_study(files.study)}
+
+
+def with_origin(earlier: EarlierStudy, files: StudyFiles) -> str:
+    """Text of the study that is there with the table from which it is made now."""
+    text = with_entry(earlier.text, ("study", "made_from"), files.text.made_from)
+    return with_entry(text, ("study", "made_from_digest"), files.text.made_from_digest, READ)
 
 
 def write_anew(earlier: EarlierStudy, files: StudyFiles, changes: TableChanges) -> Document:

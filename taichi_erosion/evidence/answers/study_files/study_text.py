@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from taichi_erosion.evidence.answers.study_files.scene_templates import Calibrated
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 
+READ = "its cells when `study new` read it"
 FRACTION = 0.3  # of the groups in the vault
 
 
@@ -25,6 +26,8 @@ class StudyText:
     units: Mapping[str, str] = field(default_factory=dict)  # of the model's values, by observable
     title: str = ""
     measurements: str = ""
+    made_from: str = ""  # table of the laboratory, relative to the study
+    made_from_digest: str = ""  # of its cells
     assumed: tuple[str, ...] = ()
     drawn_from: str = ""  # digest of the table from which the rows of the vault are drawn
 
@@ -36,6 +39,9 @@ def study_text(study: StudyText) -> str:
     """A study file."""
     lines = [f"# ./erosion compare {study.title}.toml", "", "[study]", f"title = {quoted(study.title)}"]
     lines += [f"measurements = {quoted(study.measurements)}"]
+    if study.made_from:
+        lines += [f"made_from = {quoted(study.made_from)}"]
+        lines += [f"made_from_digest = {quoted(study.made_from_digest)}  # {READ}"]
     lines += [f"model = {quoted(study.model)}"] if study.model else []
     if study.assumed:
         lines += ['notes = """', "Assumed, because the table does not say it:"]

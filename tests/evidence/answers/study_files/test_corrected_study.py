@@ -5,12 +5,16 @@ import json
 import math
 from pathlib import Path
 
+import openpyxl
 import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.commands import open_study
+from taichi_erosion.evidence.answers.set_up import source_faults
 from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
 from taichi_erosion.evidence.data.held_out_rows import COUNTER
+from taichi_erosion.evidence.data.tables.source_table import source_digest
 from taichi_erosion.evidence.models.load_study import load_study
 
 HEAD = "Sample;diameter [um];moisture [%];threshold friction velocity [cm/s];SD;n\n"
@@ -42,6 +46,13 @@ def held_out(folder: Path) -> set[tuple[float, float]]:
     return set(
         zip(hidden.conditions["diameter"].round(9), hidden.conditions["moisture"].round(9), strict=True)
     )
+
+
+def without_digest(study: Path) -> list[str]:
+    """Lines of a study without the digest of the table that it was made from, which is the present one's."""
+    text, table = study.read_text("utf-8"), study.parents[1] / "sand.csv"
+    assert load_study(study).file.study.made_from_digest == source_digest(table)
+    return [each for each in text.splitlines() if "made_from_digest" not in each]
 
 
 @pytest.fixture
@@ -118,20 +129,20 @@ def test_what_the_user_changed_in_the_study_stays_and_is_told(folder):
     mine = study.read_text("utf-8").replace("prior_sd_log = 0.2", "prior_sd_log = 0.4    # my own")
     study.write_text(mine, encoding="utf-8")
     found = again(folder, [*LINES, line("T", 300, 0.2)])
-    assert study.read_text("utf-8") == mine
+    assert without_digest(study) == [each for each in mine.splitlines() if "made_from_digest" not in each]
     assert [words.partition(": ")[2] for words in found["kept"]] == [
         "parameters.threshold_coefficient.prior_sd_log = 0.4 stays; a new study would have 0.2"
     ]
-    assert found["written"] == [str(folder / "sand" / "sand_tidy.csv")]
+    assert found["written"] == [str(folder / "sand" / "sand_tidy.csv"), str(study)]
 
 
 def test_anew_writes_the_study_and_keeps_the_vault(folder):
     study, before = folder / "sand" / "sand.toml", held_out(folder)
-    fresh = study.read_text("utf-8")
-    study.write_text(fresh.replace("prior_sd_log = 0.2", "prior_sd_log = 0.4"), encoding="utf-8")
+    fresh, text = without_digest(study), study.read_text("utf-8")
+    study.write_text(text.replace("prior_sd_log = 0.2", "prior_sd_log = 0.4"), encoding="utf-8")
     lines = [LINES[0].replace(";0.6;5", ";0.7;5"), *LINES[1:]]
     assert again(folder, lines, anew=True)["kept"] == []
-    assert study.read_text("utf-8") == fresh
+    assert without_digest(study) == fresh
     assert held_out(folder) == before
 
 
@@ -141,6 +152,45 @@ def test_a_table_that_has_not_changed_writes_nothing(folder, capsys):
     assert main(["study", "new", str(table), "--yes", "--closed-form"]) == 0
     assert "its table has not changed" in capsys.readouterr().out
     assert {path: path.read_bytes() for path in (folder / "sand").iterdir()} == files
+
+
+def test_a_spreadsheet_that_changed_after_the_study_is_told_until_it_is_read_again(folder, capsys):
+    said = "sand.csv has changed since `study new`: run it again to take over the changes"
+    study = folder / "sand" / "sand.toml"
+
+    def told() -> tuple[bool, bool, bool]:
+        """Whether the check, a command of the loop, and what all of them open say so, once each."""
+        found = []
+        for words in (["study", "check"], ["compare"]):
+            assert main([*words, str(study)]) == 0
+            found.append(" ".join(capsys.readouterr().out.split()).count(said) == 1)
+        with open_study(study) as opened:
+            return *found, [fault.kind for fault in opened.faults] == ["source_changed"]
+
+    table = written(folder, [LINES[0].replace(";0.6;5", ";0.7;5"), *LINES[1:]])
+    assert told() == (True, True, True)
+    assert main(["study", "new", str(table), "--yes", "--closed-form"]) == 0
+    assert told() == (False, False, False)
+
+
+def test_a_table_that_was_saved_again_or_is_lost_has_not_changed(folder):
+    study, table = folder / "sand" / "sand.toml", folder / "sand.csv"
+    table.write_bytes((HEAD + "".join(LINES)).replace("\n", "\r\n\r\n").encode("utf-8-sig"))
+    assert list(source_faults(load_study(study))) == []
+    table.unlink()
+    assert list(source_faults(load_study(study))) == []
+
+
+def test_a_workbook_that_was_saved_again_has_the_same_digest(tmp_path):
+    book, digests = openpyxl.Workbook(), []
+    for text in (HEAD, *LINES):
+        book.active.append(text.strip().split(";"))
+    for name, value in (("first", None), ("again", None), ("changed", "777")):
+        book.properties.title = name
+        book.active["B2"] = value or book.active["B2"].value
+        book.save(tmp_path / f"{name}.xlsx")
+        digests.append(source_digest(tmp_path / f"{name}.xlsx"))
+    assert digests[0] == digests[1] != digests[2]
 
 
 def test_another_table_of_that_name_is_refused(folder):
