@@ -1,8 +1,14 @@
-"""A set of sealed cases: studies that the commands solve without the truth, which is opened only to score.
+"""Sealed cases on scenes: studies solved by the commands without the truth, which is opened to score them.
 
-A folder holds `case_<number>.toml` with its table, and the truth in `sealed/truth.json`; the SHA-256 of that
-file is written elsewhere before anything is solved. Every command runs in a process of its own. A truth is a
-list of cases, each with its `number`, its `effects` by strength, and `outside`, what no candidate describes.
+    python -m MODULE seal SECRET      draw the truths into the folder SECRET, write their digest
+    python -m MODULE make SECRET      the laboratories' tables, and the studies
+    python -m MODULE solve            discover and adopt, by the commands; goes on where it was stopped
+    python -m MODULE score SECRET     compare the answers with the truths, write results.csv
+
+The truths are drawn from a seed of the operating system, which lies with them outside the tree. Their SHA-256
+is committed before anything is measured. Every command runs in a process of its own, in a folder that names
+no seed. A truth is a list of cases, each with its `number`, its `effects` by strength, and `outside`, what no
+candidate describes.
 """
 
 import csv
@@ -10,30 +16,37 @@ import json
 import random
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from io import StringIO
 from pathlib import Path
-from typing import Any, TextIO
+from secrets import randbits
+from typing import Any
 
+import typer
+
+from doe.t0_disturbed.trial import method_commit
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 
 PROGRAM = (sys.executable, "-m", "taichi_erosion")
+SEED_BITS = 128  # too many to try
 Case = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class SealedSet:
-    """Where a set lies and where its digest stands."""
+    """Where a set lies, where its digest and its results stand, and how its cases are drawn and measured."""
 
-    folder: Path
-    digest: Path
+    folder: Path  # studies, tables and answers
+    home: Path  # digest and results
+    draw: Callable[[random.Random], list[Case]]
+    measure: Callable[[Sequence[Case], int], None]  # writes tables and studies; the second is a seed
 
     @property
-    def truth(self) -> Path:
-        return self.folder / "sealed" / "truth.json"
+    def digest(self) -> Path:
+        return self.home / "truth.sha256"
 
     def study(self, number: int) -> Path:
         """Study file of one case."""
@@ -44,34 +57,59 @@ class SealedSet:
         return self.folder / f"case_{number}.solved.json"
 
 
-def seal(place: SealedSet, cases: Sequence[Case]) -> None:
-    """Write the truth and its digest."""
-    sealed = json.dumps({"cases": list(cases), "salt": random.SystemRandom().random()})
-    place.truth.parent.mkdir(parents=True, exist_ok=True)
-    place.truth.write_text(sealed, encoding="utf-8")
-    place.digest.write_text(sha256(sealed.encode()).hexdigest() + "\n", encoding="utf-8")
+def truth_file(secret: Path) -> Path:
+    """The file whose digest is committed."""
+    return secret / "truth.json"
 
 
-def opened(place: SealedSet) -> list[Case]:
-    """The truth; raises BadInput where it is not the one that was sealed."""
-    sealed = place.truth.read_text(encoding="utf-8")
-    if sha256(sealed.encode()).hexdigest() != place.digest.read_text(encoding="utf-8").strip():
-        raise BadInput(f"{place.truth}: the truth is not the one that was sealed")
-    return json.loads(sealed)["cases"]
+def steps(place: SealedSet) -> typer.Typer:
+    """Command line of a set."""
+    program = typer.Typer(add_completion=False)
+    program.command("seal")(lambda secret: seal(place, Path(secret)))
+    program.command("make")(lambda secret: make(place, Path(secret)))
+    program.command("solve")(lambda: solve(place))
+    program.command("score")(lambda secret: typer.echo(write_results(place, Path(secret))))
+    return program
 
 
-def solve(place: SealedSet, count: int, to: TextIO) -> None:
+def seal(place: SealedSet, secret: Path) -> None:
+    """Draw the truths and write their digest; raises BadInput where the folder holds truths already."""
+    file, seed = truth_file(secret), randbits(SEED_BITS)
+    if file.exists():
+        raise BadInput(f"{file}: drawn already; give another folder")
+    text = json.dumps({"seed": seed, "cases": place.draw(random.Random(seed))})
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(file, text.encode())
+    write_atomic(place.digest, f"{sha256(text.encode()).hexdigest()}\n".encode())
+
+
+def opened(place: SealedSet, secret: Path) -> tuple[list[Case], int]:
+    """The truths and their seed; raises BadInput where they are not the ones that were sealed."""
+    text = truth_file(secret).read_text(encoding="utf-8")
+    if sha256(text.encode()).hexdigest() != place.digest.read_text(encoding="utf-8").strip():
+        raise BadInput(f"{truth_file(secret)}: the truths are not the ones that were sealed")
+    told = json.loads(text)
+    return told["cases"], told["seed"]
+
+
+def make(place: SealedSet, secret: Path) -> None:
+    """Tables and studies of all laboratories."""
+    cases, seed = opened(place, secret)
+    place.folder.mkdir(parents=True, exist_ok=True)
+    place.measure(cases, seed + 1)
+
+
+def solve(place: SealedSet) -> None:
     """Every case through `discover` and `adopt`; what has been solved is not solved again."""
-    for number in range(count):
+    for number in range(len(list(place.folder.glob("case_*.csv")))):
         if place.answer(number).exists():
             continue
         found = command("discover", place.study(number), "--budget", "quick")
-        names = found["named"] or found["group"]
-        adopted = command("adopt", place.study(number), names[0]) if names else {"vault": None}
-        answer = {"found": found, "vault": adopted["vault"]}
+        names = found["named"] or found["group"][:1]
+        adopted = command("adopt", place.study(number), *names) if names else {"vault": None}
+        answer = {"method": method_commit(), "found": found, "vault": adopted["vault"]}
         write_atomic(place.answer(number), json.dumps(answer).encode())
-        to.write(f"case {number}: {found['verdict']} {' '.join(names)}\n")
-        to.flush()
+        typer.echo(f"case {number}: {found['verdict']} {' '.join(names)}")
 
 
 def command(word: str, study: Path, *rest: str) -> dict[str, Any]:
@@ -82,13 +120,14 @@ def command(word: str, study: Path, *rest: str) -> dict[str, Any]:
     return json.loads(told.stdout)
 
 
-def scored(place: SealedSet) -> Iterator[dict[str, Any]]:
+def scored(place: SealedSet, secret: Path) -> Iterator[dict[str, Any]]:
     """Truth beside answer, case by case as far as they are solved."""
-    for case in opened(place):
+    for case in opened(place, secret)[0]:
         file = place.answer(case["number"])
         if file.exists():
             solved = json.loads(file.read_text(encoding="utf-8"))
-            yield scored_row(case, solved["found"], solved["vault"] or {})
+            row = scored_row(case, solved["found"], solved["vault"] or {})
+            yield row | {"method": solved["method"]}
 
 
 def scored_row(case: Case, found: dict[str, Any], vault: dict[str, Any]) -> dict[str, Any]:
@@ -102,7 +141,7 @@ def scored_row(case: Case, found: dict[str, Any], vault: dict[str, Any]) -> dict
         "verdict": found["verdict"],
         "named": "+".join(sorted(found["named"])),
         "group": "+".join(sorted(found["group"])),
-        "judged": judged(case, found["verdict"], {*found["named"], *found["group"]}),
+        "judged": judged(case, found["verdict"], set(found["named"]), set(found["group"])),
         "p_misfit": f"{found['p_misfit']:.2g}",
         "vault_before": vault.get("chi2_per_row_before"),
         "vault_after": vault.get("chi2_per_row_after"),
@@ -112,28 +151,31 @@ def scored_row(case: Case, found: dict[str, Any], vault: dict[str, Any]) -> dict
     }
 
 
-def judged(case: Case, verdict: str, answer: set[str]) -> str:
-    """One word on an answer: right, partly, silent, wrong, false alarm."""
-    truth = set(case["effects"])
-    outside = verdict == "outside_library"
+def judged(case: Case, verdict: str, named: set[str], group: set[str]) -> str:
+    """One word on an answer: right, in the group, partly, silent, wrong, false alarm."""
+    truth, outside = set(case["effects"]), verdict == "outside_library"
     if not truth and not case["outside"]:
-        return "false alarm" if answer or outside else "right"
+        return "false alarm" if named or group or outside else "right"
     if case["outside"]:
-        return "right" if outside else "wrong" if answer else "silent"
-    if not answer:
+        return "right" if outside else "wrong" if named or group else "silent"
+    if not named and not group:
         return "wrong" if outside else "silent"
-    return "right" if truth <= answer else "partly" if truth & answer else "wrong"
+    if named == truth:
+        return "right"
+    if named <= truth <= named | group:
+        return "in the group"
+    return "partly" if truth & (named | group) else "wrong"
 
 
-def write_results(place: SealedSet, table: Path) -> dict[str, int]:
+def write_results(place: SealedSet, secret: Path) -> dict[str, int]:
     """Write the table of results; how many cases were judged with each word."""
-    rows = list(scored(place))
+    rows = list(scored(place, secret))
     if not rows:
         raise BadInput(f"{place.folder}: no case has been solved")
     page = StringIO(newline="")
     writer = csv.DictWriter(page, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_atomic(table, page.getvalue().encode())
+    write_atomic(place.home / "results.csv", page.getvalue().encode())
     words = [row["judged"] for row in rows]
     return {word: words.count(word) for word in sorted(set(words))}

@@ -1,24 +1,23 @@
 """Sealed cases on the simulator: heaps made with hidden effects, which the commands then have to find.
 
-    python -m doe.t1.run make       draw the truth, write its digest, simulate the laboratories' tables
-    python -m doe.t1.run solve      discover and adopt, by the commands, without the truth
-    python -m doe.t1.run score      open the truth and write results.csv
+    python -m doe.t1.run seal SECRET      draw the truths into the folder SECRET, write their digest
+    python -m doe.t1.run make SECRET      simulate the laboratories' tables
+    python -m doe.t1.run solve            discover and adopt, by the commands, without the truths
+    python -m doe.t1.run score SECRET     open the truths and write results.csv
 
 Six cases hide nothing, twelve one effect, four two, two something that no candidate describes. A laboratory
-has its own seeds, time step, packing and friction. What is sealed lies in the folder of the campaign; its
-digest stands here before anything is solved. All cases share one campaign: surfaces are simulated once.
+has its own seeds, time step, packing and friction. All cases share one campaign: surfaces are simulated once.
 """
 
 import json
 import random
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from doe.common.command import run_step
-from doe.sealed.studies import SealedSet, seal, solve, write_results
+from doe.sealed.studies import Case, SealedSet, steps
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.run.checks import compatibility_key, read_scene
 from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
@@ -27,8 +26,6 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 CAMPAIGN = ROOT / "campaigns" / "t1"
 SCENE = HERE / "column.toml"
-SET = SealedSet(CAMPAIGN, HERE / "truth.sha256")
-SEED = 23
 SINGLE = (
     "liquid_bridge",
     "dry_adhesion",
@@ -84,9 +81,8 @@ fraction = 0.3
 """
 
 
-def draw() -> list[dict[str, Any]]:
+def draw(generator: random.Random) -> list[Case]:
     """The truth of every case, in an order that tells nothing."""
-    generator = random.Random(SEED)
     hidden = [((), None)] * 6 + [((name,), None) for name in (*SINGLE, *AGAIN)]
     hidden += [(pair, None) for pair in PAIRS] + [((), outside) for outside in OUTSIDE]
     generator.shuffle(hidden)
@@ -106,7 +102,7 @@ def drawn_strength(generator: random.Random, name: str, together: int) -> float:
     return min(level * generator.uniform(0.77, 1.3), MOST.get(name, 3.0))
 
 
-def orders(case: dict[str, Any], diameter: float, moisture: float, angularity: float) -> tuple[str, ...]:
+def orders(case: Case, diameter: float, moisture: float, angularity: float) -> tuple[str, ...]:
     """Settings of one laboratory run."""
     numbers = dict(case["numbers"])
     if case["outside"] == OUTSIDE[0]:
@@ -119,14 +115,12 @@ def orders(case: dict[str, Any], diameter: float, moisture: float, angularity: f
     return (*PACKING, *(f"{path}={value!r}" for path, value in words.items()))
 
 
-def make() -> None:
-    """Truth, digest, studies and tables."""
-    cases = draw()
-    seal(SET, cases)
+def measure(cases: Sequence[Case], seed: int) -> None:
+    """Studies and tables."""
     (CAMPAIGN / "column.toml").write_text(SCENE.read_text("utf-8"), encoding="utf-8")
     rows = [(case, d, w, a) for case in cases for d in DIAMETERS for w, a in SURFACES for _ in range(REPEATS)]
     tables: dict[int, list[str]] = {case["number"]: [] for case in cases}
-    for (case, d, w, a), values in zip(rows, simulated(rows), strict=True):
+    for (case, d, w, a), values in zip(rows, simulated(rows, seed), strict=True):
         for name in OBSERVABLES:
             if values.get(name) is not None:
                 line = f"{name},{values[name]:.6g},1,m,w{w:g} a{a:g} d{d:g},{w:g},{a:g},{d:g},made"
@@ -140,8 +134,7 @@ def make() -> None:
 def study_text(number: int) -> str:
     """The study of one case."""
     entries = "".join(
-        f'[observables.{name}]\nscene = "column.toml"\ntransform = "log"\nsd_shared_relative = 0.02\n'
-        for name in OBSERVABLES
+        f'[observables.{name}]\nscene = "column.toml"\ntransform = "log"\n' for name in OBSERVABLES
     )
     names = json.dumps(list(SINGLE))
     return STUDY.format(
@@ -149,9 +142,9 @@ def study_text(number: int) -> str:
     )
 
 
-def simulated(rows: list[tuple[dict[str, Any], float, float, float]]) -> list[dict[str, float]]:
+def simulated(rows: list[tuple[Case, float, float, float]], seed: int) -> list[dict[str, float]]:
     """Values of every laboratory run; a run that stopped has none."""
-    generator = random.Random(SEED + 1)
+    generator = random.Random(seed)
     found: dict[int, dict[str, float]] = {k: {} for k in range(len(rows))}
     groups: dict[str, list[tuple[int, ReplicaRequest]]] = {}
     for k, (case, *at) in enumerate(rows):
@@ -173,11 +166,7 @@ def simulated(rows: list[tuple[dict[str, Any], float, float, float]]) -> list[di
     return [found[k] for k in range(len(rows))]
 
 
-STEPS = {
-    "make": make,
-    "solve": lambda: solve(SET, len(draw()), sys.stderr),
-    "score": lambda: typer.echo(write_results(SET, HERE / "results.csv")),
-}
+SET = SealedSet(CAMPAIGN, HERE, draw, measure)
 
 if __name__ == "__main__":
-    run_step(__doc__, STEPS)
+    steps(SET)()

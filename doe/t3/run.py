@@ -1,18 +1,18 @@
 """Sealed cases of another code: heaps that LAMMPS made with hidden effects, which the commands have to find.
 
-    python -m doe.t3.run make       draw the truth, write its digest, simulate the laboratories' tables
-    python -m doe.t3.run solve      discover and adopt, by the commands, without the truth
-    python -m doe.t3.run score      open the truth and write results.csv
+    python -m doe.t3.run seal SECRET      draw the truths into the folder SECRET, write their digest
+    python -m doe.t3.run make SECRET      the laboratories' tables, by LAMMPS
+    python -m doe.t3.run solve            discover and adopt, by the commands, without the truths
+    python -m doe.t3.run score SECRET     open the truths and write results.csv
 
 The apparatus is that of the cases of our own simulator (../t1), but that plate and tube do not stick.
 Packings, contact law and every effect are written here a second time, in the ways that LAMMPS has.
 """
 
-import json
 import random
 import subprocess
-import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, log, pi
 from pathlib import Path
@@ -22,8 +22,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from doe.common.command import run_step
-from doe.sealed.studies import SealedSet, seal, solve, write_results
+from doe.sealed.studies import Case, SealedSet, steps
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures import heap
@@ -32,12 +31,10 @@ from taichi_erosion.measures.result import Measurement
 HERE = Path(__file__).parent
 CAMPAIGN = HERE.parents[1] / "campaigns" / "t3"
 SCENE = HERE.with_name("t1") / "column.toml"
-SET = SealedSet(CAMPAIGN, HERE / "truth.sha256")
-SEED = 3
 CASES = (  # effects, and what no candidate describes
-    *[((), "")] * 2,
-    *[(("rolling_resistance",), "")] * 2,
-    *[(("liquid_bridge",), "")] * 2,
+    *[((), "")] * 4,
+    *[(("rolling_resistance",), "")] * 3,
+    *[(("liquid_bridge",), "")] * 3,
     (("dry_adhesion",), ""),
     (("size_distribution",), ""),
     (("liquid_bridge", "rolling_resistance"), ""),
@@ -106,9 +103,8 @@ class Grains:
     spread: float = 0.0  # standard deviation of ln d [1]
 
 
-def draw() -> list[dict[str, Any]]:
+def draw(generator: random.Random) -> list[Case]:
     """The truth of every case, in an order that tells nothing."""
-    generator = random.Random(SEED)
     hidden = list(CASES)
     generator.shuffle(hidden)
     cases = []
@@ -162,7 +158,7 @@ def rain(column: Apparatus, generator: np.random.Generator, diameters: Floats, d
     return text
 
 
-def grains_of(case: dict[str, Any], moisture: float, angularity: float) -> Grains:
+def grains_of(case: Case, moisture: float, angularity: float) -> Grains:
     """The grains of one laboratory at one condition."""
     strength = case["effects"]
     pull = strength.get("dry_adhesion", 0.0) * DRY_PULL
@@ -236,14 +232,12 @@ def dry_walls() -> str:
     return scene
 
 
-def make() -> None:
-    """Truth, digest, studies and tables."""
-    cases = draw()
-    seal(SET, cases)
+def measure(cases: Sequence[Case], seed: int) -> None:
+    """Studies and tables."""
     (CAMPAIGN / "column.toml").write_text(dry_walls(), encoding="utf-8")
     template = (HERE / "study.toml").read_text("utf-8")
     for case in cases:
-        generator = np.random.default_rng([SEED, case["number"]])
+        generator = np.random.default_rng([seed, case["number"]])
         lines = ["observable,value,n,unit,group,moisture,angularity,diameter,source"]
         for d in DIAMETERS:
             for w, a in CONDITIONS:
@@ -257,11 +251,7 @@ def make() -> None:
         typer.echo(f"{number + 1} of {len(cases)} laboratories")
 
 
-STEPS = {
-    "make": make,
-    "solve": lambda: solve(SET, len(CASES), sys.stderr),
-    "score": lambda: typer.echo(json.dumps(write_results(SET, HERE / "results.csv"))),
-}
+SET = SealedSet(CAMPAIGN, HERE, draw, measure)
 
 if __name__ == "__main__":
-    run_step(__doc__, STEPS)
+    steps(SET)()

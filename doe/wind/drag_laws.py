@@ -3,9 +3,9 @@
 python -m doe.wind.drag_laws          every case that has no rows yet
 python -m doe.wind.drag_laws NAME...  some anew: flux/0.4123 (u* in m/s), sand/0.24 (diameter in mm), ...
 
-`flux` are the winds of Creyssels et al. (2009) as in `run.py`, `sand` the steady winds of `saturated.py`, both
-with `two_limits_hindered` in place of the `two_limits` of the scene, with which flux.csv and saturated.csv were
-simulated. `python -m doe.wind.run --page` then fills the tables of docs/threshold.md.
+`flux` are the winds of Creyssels et al. (2009) as in `run.py`, `sand` the steady winds of `saturated.py`,
+both with `two_limits_hindered` in place of the `two_limits` of the scene, with which flux.csv and
+saturated.csv were simulated. `python -m doe.wind.run --page` then fills the tables of docs/threshold.md.
 """
 
 from collections.abc import Sequence
