@@ -76,12 +76,27 @@ def mixing_length(speed: Floats, faces: Floats, viscosity: float) -> Floats:
     return length
 
 
+def cells_over(layers: Sequence[Layer]) -> tuple[Floats, Floats, Floats]:
+    """Faces of cells [diameters], shares of the spheres in them, and void fractions [1]."""
+    faces = faces_over(max(layer.centre for layer in layers) + 0.5)
+    shares = volume_shares(layers, faces)
+    numbers = np.array([layer.number for layer in layers])
+    return faces, shares, 1.0 - np.pi / 6.0 * (numbers[:, None] * shares).sum(axis=0) / np.diff(faces)
+
+
+def drags_of(layers: Sequence[Layer], blow: Blow) -> Floats:
+    """Drag of the steady wind on one sphere of each layer over rho u*^2 d^2 [1]."""
+    _, shares, void = cells_over(layers)
+    _, speed = wind_over(layers, blow)
+    slip = np.maximum(np.abs(shares @ speed), SLOWEST)
+    stream = Stream(slip, blow.diameter, AIR, AIR * blow.viscosity, shares @ void)  # pyright: ignore
+    return np.asarray(LAWS[blow.law](stream)) / (AIR * (blow.friction * blow.diameter) ** 2)
+
+
 def wind_over(layers: Sequence[Layer], blow: Blow) -> tuple[Floats, Floats]:
     """Heights of the middles of cells [diameters], and the steady wind there [m s-1]."""
-    shares = volume_shares(layers, faces_over(max(layer.centre for layer in layers) + 0.5))
-    faces = faces_over(max(layer.centre for layer in layers) + 0.5)
+    faces, shares, void = cells_over(layers)
     numbers = np.array([layer.number for layer in layers])
-    void = 1.0 - np.pi / 6.0 * (numbers[:, None] * shares).sum(axis=0) / np.diff(faces)
     places, metres = 0.5 * (faces[1:] + faces[:-1]), faces * blow.diameter
     speed = blow.friction * np.sqrt(places)
     for _ in range(ROUNDS):

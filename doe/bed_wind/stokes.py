@@ -79,9 +79,8 @@ def streamed(after: Floats, solid: np.ndarray) -> Floats:
     return new
 
 
-def zero_depth(arrangement: str, cells: int) -> float:
-    """Depth below the tops of the spheres at which the profile above them meets zero, over the diameter."""
-    solid = solid_nodes(arrangement, cells)
+def steady(solid: np.ndarray) -> Floats:
+    """Distributions of the steady flow around what is solid."""
     f = np.broadcast_to(SHARES[:, None, None, None], (len(SHARES), *solid.shape)).copy()
     before = np.zeros(solid.shape)
     for step in range(LONGEST):
@@ -92,7 +91,15 @@ def zero_depth(arrangement: str, cells: int) -> float:
             if np.abs(along - before).max() < SETTLED * SPEED * CHECK and step:
                 break
             before = along
+    return f
+
+
+def zero_depth(arrangement: str, cells: int) -> float:
+    """Depth below the tops of the spheres at which the profile above them meets zero, over the diameter."""
+    solid = solid_nodes(arrangement, cells)
+    _, velocity = collided(steady(solid))
+    along = np.where(solid, 0.0, velocity[0])
     height = (np.arange(solid.shape[2]) + 0.5) / cells
     above = height > 1.0
-    slope, start = np.polyfit(height[above], before.mean(axis=(0, 1))[above], 1)
+    slope, start = np.polyfit(height[above], along.mean(axis=(0, 1))[above], 1)
     return 1.0 + start / slope

@@ -67,5 +67,4 @@ EFFECT = Effect(
     reads=("slope",),
     can_act=can_act,
     most=1.5,
-    expected={"threshold_u_star": 1},
 )

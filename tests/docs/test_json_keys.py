@@ -39,6 +39,7 @@ RECORDS = {
     "strength trend": mechanism_findings.StrengthTrend,
     "member": findings.MemberFinding,
     "action": findings.EffectAction,
+    "opposed sign": findings.OpposedSign,
     "explanation": findings.PlausibleHypothesis,
     "nearest explanation": findings.NearestHypothesis,
     "trend": findings.ResidualTrend,

@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_erosion.evidence.answers.compare import calibrated_base
 from taichi_erosion.evidence.answers.documents import discovery_sentences
-from taichi_erosion.evidence.answers.effect_action import effect_actions
+from taichi_erosion.evidence.answers.effect_action import effect_actions, opposed_signs
 from taichi_erosion.evidence.answers.mechanism_sentences import mechanism_sentences
 from taichi_erosion.evidence.data.findings import (
     NONE,
@@ -106,6 +106,7 @@ def discovery_of(found: Analysis, seed: int) -> Discovery:
         decoy_rank=found.test.decoy_rank,
         stability=found.stability,
         warnings=(*prepared.warnings, *found.warnings, *bound_warnings(found)),
+        opposed=opposed_signs(prepared, found.final.expansion.fit),
         levels=level_shifts(prepared, found.final.scored),
         **error_fields(found),
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base)),

@@ -69,6 +69,8 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
             f"With {names} the calibration still drives {numbers} to the end of its range: check that range, "
             "and units, before the name."
         )
+    told_names = (*found.named, *found.group)
+    sentences += [each.sentence for each in found.opposed if each.effect in told_names]
     sentences += trend_sentences(found.trend)
     sentences += nearest_sentences(found.nearest)
     if found.verdict == "outside_library":

@@ -1,27 +1,80 @@
-"""What an effect of one strength does to the model, all else the same: the value that it moves most."""
+"""What an effect of one strength does to the model, all else the same: where it acts most, and which way."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_erosion.evidence.data.findings import EffectAction
+from taichi_erosion.evidence.data.findings import EffectAction, OpposedSign
+from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.inference.map_fit import Fit
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import seed_mean
 
+VISIBLE = 1.0  # standard errors of a row; what an effect moves by less, the measurements do not show
+WAYS = {1: ("lowers", "raised"), -1: ("raises", "lowered")}  # by what is expected
 
-def effect_actions(prepared: PreparedProblem, best: Fit) -> dict[str, EffectAction]:
-    """Action of every acting effect of a fit, on the row that it moves most in standard errors."""
-    acting, seeds, found = best.acting(), prepared.seeds.signature, {}
+
+@dataclass(frozen=True)
+class Moved:
+    """Values of the model at all rows without an effect and with it, on the scale of the fit."""
+
+    effect: str
+    without: Floats
+    acting: Floats
+
+
+def moved_rows(prepared: PreparedProblem, best: Fit) -> Iterator[Moved]:
+    """Every acting effect of a fit that moves anything."""
+    acting, seeds = best.acting(), prepared.seeds.signature
     for name in acting:
         rest = {other: strength for other, strength in acting.items() if other != name}
         values = [prepared.predictor.predict(best.x, strengths, seeds) for strengths in (rest, acting)]
         without, with_it = (seed_mean(each) for each in values)
-        moved = np.abs(with_it - without) / prepared.sd
-        if not np.any(moved > 0.0):
-            continue
-        row = int(np.nanargmax(moved))
+        if np.any(without != with_it):
+            yield Moved(name, without, with_it)
+
+
+def effect_actions(prepared: PreparedProblem, best: Fit) -> dict[str, EffectAction]:
+    """Action of every acting effect of a fit, on the row that it moves most in standard errors."""
+    found = {}
+    for moved in moved_rows(prepared, best):
+        row = int(np.nanargmax(np.abs(moved.acting - moved.without) / prepared.sd))
         observable = prepared.rows.observables[prepared.rows.which[row]]
-        before, after = (float(from_scale(observable, each[[row]])[0]) for each in (without, with_it))
+        before, after = (
+            float(from_scale(observable, each[[row]])[0]) for each in (moved.without, moved.acting)
+        )
         conditions = {name: float(column[row]) for name, column in prepared.rows.conditions.items()}
-        found[name] = EffectAction(observable.name, conditions, before, after)
+        found[moved.effect] = EffectAction(observable.name, conditions, before, after)
     return found
+
+
+def opposed_signs(prepared: PreparedProblem, best: Fit) -> tuple[OpposedSign, ...]:
+    """Observables that effects of a fit move against their sources, by `VISIBLE` standard errors or more.
+
+    An observable is judged by the sum over its rows, in standard errors; scales of the fit grow with values.
+    """
+    found = []
+    stated = {candidate.name: candidate.expected for candidate in prepared.problem.candidates}
+    names = [each.name for each in prepared.rows.observables]
+    for moved in moved_rows(prepared, best):
+        change = (moved.acting - moved.without) / prepared.sd
+        for observable, sign in stated.get(moved.effect, ()):
+            if observable not in names:
+                continue
+            against = -sign * change[prepared.rows.which == names.index(observable)]
+            farthest = float(np.nanmax(against, initial=0.0))
+            if farthest >= VISIBLE and np.nansum(against) > 0.0:
+                told = opposed_sentence(moved.effect, observable, sign, farthest)
+                found.append(OpposedSign(moved.effect, observable, sign, farthest, told))
+    return tuple(found)
+
+
+def opposed_sentence(effect: str, observable: str, expected: int, moved_sd: float) -> str:
+    """The disagreement in words."""
+    here, there = WAYS[expected]
+    return (
+        f"In this model {effect} {here} {observable}, by up to {moved_sd:.2g} standard errors, where its "
+        f"source has it {there}: check the set-up before the name."
+    )

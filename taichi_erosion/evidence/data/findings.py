@@ -279,6 +279,17 @@ class EffectAction:
 
 
 @dataclass(frozen=True)
+class OpposedSign:
+    """An observable that a named effect moves in the model the other way than its source says."""
+
+    effect: str
+    observable: str
+    expected: int  # +1 up, -1 down
+    moved_sd: float  # of the row that it moves farthest that way, in standard errors; against `expected`
+    sentence: str
+
+
+@dataclass(frozen=True)
 class Law:
     """A hypothesis for an effect that no library holds: correction = sum_j c_j prod_i x_i^p_ij."""
 
@@ -426,6 +437,7 @@ class Discovery:
     rows_before: Rows
     rows_after: Rows
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of the effects of the final model
+    opposed: tuple[OpposedSign, ...] = ()  # of the effects of the final model
     faults: tuple[SetUpFault, ...] = ()  # told before everything else
     failures: int
     runs: int

@@ -149,6 +149,7 @@ class Candidate:
     maximum: float = 3.0
     mask: Mask | None = None  # conditions -> where the effect can act at all; None: anywhere
     dose: Callable[[Conditions], Floats] | None = None  # of a law of a mechanism, at strength 1; None: no law
+    expected: tuple[tuple[str, int], ...] = ()  # observable, +1 up or -1 down: what its source says
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,8 @@ def function_candidate(effect: Effect, columns: Mapping[str, str]) -> Candidate:
     """An effect of a file as a candidate, with the priors of its file."""
     acts = partial(mask, effect, dict(columns))
     dose = partial(candidate_doses, effect, dict(columns)) if effect.mechanism else None
-    return Candidate(effect.name, effect.prior_scale, effect.most, acts, dose)
+    signs = tuple(effect.expected.items())
+    return Candidate(effect.name, effect.prior_scale, effect.most, acts, dose, signs)
 
 
 def candidate_doses(law: Effect, columns: Mapping[str, str], conditions: Conditions) -> Floats:

@@ -306,7 +306,7 @@ def library_candidate(
     effect = simulator.library[name]
     acts = partial(can_act, simulator, effect, dict(columns))
     dose = partial(law_doses, simulator, effect, dict(columns)) if effect.mechanism else None
-    known = Candidate(name, effect.prior_scale, effect.most, acts, dose)
+    known = Candidate(name, effect.prior_scale, effect.most, acts, dose, tuple(effect.expected.items()))
     return with_stated(known, prior_scale=entry.prior_scale, maximum=entry.max)
 
 

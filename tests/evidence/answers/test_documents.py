@@ -6,7 +6,7 @@ import pytest
 
 from taichi_erosion.evidence.answers.discover import discovery_of
 from taichi_erosion.evidence.answers.documents import RED_FLAG, discovery_sentences
-from taichi_erosion.evidence.data.findings import NearestHypothesis
+from taichi_erosion.evidence.data.findings import NearestHypothesis, OpposedSign
 
 FAILS = "Even with liquid_bridge the model fails"
 SEED = 1
@@ -39,6 +39,12 @@ def test_a_made_up_effect_that_fits_best_is_told_beside_a_name(found):
     assert RED_FLAG not in discovery_sentences(found)
     assert RED_FLAG in discovery_sentences(replace(found, decoy_rank=1))
     assert RED_FLAG not in discovery_sentences(replace(found, decoy_rank=1, named=()))
+
+
+def test_a_named_effect_that_goes_against_its_source_is_told(found):
+    odd = OpposedSign("liquid_bridge", "flux", -1, 3.0, "In this model liquid_bridge raises flux.")
+    assert odd.sentence in discovery_sentences(replace(found, opposed=(odd,)))
+    assert odd.sentence not in discovery_sentences(replace(found, opposed=(replace(odd, effect="gusts"),)))
 
 
 def test_an_unstable_verdict_gives_no_name(found):

@@ -1,0 +1,169 @@
+"""Drag on every grain of a settled bed in creeping shear, resolved, beside that of the horizontal mean.
+
+python -m doe.bed_wind.exposure SEED...  beds of the simulator, by seed; writes exposure.csv, grain by grain
+python -m doe.bed_wind.exposure          only the table of README.md
+
+The simulator lays down equal spheres on a patch; the method of `stokes.py` then gives the force
+of the flow on each of them, that of `column.py` the drag of the mean wind at its height. Their ratio is what
+neighbours do to single grains. Beside it stands the exposure of a grain: the share of its cross-section
+across the wind that no sphere hides whose centre lies upwind within `REACH` diameters (Agudo et al. 2017).
+
+Reference: Agudo et al. (2017), J. Fluid Mech. 825, 284 (exposed area); Ladd (1994), J. Fluid Mech. 271, 285
+(momentum exchanged where distributions come back from a sphere).
+"""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from doe.bed_wind.column import Blow, Layer, drags_of
+from doe.bed_wind.stokes import CORNERS, OPPOSITE, SHARES, collided, steady, streamed
+from doe.common.cases import parse
+from doe.common.command import words
+from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.scene.change import with_section
+from taichi_erosion.scene.schema.grains import Monodisperse
+from taichi_erosion.simulation import snapshot
+from taichi_erosion.verification.small_scenes import run_to_end
+from taichi_erosion.verification.wind.saltation import REST, SMALLEST, Patch, sand
+
+TABLE = Path(__file__).with_name("exposure.csv")
+SIDE, CELLS = 6.0, 8  # of the patch in diameters; lattice nodes on a diameter
+DEEP, OVER = 3.0, 1.5  # diameters below and above the highest top that are resolved
+REACH = 3.0  # diameters upwind from where a sphere can hide another
+RINGS, SPOKES = 8, 24  # places on a cross-section at which is looked upwind
+WIND, CREEPING = 0.3, 3e-4  # m s-1; m2 s-1, of the column: u* d / nu = 0.25
+COLUMN_LAWS = ("two_limits", "two_limits_hindered")
+
+
+@dataclass(frozen=True)
+class Spheres:
+    """Equal spheres in a periodic box above a plane; lengths in diameters."""
+
+    centre: Floats  # [sphere, 3]
+    side: float
+    lid: float  # height
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """One sphere: forces over the stress of the lid and the square of the diameter."""
+
+    seed: int
+    depth: float  # of its top below the highest one [d]
+    exposure: float
+    resolved: float
+    two_limits: float
+    two_limits_hindered: float
+
+
+def laid_down(seed: int) -> Spheres:
+    """The upper part of a bed of the simulator."""
+    scene = sand(1.0, Patch(0.0, SIDE, SIDE), [REST], {"measure": {}})
+    scene = with_section(scene, "grains", size=Monodisperse(law="monodisperse", diameter=SMALLEST))
+    sim = run_to_end([scene], [seed]).sim
+    centre = snapshot(sim, 0).position / SMALLEST
+    centre[:, 2] -= centre[:, 2].max() + 0.5 - DEEP
+    return Spheres(centre[centre[:, 2] > 0.0], SIDE, DEEP + OVER)
+
+
+def owners(bed: Spheres, cells: int) -> np.ndarray:
+    """Number of the sphere in which each node lies, -1 in the air."""
+    count, high = round(bed.side * cells), round(bed.lid * cells)
+    along, up = (np.arange(count) + 0.5) / cells, (np.arange(high) + 0.5) / cells
+    nodes = np.stack(np.meshgrid(along, along, up, indexing="ij"), axis=-1)
+    found, nearest = np.full(nodes.shape[:3], -1), np.full(nodes.shape[:3], 0.25)
+    for k, centre in enumerate(bed.centre):
+        apart = nodes - centre
+        apart[..., :2] -= bed.side * np.round(apart[..., :2] / bed.side)
+        square = (apart**2).sum(axis=-1)
+        found = np.where(square < nearest, k, found)
+        nearest = np.minimum(square, nearest)
+    return found
+
+
+def resolved_forces(bed: Spheres, cells: int) -> tuple[Floats, float]:
+    """Force along x on every sphere, and that on the lid, in one unit."""
+    owner = owners(bed, cells)
+    solid = owner >= 0
+    after, _ = collided(steady(solid))
+    force, lid = np.zeros(len(bed.centre)), 0.0
+    returned = streamed(after, solid)
+    for q, c in enumerate(CORNERS):
+        if c[0] == 0:
+            continue
+        # what flies against c from here meets the sphere one node back, and comes back along c
+        behind = np.roll(owner, tuple(c), axis=(0, 1, 2))
+        if c[2] > 0:
+            behind[:, :, 0] = -1
+        if c[2] < 0:
+            top = ~solid[:, :, -1]
+            sent = after[OPPOSITE[q]][:, :, -1] + returned[q][:, :, -1] - 2.0 * SHARES[q]
+            lid += float(c[0] * sent[top].sum())
+            behind[:, :, -1] = -1
+        meets = ~solid & (behind >= 0)
+        given = -c[0] * (after[OPPOSITE[q]] + returned[q] - 2.0 * SHARES[q])
+        force += np.bincount(behind[meets], given[meets], len(force))
+    return force, lid
+
+
+def mean_forces(bed: Spheres, law: str) -> Floats:
+    """Drag of the mean wind on every sphere over the stress of the lid and d^2, by a law of drag."""
+    layers = tuple(Layer(float(z), 1.0 / bed.side**2) for z in bed.centre[:, 2])
+    return drags_of(layers, Blow(WIND, SMALLEST, law, turbulent=False, viscosity=CREEPING))
+
+
+def exposures(bed: Spheres) -> Floats:
+    """Share of every cross-section across the wind that no sphere upwind hides."""
+    radius = 0.5 * np.sqrt((np.arange(RINGS) + 0.5) / RINGS)
+    turn = 2.0 * np.pi * (np.arange(SPOKES) + 0.5) / SPOKES
+    spots = np.stack([np.outer(radius, np.cos(turn)), np.outer(radius, np.sin(turn))], axis=-1).reshape(-1, 2)
+    found = []
+    for centre in bed.centre:
+        apart = bed.centre - centre
+        apart[:, :2] -= bed.side * np.round(apart[:, :2] / bed.side)
+        upwind = apart[(apart[:, 0] < 0.0) & (apart[:, 0] > -REACH)]
+        hidden = ((upwind[:, None, 1:] - spots) ** 2).sum(axis=-1) < 0.25
+        found.append(1.0 - hidden.any(axis=0).mean())
+    return np.array(found)
+
+
+def measured(seed: int) -> list[Loaded]:
+    """All spheres of one bed."""
+    bed = laid_down(seed)
+    force, lid = resolved_forces(bed, CELLS)
+    loads = force / lid * bed.side**2
+    means = [mean_forces(bed, law) for law in COLUMN_LAWS]
+    depth = bed.centre[:, 2].max() - bed.centre[:, 2]
+    columns = zip(depth, exposures(bed), loads, *means, strict=True)
+    return [Loaded(seed, *map(float, row)) for row in columns]
+
+
+def read_table() -> list[Loaded]:
+    """All spheres of the table; none where it has not been made yet."""
+    if not TABLE.exists():
+        return []
+    kinds = {f.name: f.type for f in fields(Loaded)}
+    with TABLE.open(encoding="utf-8", newline="") as file:
+        return [Loaded(**{k: parse(kinds[k], v) for k, v in line.items()}) for line in csv.DictReader(file)]
+
+
+def write_table(spheres: Sequence[Loaded]) -> None:
+    """Write all spheres as CSV."""
+    lines = [[f.name for f in fields(Loaded)]]
+    lines += [[f"{cell:.5g}" for cell in asdict(sphere).values()] for sphere in spheres]
+    write_atomic(TABLE, "".join(",".join(line) + "\n" for line in lines).encode())
+
+
+def main(asked: Sequence[str]) -> None:
+    """Simulate the beds that were asked for."""
+    for seed in map(int, asked):
+        write_table([*(sphere for sphere in read_table() if sphere.seed != seed), *measured(seed)])
+
+
+if __name__ == "__main__":
+    main(words(__doc__))
