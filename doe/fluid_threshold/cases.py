@@ -26,7 +26,8 @@ MODULUS, SLEEP = 6e4, 1e-3  # Pa; s at rest after which deep grains are held
 SIDE, GRAINS = 14.0, 784  # of the patch in diameters: four grains on the square of a diameter
 FIRST = 0.07  # of sqrt((s - 1) g d), from where winds grow [1]
 FORCES = ("near_wall_drag", "rotational_drag", "shear_lift", "turbulent_gusts", "dry_adhesion")
-WITH, BARE = "forces", "bare"
+WITH, HINDERED, BARE = "forces", "hindered", "bare"  # kinds of cases
+LAW = 'wind.drag="two_limits_hindered"'
 DIAMETERS = (1.0, 0.5, 0.25, 0.15, 0.1)  # mm
 BEDS = 5
 KEPT = 1  # rounds of bisection after the step of six percent
@@ -47,7 +48,7 @@ class Bed:
 
 def names() -> list[str]:
     """All cases, in the order in which they are simulated."""
-    return [f"{kind}/{size:g}" for kind in (WITH, BARE) for size in DIAMETERS]
+    return [f"{kind}/{size:g}" for kind in (HINDERED, WITH, BARE) for size in DIAMETERS]
 
 
 def case_of(name: str) -> Case:
@@ -64,7 +65,8 @@ def case_of(name: str) -> Case:
         f"wind.sleep_after={SLEEP * sqrt(ratio):.4g}",
         f"threshold.first={first:.4g}",
         f"threshold.levels={KEPT}",
-        *(f"effects.{effect}.strength=1" for effect in (FORCES if kind == WITH else ())),
+        *(f"effects.{effect}.strength=1" for effect in (FORCES if kind != BARE else ())),
+        *((LAW,) if kind == HINDERED else ()),
     )
     return Case("fluid", name, settings(*orders), BEDS)
 

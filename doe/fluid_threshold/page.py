@@ -4,10 +4,16 @@ from collections.abc import Mapping, Sequence
 from math import exp, sqrt
 from pathlib import Path
 
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
 import scipy
 
-from doe.fluid_threshold.cases import BARE, FOLDER, MILLI, SIDE, WITH, Bed
+from doe.common.cases import ROOT
+from doe.fluid_threshold.cases import BARE, FOLDER, HINDERED, MILLI, SIDE, WITH, Bed
+from doe.wind.blown_sand import OURS, THEIRS
 from doe.wind.shares import shown
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
@@ -16,6 +22,8 @@ from taichi_erosion.report.markdown import fill_tables, markdown_table
 from taichi_erosion.verification.reference.hopping import GRAVITY
 
 PAGE = FOLDER / "README.md"
+PICTURE = ROOT / "docs" / "pictures" / "fluid_threshold.png"
+KINDS = {WITH: "drag of a grain alone", HINDERED: "drag among others"}
 VISCOSITY = 1.46e-5  # m2 s-1, of the scene's air
 COHESION = 6e-7  # kg m^0.5 s-2, of Iversen & White
 HOLD, SHARE, LONGER = 0.3, 0.01, 5.0  # s; share of the surface grains; s of a tunnel's watch
@@ -65,46 +73,67 @@ def pooled(found: Found, case: str) -> Measurement | None:
 
 def diameters(found: Found) -> list[float]:
     """Diameters that were simulated with all forces [mm]."""
-    return sorted(float(case.split("/")[1]) for case in found if case.startswith(f"{WITH}/"))
+    return sorted({float(case.split("/")[1]) for case in found if not case.startswith(f"{BARE}/")})
 
 
-def longer_watch(found: Found, size: float) -> str:
+def longer_watch(found: Found, case: str) -> str:
     """Threshold of one percent of the surface grains of a square metre in five seconds, Weibull's law."""
-    diameter = MILLI * size
+    diameter = MILLI * float(case.split("/")[1])
     area = (SIDE * diameter) ** 2
     patch = Watch(area, HOLD, max(1, int(np.ceil(SHARE * SIDE**2))))
     asked = Watch(FLOOR, LONGER, round(SHARE * FLOOR / diameter**2))
-    return shown(criterion_threshold("threshold", list(found[f"{WITH}/{size:g}"].values()), patch, asked))
+    return shown(criterion_threshold("threshold", list(found[case].values()), patch, asked))
+
+
+def kind_cells(found: Found, case: str, curve: float) -> list[str]:
+    """Beds of a case, threshold, difference from the curve [m s-1], and threshold of the longer watch."""
+    if (whole := pooled(found, case)) is None:
+        return ["", "", "", ""]
+    difference = f"{100.0 * (whole.value / curve - 1.0):+.0f} %"
+    return [str(len(found[case])), shown(whole), difference, longer_watch(found, case)]
 
 
 def size_table(found: Found) -> str:
-    """Threshold of every diameter with the forces on and off, beside the curve fitted to tunnels."""
-    header = (
-        "d [mm]",
-        "beds",
-        "drag alone: u* [m/s]",
-        "with all forces: u* [m/s]",
-        "the same, 1 % in 5 s",
-        "Iversen & White: u* [m/s]",
-        "difference",
-    )
+    """Threshold of every diameter, by the law of drag, beside the curve fitted to tunnels."""
+    header = ["d [mm]", "Iversen & White: u* [m/s]", "drag alone: u* [m/s]"]
+    for law in KINDS.values():
+        header += [f"beds, {law}", "u* [m/s]", "difference", "1 % in 5 s: u* [m/s]"]
     rows = []
     for size in diameters(found):
-        whole, bare = pooled(found, f"{WITH}/{size:g}"), pooled(found, f"{BARE}/{size:g}")
-        assert whole is not None
-        curve = iversen_white(MILLI * size)
-        rows.append(
-            (
-                f"{size:g}",
-                str(len(found[f"{WITH}/{size:g}"])),
-                "" if bare is None else shown(bare),
-                shown(whole),
-                longer_watch(found, size),
-                f"{curve:.3f}",
-                f"{100.0 * (whole.value / curve - 1.0):+.0f} %",
-            )
-        )
+        bare, curve = pooled(found, f"{BARE}/{size:g}"), iversen_white(MILLI * size)
+        cells = [f"{size:g}", f"{curve:.3f}", "" if bare is None else shown(bare)]
+        for kind in KINDS:
+            cells += kind_cells(found, f"{kind}/{size:g}", curve)
+        rows.append(cells)
     return markdown_table(header, rows)
+
+
+def draw(beds: Sequence[Bed], file: Path = PICTURE) -> None:
+    """Thresholds against diameter beside the curve, with their intervals."""
+    found = found_in(beds)
+    figure, frame = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+    grid = np.geomspace(0.05, 1.5, 100)
+    curve = [iversen_white(MILLI * size) for size in grid]
+    frame.plot(grid, curve, "-", color=THEIRS, label="Iversen & White (1982)")
+    frame.fill_between(
+        grid, 0.8 * np.array(curve), 1.2 * np.array(curve), color=THEIRS, alpha=0.12, label="± 20 %"
+    )
+    for (kind, law), marker, shift in zip(KINDS.items(), "os", (1.02, 0.98), strict=True):
+        points = [(size, one) for size in diameters(found) if (one := pooled(found, f"{kind}/{size:g}"))]
+        if points:
+            sizes, values = np.array([size for size, _ in points]), np.array([one.value for _, one in points])
+            ends = np.array([[one.details["interval"][end] for _, one in points] for end in ("low", "high")])
+            frame.errorbar(
+                shift * sizes, values, np.abs(ends - values), fmt=marker, color=OURS, label=f"beds, {law}",
+                mfc="none" if kind == WITH else OURS,
+            )  # fmt: skip
+    frame.set(xscale="log", yscale="log", xlabel="diameter [mm]", ylabel="fluid threshold u* [m/s]")
+    for axis in (frame.xaxis, frame.yaxis):
+        axis.set_major_formatter("{x:g}")
+    frame.yaxis.set_minor_formatter("{x:g}")
+    frame.legend(frameon=False, fontsize=8)
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
 
 
 def publish(beds: Sequence[Bed], page: Path = PAGE) -> None:

@@ -1,20 +1,21 @@
 """The wind that starts beds of sand of five diameters, under drag alone and with forces on a grain at rest.
 
 python -m doe.fluid_threshold.run            every case that has no beds yet; writes beds.csv
-python -m doe.fluid_threshold.run CASE...    some anew: forces/0.25, bare/0.25, ...
-python -m doe.fluid_threshold.run --page     only the table of README.md, from beds.csv
+python -m doe.fluid_threshold.run CASE...    some anew: hindered/0.25, forces/0.25, bare/0.25, ...
+python -m doe.fluid_threshold.run --page     only the table of README.md and the figure, from beds.csv
 
 `scenes/wind_threshold.toml` with nearly uniform quartz instead of the published soil: sizes, stiffness and
 patch in diameters, the time until grains sleep with the root of the diameter. `forces` are drag near the
-wall, torque of the shear, lift, gusts and dry adhesion at their published sizes; `bare` has drag alone. All
-cases have the same seeds.
+wall, torque of the shear, lift, gusts and dry adhesion at their published sizes; `hindered` has these and
+the law of drag for grains among others, `two_limits_hindered`; `bare` has drag alone. All cases have the same
+seeds.
 """
 
 from collections.abc import Sequence
 
 from doe.common.command import words
 from doe.fluid_threshold.cases import names, read_beds, simulate, write_beds
-from doe.fluid_threshold.page import publish
+from doe.fluid_threshold.page import draw, publish
 
 
 def main(asked: Sequence[str]) -> None:
@@ -24,6 +25,7 @@ def main(asked: Sequence[str]) -> None:
         for name in asked or [name for name in names() if name not in done]:
             write_beds(simulate(name))
     publish(read_beds())
+    draw(read_beds())
 
 
 if __name__ == "__main__":
