@@ -53,7 +53,7 @@ def effect_actions(prepared: PreparedProblem, best: Fit) -> dict[str, EffectActi
 def opposed_signs(prepared: PreparedProblem, best: Fit) -> tuple[OpposedSign, ...]:
     """Observables that effects of a fit move against their sources, by `VISIBLE` standard errors or more.
 
-    An observable is judged by the sum over its rows, in standard errors; scales of the fit grow with values.
+    The farthest row and the sum of all have to go against it. Scales of the fit grow with values.
     """
     found = []
     stated = {candidate.name: candidate.expected for candidate in prepared.problem.candidates}
@@ -65,7 +65,7 @@ def opposed_signs(prepared: PreparedProblem, best: Fit) -> tuple[OpposedSign, ..
                 continue
             against = -sign * change[prepared.rows.which == names.index(observable)]
             farthest = float(np.nanmax(against, initial=0.0))
-            if farthest >= VISIBLE and np.nansum(against) > 0.0:
+            if min(farthest, float(np.nansum(against))) >= VISIBLE:
                 told = opposed_sentence(moved.effect, observable, sign, farthest)
                 found.append(OpposedSign(moved.effect, observable, sign, farthest, told))
     return tuple(found)
