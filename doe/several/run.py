@@ -32,6 +32,7 @@ FOLDER = Path(__file__).parent
 COUNTS = {  # set -> kind -> cases
     "first": {"null": 30, "single": 20, "pair": 25, "triple": 40, "quadruple": 10, "beyond": 30},
     "fresh": {"triple": 60, "quadruple": 15, "pair": 15, "null": 10, "single": 10, "beyond": 10},
+    "anew": {"pair": 25, "triple": 20, "quadruple": 15, "null": 20},
 }
 app = typer.Typer()
 
