@@ -6,10 +6,18 @@ model has replicate noise of its own, part of which paired seeds may not share.
 """
 
 from dataclasses import dataclass, field
+from math import sqrt
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Measurements, Transform
+from taichi_erosion.evidence.data.problem import (
+    Conditions,
+    Floats,
+    Integers,
+    Measurements,
+    Transform,
+    row_count,
+)
 from taichi_erosion.evidence.models import reduced
 
 RANGES: dict[str, tuple[float, float, bool]] = {  # condition -> low, high, spread over its logarithm
@@ -51,14 +59,31 @@ class Truth:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Rows of one observable under their conditions."""
+
+    columns: tuple[Floats, ...]  # as they were given
+    count: int
+    at: Conditions  # with every default
+    states: np.ndarray  # a number for every row that its observable and conditions make
+    drawn: dict[bytes, Floats] = field(default_factory=dict)
+
+    def kick(self, seeds: Integers) -> Floats:
+        """What paired seeds share."""
+        key = seeds.tobytes()
+        if key not in self.drawn:
+            self.drawn[key] = reduced.disturbance_of(self.states, seeds)
+        return self.drawn[key]
+
+
+@dataclass(frozen=True)
 class CaseModel:
     """The reduced model with a chosen scatter; part of it may be chaotic, different at every setting."""
 
     scatter: float  # of one seed, over that of one measured row
     chaos: float  # share of the variance that paired seeds do not share
     aliases: dict[str, str]  # candidate -> law
-    drawn: dict[tuple[str, bytes, bytes], Floats] = field(default_factory=dict)
-    states: dict[tuple[str, bytes], np.ndarray] = field(default_factory=dict)
+    states: dict[tuple[str, tuple[int, ...]], Place] = field(default_factory=dict)
 
     def __call__(
         self,
@@ -73,26 +98,33 @@ class CaseModel:
             if strength != 0.0:
                 law = self.aliases.get(name, name)
                 acting[law] = acting.get(law, 0.0) + strength
-        value = reduced.expected(observable, conditions, parameters, acting)
+        place = self.place(observable, conditions)
+        value = reduced.expected_at(observable, place.count, place.at, parameters, acting)
         if self.scatter == 0.0:
             return np.repeat(value[np.newaxis], seeds.size, axis=0)
-        place = (observable, b"".join(column.tobytes() for column in conditions.values()))
-        if place not in self.states:
-            self.states[place] = reduced.row_states(observable, conditions)
-        kick = np.sqrt(1.0 - self.chaos) * self.kick(place, seeds)
+        kick = sqrt(1.0 - self.chaos) * place.kick(seeds)
         if self.chaos > 0.0:
             setting = np.array([*parameters.values(), *effects.values()]).view(np.uint64)
             other = seeds.astype(np.uint64) ^ np.bitwise_xor.reduce(reduced.scrambled(setting))
-            kick = kick + np.sqrt(self.chaos) * reduced.disturbance_of(self.states[place], other)
+            kick = kick + sqrt(self.chaos) * reduced.disturbance_of(place.states, other)
         kick = kick * self.scatter * NOISE[observable]
         return value + kick if observable == "repose_angle" else value * np.exp(kick)
 
-    def kick(self, place: tuple[str, bytes], seeds: Integers) -> Floats:
-        """What paired seeds share."""
-        key = (*place, seeds.tobytes())
-        if key not in self.drawn:
-            self.drawn[key] = reduced.disturbance_of(self.states[place], seeds)
-        return self.drawn[key]
+    def place(self, observable: str, conditions: Conditions) -> Place:
+        """What does not depend on the setting, kept for rows whose conditions cannot change."""
+        columns = tuple(conditions.values())
+        key = (observable, tuple(map(id, columns)))
+        found = self.states.get(key)
+        if found is None or any(own is not given for own, given in zip(found.columns, columns, strict=True)):
+            found = Place(
+                columns,
+                row_count(conditions),
+                reduced.complete_conditions(conditions),
+                reduced.row_states(observable, conditions),
+            )
+            if not any(column.flags.writeable for column in columns):
+                self.states[key] = found
+        return found
 
 
 def drawn_condition(generator: np.random.Generator, name: str, count: int) -> Floats:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from taichi_erosion.evidence.data.findings import (
     MisfitPlace,
@@ -64,12 +64,26 @@ ASK_REPEATS = (
 def quadratic_form_p(value: Floats | float, matrix: Floats) -> Floats:
     """P(sum lambda_j chi^2_1 > value), lambda of a matrix, by matching three moments to a shifted chi^2."""
     square = matrix @ matrix  # sums of powers of the eigenvalues are traces
-    first, second, third = float(np.trace(matrix)), float(np.trace(square)), float(np.sum(square * matrix))
+    traces = float(np.trace(matrix)), float(np.trace(square)), float(np.sum(square * matrix))
+    return shifted_chi2_p(value, traces)
+
+
+def shifted_chi2_p(value: Floats | float, traces: tuple[float, float, float]) -> Floats:
+    """The same from the traces of the first three powers of the matrix."""
+    first, second, third = traces
     if second <= 0.0 or third <= 0.0:
         return np.ones_like(value)
     freedom = second**3 / third**2
     position = (value - first) * np.sqrt(freedom / second) + freedom
-    return np.asarray(stats.chi2.sf(np.maximum(position, 0.0), freedom), dtype=np.float64)
+    return np.asarray(special.chdtrc(freedom, np.maximum(position, 0.0)), dtype=np.float64)
+
+
+def projection_traces(basis: Floats) -> tuple[float, float, float]:
+    """Traces of the first three powers of 1 - B B^T, B (n, d), from those of B^T B."""
+    small = basis.T @ basis
+    square, size = small @ small, basis.shape[0]
+    first, second, third = float(np.trace(small)), float(np.trace(square)), float(np.sum(square * small))
+    return size - first, size - 2.0 * first + second, size - 3.0 * (first - second) - third
 
 
 def misfit_p(prepared: PreparedProblem, expansion: Expansion, released: bool = False) -> float:
@@ -89,8 +103,7 @@ def misfit_p_by_noise(
     value = float(left.free @ left.free)
     if not released:
         value += max(left.promised - promise_limit(prepared), 0.0)
-    matrix = np.eye(left.whole.size) - left.row_basis @ left.row_basis.T
-    return quadratic_form_p(value / factors**2, matrix)
+    return shifted_chi2_p(value / factors**2, projection_traces(left.row_basis))
 
 
 def promise_limit(prepared: PreparedProblem) -> float:
@@ -424,7 +437,7 @@ def observable_misfits(
     for observable, chosen in prepared.by_observable():
         gap = (table.measured - table.predicted)[chosen]
         count, part, free, whole = gap.size, left.row_basis[chosen], left.free[chosen], left.whole[chosen]
-        p = float(quadratic_form_p(float(free @ free), np.eye(count) - part @ part.T))
+        p = float(shifted_chi2_p(float(free @ free), projection_traces(part)))
         rmse = float(np.sqrt(np.mean(gap**2)))
         found[observable.name] = ObservableMisfit(count, float(whole @ whole), rmse, float(gap.mean()), p)
     return found

@@ -10,13 +10,13 @@ Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import inf
 
 import numpy as np
 from scipy import interpolate, special
 
-from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, stack, working
+from taichi_erosion.evidence.data.least_squares import ColumnRows
+from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, stack
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
@@ -144,8 +144,8 @@ def projected_residual(
         np.zeros(x.size, dtype=np.bool_) if released else outward(prepared, expansion, columns, shared, below)
     )
     columns[:, stuck] = 0.0
-    part, alone = projection(columns, shared, loose), projection(0.0 * columns, shared, loose)
-    stacked, fixed = part.free(below), alone.free(below)
+    part, alone = projection(columns, shared, loose), projection(columns[:, :0], shared)
+    stacked, fixed = part.free(below), alone.free(np.delete(below, slice(scale.size, scale.size + x.size)))
     promised = (
         float(fixed @ fixed) - float(stacked @ stacked) + float(np.sum(expansion.fit.x[~stuck[loose:]] ** 2))
     )
@@ -325,31 +325,44 @@ def columns_of(prepared: PreparedProblem, expansion: Expansion) -> StrengthColum
     return StrengthColumns(change.T, start.T, prior, penalty, centre)
 
 
+@dataclass(frozen=True)
+class StrengthRows:
+    """A hypothesis at all its strengths side by side."""
+
+    expansion: Expansion
+    columns: StrengthColumns
+    rows: ColumnRows  # slopes of calibrated numbers and shared errors, residuals at every strength
+
+
+def strength_rows(prepared: PreparedProblem, expansion: Expansion) -> StrengthRows:
+    """Rows of a hypothesis, whitened at noise factor 1."""
+    columns, sd = columns_of(prepared, expansion), prepared.sd[:, np.newaxis]
+    residual = ((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd
+    design = np.hstack([expansion.jacobian, expansion.shared]) / sd
+    return StrengthRows(expansion, columns, ColumnRows(design, residual, prepared.white_reach))
+
+
 def score(prepared: PreparedProblem, expansion: Expansion) -> ScoredHypothesis:
     """Ln Z of a hypothesis for every noise factor; -inf where the model fails at its best fit."""
     factors = prepared.doubt.factor
     if not expansion.finite:
         return ScoredHypothesis(expansion, (), np.full(factors.size, -inf))
-    expansion = judged_grids(prepared, expansion)
-    columns = columns_of(prepared, expansion)
-    rows = None if prepared.rows.censored.any() else StrengthRows(prepared, expansion, columns)
-    found = tuple(likelihood(prepared, expansion, columns, float(factor), rows) for factor in factors)
-    values = np.array([log_sum_exp(each.log_likelihood + columns.log_prior) for each in found])
-    return ScoredHypothesis(expansion, found, values)
+    at = judged_grids(prepared, strength_rows(prepared, expansion))
+    found = tuple(likelihood(prepared, at, float(factor)) for factor in factors)
+    values = np.array([log_sum_exp(each.log_likelihood + at.columns.log_prior) for each in found])
+    return ScoredHypothesis(at.expansion, found, values)
 
 
-def judged_grids(prepared: PreparedProblem, expansion: Expansion) -> Expansion:
+def judged_grids(prepared: PreparedProblem, at: StrengthRows) -> StrengthRows:
     """The same with every path's grid about what the judging likelihood says, where it lies elsewhere.
 
     A grid is laid about the fit, which other seeds made; between kinks its slopes may tell a wrong width.
     """
-    paths, fit = expansion.paths, expansion.fit
+    paths, fit = at.expansion.paths, at.expansion.fit
     if not paths:
-        return expansion
+        return at
     factor = float(prepared.doubt.factor[int(np.argmax(prepared.doubt.log_weight))])
-    columns = columns_of(prepared, expansion)
-    rows = None if prepared.rows.censored.any() else StrengthRows(prepared, expansion, columns)
-    table = likelihood(prepared, expansion, columns, factor, rows).log_likelihood + columns.log_prior
+    table = likelihood(prepared, at, factor).log_likelihood + at.columns.log_prior
     table = np.exp(table - log_sum_exp(table)).reshape([path.grid.size for path in paths])
     moved = []
     for index, path in enumerate(paths):
@@ -363,131 +376,29 @@ def judged_grids(prepared: PreparedProblem, expansion: Expansion) -> Expansion:
             continue
         grid = strength_grid(path.runs, len(paths), centre, spread)
         moved.append(path_on(prepared, fit, index, path.runs, grid))
-    return replace(expansion, paths=tuple(moved))
+    if all(new is path for new, path in zip(moved, paths, strict=True)):
+        return at
+    return strength_rows(prepared, replace(at.expansion, paths=tuple(moved)))
 
 
-@dataclass(frozen=True)
-class StrengthRows:
-    """Rows that are all ordinary, whitened at noise factor 1, at every strength of a hypothesis."""
-
-    prepared: PreparedProblem
-    expansion: Expansion
-    columns: StrengthColumns
-
-    @cached_property
-    def design(self) -> Floats:
-        """Slopes D of calibrated numbers and shared errors (n, d)."""
-        parts = [self.expansion.jacobian, self.expansion.shared]
-        return np.hstack(parts) / self.prepared.sd[:, np.newaxis]
-
-    @cached_property
-    def residual(self) -> Floats:
-        """Residuals e (n, columns)."""
-        gap = (self.prepared.rows.z - self.expansion.mean)[:, np.newaxis] - self.columns.change
-        return gap / self.prepared.sd[:, np.newaxis]
-
-    @cached_property
-    def vector(self) -> Floats:
-        """D^T e (d, columns)."""
-        return self.design.T @ self.residual
-
-    @cached_property
-    def square(self) -> Floats:
-        """|e|^2 (columns,)."""
-        return np.einsum("ij,ij->j", self.residual, self.residual)
-
-
-def likelihood(
-    prepared: PreparedProblem,
-    expansion: Expansion,
-    columns: StrengthColumns,
-    factor: float,
-    rows: StrengthRows | None,
-) -> StrengthLikelihood:
-    """Likelihood along all strengths at one noise factor; slopes may not promise more than refits found.
-
-    `rows` where none is censored: then what does not depend on the factor is computed once.
-    """
-    sd, censored = factor * prepared.sd, prepared.rows.censored
-    shared, reach = expansion.shared / sd[:, np.newaxis], prepared.white_reach / factor
-    if rows is None:
-        jacobian = expansion.jacobian / sd[:, np.newaxis]
-        residual = ((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd[:, np.newaxis]
-        found = censored_least_squares(prepared, (jacobian, shared), residual, columns.x, reach)
-        centre = residual[:, columns.centre]
-    else:
-        found, centre = least_squares(rows, factor), rows.residual[:, columns.centre] / factor
-    x = columns.x[:, columns.centre]
-    start = deviance(centre, shared, reach) + float(x @ x)
+def likelihood(prepared: PreparedProblem, at: StrengthRows, factor: float) -> StrengthLikelihood:
+    """Likelihood along all strengths at one noise factor; slopes may not promise more than refits found."""
+    columns, count = at.columns, len(prepared.axes)
+    x, penalty, centre = columns.x, columns.penalty, columns.centre
+    start = np.vstack([x, np.zeros((at.rows.design.shape[1] - count, x.shape[1]))])
+    found, own = at.rows.solved(start, factor), slice(count, count + len(prepared.levels))
+    shared, reach = at.rows.design[:, count:] / factor, prepared.white_reach / factor
+    least = deviance(at.rows.residual[:, centre] / factor, shared, reach) + float(x[:, centre] @ x[:, centre])
     undercut = UNDERCUT_NOISY if prepared.noisy else UNDERCUT
-    floor = start + columns.penalty[columns.centre] - undercut
-    misfit = np.maximum(found.misfit + columns.penalty, floor) - columns.penalty
-    level = -float(np.sum(np.log(sd[~censored])))
-    volume = found.log_volume
+    misfit = np.maximum(found.misfit + penalty, least + penalty[centre] - undercut) - penalty
+    change, own_covariance = found.change[:count], found.covariance[..., own, own]
+    volume = log_bound_share(prepared, x, change, found.sd(count)) - 0.5 * found.log_determinant
     if prepared.levels:
-        volume = volume + log_level_share(found.levels, found.level_covariance)
+        volume = volume + log_level_share(found.change[own], own_covariance)
+    level = -float(np.sum(np.log(factor * prepared.sd[~prepared.rows.censored])))
+    covariance = found.of(int(np.argmin(found.misfit)))[:count, :count]
     return StrengthLikelihood(
-        level - 0.5 * misfit + volume, found.position, found.covariance, found.levels, found.level_covariance
-    )
-
-
-@dataclass(frozen=True)
-class LeastSquares:
-    """Least squares over columns of residuals."""
-
-    misfit: Floats  # (columns,)
-    log_volume: Floats  # (columns,), -1/2 ln |A| + ln box
-    position: Floats  # (p, columns)
-    covariance: Floats  # (p, p), at the best column
-    levels: Floats  # (q, columns)
-    level_covariance: Floats  # (q, q), or (columns, q, q)
-
-
-def least_squares(rows: StrengthRows, factor: float) -> LeastSquares:
-    """Closed form for rows that are all ordinary: one matrix serves every column.
-
-    A = D^T D / f^2 + 1,   t = A^-1 (D^T e / f^2 - [x; 0]),   misfit = |e|^2 / f^2 + |x|^2 - t^T A t
-    """
-    prepared, x = rows.prepared, rows.columns.x
-    count, own = len(prepared.axes), slice(len(prepared.axes), len(prepared.axes) + len(prepared.levels))
-    matrix = rows.design.T @ rows.design / factor**2 + np.eye(rows.design.shape[1])
-    vector = rows.vector / factor**2
-    vector[:count] -= x
-    covariance = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    solved = covariance @ vector
-    misfit = rows.square / factor**2 + np.einsum("ij,ij->j", x, x) - np.einsum("ij,ij->j", vector, solved)
-    sd = np.sqrt(np.diag(covariance)[:count])[:, np.newaxis]
-    box = log_bound_share(prepared, x, solved[:count], sd) - 0.5 * np.linalg.slogdet(matrix)[1]
-    inner = covariance[:count, :count]
-    return LeastSquares(misfit, box, x + solved[:count], inner, solved[own], covariance[own, own])
-
-
-def censored_least_squares(
-    prepared: PreparedProblem,
-    slopes_of_rows: tuple[Floats, Floats],
-    residual: Floats,
-    x: Floats,
-    reach: Floats,
-) -> LeastSquares:
-    """Every column in the working weights that its own censored rows have, all columns at once."""
-    (_, shared), count, columns = slopes_of_rows, len(prepared.axes), x.shape[1]
-    work = working(residual, reach)
-    slopes = np.hstack(slopes_of_rows)[np.newaxis]
-    design = slopes * work.weight.T[:, :, np.newaxis]  # (columns, n, p + q)
-    matrix = np.einsum("cni,cnj->cij", design, design) + np.eye(design.shape[2])
-    below = np.vstack([x, np.zeros((shared.shape[1], columns))]).T
-    gradient = np.einsum("cni,nc->ci", design, work.residual) - below
-    inverse = np.linalg.inv(matrix)
-    step = np.einsum("cij,cj->ci", inverse, gradient)
-    left = work.residual - np.einsum("cni,ci->nc", design, step)
-    above = work.deviances - np.einsum("nc,nc->c", work.residual, work.residual)
-    misfit = np.einsum("nc,nc->c", left, left) + np.sum((below + step) ** 2, axis=1) + above
-    change = step[:, :count].T
-    sd = np.sqrt(np.einsum("cii->ic", inverse)[:count])
-    volume = log_bound_share(prepared, x, change, sd) - 0.5 * np.linalg.slogdet(matrix)[1]
-    best, own = int(np.argmin(misfit)), slice(count, count + len(prepared.levels))
-    return LeastSquares(
-        misfit, volume, x + change, inverse[best, :count, :count], step[:, own].T, inverse[:, own, own]
+        level - 0.5 * misfit + volume, x + change, covariance, found.change[own], own_covariance
     )
 
 

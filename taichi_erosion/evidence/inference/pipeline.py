@@ -413,9 +413,11 @@ def seed_stability(fitted: FittedHypotheses, decision: Decision) -> tuple[float,
 
 def mean_over_seeds(prepared: PreparedProblem, best: Fit) -> Floats:
     """Mean of a fit over the scoring seeds, out of runs with more seeds where there are any."""
+    setting = best.x.tobytes(), tuple(sorted(best.acting().items()))
     for (x, acting, seeds), values in prepared.predictor.cache.items():
+        if (x, acting) != setting:
+            continue
         drawn = np.frombuffer(seeds, dtype=np.int64)
-        same = x == best.x.tobytes() and dict(acting) == best.acting()
-        if same and np.isin(prepared.seeds.scoring, drawn).all():
+        if np.isin(prepared.seeds.scoring, drawn).all():
             return seed_mean(values[np.isin(drawn, prepared.seeds.scoring)])
     return prepared.predictor.mean(best.x, best.acting(), prepared.seeds.scoring)

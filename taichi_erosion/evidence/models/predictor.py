@@ -157,6 +157,9 @@ def seed_mean(values: Floats) -> Floats:
     """Mean over the seeds that succeeded."""
     if values.shape[0] == 1:
         return values[0]
+    mean = np.add.reduce(values, axis=0) / values.shape[0]
+    if np.isfinite(np.add.reduce(mean)):  # all succeeded
+        return mean
     good = np.isfinite(values)
     count = good.sum(axis=0)
     total = np.where(good, values, 0.0).sum(axis=0)

@@ -192,6 +192,8 @@ SCATTER = {
     "repose_angle": 0.5,
 }  # of one seed: relative, relative, deg
 DEFAULT_COLUMNS: Conditions = {name: np.asarray(value) for name, value in DEFAULTS.items()}
+GOLDEN, LAST_SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(31)  # of splitmix64
+MIXERS = ((np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)), (np.uint64(27), np.uint64(0x94D049BB133111EB)))
 DEGREES_PER_ROLLING = 15.0  # deg per unit of rolling friction, from heaps of spheres
 
 
@@ -207,9 +209,13 @@ def predict(
 def expected(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
     """The model without its scatter."""
     at = complete_conditions(conditions)
-    given = {**PARAMETERS, **parameters}
+    return expected_at(observable, row_count(conditions), at, parameters, effects)
+
+
+def expected_at(observable: str, count: int, at: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
+    """The same in `count` rows under complete conditions."""
     shifts = [EFFECTS[k](v, at) for k, v in effects.items() if v != 0.0]
-    return shifted(observable, row_count(conditions), at, given, shifts)
+    return shifted(observable, count, at, {**PARAMETERS, **parameters}, shifts)
 
 
 def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts: list[Shift]) -> Floats:
@@ -267,7 +273,9 @@ def row_states(observable: str, conditions: Conditions) -> np.ndarray:
 
 def scrambled(state: np.ndarray) -> np.ndarray:
     """One step of splitmix64: every bit of the result depends on every bit of the state."""
-    state = state + np.uint64(0x9E3779B97F4A7C15)
-    state = (state ^ np.right_shift(state, np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    state = (state ^ np.right_shift(state, np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return state ^ np.right_shift(state, np.uint64(31))
+    state = state + GOLDEN
+    for shift, factor in MIXERS:
+        state ^= np.right_shift(state, shift)
+        state *= factor
+    state ^= np.right_shift(state, LAST_SHIFT)
+    return state

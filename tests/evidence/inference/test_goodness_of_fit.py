@@ -12,6 +12,7 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     failing_range,
     holm,
     place_sentence,
+    projection_traces,
     quadratic_form_p,
     run_from,
 )
@@ -21,6 +22,13 @@ def test_a_quadratic_form_of_equal_weights_is_chi_square():
     for value in (2.0, 7.0, 20.0):
         assert quadratic_form_p(3.0 * value, 3.0 * np.eye(5)) == pytest.approx(stats.chi2.sf(value, 5))
     assert quadratic_form_p(1.0, np.zeros((3, 3))) == 1.0, "nothing is left to test"
+
+
+def test_powers_of_what_calibration_leaves_have_the_traces_of_the_whole_matrix():
+    basis = np.linalg.qr(np.random.default_rng(2).standard_normal((9, 3)))[0][:7]  # rows of a larger basis
+    matrix = np.eye(7) - basis @ basis.T
+    powers = [np.trace(np.linalg.matrix_power(matrix, k)) for k in (1, 2, 3)]
+    assert projection_traces(basis) == pytest.approx(tuple(powers))
 
 
 def test_holm_multiplies_by_the_tests_that_are_left():

@@ -36,11 +36,8 @@ def log_level_sets(best: Floats, covariance: Floats) -> Floats:
         rest = [k for k in range(best.shape[0]) if k not in chosen]
         if rest:
             part, mean = covariance[..., rest, :][..., rest], best[rest].T
-            squares = (
-                np.einsum("ci,...ij,cj->c", mean, np.linalg.inv(part), mean)
-                if part.ndim == 2
-                else np.einsum("ci,cij,cj->c", mean, np.linalg.inv(part), mean)
-            )
+            solved = (np.linalg.inv(part) @ mean[:, :, np.newaxis])[..., 0]
+            squares = np.einsum("ci,ci->c", mean, solved)
             found[row] -= 0.5 * (squares + np.linalg.slogdet(part)[1])
     return found
 
