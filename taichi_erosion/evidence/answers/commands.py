@@ -12,6 +12,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import documents
 from taichi_erosion.evidence.answers.adopt import adopt, judged
 from taichi_erosion.evidence.answers.compare import compare
+from taichi_erosion.evidence.answers.discover import Answer
 from taichi_erosion.evidence.answers.documents import Command, Document
 from taichi_erosion.evidence.answers.mechanism_experiments import mechanism_experiments
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
@@ -38,6 +39,7 @@ from taichi_erosion.evidence.answers.set_up import (
     source_faults,
     table_faults,
 )
+from taichi_erosion.evidence.answers.tested_answer import tested
 from taichi_erosion.evidence.data.findings import (
     Adoption,
     Comparison,
@@ -92,19 +94,21 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
     with open_study(path, options) as study:
         seed, spent = study.file.study.seed, study.problem.budget.name
 
-        def answer(ready: Study, progress: Progress) -> Discovery:
+        def answer(ready: Study, progress: Progress) -> Answer:
             return discovery(ready, seed, progress)
 
         question = Question(
             "discover",
             answer,
-            discovery_points,
+            lambda found: discovery_points(found.record),
             names_of(study),
             ahead=bool(study.file.laboratory.ranges),
-            required=required_points,
-            beyond=asks_mechanisms,
+            required=lambda found: required_points(found.record),
+            beyond=lambda found: asks_mechanisms(found.record),
+            tested=tested,
         )
-        found, ready = answered(study, spent, question, progress)
+        told, ready = answered(study, spent, question, progress)
+        found = told.record
         document = documents.record(with_experiments(ready, found)) | {"budget": spent}
         return stored(ready, "discover", document | vault_of(study, found), start)
 
@@ -180,7 +184,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         seed, budget = study.file.study.seed, last_budget(study)
 
         def answer(ready: Study, progress: Progress) -> Discovery:
-            return with_experiments(ready, discovery(ready, seed, progress))
+            return with_experiments(ready, discovery(ready, seed, progress).record)
 
         question = Question(
             "next", answer, discovery_points, names_of(study), ahead=True, beyond=asks_mechanisms

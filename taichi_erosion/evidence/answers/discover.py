@@ -3,7 +3,8 @@
 Every candidate is present, excluded above a strength, or not testable, with the reason.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from math import nan
 from time import perf_counter
 from typing import Any
@@ -71,21 +72,41 @@ MOST_PLAUSIBLE = 6
 TEXTBOOK = 1.0  # strength of an effect as its source states it [1]
 
 
+@dataclass(frozen=True)
+class Answer:
+    """The record of a discovery with the analysis behind it."""
+
+    record: Discovery
+    analysis: Analysis | None = None  # None where nothing may be named
+    beyond: Mapping[str, Any] = field(default_factory=dict)  # fields of the record on mechanisms
+
+
 def discover(problem: Problem, seed: int, budget: Budget, progress: Progress) -> Discovery:
     """The whole analysis; names nothing where the noise is unknown or no candidate is listed."""
+    return analysed(problem, seed, budget, progress).record
+
+
+def analysed(problem: Problem, seed: int, budget: Budget, progress: Progress) -> Answer:
+    """The same with what it rests on."""
     start = perf_counter()
     problem = replace(problem, budget=budget)
     prepared = prepare(problem, problem.visible(), seed)
     if prepared.rows.size == 0 or not problem.candidates:
-        found = nameless_discovery(problem, seed, progress)
+        found = Answer(nameless_discovery(problem, seed, progress))
     else:
-        found = discovery_of(analyse(prepared, seed, progress), seed)
-    return replace(found, wall_s=perf_counter() - start)
+        analysis, beyond = with_beyond(analyse(prepared, seed, progress))
+        found = Answer(record_of(analysis, beyond, seed), analysis, beyond)
+    return replace(found, record=replace(found.record, wall_s=perf_counter() - start))
 
 
 def discovery_of(found: Analysis, seed: int) -> Discovery:
     """The record of an analysis."""
     found, beyond = with_beyond(found)
+    return record_of(found, beyond, seed)
+
+
+def record_of(found: Analysis, beyond: Mapping[str, Any], seed: int) -> Discovery:
+    """The record of an analysis that has stood beside mechanisms."""
     prepared, screened = found.fitted.prepared, found.fitted.screened
     whole = averaged(found)
     strengths = fitted_strengths(found, whole)
@@ -343,6 +364,8 @@ def effect_reason(
                 "the list allows: a stronger effect, or another law"
             )
         return f"consistent with the measurements at strength {interval}"
+    if decision.verdict == "unstable" and signature.name in decision.accepted:
+        return "explains the misfit in some runs of the model and not in others"
     if signature.name in decision.group:
         others = ", ".join(other for other in decision.group if other != signature.name)
         return f"explains the misfit, but is not distinguished from {others}"

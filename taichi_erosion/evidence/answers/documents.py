@@ -21,6 +21,7 @@ from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.evidence.answers.mechanism_sentences import trend_sentences
 from taichi_erosion.evidence.answers.words.agreement import row_sentences
 from taichi_erosion.evidence.answers.words.effect_sets import set_sentences
+from taichi_erosion.evidence.answers.words.fresh_runs import unstable_words
 from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.findings import (
     NONE,
@@ -57,6 +58,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
     if not found.noise.known:
         return found.noise.sentences
     sentences = [*level_sentences(found), *error_sentences(found), verdict_sentence(found)]
+    sentences += [found.fresh_runs.sentence] if found.fresh_runs else []
     if found.calibrated_with and levels.fails(found.p_misfit_after):
         names, chance = " and ".join(found.calibrated_with), levels.p_text(found.p_misfit_after)
         sentences.append(
@@ -145,7 +147,7 @@ def verdict_sentence(found: Discovery) -> str:
             f"(probability {found.probabilities[OUTSIDE]:.2g}; {decisive_chance(found)})."
         )
     if found.verdict == "unstable":
-        return "The answer changes with the seeds of the model: no name is given; more seeds are needed."
+        return unstable_words(found.fresh_runs)
     if found.verdict == "group":
         return group_sentence(found)
     details = "; ".join(found.effects[name].sentence for name in found.named)
@@ -285,8 +287,8 @@ def told(found: Discovery, key: str) -> bool:
         return key == NONE
     if found.verdict == "outside_library":
         return key == OUTSIDE
-    if found.verdict == "group":
-        return set(key.split("+")) <= set(found.group)
+    if found.verdict in ("group", "unstable"):
+        return set(key.split("+")) <= {*found.named, *found.group}
     return set(key.split("+")) == set(found.named)
 
 

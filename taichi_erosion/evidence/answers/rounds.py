@@ -6,9 +6,9 @@ the runs of earlier ones.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from taichi_erosion.evidence.answers import documents
 from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
@@ -17,11 +17,13 @@ from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_count
 from taichi_erosion.evidence.emulator.mechanism_runs import fits_budget, with_mechanisms
 from taichi_erosion.evidence.emulator.plan_cost import plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.inference.doses.mechanism_search import challenged, missing
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
+from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.scene.load import file_text
 
 MOST_POINTS = 3  # explanations about which a round simulates
@@ -31,6 +33,14 @@ Points = list[RefinementPoint]
 Rounds = dict[str, list[Points]]  # command and budget -> its rounds
 Acting = set[frozenset[str]]  # sets of effects about which runs were made
 FRESH = "seed "  # first word of the names of rounds with other seeds than the study's
+
+
+@dataclass(frozen=True)
+class FreshTest:
+    """Fresh runs for an answer, and what can follow where they contradict it."""
+
+    simulator: FreshSimulator
+    schedule: Callable[[Points], int]  # puts a round about some points before the next answer; its runs
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,8 @@ class Question(Generic[Found]):
     ahead: bool = False  # whether it needs conditions that were not measured but could be
     required: Callable[[Found], Points] = lambda _: []  # to be simulated about before the answer counts
     beyond: Callable[[Found], bool] = lambda _: False  # whether mechanisms are to be tried before it counts
+    # the answer after its test by fresh runs, and the keys of these; None: it needs no test
+    tested: Callable[[Found, FreshTest, Progress], tuple[Found, frozenset[str]]] | None = None
 
 
 def answered(
@@ -61,7 +73,9 @@ def answered(
         return question.answer(study, progress), study
     rounds = read_rounds(study)
     runs, own, key, earlier = replayed(first, rounds, question, budget)
-    cost = plan_cost(runs, runs.plan_size.rounds - len(own), question.most)
+    cost = plan_cost(
+        runs, runs.plan_size.rounds - len(own), question.most, test_cost(runs, question, own, key)
+    )
     study.options.announce(cost.sentence)
     phase = 0
     while True:
@@ -71,18 +85,63 @@ def answered(
         while (points := next_points(runs, question, found, own, earlier)) == []:
             own.append([])  # a round about nothing new changes no answer
         if points is None:
-            write_rounds(study, {**rounds, key: own})
-            if runs.mechanisms or not question.beyond(found):
-                return found, ready
-            wider = with_mechanisms(runs)
-            if not wider.mechanisms or not fits_budget(wider):
-                return found, ready
+            rounds = {**rounds, key: own}
+            write_rounds(study, rounds)
+            wider = None if runs.mechanisms or not question.beyond(found) else with_mechanisms(runs)
+            if wider is None or not wider.mechanisms or not fits_budget(wider):
+                steps = part_of(progress, cost.phases, phase)
+                return after_test(question, found, ready, RoundsOf(runs, rounds, key), steps)
             runs = wider
             study.options.announce(f"No listed effect suffices. {plan_cost(runs, 0, 0).sentence}")
             continue
         runs = training_runs.refined_training_runs(runs, points, f"{key}|{len(own)}")
         own.append(points)
         write_rounds(study, {**rounds, key: own})
+
+
+@dataclass(frozen=True)
+class RoundsOf:
+    """The rounds of one question, and all runs of its study."""
+
+    runs: TrainingRuns
+    rounds: Rounds
+    key: str
+
+
+def test_cost(runs: TrainingRuns, question: Question[Found], own: list[Points], key: str) -> int:
+    """Most runs that the test of an answer takes; none where it was made after the same rounds."""
+    known = read_fresh(runs.study).get(key)
+    if question.tested is None or (known is not None and known["rounds"] == len(own)):
+        return 0
+    return fresh_count(runs, runs.plan_size.fresh)
+
+
+def after_test(
+    question: Question[Found], found: Found, ready: Study, made: RoundsOf, progress: Progress
+) -> tuple[Found, Study]:
+    """The answer after its test by fresh runs, and the study with these counted."""
+    if question.tested is None:
+        return found, ready
+    study, runs, own = made.runs.study, made.runs, made.rounds[made.key]
+    count, known = len(own), read_fresh(study)
+    mapping = ready.problem.model
+    assert isinstance(mapping, NameMapping)
+
+    def schedule(points: Points) -> int:
+        if not training_runs.within_budget(runs, points):
+            return 0
+        write_rounds(study, {**made.rounds, made.key: [*own, points]})
+        return runs.plan_size.round * len(points) * len(runs.scenes)
+
+    keys = frozenset(key for entry in known.values() for key in entry["runs"])
+    fresh = FreshTest(FreshSimulator(runs, mapping, keys, runs.plan_size.fresh), schedule)
+    found, used = question.tested(found, fresh, progress)
+    if not used:
+        return found, ready
+    earlier = known[made.key]["runs"] if made.key in known else []
+    entry = {"rounds": count, "runs": sorted({*earlier, *used})}
+    write_rounds(study, read_rounds(study), {**known, made.key: entry})
+    return found, replace(ready, simulations=(ready.simulations or 0) + len(used))
 
 
 def replayed(
@@ -97,6 +156,8 @@ def replayed(
         for number, points in enumerate(made):
             spent = name.rpartition(" ")[2]
             runs = training_runs.refined_training_runs(runs, points, f"{name}|{number}", spent)
+    tests = {each for entry in read_fresh(study).values() for each in entry["runs"]}
+    runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
     alike = [made for name, made in past.items() if name.endswith(budget)]
     return runs, own, key, {acting(point) for made in alike for points in made for point in points}
 
@@ -141,11 +202,20 @@ def read_rounds(study: Study) -> Rounds:
     }
 
 
-def write_rounds(study: Study, rounds: Rounds) -> None:
-    """Store the points of all rounds."""
+def read_fresh(study: Study) -> dict[str, Any]:
+    """Fresh runs that were made by question: after how many of its rounds, and their keys."""
+    document = documents.read_answer(study.results, study.path.stem, documents.ROUNDS)
+    if document is None or document.get("of") != state_of(study):
+        return {}
+    return document.get("fresh", {})
+
+
+def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None = None) -> None:
+    """Store the points of all rounds, and the fresh runs by question; as stored where none are given."""
     plain = {name: [[asdict(point) for point in points] for points in each] for name, each in rounds.items()}
     file = documents.document_file(study.results, study.path.stem, documents.ROUNDS)
-    documents.write_document(file, {"of": state_of(study), "rounds": plain})
+    tests = read_fresh(study) if fresh is None else dict(fresh)
+    documents.write_document(file, {"of": state_of(study), "rounds": plain, "fresh": tests})
 
 
 def state_of(study: Study) -> str:

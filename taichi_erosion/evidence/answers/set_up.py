@@ -12,10 +12,10 @@ from time import perf_counter
 
 import numpy as np
 
-from taichi_erosion.evidence.answers.discover import discover, nameless_discovery
+from taichi_erosion.evidence.answers.discover import Answer, analysed, nameless_discovery
 from taichi_erosion.evidence.answers.study_files.start_values import model_at_start
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
-from taichi_erosion.evidence.data.findings import Discovery, Estimate, LevelShift, Rows, SetUpFault
+from taichi_erosion.evidence.data.findings import Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Problem, Progress
 from taichi_erosion.evidence.data.tables.source_table import source_changed
@@ -280,16 +280,17 @@ def bound_faults(study: Study, parameters: Mapping[str, Estimate]) -> Iterator[S
             yield SetUpFault("at_bound", path, words, False)
 
 
-def discovery(study: Study, seed: int, progress: Progress) -> Discovery:
+def discovery(study: Study, seed: int, progress: Progress) -> Answer:
     """The answer of `discover` with the faults of its set-up; where one blocks, nothing is named."""
     start, problem, waits = perf_counter(), study.problem, blocked(study.faults)
     if waits:
-        found = nameless_discovery(problem, seed, progress)
+        answer = Answer(nameless_discovery(problem, seed, progress))
     else:
-        found = discover(problem, seed, problem.budget, progress)
+        answer = analysed(problem, seed, problem.budget, progress)
+    found = answer.record
     faults = set_up_faults(study, found.rows_before, found.parameters, found.warnings, found.levels)
     if blocked(faults):
         found = found if waits else nameless_discovery(problem, seed, progress)
         places = [place.sentence for place in found.where if fails(place.p)]
-        found = replace(found, verdict="not_testable", sentences=(NOTHING, *places))
-    return replace(found, faults=faults, wall_s=perf_counter() - start)
+        found, answer = replace(found, verdict="not_testable", sentences=(NOTHING, *places)), Answer(found)
+    return replace(answer, record=replace(found, faults=faults, wall_s=perf_counter() - start))

@@ -10,6 +10,7 @@ import numpy as np
 from taichi_erosion.evidence.data.problem import Bools, Floats
 
 if TYPE_CHECKING:
+    from taichi_erosion.evidence.data.fresh_findings import FreshCheck
     from taichi_erosion.evidence.data.mechanism_findings import BeyondList, DoseEstimate, StrengthTrend
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
@@ -424,6 +425,7 @@ class Discovery:
     p_misfit_after: float = nan  # of the recalibrated model with what is named; without a name, as before
     decoy_rank: int  # rank of the best made-up effect among all candidates; 1 is a red flag
     stability: float = nan  # share of repeats with new seeds that agree on the first name [1]; NaN if none
+    fresh_runs: "FreshCheck | None" = None  # of scenes, where an answer names effects
     sentences: tuple[str, ...] = ()
     warnings: tuple[str, ...]
     noise: Noise

@@ -76,9 +76,10 @@ class PlanSize:
     condition: int  # more of an effect for every condition that enters, and every number of its own
     round: int  # about every explanation in a later round
     rounds: int
+    fresh: int  # seeds of every set of conditions at which the answer is tested
 
 
-PLAN_SIZES = {"quick": PlanSize(8, 8, 2, 8, 1), "full": PlanSize(20, 20, 6, 16, 3)}
+PLAN_SIZES = {"quick": PlanSize(8, 8, 2, 8, 1, 2), "full": PlanSize(20, 20, 6, 16, 3, 4)}
 
 
 def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import WORTH_A_START, RunRequest
 from taichi_erosion.core.device import usable_cores
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, run_cap
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, room_left
 
 START = 4.0  # s of one core that an ensemble takes to start, as long as WORTH_A_START of its work
 ANSWER = 0.05  # s of statistics per run behind an answer
@@ -25,40 +25,45 @@ class PlanCost:
     round_s: float  # of one round
     answer_s: float  # of the statistics after each
     workers: int
+    fresh: int = 0  # at most, that test the answer
+    fresh_s: float = 0.0
 
     @property
     def seconds(self) -> float:
         """All of it."""
-        return self.first_s + self.rounds * self.round_s + (self.rounds + 1) * self.answer_s
+        return sum(self.phases)
 
     @property
     def phases(self) -> list[float]:
         """Expected seconds of runs and statistics in turn."""
-        return [self.first_s, self.answer_s, *[self.round_s, self.answer_s] * self.rounds]
+        rounds = [self.round_s, self.answer_s] * self.rounds
+        return [self.first_s, self.answer_s, *rounds, *([self.fresh_s] if self.fresh else [])]
 
     @property
     def sentence(self) -> str:
         """One line for people."""
-        if not self.first + self.later:
+        if not self.first + self.later + self.fresh:
             return f"No run is to be made: all {self.kept} are kept from before."
         kept = f"; {self.kept} more are kept from before" if self.kept else ""
         rounds = "1 round" if self.rounds == 1 else f"{self.rounds} rounds"
         later = f", then at most {self.later} in {rounds} about the answer" if self.later else ""
+        later += f"{' and' if later else ', then'} at most {self.fresh} that test it" if self.fresh else ""
         cores = "1 process" if self.workers == 1 else f"{self.workers} processes"
         return f"{self.first} runs to make{later}: at most about {span(self.seconds)} on {cores}{kept}."
 
 
-def plan_cost(training: TrainingRuns, rounds: int, points: int) -> PlanCost:
-    """Cost of the planned runs and of `rounds` more about so many points each."""
+def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) -> PlanCost:
+    """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` that test it."""
     _, requests, _ = requested(training)
     wanted = {request.key: request for request in requests}
     done = finished_runs(training.simulator.opened(), list(wanted))
     left = [request for key, request in wanted.items() if key not in done]
     workers = training.study.file.campaign.workers or usable_cores()
     second = pace(wanted, done) / workers
-    room = max(run_cap(training.study) - len(training.runs) - training.elsewhere, 0)
+    room = max(room_left(training), 0)
     size = training.plan_size.round * points * len(training.scenes)
     rounds = min(rounds, room // size) if size else 0
+    fresh = min(fresh, room - rounds * size)
     mean = sum(request.work for request in wanted.values()) / max(len(wanted), 1)
     return PlanCost(
         kept=len(done),
@@ -69,6 +74,8 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int) -> PlanCost:
         round_s=second * mean * size + START,
         answer_s=ANSWER * len(wanted),
         workers=min(workers, max(len(left), size, 1)),
+        fresh=fresh,
+        fresh_s=second * mean * fresh + START if fresh else 0.0,
     )
 
 

@@ -14,7 +14,7 @@ from math import isfinite
 import numpy as np
 
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.request import RunRequest, request_of
+from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.findings import SetUpFault
@@ -63,7 +63,7 @@ class TrainingRuns:
     plan_size: PlanSize
     ahead_size: PlanSize | None = None  # of the runs at conditions that could be measured; None: no room
     runs: tuple[TrainingRun, ...] = ()
-    elsewhere: int = 0  # planned for other questions of the study
+    elsewhere: int = 0  # planned for other questions of the study, and fresh runs that were made
     mechanisms: tuple[Mechanism, ...] = ()  # along whose doses there are runs
 
 
@@ -268,21 +268,19 @@ def refined_training_runs(
 
 def within_budget(training: TrainingRuns, about: Sequence[RefinementPoint]) -> bool:
     """Whether the study's cap has room for a further round."""
-    more = training.plan_size.round * len(about) * len(training.scenes)
-    return len(training.runs) + training.elsewhere + more <= run_cap(training.study)
+    return training.plan_size.round * len(about) * len(training.scenes) <= room_left(training)
+
+
+def room_left(training: TrainingRuns) -> int:
+    """Runs that the study's cap leaves beside those planned."""
+    return run_cap(training.study) - len(training.runs) - training.elsewhere
 
 
 def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     """The study with an emulator in place of its scenes; simulates what is not in the ledger."""
-    study, simulator = training.study, training.simulator
+    study = training.study
     runs, requests, refused = requested(training)
-    results = execute(
-        requests,
-        simulator.opened(),
-        workers=study.file.campaign.workers,
-        scheduler=study.file.campaign.scheduler,
-        progress=lambda share, words: progress(f"simulating: {words}", share),
-    )
+    results = executed(training, requests, progress)
     emulators: dict[str, ObservableEmulator] = {}
     faults: list[SetUpFault] = []
     for scene in training.scenes:
@@ -302,6 +300,18 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         notes=(*study.notes, *notes),
         simulations=len({request.key for request in requests}),
         faults=(*study.faults, *faults),
+    )
+
+
+def executed(training: TrainingRuns, requests: Sequence[RunRequest], progress: Progress) -> list[RunResult]:
+    """Results of some runs of a study; simulates what is not in its ledger."""
+    campaign = training.study.file.campaign
+    return execute(
+        requests,
+        training.simulator.opened(),
+        workers=campaign.workers,
+        scheduler=campaign.scheduler,
+        progress=lambda share, words: progress(f"simulating: {words}", share),
     )
 
 

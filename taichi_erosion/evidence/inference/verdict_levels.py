@@ -46,6 +46,7 @@ CREDIBLE = 0.9  # probability that a group holds; t0: 39 of 45 groups hold all t
 NAME_ODDS = 3.0  # of a name that leaves a misfit over "not in the list"; t0: 2 of 133 unlisted misnamed
 RIVAL_MISFIT = 3.0  # misfit behind the best below which another effect explains as well
 UNSTABLE = 0.5  # probability of a rival on half of the seeds that withdraws a name; t0: 0 of 203 singles
+EMULATOR_LEVEL = 0.01  # chance of a gap between fresh runs and their emulator, below which it is off
 EXPLAINED_SHARE = 0.85  # of the misfit, from which an effect with a smooth remainder is still named
 TESTABLE_POWER = 0.8  # from which silence means absence; t0: 5 of 710 silences hid an effect above 4.5 sd
 TESTABLE_SHARE = 0.5  # of the candidates, below which silence means nothing
@@ -109,6 +110,11 @@ def least_rows(calibrated: int) -> int:
 def too_few_rows(rows: int, calibrated: int) -> bool:
     """Whether rows are so few that every explanation describes them, whatever they say."""
     return rows < least_rows(calibrated)
+
+
+def least_odds(bare: bool) -> float:
+    """Odds that a name needs over the bare model, or over an explanation without it."""
+    return (1.0 - NONE_LIMIT) / NONE_LIMIT if bare else SURE / (1.0 - SURE)
 
 
 def p_text(p: float, digits: int = 2) -> str:
