@@ -183,9 +183,19 @@ def after_discovery(document: Record) -> Iterator[str]:
         law_of = "`" if law is None else f" --from-discovery {results}`, with the law above"
         yield f"An effect of your own may explain it: `{program()} effects new NAME{law_of}."
     if verdict == "unstable":
-        yield f"More seeds decide: `{program()} discover {study} --budget full`."
+        yield more_runs(study, document.get("fresh_runs"))
     yield f"`{program()} next {study}` proposes the measurements that would decide."
     yield f"`{program()} report {study}` makes the page."
+
+
+def more_runs(study: str, fresh: Record | None) -> str:
+    """How an answer that changes with the runs of the model is decided."""
+    if not fresh:
+        return f"More seeds decide: `{program()} discover {study} --budget full`."
+    if fresh["more_runs"]:
+        words = f"makes {fresh['more_runs']} runs more about these explanations, and tests the answer anew"
+        return f"`{program()} discover {study}` {words}."
+    return f"The budget has no room for more runs: raise `runs` under [budget] of {study}."
 
 
 def check_row(row: Record) -> str:

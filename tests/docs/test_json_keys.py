@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.data import findings, mechanism_findings
+from taichi_erosion.evidence.data import findings, fresh_findings, mechanism_findings
 from taichi_erosion.evidence.prediction.predict import PredictedRow, PredictiveCheck
 from taichi_erosion.scene.schema.units import Scale
 from taichi_erosion.verification import claims
@@ -38,6 +38,9 @@ RECORDS = {
     "effect": findings.EffectFinding,
     "strength trend": mechanism_findings.StrengthTrend,
     "member": findings.MemberFinding,
+    "fresh test": fresh_findings.FreshCheck,
+    "tested explanation": fresh_findings.FreshSetting,
+    "gap": fresh_findings.EmulatorGap,
     "action": findings.EffectAction,
     "opposed sign": findings.OpposedSign,
     "explanation": findings.PlausibleHypothesis,

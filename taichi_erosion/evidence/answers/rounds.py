@@ -73,9 +73,8 @@ def answered(
         return question.answer(study, progress), study
     rounds = read_rounds(study)
     runs, own, key, earlier = replayed(first, rounds, question, budget)
-    cost = plan_cost(
-        runs, runs.plan_size.rounds - len(own), question.most, test_cost(runs, question, own, key)
-    )
+    left = max(runs.plan_size.rounds - len(own), 0)
+    cost = plan_cost(runs, left, question.most, test_cost(runs, question, own, key))
     study.options.announce(cost.sentence)
     phase = 0
     while True:

@@ -45,6 +45,7 @@ from taichi_erosion.evidence.inference.verdict import (
     adequate_decision,
     best_hypothesis,
     decide,
+    withdrawn,
 )
 from taichi_erosion.evidence.inference.verdict_levels import UNSTABLE, too_few_rows
 from taichi_erosion.evidence.models.predictor import seed_mean
@@ -408,7 +409,7 @@ def seed_stability(fitted: FittedHypotheses, decision: Decision) -> tuple[float,
         same = bool(decision.accepted & set(top.split("+")))
         agree += same
         against += not same and top != NONE and probability[top] > UNSTABLE
-    return agree / 2.0, replace(decision, verdict="unstable") if against else decision
+    return agree / 2.0, withdrawn(decision) if against else decision
 
 
 def mean_over_seeds(prepared: PreparedProblem, best: Fit) -> Floats:

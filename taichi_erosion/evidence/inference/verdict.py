@@ -25,6 +25,11 @@ class Decision:
         return {*self.named, *self.group}
 
 
+def withdrawn(decision: Decision) -> Decision:
+    """The decision where the answer changes with the runs of the model: no name, its effects in one group."""
+    return Decision("unstable", (), tuple(dict.fromkeys((*decision.named, *decision.group))))
+
+
 def detected(posterior: Posterior, p: float, p_misfit: float) -> bool:
     """Whether anything at all is missing: unlikely by chance, and clearly likelier than not.
 

@@ -168,14 +168,37 @@ def test_the_loop_names_what_acts_and_the_held_out_error_falls(loop):
 
 def test_a_quick_discovery_over_three_effects_takes_about_a_hundred_runs(loop):
     # 16 bare, 10 of either effect and 14 of rolling; 8 about the bare model for `compare`;
-    # 8 about each of three explanations, a pair among them
-    assert loop.found["runs"] == len(keys(loop.runs["discover"])) <= 16 + 34 + 8 + 3 * 8
+    # 8 about each of three explanations, a pair among them; 2 at each of 8 conditions that are not held out
+    # for the name and for a runner-up, of which angularity does not change the bare model
+    assert loop.found["runs"] == len(keys(loop.runs["discover"])) <= 16 + 34 + 8 + 3 * 8 + 2 * (8 + 8 + 2)
 
 
 def test_a_command_given_again_asks_for_the_same_runs_and_says_the_same(loop):
     assert keys(loop.runs["again"]) == keys(loop.runs["discover"])
-    assert len(loop.runs["again"]) == 1, "its rounds are known"
+    assert len(loop.runs["again"]) == 2, "its rounds are known: they, and the test of the name"
     assert loop.again["probabilities"] == loop.found["probabilities"]
+
+
+def test_new_simulations_bear_a_right_name_out(loop):
+    check = loop.found["fresh_runs"]
+    assert check["outcome"] == "confirmed"
+    assert loop.found["stability"] == check["agreement"] == 1.0
+    told, *others = check["settings"]
+    assert (told["role"], told["effects"]) == ("told", ["rolling_resistance"])
+    assert others[-1]["role"] == "bare"
+    assert all(each["log_odds_simulated"] > np.log(4.0) for each in others)
+    assert told["chi2_per_row_simulated"] < 3.0 < others[-1]["chi2_per_row_simulated"]
+    assert all(each["gap"]["p"] > 0.01 for each in check["settings"])
+    assert check["sentence"] in loop.found["sentences"]
+    assert "They bear the answer out" in check["sentence"]
+
+
+def test_the_test_of_a_name_has_seeds_of_its_own_and_trains_nothing(loop):
+    *training, fresh = loop.runs["discover"]
+    assert not set(fresh) & keys(training)
+    assert len(set(fresh)) == loop.found["fresh_runs"]["runs"]
+    assert set(loop.runs["again"][-1]) == set(fresh)
+    assert not set(fresh) & keys(loop.runs["adopt"])
 
 
 def test_what_compare_has_run_is_not_run_again_for_discover(loop):
@@ -216,9 +239,10 @@ def test_a_budget_that_is_too_small_is_refused_before_the_first_run(tmp_path, as
 def test_the_cost_is_told_before_the_first_run_and_is_an_upper_bound(tmp_path, asked, capsys):
     assert main(["discover", str(write(tmp_path, 1.5)), "--budget", "quick"]) == 0
     told = capsys.readouterr().err.splitlines()[0]
-    first, later = (int(number) for number in re.findall(r"(\d+) (?:runs to make|in 1 round)", told))
+    numbers = re.findall(r"(\d+) (?:runs to make|in 1 round|that test it)", told)
+    first, later, tests = (int(number) for number in numbers)
     assert first == len(set(asked[0]))
-    assert len(keys(asked)) <= first + later
+    assert len(keys(asked)) <= first + later + tests
     assert re.search(r"at most about [\d.]+ (s|min|h) on \d+ process", told)
 
 

@@ -5,6 +5,8 @@ from math import exp, inf
 from taichi_erosion.evidence.data.fresh_findings import EmulatorGap, FreshCheck, FreshSetting
 from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.emulator.design import PLAN_SIZES
+from taichi_erosion.evidence.emulator.training_runs import LARGEST
 from taichi_erosion.evidence.inference import verdict_levels as levels
 
 MOST_ODDS = 1e6  # told; beyond, "more than"
@@ -18,8 +20,8 @@ def fresh_words(check: FreshCheck, units: TableUnits) -> str:
             "of the study has left; raise `runs` under [budget]."
         )
     head = (
-        f"Tested by {counted(check.runs, 'new simulation')} at the fitted numbers, {check.seeds} for each set "
-        f"of conditions, which no fit has used: {misfits(check.settings)}."
+        f"Tested by {counted(check.runs, 'new simulation')} at the fitted numbers, {check.seeds} for each "
+        f"set of conditions, which no fit has used: {misfits(check.settings)}."
     )
     if check.outcome == "contradicted":
         return f"{head} {against(check, units)}"
@@ -27,10 +29,8 @@ def fresh_words(check: FreshCheck, units: TableUnits) -> str:
         return f"{head} They bear the answer out ({odds_words(check.settings)})."
     if check.failed > 0.5 * check.runs:
         return f"{head} {check.failed} of them have no value, so they decide nothing."
-    return (
-        f"{head} They are too few, or scatter too much, to bear the answer out or to contradict it; "
-        "`--budget full` makes more."
-    )
+    more = " `--budget full` makes more." if check.seeds < PLAN_SIZES[LARGEST].fresh else ""
+    return f"{head} They are too few, or scatter too much, to bear the answer out or to contradict it.{more}"
 
 
 def misfits(settings: tuple[FreshSetting, ...]) -> str:

@@ -34,7 +34,7 @@ from taichi_erosion.evidence.inference.pipeline import Analysis
 from taichi_erosion.evidence.inference.posterior import log_prior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
-from taichi_erosion.evidence.inference.verdict import IDLE, Decision
+from taichi_erosion.evidence.inference.verdict import IDLE, Decision, withdrawn
 
 Simulate = Callable[[Sequence[Setting], Sequence[Request], Floats, Progress], FreshCampaign]
 MOST_FAILED = 0.5  # share of the runs, above which nothing is concluded [1]
@@ -260,5 +260,5 @@ def after_check(found: Analysis, check: FreshCheck) -> Analysis:
     """The analysis with the verdict that fresh runs leave, and the share of seeds that agree."""
     decision = found.decision
     if check.outcome == "contradicted":
-        decision = Decision("unstable", (), tuple(sorted(decision.accepted)))
+        decision = withdrawn(decision)
     return replace(found, decision=decision, stability=check.agreement)
