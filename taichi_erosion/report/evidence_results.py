@@ -17,6 +17,7 @@ Document = Mapping[str, Any]
 
 COMMANDS: tuple[documents.Command, ...] = ("discover", "compare", "adopt", "next")  # the fullest first
 ANSWERS = {"discover", "compare", "adopt"}
+TIES = {"group": ", one of several that fit", "unstable": ", not borne out by other runs"}
 CONTROLS = {"best_wrong": "control: best other effect", "random_wrong": "control: effect drawn at random"}
 
 
@@ -121,7 +122,7 @@ def layers(found: Results) -> list[Layer]:
         if not with_:
             return [before]
         names = listed([effect_words(name) for name in with_])
-        tie = ", one of several that fit" if discovery["verdict"] == "group" else ""
+        tie = TIES.get(discovery["verdict"], "")
         return [before, Layer("after", f"model with {names}{tie}", discovery["rows_after"])]
     assert comparison is not None
     return [Layer("before", "model", comparison["rows"])]

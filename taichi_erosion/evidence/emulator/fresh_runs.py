@@ -112,6 +112,7 @@ class FreshSimulator:
         chosen = weighty_rows(self, known, weight)
         places = [placed(self, each, known, chosen) for each in settings]
         points = list(dict.fromkeys(point for place in places for point in place.values()))
+        keys = frozenset[str]()
         for seeds in range(self.seeds, 0, -1):
             fresh = replace(self, seeds=seeds)
             requests = {point: point_requests(fresh, point) for point in points}

@@ -249,10 +249,10 @@ def gap_of(prepared: PreparedProblem, tests: Mapping[str, GapTest]) -> EmulatorG
 def adjusted(gaps: Sequence[EmulatorGap | None]) -> list[EmulatorGap | None]:
     """Gaps with their chances adjusted for the number of explanations (Holm)."""
     found, least = list(gaps), 0.0
-    told = [(gap.p, k) for k, gap in enumerate(gaps) if gap is not None]
-    for rank, (p, k) in enumerate(sorted(told)):
+    told = [(gap.p, k, gap) for k, gap in enumerate(gaps) if gap is not None]
+    for rank, (p, k, gap) in enumerate(sorted(told, key=lambda each: each[:2])):
         least = max(least, min((len(told) - rank) * p, 1.0))
-        found[k] = replace(gaps[k], p=least)
+        found[k] = replace(gap, p=least)
     return found
 
 
