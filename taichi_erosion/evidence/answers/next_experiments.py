@@ -58,7 +58,8 @@ EXPERIMENTS = 6
 POINTS = 64  # settings considered per observable, the corners of the ranges among them
 MOST_CORNERED = 3  # conditions whose corners are considered, the others at their middle
 LEAST_WEIGHT = 0.02  # of an explanation that is not excluded
-MOST_RIVALS = 8
+MOST_RIVALS = 8  # survivors of a discovery; hidden effects are compared with all of them
+TOLD = 3  # predictions in the sentence of an experiment
 OUTCOMES = 400  # simulated per explanation
 SPREAD = 0.2  # l: distance in shares of the ranges within which two measurements tell the same
 LEAST_GAIN = 1e-9  # of ln E, from which a measurement tells anything
@@ -183,13 +184,14 @@ def rival_hypotheses(prepared: PreparedProblem, found: Discovery) -> list[Plausi
     live = [each for each in found.survivors if each.probability >= levels.PLAUSIBLE]
     bare = next((each for each in live if not each.names), None)
     have = {name for each in live for name in each.names}
+    live = sorted(live, key=lambda each: -each.probability)[:MOST_RIVALS]
     silent = found.verdict in ("none_detected", "not_testable")
     for name, effect in found.effects.items():
         if bare is not None and silent and effect.status == "not_testable" and name not in have:
             hidden = {**bare.strengths, name: expected_strength(prepared.candidate(name))}
             weight = max(effect.probability, LEAST_WEIGHT)
             live.append(PlausibleHypothesis((name,), weight, bare.parameters, hidden))
-    return sorted(live, key=lambda each: -each.probability)[:MOST_RIVALS]
+    return sorted(live, key=lambda each: -each.probability)
 
 
 def acting(
@@ -461,7 +463,7 @@ def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance:
     """One proposal in the laboratory's words."""
     observable = pool.rows.observables[int(pool.rows.which[at])]
     predictions = {}
-    for rival in sorted(rivals, key=lambda item: -item.weight):
+    for rival in by_weight_and_gap(pool, rivals, at):
         middle = float(from_scale(observable, rival.mean[[at]])[0])
         steep = float(slope(observable, np.array([middle]))[0])
         sd = float(np.sqrt(rival.root[at] @ rival.root[at] + pool.variance[at]))
@@ -470,13 +472,28 @@ def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance:
         n: float(column[at]) for n, column in pool.rows.conditions.items() if np.isfinite(column[at])
     }
     setting = pool.units.setting_text(conditions)
-    expected = list(predictions.items())[:3]
+    expected = list(predictions.items())[:TOLD]
     told = ", ".join(
         f"{prediction_words(pool.units, observable.name, *values)} if {spoken(name)}"
         for name, values in expected
     )
     words = f"Measure {observable.name} at {setting}: {told}; chance of deciding so far {chance:.0%}."
     return Experiment(observable.name, conditions, predictions, chance, float(pool.cost[at]), words)
+
+
+def by_weight_and_gap(pool: DesignPool, rivals: Sequence[RivalPrediction], at: int) -> list[RivalPrediction]:
+    """Explanations, likeliest first; equal ones by how well a measurement tells them from the leader."""
+    leader = max(rivals, key=lambda each: each.weight)
+
+    def gap(rival: RivalPrediction) -> float:
+        """Difference of two predictions in standard deviations [1]."""
+        variance = pool.variance[at] + 0.5 * sum(
+            float(each.root[at] @ each.root[at]) for each in (leader, rival)
+        )
+        return float(abs(rival.mean[at] - leader.mean[at]) / np.sqrt(variance))
+
+    others = [each for each in rivals if each is not leader]
+    return [leader, *sorted(others, key=lambda each: (-each.weight, -gap(each)))]
 
 
 def prediction_words(units: TableUnits, observable: str, mean: float, sd: float) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taichi_erosion.evidence.answers.discover import discover
+from taichi_erosion.evidence.answers.discover import discover, nameless_discovery
 from taichi_erosion.evidence.answers.next_experiments import (
     OUTCOMES,
     DesignPool,
@@ -176,6 +176,24 @@ def test_an_effect_that_no_setting_lets_act_is_no_rival():
     found = answer(replace(problem, candidates=never), verdict="present", survivors=live)
     told = next_experiments(replace(problem, candidates=never), found, WIDE)
     assert "step" not in told.explanations
+
+
+def test_all_hidden_effects_are_compared_and_those_told_best_are_named_whatever_their_order():
+    # nine steps lie outside of the ranges; of the others one is twice as large
+    far = {f"far_{k}": lambda x: np.where(x > 4.0, 1.0, 0.0) for k in range(9)}
+    near = {"slope": lambda x: x, "steep": lambda x: 2.0 * x}
+    problem = linear_problem(far | near, {}, sd=0.1)
+    found = nameless_discovery(problem, 1, lambda stage, share: None)
+    effects = {n: replace(each, status="not_testable", probability=0.05) for n, each in found.effects.items()}
+    live = (PlausibleHypothesis((), 0.05, {"level": 0.0}, {}),)
+    found = replace(found, verdict="not_testable", effects=effects, survivors=live)
+    told = next_experiments(problem, found, WIDE)
+    assert told.explanations.keys() == {"none", *far, *near}
+    assert told.sentence.startswith("To tell nothing missing from")
+    separated, alike = told.sentence.split(" Nothing that can be measured")
+    assert all(name in separated for name in near)
+    assert all(name in alike for name in far)
+    assert list(told.experiments[0].predictions)[:3] == ["none", "steep", "slope"]
 
 
 def test_more_repeats_than_behind_a_row_make_a_mean_more_certain_and_as_many_leave_it():
