@@ -19,7 +19,7 @@ from taichi_erosion.scene.build.air import (
     longest_step,
     surface_height,
 )
-from taichi_erosion.scene.build.clump import body_of, reach_over_diameter
+from taichi_erosion.scene.build.clump import reach_over_diameter, template_spheres
 from taichi_erosion.scene.build.contacts import young_effective
 from taichi_erosion.scene.build.fill import lattice_points, places_per_layer
 from taichi_erosion.scene.build.sizes import nominal_diameter, size_range
@@ -143,7 +143,7 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
 def check_memory(scene: Scene) -> Iterator[str]:
     """All replicas together fit into memory."""
     clump = scene.grains.clump
-    spheres = scene.grains.count * (len(body_of(clump).radius) if clump else 1) * scene.run.replicas
+    spheres = scene.grains.count * (len(template_spheres(clump)) if clump else 1) * scene.run.replicas
     if spheres > MOST_SPHERES:
         replicas = scene.run.replicas
         yield f"run.replicas = {replicas}: {spheres} spheres in all replicas; at most {MOST_SPHERES} fit"

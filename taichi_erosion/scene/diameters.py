@@ -58,11 +58,17 @@ def expand_diameters(table: dict[str, Any]) -> Given | None:
     return found
 
 
+@cache
+def size_adapter() -> TypeAdapter[Size]:
+    """Validator of size laws, which takes longer to make than to use."""
+    return TypeAdapter(Size)
+
+
 def readable_diameter(table: dict[str, Any]) -> float | None:
     """Nominal diameter [m], None where the size law is invalid."""
     grains = table.get("grains")
     try:
-        size = TypeAdapter[Size](Size).validate_python(grains["size"]) if isinstance(grains, dict) else None
+        size = size_adapter().validate_python(grains["size"]) if isinstance(grains, dict) else None
         return nominal_diameter(size) if size else None
     except (ValidationError, KeyError):
         return None

@@ -3,7 +3,7 @@
 import json
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from copy import deepcopy
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,6 +24,7 @@ from taichi_erosion.scene.validation_messages import problem_lines
 S = TypeVar("S", Scene, AirScene)
 
 LARGEST_FILE = 4_000_000  # larger than any scene written by people [bytes]
+MOST_TREES = 16  # kept
 HASH_LENGTH = 12  # hexadecimal digits
 NOT_HASHED = {
     "scene": {"title", "notes", "effect_files"},
@@ -70,11 +71,17 @@ def toml_table(path: str | Path) -> dict[str, Any]:
     name = one_line_name(path)
     refuse_other_name(Path(path), "scene")
     try:
-        table = tomllib.loads(file_text(Path(path), name))
+        table = copied(toml_tree(file_text(Path(path), name)))
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
     refuse_other_sections(Path(path), table, "scene")
     return table
+
+
+@lru_cache(maxsize=MOST_TREES)
+def toml_tree(text: str) -> Mapping[str, Any]:
+    """Tree of a TOML text, shared by all who read it: a plan reads one file for every run."""
+    return tomllib.loads(text)
 
 
 def file_text(path: Path, name: str) -> str:
@@ -129,7 +136,7 @@ def parsed(
 ) -> S:
     """Scene without problems, of a raw table."""
     try:
-        scene = validated(kind, deepcopy(dict(table)), overrides)
+        scene = validated(kind, copied(table), overrides)
         scene._file = name
         lines = list(problems(scene))
     except BadInput as error:
@@ -151,6 +158,13 @@ def validated(kind: type[S], table: dict[str, Any], overrides: Sequence[str]) ->
         raise BadInput(summary(problem_lines(error, frozen, given))) from None
     except (OverflowError, RecursionError) as error:
         raise BadInput(f"cannot be used: {first_line(error)}") from None
+
+
+def copied(value: Any) -> Any:
+    """The same tree of tables and lists, to be changed."""
+    if isinstance(value, Mapping):
+        return {key: copied(entry) for key, entry in value.items()}
+    return type(value)(map(copied, value)) if isinstance(value, list | tuple) else value
 
 
 def with_tuples(value: Any) -> Any:

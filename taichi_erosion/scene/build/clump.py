@@ -14,6 +14,7 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.fields import Vector
 from taichi_erosion.scene.schema.grains import Clump, Grains
 
+MOST_BODIES = 1024  # kept: a plan of runs has one for every strength of an effect on the shape
 VOXELS_ACROSS = 160  # cells along the longest side of a body: the volume of a sphere is right to 1e-4 [1]
 SPHERE_REACH = 0.5  # radius of a sphere over its diameter [1]
 
@@ -61,7 +62,7 @@ def body_of(clump: Clump) -> Body:
     return quadrature(template_spheres(clump))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=MOST_BODIES)
 def quadrature(spheres: tuple[Sphere, ...]) -> Body:
     """Volume, centre and inertia of a union of spheres, by counting cells with their centre in any sphere.
 
@@ -91,7 +92,12 @@ def cells_inside(centres: Floats, radius: Floats, low: Floats, high: Floats, cel
     middle, counts = 0.5 * (low + high), np.ceil((high - low) / cell).astype(int)
     x, y, z = (middle[k] + (np.arange(n) - 0.5 * (n - 1)) * cell for k, n in enumerate(counts))
     inside = np.zeros(tuple(counts), dtype=bool)
-    for (a, b, c), r in zip(centres, radius, strict=True):
-        inside |= (x[:, None, None] - a) ** 2 + (y[:, None] - b) ** 2 + (z - c) ** 2 <= r * r
+    for centre, r in zip(centres, radius, strict=True):
+        near = tuple(
+            slice(*np.searchsorted(axis, (at - r - cell, at + r + cell)))
+            for axis, at in zip((x, y, z), centre, strict=True)
+        )
+        a, b, c = (axis[part] - at for axis, part, at in zip((x, y, z), near, centre, strict=True))
+        inside[near] |= a[:, None, None] ** 2 + b[:, None] ** 2 + c**2 <= r * r
     i, j, k = np.nonzero(inside)
     return np.column_stack([x[i], y[j], z[k]])

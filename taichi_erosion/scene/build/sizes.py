@@ -1,6 +1,7 @@
 """Grain diameters: range, nominal value and samples of each size law."""
 
 import tomllib
+from functools import cache
 from importlib.resources import files
 from math import exp, log
 
@@ -20,6 +21,7 @@ def shipped_tables() -> list[str]:
     )
 
 
+@cache
 def table_rows(name: str) -> tuple[SieveRow, ...]:
     """Rows of a shipped sieve table: low [m], high [m], mass."""
     if name not in shipped_tables():
