@@ -15,12 +15,27 @@ Place = tuple[str, str]  # module and name of a device function
 Paths = frozenset[tuple[str, ...]]  # argument, member, member of the member ...
 
 
-def functions(tree: ast.AST) -> list[ast.FunctionDef]:
-    return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+@cache
+def nodes(tree: ast.AST) -> tuple[ast.AST, ...]:
+    """All nodes of a tree, walked once for every rule that reads them."""
+    return tuple(ast.walk(tree))
+
+
+@cache
+def functions(tree: ast.AST) -> tuple[ast.FunctionDef, ...]:
+    """Functions of a tree, however deep."""
+    return tuple(node for node in nodes(tree) if isinstance(node, ast.FunctionDef))
+
+
+def dotted(expression: ast.AST) -> str:
+    """`a.b.c` of names and members, empty for any other expression."""
+    if isinstance(expression, ast.Attribute):
+        return f"{dotted(expression.value)}.{expression.attr}"
+    return expression.id if isinstance(expression, ast.Name) else ""
 
 
 def decorators(node: ast.FunctionDef | ast.ClassDef) -> set[str]:
-    return {ast.unparse(decorator).partition("(")[0] for decorator in node.decorator_list}
+    return {dotted(each.func if isinstance(each, ast.Call) else each) for each in node.decorator_list}
 
 
 def is_device_function(function: ast.FunctionDef) -> bool:
@@ -32,13 +47,16 @@ def is_kernel(function: ast.FunctionDef) -> bool:
 
 
 @cache
+def tree_of(path: Path) -> ast.Module:
+    """Syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
 def trees() -> dict[str, ast.Module]:
     """Syntax trees of the package by module name."""
-    found = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
-        parts = path.relative_to(ROOT).with_suffix("").parts
-        found[".".join(parts)] = ast.parse(path.read_text(encoding="utf-8"))
-    return found
+    paths = sorted(PACKAGE.rglob("*.py"))
+    return {".".join(path.relative_to(ROOT).with_suffix("").parts): tree_of(path) for path in paths}
 
 
 @cache

@@ -486,14 +486,10 @@ def by_weight_and_gap(pool: DesignPool, rivals: Sequence[RivalPrediction], at: i
     leader = max(rivals, key=lambda each: each.weight)
 
     def gap(rival: RivalPrediction) -> float:
-        """Difference of two predictions in standard deviations [1]."""
-        variance = pool.variance[at] + 0.5 * sum(
-            float(each.root[at] @ each.root[at]) for each in (leader, rival)
-        )
+        variance = pool.variance[at] + 0.5 * sum(float(r.root[at] @ r.root[at]) for r in (leader, rival))
         return float(abs(rival.mean[at] - leader.mean[at]) / np.sqrt(variance))
 
-    others = [each for each in rivals if each is not leader]
-    return [leader, *sorted(others, key=lambda each: (-each.weight, -gap(each)))]
+    return sorted(rivals, key=lambda each: (each is not leader, -each.weight, -gap(each)))
 
 
 def prediction_words(units: TableUnits, observable: str, mean: float, sd: float) -> str:
