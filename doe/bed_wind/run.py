@@ -62,7 +62,7 @@ def resting(size: float, law: str) -> Scene:
 
 def rough_rows() -> Iterator[Cells]:
     """Roughness lengths of beds of the simulator, and the winds in which one grain goes on over them."""
-    for law in LAWS[:2]:
+    for law in reversed(LAWS[:2]):
         sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in SIZES]
         winds = winds_over_beds([resting(size, law) for size in SIZES], sands)
         for sand, friction, over in zip(sands, WINDS, winds, strict=True):

@@ -27,6 +27,7 @@ from doe.wind.blown_sand import (
     shown,
     splash_table,
 )
+from doe.wind.law_table import law_table
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
@@ -163,6 +164,7 @@ def tables(doe: Path) -> dict[str, str]:
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
         "flux": flux_table(flux, fluxes),
+        "laws": law_table(flux, found_in(doe / "wind" / "drag_laws.csv"), fluxes),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),
         "splash": splash_table(flux),
         "cost": cost_table((flux, falling, steady, fluid)),
