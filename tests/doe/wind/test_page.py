@@ -8,6 +8,7 @@ import pytest
 from doe.common.cases import Row
 from doe.wind import blown_sand
 from doe.wind import page as threshold
+from doe.wind.law_table import law_table
 from taichi_erosion.measures.threshold import Bracket
 
 TUNNEL = [
@@ -99,3 +100,19 @@ def test_the_line_of_a_linear_flux_starts_at_its_threshold():
     # a linear flux has no power of the wind beyond its stress
     known = blown_sand.line_table(found, measured, Bracket(0.2 - 1e-9, 0.2 + 1e-9)).splitlines()[2:]
     assert all(abs(float(line.split("|")[6].split("±")[0])) < 1e-3 for line in known)
+
+
+def test_flux_under_two_laws_is_told_with_the_error_of_their_ratio():
+    # three beds: the error of a mean is the sd over the root of three
+    alone, hindered = (
+        blown_sand.by_case([row("flux", "0.4", "flux", value, 0.03 * value * sqrt(3.0), 3)])
+        for value in (0.02, 0.018)
+    )
+    measured = [{"u_star [m/s]": wind, "value": "20", "sd": "1"} for wind in ("0.4", "0.5")]
+    first, second = law_table(alone, hindered, measured).splitlines()[2:]
+    cells = [cell.strip() for cell in first.split("|")[1:-1]]
+    assert cells[2:5] == ["20.00 ± 0.60", "+0 %", "holds"]
+    assert cells[5:8] == ["18.00 ± 0.54", "-10 %", "holds"]
+    # 0.9 with two errors of 3 % as squares
+    assert cells[8] == "0.900 ± 0.038"
+    assert second.count("not simulated") == 2
