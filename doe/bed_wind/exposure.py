@@ -32,7 +32,7 @@ from taichi_erosion.verification.small_scenes import run_to_end
 from taichi_erosion.verification.wind.saltation import REST, SMALLEST, Patch, sand
 
 TABLE = Path(__file__).with_name("exposure.csv")
-SIDE, CELLS = 6.0, 8  # of the patch in diameters; lattice nodes on a diameter
+SIDE, CELLS = 6.0, 6  # of the patch in diameters; lattice nodes on a diameter
 DEEP, OVER = 3.0, 1.5  # diameters below and above the highest top that are resolved
 REACH = 3.0  # diameters upwind from where a sphere can hide another
 RINGS, SPOKES = 8, 24  # places on a cross-section at which is looked upwind
