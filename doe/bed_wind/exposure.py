@@ -1,8 +1,8 @@
 """Drag on every grain of a settled bed in creeping shear, resolved, beside that of the horizontal mean.
 
 python -m doe.bed_wind.exposure SEED...  beds of the simulator, by seed; writes exposure.csv, grain by grain
-python -m doe.bed_wind.exposure          only the table of README.md
 
+`python -m doe.bed_wind.run --page` then fills the table of README.md.
 The simulator lays down equal spheres on a patch; the method of `stokes.py` then gives the force
 of the flow on each of them, that of `column.py` the drag of the mean wind at its height. Their ratio is what
 neighbours do to single grains. Beside it stands the exposure of a grain: the share of its cross-section
@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import pearsonr
 
 from doe.bed_wind.column import Blow, Layer, drags_of
 from doe.bed_wind.stokes import CORNERS, OPPOSITE, SHARES, collided, steady, streamed
@@ -25,6 +26,8 @@ from doe.common.cases import parse
 from doe.common.command import words
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.measures.threshold import CONFIDENCE
+from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene.change import with_section
 from taichi_erosion.scene.schema.grains import Monodisperse
 from taichi_erosion.simulation import snapshot
@@ -32,12 +35,13 @@ from taichi_erosion.verification.small_scenes import run_to_end
 from taichi_erosion.verification.wind.saltation import REST, SMALLEST, Patch, sand
 
 TABLE = Path(__file__).with_name("exposure.csv")
-SIDE, CELLS = 6.0, 6  # of the patch in diameters; lattice nodes on a diameter
+SIDE, CELLS = 8.0, 6  # of the patch in diameters; lattice nodes on a diameter
 DEEP, OVER = 3.0, 1.5  # diameters below and above the highest top that are resolved
 REACH = 3.0  # diameters upwind from where a sphere can hide another
 RINGS, SPOKES = 8, 24  # places on a cross-section at which is looked upwind
 WIND, CREEPING = 0.3, 3e-4  # m s-1; m2 s-1, of the column: u* d / nu = 0.25
 COLUMN_LAWS = ("two_limits", "two_limits_hindered")
+LOADED = 1.0  # stresses of the lid on the square of a diameter, above which a sphere counts as loaded
 
 
 @dataclass(frozen=True)
@@ -54,8 +58,9 @@ class Loaded:
     """One sphere: forces over the stress of the lid and the square of the diameter."""
 
     seed: int
-    depth: float  # of its top below the highest one [d]
-    exposure: float
+    x: float  # along the wind [d]
+    y: float  # [d]
+    z: float  # over the plane [d]
     resolved: float
     two_limits: float
     two_limits_hindered: float
@@ -138,9 +143,7 @@ def measured(seed: int) -> list[Loaded]:
     force, lid = resolved_forces(bed, CELLS)
     loads = force / lid * bed.side**2
     means = [mean_forces(bed, law) for law in COLUMN_LAWS]
-    depth = bed.centre[:, 2].max() - bed.centre[:, 2]
-    columns = zip(depth, exposures(bed), loads, *means, strict=True)
-    return [Loaded(seed, *map(float, row)) for row in columns]
+    return [Loaded(seed, *map(float, row)) for row in zip(*bed.centre.T, loads, *means, strict=True)]
 
 
 def read_table() -> list[Loaded]:
@@ -157,6 +160,44 @@ def write_table(spheres: Sequence[Loaded]) -> None:
     lines = [[f.name for f in fields(Loaded)]]
     lines += [[f"{cell:.5g}" for cell in asdict(sphere).values()] for sphere in spheres]
     write_atomic(TABLE, "".join(",".join(line) + "\n" for line in lines).encode())
+
+
+def bed_of(spheres: Sequence[Loaded]) -> Spheres:
+    """The bed of the spheres of one seed."""
+    return Spheres(np.array([(one.x, one.y, one.z) for one in spheres]), SIDE, DEEP + OVER)
+
+
+def exposure_table(spheres: Sequence[Loaded]) -> str:
+    """Every bed under either law: loaded spheres, resolved drag over that of the mean wind, and exposure."""
+    header = (
+        *("bed", "drag of the mean wind", "loaded spheres", "resolved over it: median", "scatter of its ln"),
+        *("largest force, resolved", "of the mean wind", "correlation with the exposure (95 %)"),
+    )
+    rows = []
+    for seed in sorted({one.seed for one in spheres}):
+        own = [one for one in spheres if one.seed == seed]
+        seen, force = exposures(bed_of(own)), np.array([one.resolved for one in own])
+        loaded = force > LOADED
+        for law in COLUMN_LAWS:
+            mean = np.array([getattr(one, law) for one in own])
+            ratio = np.log(force[loaded] / mean[loaded])
+            tops = (f"{values.max():.2f}" for values in (force, mean))
+            cells = (
+                str(seed),
+                law,
+                str(loaded.sum()),
+                f"{np.exp(np.median(ratio)):.2f}",
+                f"{ratio.std(ddof=1):.2f}",
+            )
+            rows.append((*cells, *tops, correlation_cell(ratio, seen[loaded])))
+    return markdown_table(header, rows)
+
+
+def correlation_cell(ratio: Floats, seen: Floats) -> str:
+    """Correlation of two samples with its interval."""
+    found = pearsonr(ratio, seen)
+    low, high = found.confidence_interval(CONFIDENCE)
+    return f"{found.statistic:.2f} ({low:.2f} to {high:.2f})"
 
 
 def main(asked: Sequence[str]) -> None:
