@@ -6,14 +6,14 @@ python -m doe.bed_wind.exposure SEED...  beds of the simulator, by seed; writes 
 The simulator lays down equal spheres on a patch; the method of `stokes.py` then gives the force
 of the flow on each of them, that of `column.py` the drag of the mean wind at its height. Their ratio is what
 neighbours do to single grains. Beside it stands the exposure of a grain: the share of its cross-section
-across the wind that no sphere hides whose centre lies upwind within `REACH` diameters (Agudo et al. 2017).
+across the wind that no sphere close to it hides, upwind, downwind, or the mean of both: creeping flow is the
+same backwards, so that spheres on either side shelter alike.
 
-Reference: Agudo et al. (2017), J. Fluid Mech. 825, 284 (exposed area); Ladd (1994), J. Fluid Mech. 271, 285
-(momentum exchanged where distributions come back from a sphere).
+Reference: Ladd (1994), J. Fluid Mech. 271, 285 (momentum exchanged where distributions come back).
 """
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -37,11 +37,13 @@ from taichi_erosion.verification.wind.saltation import REST, SMALLEST, Patch, sa
 TABLE = Path(__file__).with_name("exposure.csv")
 SIDE, CELLS = 8.0, 6  # of the patch in diameters; lattice nodes on a diameter
 DEEP, OVER = 3.0, 1.5  # diameters below and above the highest top that are resolved
-REACH = 3.0  # diameters upwind from where a sphere can hide another
+REACHES = (1.0, 1.5, 2.0, 3.0, 4.0)  # diameters, from where a sphere can hide another
+SIDES = {"the wind": 1.0, "the lee": -1.0}
+BOTH = "both"
 RINGS, SPOKES = 8, 24  # places on a cross-section at which is looked upwind
 WIND, CREEPING = 0.3, 3e-4  # m s-1; m2 s-1, of the column: u* d / nu = 0.25
 COLUMN_LAWS = ("two_limits", "two_limits_hindered")
-LOADED = 1.0  # stresses of the lid on the square of a diameter, above which a sphere counts as loaded
+UPPER = 0.5  # diameters below the highest top, within which those of the upper spheres lie
 
 
 @dataclass(frozen=True)
@@ -122,8 +124,11 @@ def mean_forces(bed: Spheres, law: str) -> Floats:
     return drags_of(layers, Blow(WIND, SMALLEST, law, turbulent=False, viscosity=CREEPING))
 
 
-def exposures(bed: Spheres) -> Floats:
-    """Share of every cross-section across the wind that no sphere upwind hides."""
+def exposures(bed: Spheres, reach: float, way: float) -> Floats:
+    """Share of every cross-section across the wind that no sphere hides that lies upwind within `reach`.
+
+    Downwind where `way` is -1, upwind where it is 1.
+    """
     radius = 0.5 * np.sqrt((np.arange(RINGS) + 0.5) / RINGS)
     turn = 2.0 * np.pi * (np.arange(SPOKES) + 0.5) / SPOKES
     spots = np.stack([np.outer(radius, np.cos(turn)), np.outer(radius, np.sin(turn))], axis=-1).reshape(-1, 2)
@@ -131,7 +136,8 @@ def exposures(bed: Spheres) -> Floats:
     for centre in bed.centre:
         apart = bed.centre - centre
         apart[:, :2] -= bed.side * np.round(apart[:, :2] / bed.side)
-        upwind = apart[(apart[:, 0] < 0.0) & (apart[:, 0] > -REACH)]
+        away = -way * apart[:, 0]
+        upwind = apart[(away > 0.0) & (away < reach)]
         hidden = ((upwind[:, None, 1:] - spots) ** 2).sum(axis=-1) < 0.25
         found.append(1.0 - hidden.any(axis=0).mean())
     return np.array(found)
@@ -167,30 +173,69 @@ def bed_of(spheres: Sequence[Loaded]) -> Spheres:
     return Spheres(np.array([(one.x, one.y, one.z) for one in spheres]), SIDE, DEEP + OVER)
 
 
-def exposure_table(spheres: Sequence[Loaded]) -> str:
-    """Every bed under either law: loaded spheres, resolved drag over that of the mean wind, and exposure."""
-    header = (
-        *("bed", "drag of the mean wind", "loaded spheres", "resolved over it: median", "scatter of its ln"),
-        *("largest force, resolved", "of the mean wind", "correlation with the exposure (95 %)"),
-    )
-    rows = []
+@dataclass(frozen=True)
+class Upper:
+    """The upper spheres of one bed."""
+
+    bed: Spheres
+    upper: np.ndarray
+    resolved: Floats
+    mean: dict[str, Floats]  # by law of drag
+
+    def log_ratio(self, law: str) -> Floats:
+        """Ln of the resolved force over that of the mean wind."""
+        return np.log(self.resolved / self.mean[law])
+
+    def exposure(self, side: str, reach: float) -> Floats:
+        """Exposure to one side, or the mean of both."""
+        ways = [way for name, way in SIDES.items() if side in (name, BOTH)]
+        return np.mean([exposures(self.bed, reach, way)[self.upper] for way in ways], axis=0)
+
+
+def upper_spheres(spheres: Sequence[Loaded]) -> dict[int, Upper]:
+    """Upper spheres of every bed, by seed."""
+    found = {}
     for seed in sorted({one.seed for one in spheres}):
         own = [one for one in spheres if one.seed == seed]
-        seen, force = exposures(bed_of(own)), np.array([one.resolved for one in own])
-        loaded = force > LOADED
-        for law in COLUMN_LAWS:
-            mean = np.array([getattr(one, law) for one in own])
-            ratio = np.log(force[loaded] / mean[loaded])
-            tops = (f"{values.max():.2f}" for values in (force, mean))
-            cells = (
-                str(seed),
-                law,
-                str(loaded.sum()),
-                f"{np.exp(np.median(ratio)):.2f}",
-                f"{ratio.std(ddof=1):.2f}",
-            )
-            rows.append((*cells, *tops, correlation_cell(ratio, seen[loaded])))
+        bed = Spheres(np.array([(one.x, one.y, one.z) for one in own]), SIDE, DEEP + OVER)
+        upper = bed.centre[:, 2] > bed.centre[:, 2].max() - UPPER
+        resolved, *means = (
+            np.array([getattr(one, name) for one in own])[upper] for name in ("resolved", *COLUMN_LAWS)
+        )
+        found[seed] = Upper(bed, upper, resolved, dict(zip(COLUMN_LAWS, means, strict=True)))
+    return found
+
+
+def load_table(beds: Mapping[int, Upper]) -> str:
+    """Forces on the upper spheres of every bed, resolved and of the mean wind by either law."""
+    header = (
+        *("bed", "drag of the mean wind", "upper spheres", "resolved over it: median", "scatter of its ln"),
+        *("largest force, resolved", "of the mean wind"),
+    )
+    rows = []
+    for seed, bed in beds.items():
+        for law, mean in bed.mean.items():
+            ratio = bed.log_ratio(law)
+            numbers = (np.exp(np.median(ratio)), ratio.std(ddof=1), bed.resolved.max(), mean.max())
+            rows.append((str(seed), law, str(ratio.size), *(f"{number:.2f}" for number in numbers)))
     return markdown_table(header, rows)
+
+
+def exposure_table(beds: Mapping[int, Upper]) -> str:
+    """Correlation of the ln of that ratio with exposure, by side and reach; means of beds taken off."""
+    header = ("drag of the mean wind", "exposed to", *(f"within {reach:g} d" for reach in REACHES))
+    rows = []
+    for law in COLUMN_LAWS:
+        ratio = together([bed.log_ratio(law) for bed in beds.values()])
+        for side in (*SIDES, BOTH):
+            seen = [together([bed.exposure(side, reach) for bed in beds.values()]) for reach in REACHES]
+            rows.append((law, side, *(correlation_cell(ratio, each) for each in seen)))
+    return markdown_table(header, rows)
+
+
+def together(values: Sequence[Floats]) -> Floats:
+    """Values of all beds, each less the mean of its bed."""
+    return np.concatenate([each - each.mean() for each in values])
 
 
 def correlation_cell(ratio: Floats, seen: Floats) -> str:

@@ -11,7 +11,7 @@ from io import StringIO
 from pathlib import Path
 
 from doe.bed_wind.column import LAYERS, VISCOSITY, Blow, height_of, zero_depth
-from doe.bed_wind.exposure import exposure_table, read_table
+from doe.bed_wind.exposure import exposure_table, load_table, read_table, upper_spheres
 from doe.bed_wind.stokes import zero_depth as resolved_depth
 from doe.common.command import words
 from taichi_erosion.core.files import write_atomic
@@ -117,7 +117,7 @@ def rough_table() -> str:
         smooth = 1e3 * SMOOTH * VISCOSITY / wind
         reynolds = wind * 1e-3 * size / VISCOSITY
         cells = (f"{size:g}", f"{wind:g}", f"{reynolds:.1f}", line["law"], f"{z0:.4f}", f"{size / z0:.0f}")
-        rows.append((*cells, f"{size / smooth:.0f}", f"{1.0 / GRAIN:.0f}", line.get("hopping", "")))
+        rows.append((*cells, f"{size / smooth:.0f}", f"{1.0 / GRAIN:.0f}", line["hopping"]))
     return markdown_table(header, rows)
 
 
@@ -129,7 +129,9 @@ def main(asked: Sequence[str]) -> None:
     for name in asked:
         if name in STEPS:
             STEPS[name]()
-    tables = {"zero": zero_table(), "rough": rough_table(), "exposure": exposure_table(read_table())}
+    beds = upper_spheres(read_table())
+    tables = {"zero": zero_table(), "rough": rough_table()}
+    tables |= {"loads": load_table(beds), "exposure": exposure_table(beds)}
     PAGE.write_text(fill_tables(PAGE.read_text(encoding="utf-8"), tables), encoding="utf-8")
 
 

@@ -27,7 +27,7 @@ from doe.wind.blown_sand import (
     shown,
     splash_table,
 )
-from doe.wind.law_table import law_table
+from doe.wind.law_table import law_table, stress_table
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
@@ -151,6 +151,7 @@ def sand_threshold(impact: Found, sand: str) -> Bracket | None:
 def tables(doe: Path) -> dict[str, str]:
     """Tables of the page by name."""
     flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
+    hindered = found_in(doe / "wind" / "drag_laws.csv")
     impact = together(falling, saturated_thresholds(steady))
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
@@ -164,7 +165,8 @@ def tables(doe: Path) -> dict[str, str]:
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
         "flux": flux_table(flux, fluxes),
-        "laws": law_table(flux, found_in(doe / "wind" / "drag_laws.csv"), fluxes),
+        "laws": law_table(flux, hindered, fluxes),
+        "law_stresses": stress_table(steady, hindered),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),
         "splash": splash_table(flux),
         "cost": cost_table((flux, falling, steady, fluid)),

@@ -5,7 +5,7 @@ from math import acos, pi, sqrt
 import numpy as np
 import pytest
 
-from doe.bed_wind.exposure import REACH, Spheres, exposures, mean_forces, resolved_forces
+from doe.bed_wind.exposure import Spheres, exposures, mean_forces, resolved_forces
 
 
 def spheres(*places: tuple[float, float, float], side: float = 6.0) -> Spheres:
@@ -33,13 +33,13 @@ def test_the_drag_of_the_mean_wind_is_the_stress_of_the_lid():
 
 @pytest.mark.parametrize("across", [0.0, 0.5, 1.0])
 def test_a_sphere_hides_the_overlap_of_two_circles_of_the_one_behind_it(across: float):
-    seen = exposures(spheres((1.0, 1.0, 1.0), (2.0, 1.0 + across, 1.0)))
+    pair = spheres((1.0, 1.0, 1.0), (2.0, 1.0 + across, 1.0))
     # two circles of radius 1/2 whose middles are `across` apart
     overlap = 2.0 / pi * (acos(across) - across * sqrt(1.0 - across**2))
-    assert seen == pytest.approx([1.0, 1.0 - overlap], abs=0.02)
+    assert exposures(pair, 3.0, 1.0) == pytest.approx([1.0, 1.0 - overlap], abs=0.02)
+    assert exposures(pair, 3.0, -1.0) == pytest.approx([1.0 - overlap, 1.0], abs=0.02)
 
 
 def test_a_sphere_is_hidden_across_the_period_and_not_from_afar():
-    assert exposures(spheres((0.3, 1.0, 1.0), (5.8, 1.0, 1.0))) == pytest.approx([0.0, 1.0])
-    far = (1.0 + REACH + 0.1, 1.0, 1.0)
-    assert exposures(spheres((1.0, 1.0, 1.0), far, side=8.0)) == pytest.approx([1.0, 1.0])
+    assert exposures(spheres((0.3, 1.0, 1.0), (5.8, 1.0, 1.0)), 3.0, 1.0) == pytest.approx([0.0, 1.0])
+    assert exposures(spheres((1.0, 1.0, 1.0), (3.1, 1.0, 1.0)), 2.0, 1.0) == pytest.approx([1.0, 1.0])
