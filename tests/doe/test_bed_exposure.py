@@ -5,7 +5,17 @@ from math import acos, pi, sqrt
 import numpy as np
 import pytest
 
-from doe.bed_wind.exposure import Spheres, exposures, mean_forces, resolved_forces
+from doe.bed_wind.exposure import (
+    SIDE,
+    Spheres,
+    exposures,
+    load_table,
+    mean_forces,
+    read_table,
+    resolved_forces,
+    upper_spheres,
+)
+from doe.bed_wind.run import PAGE
 
 
 def spheres(*places: tuple[float, float, float], side: float = 6.0) -> Spheres:
@@ -43,3 +53,12 @@ def test_a_sphere_hides_the_overlap_of_two_circles_of_the_one_behind_it(across: 
 def test_a_sphere_is_hidden_across_the_period_and_not_from_afar():
     assert exposures(spheres((0.3, 1.0, 1.0), (5.8, 1.0, 1.0)), 3.0, 1.0) == pytest.approx([0.0, 1.0])
     assert exposures(spheres((1.0, 1.0, 1.0), (3.1, 1.0, 1.0)), 2.0, 1.0) == pytest.approx([1.0, 1.0])
+
+
+def test_the_forces_of_the_table_add_up_to_that_of_the_lid_and_stand_on_the_page():
+    spheres = read_table()
+    for name in ("resolved", "two_limits", "two_limits_hindered"):
+        for seed in upper_spheres(spheres):
+            forces = [getattr(one, name) for one in spheres if one.seed == seed]
+            assert sum(forces) == pytest.approx(SIDE**2, rel=1e-3)
+    assert load_table(upper_spheres(spheres)) in PAGE.read_text(encoding="utf-8")
