@@ -29,7 +29,8 @@ FORCES = ("near_wall_drag", "rotational_drag", "shear_lift", "turbulent_gusts", 
 WITH, HINDERED, BARE = "forces", "hindered", "bare"  # kinds of cases
 LAW = 'wind.drag="two_limits_hindered"'
 DIAMETERS = (1.0, 0.5, 0.25, 0.15, 0.1)  # mm
-BEDS = 5
+BEDS, FEWER = 5, 3  # of a case
+FINE = 0.2  # mm, below which steps are so short that beds are fewer
 KEPT = 1  # rounds of bisection after the step of six percent
 
 
@@ -68,7 +69,7 @@ def case_of(name: str) -> Case:
         *(f"effects.{effect}.strength=1" for effect in (FORCES if kind != BARE else ())),
         *((LAW,) if kind == HINDERED else ()),
     )
-    return Case("fluid", name, settings(*orders), BEDS)
+    return Case("fluid", name, settings(*orders), FEWER if float(size) < FINE else BEDS)
 
 
 def simulate(name: str) -> list[Bed]:
