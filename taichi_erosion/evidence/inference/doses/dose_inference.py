@@ -15,13 +15,21 @@ how far it is from that.
 Reference: Rasmussen & Williams (2006), Gaussian processes for machine learning, sections 2.7 and 5.4.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_erosion.evidence.data.linear_algebra import Working, log_sum_exp, working
-from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, working
+from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.inference.doses.dose_path import DosePath
+from taichi_erosion.evidence.inference.doses.dose_search import (
+    ConditionSets,
+    DoseFit,
+    DosePrior,
+    censored_part,
+    dose_searches,
+    gaussian_log_evidence,
+)
 from taichi_erosion.evidence.inference.goodness_of_fit import quadratic_form_p
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes, low_rank, squared_distance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
@@ -31,47 +39,7 @@ AMPLITUDES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # lambda, sd of the doses [1]
 FIRST_AMPLITUDE = 1.0  # at which every kernel is tried first
 LEVEL = 0.25  # variance of the level of the doses over that of their variation
 ALL = ""  # name of the kernel over all conditions together
-SLACK = 1e-3  # variance of doses at which a prior takes over those of another one
 STEPS, FIRST_STEPS, BESIDE_STEPS = 30, 8, 3  # Gauss-Newton steps of the best fit, a first one, one beside it
-HALVINGS = 6  # of one step
-ENOUGH = 1e-3  # fall of the misfit below which no further step is made [1]
-
-
-@dataclass(frozen=True)
-class ConditionSets:
-    """Sets of equal conditions; rows of all observables of one set share one dose."""
-
-    index: Integers  # (n,), set of each row
-    first: Integers  # (j,), a row of each set
-
-    @property
-    def size(self) -> int:
-        return int(self.first.size)
-
-
-@dataclass(frozen=True)
-class DosePrior:
-    """Factor L of the prior covariance of the doses at amplitude 1, over one condition or all."""
-
-    axis: str
-    length: float
-    factor: Floats  # (j, r)
-
-
-@dataclass(frozen=True)
-class DoseFit:
-    """Best doses at one prior and amplitude, and the linear model about them."""
-
-    prior: DosePrior
-    amplitude: float
-    doses: Floats  # (j,)
-    covariance: Floats  # (j, j), of the doses, calibrated numbers and shared errors integrated out
-    theta: Floats  # (p + q + r,), calibrated numbers, shared errors, coefficients of the doses
-    work: Working  # residual of the rows at the best fit
-    columns: Floats  # (n, p + q + r), whitened B
-    pseudo: Floats  # (n,), whitened y
-    log_evidence: Floats  # per noise factor
-    misfit: float  # |residual|^2 plus priors
 
 
 @dataclass(frozen=True)
@@ -110,7 +78,7 @@ def bare_log_evidence(prepared: PreparedProblem, path: DosePath) -> Floats:
     columns = calibration_columns(prepared, path, np.ones(prepared.rows.size))
     residual = (prepared.rows.z - path.bare + path.jacobian @ path.x) / prepared.sd
     fitted = columns @ ridge(columns, residual)
-    work = working(residual - fitted, prepared.rows.censored)
+    work = working(residual - fitted, prepared.white_reach)
     columns = calibration_columns(prepared, path, work.weight)
     pseudo = work.residual + work.weight * fitted
     return gaussian_log_evidence(columns, pseudo, prepared.doubt.factor) + censored_part(work, prepared)
@@ -122,159 +90,44 @@ def calibration_columns(prepared: PreparedProblem, path: DosePath, weight: Float
     return np.hstack([path.jacobian, prepared.rows.shared]) * scale
 
 
-def gaussian_log_evidence(columns: Floats, pseudo: Floats, factors: Floats) -> Floats:
-    """Ln N(y; 0, f^2 + B B^T) without ln 2 pi, for every noise factor f."""
-    left, values, _ = np.linalg.svd(columns, full_matrices=False)
-    parts = (left.T @ pseudo) ** 2
-    rest = max(float(pseudo @ pseudo) - float(parts.sum()), 0.0)
-    noise = factors[:, np.newaxis] ** 2
-    total = noise + values**2
-    free = pseudo.size - values.size
-    logs = np.sum(np.log(total), axis=1) + free * np.log(noise[:, 0])
-    return np.asarray(-0.5 * (logs + np.sum(parts / total, axis=1) + rest / noise[:, 0]))
-
-
-def censored_part(work: Working, prepared: PreparedProblem) -> float:
-    """Ln likelihood of censored rows beyond that of the ordinary rows that stand for them."""
-    if not prepared.rows.censored.any():
-        return 0.0
-    return -0.5 * (work.deviance - float(work.residual @ work.residual))
-
-
 def ridge(columns: Floats, residual: Floats) -> Floats:
     """Most likely coefficients with unit priors."""
     matrix = columns.T @ columns + np.eye(columns.shape[1])
     return np.asarray(np.linalg.solve(matrix, columns.T @ residual), dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class DoseState:
-    """Rows at some doses and calibrated numbers."""
-
-    work: Working
-    jacobian: Floats  # (n, p), of the mean along the calibrated numbers
-    slope: Floats  # (n,), of the mean along the dose
-    misfit: float  # deviance plus priors
-
-
-@dataclass(frozen=True)
-class DoseSearch:
-    """Gauss-Newton search for the best doses of one path and prior."""
-
-    prepared: PreparedProblem
-    path: DosePath
-    sets: ConditionSets
-    prior: DosePrior
-    amplitude: float
-
-    def state(self, theta: Floats) -> DoseState:
-        """The rows at [x, s, f]."""
-        shared = self.prepared.rows.shared
-        count = self.path.x.size + shared.shape[1]
-        dose = (self.amplitude * self.prior.factor @ theta[count:])[self.sets.index]
-        change, slope = self.path.change(dose)
-        jacobian, bend = self.path.slopes(dose)
-        away = theta[:count] - self.origin
-        moved = np.hstack([jacobian, shared]) @ away
-        slope = slope + bend @ away[: self.path.x.size]
-        work = self.prepared.working(self.path.bare + moved + change)
-        return DoseState(work, jacobian, slope, work.deviance + float(theta @ theta))
-
-    @property
-    def origin(self) -> Floats:
-        """Calibrated numbers of the path, and no shared errors."""
-        return np.concatenate([self.path.x, np.zeros(self.prepared.rows.shared.shape[1])])
-
-    def columns(self, state: DoseState) -> Floats:
-        """Whitened columns B of the linear model (n, p + q + r)."""
-        scale = (state.work.weight / self.prepared.sd)[:, np.newaxis]
-        doses = self.amplitude * self.prior.factor[self.sets.index] * state.slope[:, np.newaxis]
-        return np.hstack([state.jacobian, self.prepared.rows.shared, doses]) * scale
-
-    def start(self) -> Floats:
-        """The bare model with the calibrated numbers of the path."""
-        shared = self.prepared.rows.shared.shape[1] + self.prior.factor.shape[1]
-        return np.concatenate([self.path.x, np.zeros(shared)])
-
-    def beside(self, fit: DoseFit) -> Floats:
-        """[x, s, f] with the doses of another fit, as well as this prior has them."""
-        start, count = self.origin, fit.theta.size - fit.prior.factor.shape[1]
-        if count == start.size:
-            start = fit.theta[:count]
-        else:  # the errors that rows share are others
-            start[: self.path.x.size] = fit.theta[: self.path.x.size]
-        doses = self.amplitude * self.prior.factor
-        near = np.linalg.solve(doses.T @ doses + SLACK * np.eye(doses.shape[1]), doses.T @ fit.doses)
-        return np.asarray(np.concatenate([start, near]), dtype=np.float64)
-
-    def run(self, theta: Floats, steps: int) -> Floats:
-        """Best [x, s, f] from a start."""
-        state = self.state(theta)
-        for _ in range(steps):
-            columns = self.columns(state)
-            gradient = columns.T @ state.work.residual - theta
-            step = np.linalg.solve(columns.T @ columns + np.eye(theta.size), gradient)
-            before = state.misfit
-            for _ in range(HALVINGS):
-                tried = self.state(theta + step)
-                if tried.misfit < state.misfit:
-                    theta, state = theta + step, tried
-                    break
-                step = 0.5 * step
-            if before - state.misfit < ENOUGH:
-                break
-        return theta
-
-    def fit(self, theta: Floats) -> DoseFit:
-        """The linear model about [x, s, f], and its evidence."""
-        state = self.state(theta)
-        work, columns = state.work, self.columns(state)
-        pseudo = work.residual + columns @ theta
-        evidence = gaussian_log_evidence(columns, pseudo, self.prepared.doubt.factor)
-        count = columns.shape[1] - self.prior.factor.shape[1]
-        covariance = np.linalg.inv(columns.T @ columns + np.eye(theta.size))[count:, count:]
-        factor = self.amplitude * self.prior.factor
-        return DoseFit(
-            self.prior,
-            self.amplitude,
-            factor @ theta[count:],
-            factor @ covariance @ factor.T,
-            theta,
-            work,
-            columns,
-            pseudo,
-            evidence + censored_part(work, self.prepared),
-            state.misfit,
-        )
-
-
 def first_fit(prepared: PreparedProblem, path: DosePath) -> DoseFit:
     """Best doses of the likeliest kernel and amplitude, from the bare model."""
-    sets, tried = condition_sets(prepared), list[tuple[DoseSearch, DoseFit]]()
-    for prior in dose_priors(prepared, sets):
-        first = DoseSearch(prepared, path, sets, prior, FIRST_AMPLITUDE)
-        fit = first.fit(first.run(first.start(), FIRST_STEPS))
-        for amplitude in AMPLITUDES:
-            search = replace(first, amplitude=amplitude)
-            tried.append((search, search.fit(search.run(search.beside(fit), 1))))
-    search, fit = max(tried, key=lambda item: averaged(prepared, item[1].log_evidence))
-    return search.fit(search.run(fit.theta, STEPS))
+    sets = condition_sets(prepared)
+    priors = dose_priors(prepared, sets)
+    first = dose_searches(prepared, path, sets, [(prior, FIRST_AMPLITUDE) for prior in priors])
+    fits = first.fits(first.run(first.start(), FIRST_STEPS))
+    asked = [(prior, amplitude) for prior in priors for amplitude in AMPLITUDES]
+    searches = dose_searches(prepared, path, sets, asked)
+    theta = searches.run(searches.beside([fit for fit in fits for _ in AMPLITUDES]), 1)
+    chances = [averaged(prepared, fit.log_evidence) for fit in searches.fits(theta)]
+    top = np.array([int(np.argmax(chances))])
+    best = searches.only(top)
+    return best.fits(best.run(theta[top], STEPS))[0]
 
 
 def again(prepared: PreparedProblem, path: DosePath, fit: DoseFit) -> DoseFit:
     """The same kernel and amplitude fitted on another path, from the doses found."""
-    search = DoseSearch(prepared, path, condition_sets(prepared), fit.prior, fit.amplitude)
-    return search.fit(search.run(search.beside(fit), STEPS))
+    search = dose_searches(prepared, path, condition_sets(prepared), [(fit.prior, fit.amplitude)])
+    return search.fits(search.run(search.beside([fit]), STEPS))[0]
 
 
 def dose_evidence(prepared: PreparedProblem, path: DosePath, fit: DoseFit) -> DoseEvidence:
     """Evidence of one mechanism from its best doses, all kernels and amplitudes alike likely beforehand."""
-    sets, fits = condition_sets(prepared), [fit]
-    for prior in dose_priors(prepared, sets):
-        for amplitude in AMPLITUDES:
-            search = DoseSearch(prepared, path, sets, prior, amplitude)
-            if (prior.axis, prior.length, amplitude) != (fit.prior.axis, fit.prior.length, fit.amplitude):
-                fits.append(search.fit(search.run(search.beside(fit), BESIDE_STEPS)))
+    sets, own = condition_sets(prepared), (fit.prior.axis, fit.prior.length, fit.amplitude)
+    asked = [
+        (prior, amplitude)
+        for prior in dose_priors(prepared, sets)
+        for amplitude in AMPLITUDES
+        if (prior.axis, prior.length, amplitude) != own
+    ]
+    searches = dose_searches(prepared, path, sets, asked)
+    fits = [fit, *searches.fits(searches.run(searches.beside([fit] * searches.size), BESIDE_STEPS))]
     best = max(fits, key=lambda each: averaged(prepared, each.log_evidence))
     evidence = log_sum_exp(np.array([each.log_evidence for each in fits]), axis=0) - np.log(len(fits))
     return DoseEvidence(path, sets, best, evidence)
@@ -306,8 +159,7 @@ def one_dose_p(prepared: PreparedProblem, evidence: DoseEvidence) -> float:
     NaN where the mechanism moves one observable only.
     """
     fit = evidence.best
-    count = fit.columns.shape[1] - fit.prior.factor.shape[1]
-    doses, blocks = fit.columns[:, count:], []
+    doses, blocks = fit.columns[:, fit.others :], []
     for _, chosen in prepared.by_observable():
         if np.any(doses[chosen]):
             blocks.append(np.where(chosen[:, np.newaxis], doses, 0.0))

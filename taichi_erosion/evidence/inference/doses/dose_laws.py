@@ -10,115 +10,37 @@ Stat. 6, 461 (price of a number).
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import stats
 
 from taichi_erosion.evidence.data.findings import Estimate
 from taichi_erosion.evidence.data.mechanism_findings import DoseLaw
-from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
-from taichi_erosion.evidence.inference.cross_validation import fold_numbers
+from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats
 from taichi_erosion.evidence.inference.doses.dose_forms import GROUPS, Form, forms_of
-from taichi_erosion.evidence.inference.doses.dose_inference import DoseEvidence
-from taichi_erosion.evidence.inference.doses.dose_path import DosePath
+from taichi_erosion.evidence.inference.doses.law_fit import (
+    FittedForm,
+    LawRows,
+    Remake,
+    fitted_form,
+    law_part,
+    settled_form,
+)
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 SIMPLE = 1.0  # the same of a form that is neither a power nor a constant
 POWERS = ("constant", "power", *GROUPS)  # forms that are taken where others are hardly better
-FOLDS = 6  # of the groups, at most
+SETTLED = 12  # forms that get calibrated numbers of their own, after a first fit to all rows
 KEPT = 6  # forms that are cross-validated, after their fit to all rows at hand
 QUANTILE = float(stats.norm.ppf(0.95))  # half width of a 90 % interval, in sd
 LEAST_ROWS = 6
 CURVE = 33  # values of a condition at which a law is drawn
 STEP = 1e-3  # of a number, for the slope of a law along it
-MOST_STEPS = 20  # of one fit
 STEPS = (1.0, 0.6, 0.35, 1.7)  # conditions at which a law is stated, over their largest values [1]
 
 
-@dataclass(frozen=True)
-class LawRows:
-    """Rows at the best doses: working residuals, and the linear model of the calibrated numbers."""
-
-    path: DosePath
-    conditions: Conditions
-    target: Floats  # (n,), whitened: what dose and calibrated numbers have to explain
-    scale: Floats  # (n,), whitening factor
-    columns: Floats  # (n, p + q), whitened, unit priors
-    folds: Integers  # (n,)
-
-    def residual(self, dose: Floats) -> Floats:
-        """Whitened residual at doses of all rows, calibrated numbers at their prior mean."""
-        return self.target - self.scale * self.path.change(dose)[0]
-
-
-@dataclass(frozen=True)
-class FittedForm:
-    """A form fitted to some rows."""
-
-    form: Form
-    numbers: Floats
-    misfit: float  # of these rows, priors of calibrated numbers included
-    covariance: Floats  # of the numbers
-
-
-def law_rows(prepared: PreparedProblem, evidence: DoseEvidence) -> LawRows:
-    """Rows for laws of one mechanism; a censored row stands as an ordinary one with its working residual."""
-    path, fit = evidence.path, evidence.best
-    scale = fit.work.weight / prepared.sd
-    columns = fit.columns[:, : fit.columns.shape[1] - fit.prior.factor.shape[1]]
-    change = scale * path.change(fit.doses[evidence.sets.index])[0]
-    target = fit.work.residual + columns @ fit.theta[: columns.shape[1]] + change
-    folds = fold_numbers(prepared) % FOLDS
-    return LawRows(path, prepared.rows.conditions, target, scale, columns, folds)
-
-
-def projector(columns: Floats) -> Floats:
-    """Square root of (1 + B B^T)^-1: whitens a residual with the calibrated numbers integrated out."""
-    left, values, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.eye(columns.shape[0]) + left @ np.diag(1.0 / np.sqrt(1.0 + values**2) - 1.0) @ left.T
-
-
-def fitted_form(rows: LawRows, form: Form, chosen: Bools, start: Floats | None = None) -> FittedForm:
-    """Best numbers of a form on some rows, from one start or from all of its own."""
-    whiten = projector(rows.columns[chosen])
-    own = {name: column[chosen] for name, column in rows.conditions.items()}
-    spread = np.zeros(rows.target.size)
-
-    def misfit(numbers: Floats) -> Floats:
-        spread[chosen] = np.nan_to_num(form.dose(own, numbers), posinf=1e6, neginf=-1e6)
-        return whiten @ rows.residual(spread)[chosen]
-
-    low, high = np.array(form.low), np.array(form.high)
-    own_starts = [np.array([first, *rest]) for rest in form.starts for first in first_doses(rows.path)]
-    begins = [np.clip(each, low + 1e-9, high - 1e-9) for each in (own_starts if start is None else [start])]
-    found = [
-        optimize.least_squares(misfit, begin, bounds=(low, high), x_scale=scales(form), max_nfev=MOST_STEPS)
-        for begin in begins
-    ]
-    best = min(found, key=lambda each: each.cost)
-    hessian = best.jac.T @ best.jac
-    covariance = np.linalg.pinv(hessian, hermitian=True)
-    return FittedForm(form, best.x, 2.0 * float(best.cost), covariance)
-
-
-def first_doses(path: DosePath) -> tuple[float, ...]:
-    """Doses at typical conditions from which a fit starts, to both sides where the range has both."""
-    return tuple(dose for dose in (0.1 * path.high, 0.3 * path.low) if abs(dose) > 0.0)
-
-
-def scales(form: Form) -> Floats:
-    """Typical size of every number."""
-    return np.array([1.0, *(max(abs(value), 1e-6) for value in form.starts[0])])
-
-
-def held_out_score(
-    rows: LawRows, fitted: FittedForm | None, inside: Bools, outside: Bools
-) -> tuple[float, float]:
-    """Log score of some rows predicted from others, and their squared whitened gaps; None: without doses."""
-    dose = np.zeros(rows.target.size)
-    if fitted is not None:
-        dose = law_doses(rows, fitted)
+def held_out_score(rows: LawRows, dose: Floats, inside: Bools, outside: Bools) -> tuple[float, float]:
+    """Log score of some rows predicted from others at doses of all, and their squared whitened gaps."""
     residual = rows.residual(dose)
     own, other = rows.columns[inside], rows.columns[outside]
     inverse = np.linalg.inv(own.T @ own + np.eye(own.shape[1]))
@@ -133,16 +55,14 @@ def price(rows: LawRows, form: Form) -> float:
     return 0.5 * float(np.log(rows.target.size)) * form.size + (0.0 if form.name in POWERS else SIMPLE)
 
 
-def ranked_forms(rows: LawRows, fits: Sequence[FittedForm]) -> list[FittedForm]:
+def ranked_forms(rows: LawRows, fits: Sequence[FittedForm], most: int) -> list[FittedForm]:
     """The best of fitted forms, by misfit and number of numbers."""
-    fits = list(fits)
-    fits.sort(key=lambda fit: 0.5 * fit.misfit + price(rows, fit.form))
-    return fits[:KEPT]
+    return sorted(fits, key=lambda fit: 0.5 * fit.misfit + price(rows, fit.form))[:most]
 
 
 def chosen_form(rows: LawRows, fits: Sequence[FittedForm], chosen: Bools) -> tuple[FittedForm, float]:
     """The form that predicts groups within some rows best, of forms fitted to them, and its score."""
-    ranked = ranked_forms(rows, fits)
+    ranked = ranked_forms(rows, fits, KEPT)
     folds = [
         fold
         for fold in np.unique(rows.folds[chosen])
@@ -150,31 +70,33 @@ def chosen_form(rows: LawRows, fits: Sequence[FittedForm], chosen: Bools) -> tup
     ]
     if len(folds) < 2:
         return ranked[0], float("nan")
-    totals = []
-    for fit in ranked:
-        total = -price(rows, fit.form)
-        for fold in folds:
-            outside = chosen & (rows.folds == fold)
-            inside = chosen & ~outside
-            refit = fitted_form(rows, fit.form, inside, fit.numbers)
-            total += held_out_score(rows, refit, inside, outside)[0]
-            total -= held_out_score(rows, None, inside, outside)[0]
-        totals.append(total)
+    totals = np.array([-price(rows, fit.form) for fit in ranked])
+    for fold in folds:
+        outside = chosen & (rows.folds == fold)
+        inside = chosen & ~outside
+        nothing = held_out_score(rows, np.zeros(chosen.size), inside, outside)[0]
+        for k, fit in enumerate(ranked):
+            refit = fitted_form(law_part(fit.rows, inside), fit.form, fit.numbers)
+            totals[k] += held_out_score(fit.rows, refit.doses, inside, outside)[0] - nothing
     top = int(np.argmax(totals))
     return ranked[top], float(totals[top]) + price(rows, ranked[top].form)
 
 
-def law_doses(rows: LawRows, fitted: FittedForm) -> Floats:
-    """Doses of a law in all rows."""
-    return np.nan_to_num(fitted.form.dose(rows.conditions, fitted.numbers), posinf=1e6, neginf=-1e6)
+def fitted_forms(prepared: PreparedProblem, rows: LawRows, remake: Remake) -> list[FittedForm]:
+    """All forms fitted to all rows, the best of them with calibrated numbers of their own."""
+    part = law_part(rows, np.ones(rows.target.size, dtype=np.bool_))
+    ranked = ranked_forms(rows, [fitted_form(part, form) for form in forms_of(rows.conditions)], SETTLED)
+    return [settled_form(prepared, fit, remake) for fit in ranked]
 
 
-def dose_law(rows: LawRows) -> tuple[FittedForm | None, DoseLaw | None]:
+def dose_law(
+    prepared: PreparedProblem, rows: LawRows, remake: Remake
+) -> tuple[FittedForm | None, DoseLaw | None]:
     """The law of the doses; None where there are too few rows."""
     everything = np.ones(rows.target.size, dtype=np.bool_)
     if everything.size < LEAST_ROWS:
         return None, None
-    fits = [fitted_form(rows, form, everything) for form in forms_of(rows.conditions)]
+    fits = fitted_forms(prepared, rows, remake)
     best, score = chosen_form(rows, fits, everything)
     share, stability = nested_share(rows, fits, best.form)
     excess = max(1.0, best.misfit / max(rows.target.size - best.form.size, 1))
@@ -255,10 +177,10 @@ def nested_share(rows: LawRows, fits: Sequence[FittedForm], best: Form) -> tuple
         inside = ~outside
         if inside.sum() < LEAST_ROWS:
             continue
-        refits = [fitted_form(rows, fit.form, inside, fit.numbers) for fit in fits]
+        refits = [fitted_form(law_part(fit.rows, inside), fit.form, fit.numbers) for fit in fits]
         chosen, _ = chosen_form(rows, refits, inside)
-        before += held_out_score(rows, None, inside, outside)[1]
-        after += held_out_score(rows, chosen, inside, outside)[1]
+        before += held_out_score(rows, np.zeros(inside.size), inside, outside)[1]
+        after += held_out_score(chosen.rows, chosen.doses, inside, outside)[1]
         same += chosen.form.name == best.name and chosen.form.conditions == best.conditions
         count += 1.0
     if count == 0.0 or before <= 0.0:

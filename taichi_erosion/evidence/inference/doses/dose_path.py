@@ -1,20 +1,23 @@
 """Mean of a model along the dose of one mechanism, at one setting of the calibrated numbers.
 
-The model is asked at a few doses, the same for all rows; between them every row has a monotone cubic of its
-own, so that every set of conditions may have another dose without further runs. Beyond its range a dose
-changes the mean less and less.
+The model is asked at some doses, the same for all rows, closer together where a row would be off otherwise;
+between them every row has a monotone cubic of its own, so that every set of conditions may have another dose
+without further runs. Beyond its range a dose changes the mean less and less.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import interpolate
 
-from taichi_erosion.evidence.data.problem import Candidate, Floats, Mechanism, Numbers
+from taichi_erosion.evidence.data.problem import Bools, Candidate, Floats, Mechanism, Numbers
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import Predictor, paired_change, seed_mean
 
-NODES = 13  # doses at which the model is asked
+NODES = 13  # doses at which the model is asked first
+MOST_NODES = 49  # after doses between them
+TOLERANCE = 0.1  # of a change between two doses, over the sd of the row [1]
 SOFT = 0.05  # of the range, over which a change levels off beyond its ends
 STEP = 0.05  # of a calibrated number, in prior sd, for slopes
 
@@ -27,15 +30,15 @@ class DosePath:
     x: Floats  # (p,), setting of the calibrated numbers, in prior sd
     bare: Floats  # (n,), mean without the mechanism
     jacobian: Floats  # (n, p), of it
-    steeper: interpolate.PchipInterpolator | None  # dose -> (n, p) change of the jacobian by the mechanism
+    steeper: interpolate.PPoly | None  # dose -> (n, p) change of the jacobian by the mechanism
     low: float  # range of the dose
     high: float
-    curve: interpolate.PchipInterpolator | None  # dose -> (n,) change of the mean; None: it changes nothing
+    curve: interpolate.PPoly | None  # dose -> (n,) change of the mean; None: it changes nothing
 
     def change(self, dose: Floats) -> tuple[Floats, Floats]:
-        """Change of the mean (n,), and its slope, at one dose for each row."""
+        """Change of the mean (..., n), and its slope, at one dose for each row."""
         if self.curve is None:
-            return np.zeros(dose.size), np.zeros(dose.size)
+            return np.zeros_like(dose), np.zeros_like(dose)
         inside = np.minimum(np.maximum(dose, self.low), self.high)
         value, slope = row_values(self.curve, inside)
         width = SOFT * (self.high - self.low)
@@ -45,46 +48,119 @@ class DosePath:
         value = value + slope * width * np.tanh(beyond)
         return value, slope / np.cosh(np.clip(beyond, -50.0, 50.0)) ** 2
 
+    def over(self, chosen: Bools) -> "DosePath":
+        """Changes of the mean of some rows."""
+        curve = None if self.curve is None else interpolate.PPoly(self.curve.c[:, :, chosen], self.curve.x)
+        parts = (self.bare[chosen], self.jacobian[chosen], None, self.low, self.high, curve)
+        return DosePath(self.name, self.x, *parts)
+
     def slopes(self, dose: Floats) -> tuple[Floats, Floats]:
-        """Derivative of the mean along the calibrated numbers (n, p), and its slope, at doses of the rows."""
+        """Derivative of the mean along the calibrated numbers (..., n, p), and its slope, at doses."""
         if self.steeper is None or not self.jacobian.size:
-            return self.jacobian, np.zeros_like(self.jacobian)
-        value, slope = row_values(self.steeper, np.clip(dose, self.low, self.high))
+            flat = np.broadcast_to(self.jacobian, (*dose.shape, self.jacobian.shape[1]))
+            return flat, np.zeros_like(flat)
+        value, slope = row_values(self.steeper, np.clip(dose, self.steeper.x[0], self.steeper.x[-1]))
         return self.jacobian + value, slope
 
 
-def row_values(curve: interpolate.PchipInterpolator, dose: Floats) -> tuple[Floats, Floats]:
-    """Value and derivative of curves (..., n, ...) with a dose for each row."""
+def usable(path: DosePath) -> bool:
+    """Whether a mechanism changes anything, and the bare model has values for all rows."""
+    return path.curve is not None and bool(np.all(np.isfinite(path.bare)))
+
+
+def row_values(curve: interpolate.PPoly, dose: Floats) -> tuple[Floats, Floats]:
+    """Value and derivative of curves (n, ...) with a dose for each row, or for each row several times."""
     nodes, powers = curve.x, curve.c
     piece = np.minimum(np.maximum(nodes.searchsorted(dose, side="right") - 1, 0), nodes.size - 2)
-    a, b, c, d = powers[:, piece, np.arange(dose.size)]
-    t = (dose - nodes[piece]).reshape(-1, *([1] * (a.ndim - 1)))
+    a, b, c, d = powers[:, piece, np.arange(dose.shape[-1])]
+    t = (dose - nodes[piece]).reshape(*dose.shape, *([1] * (a.ndim - dose.ndim)))
     return ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c
 
 
-def dose_path(prepared: PreparedProblem, mechanism: Mechanism, x: Floats) -> DosePath:
-    """Path of a mechanism at one setting; doses at which the model fails are left out."""
+def dose_path(
+    prepared: PreparedProblem,
+    mechanism: Mechanism,
+    x: Floats,
+    like: DosePath | None = None,
+    near: Floats | None = None,
+) -> DosePath:
+    """Path of a mechanism at one setting; doses at which the model fails are left out.
+
+    With `like` the doses asked and the change of slopes along calibrated numbers are those of that path; with
+    `near` these slopes are exact about the given doses.
+    """
     predictor = replace(
         prepared.predictor, candidates=(*prepared.predictor.candidates, Candidate(mechanism.name)), cache={}
     )
-    seeds, doses = prepared.seeds.signature, dose_nodes(mechanism)
+    seeds = prepared.seeds.signature
     bare = predictor.predict(x, {}, seeds)
-    flat = forward_slopes(prepared, predictor, x, {})
-    changes, steeper = [], []
-    for dose in doses:
-        acting = {mechanism.name: float(dose)}
-        changes.append(paired_change(predictor.predict(x, acting, seeds), bare, predictor))
-        steeper.append(forward_slopes(prepared, predictor, x, acting) - flat)
-    table, slopes = np.array(changes), np.array(steeper)
-    good = np.all(np.isfinite(table), axis=1)
-    doses, table, slopes = doses[good], table[good], slopes[good]
+
+    def change(dose: float) -> Floats:
+        return paired_change(predictor.predict(x, {mechanism.name: dose}, seeds), bare, predictor)
+
+    if like is None or like.curve is None:
+        doses, table = changes_at(change, dose_nodes(mechanism))
+        doses, table = refined(change, doses, table, prepared.sd, near)
+    else:
+        doses, table = changes_at(change, like.curve.x)
     ends = (float(doses[0]), float(doses[-1])) if doses.size else (0.0, 0.0)
     flat = slopes_at(prepared, x)
     if doses.size < 2 or not table.any():
         return DosePath(mechanism.name, x, seed_mean(bare), flat, None, *ends, None)
     curve = interpolate.PchipInterpolator(doses, table, axis=0)
-    bent = interpolate.PchipInterpolator(doses, slopes, axis=0) if slopes.any() else None
+    if like is not None:
+        bent = like.steeper
+    else:
+        asked = around(doses, near) if near is not None else np.intersect1d(doses, dose_nodes(mechanism))
+        bent = bent_slopes(prepared, predictor, mechanism, x, asked)
     return DosePath(mechanism.name, x, seed_mean(bare), flat, bent, *ends, curve)
+
+
+def around(nodes: Floats, doses: Floats) -> Floats:
+    """Those of some nodes between which doses lie."""
+    first = min(max(int(nodes.searchsorted(doses.min(), side="right")) - 1, 0), nodes.size - 2)
+    last = min(max(int(nodes.searchsorted(doses.max())), first + 1), nodes.size - 1)
+    return nodes[first : last + 1]
+
+
+def changes_at(change: Callable[[float], Floats], doses: Floats) -> tuple[Floats, Floats]:
+    """Doses at which the model has values for every row, and the changes there (k, n)."""
+    table = np.array([change(float(dose)) for dose in doses])
+    good = np.all(np.isfinite(table), axis=1)
+    return doses[good], table[good]
+
+
+def refined(
+    change: Callable[[float], Floats], doses: Floats, table: Floats, sd: Floats, near: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """The same with more doses between, until a curve through them predicts those between within errors.
+
+    With `near` only about the given doses.
+    """
+    doubtful = np.ones(max(doses.size - 1, 0), dtype=np.bool_)
+    if near is not None and doses.size > 1:
+        kept = np.isin(doses, around(doses, near))
+        doubtful = kept[1:] & kept[:-1]
+    while doubtful.any() and doses.size + doubtful.sum() <= MOST_NODES and table.any():
+        curve = interpolate.PchipInterpolator(doses, table, axis=0)
+        asked = (0.5 * (doses[1:] + doses[:-1]))[doubtful]
+        between, values = changes_at(change, asked)
+        wrong = between[np.any(np.abs(values - curve(between)) > TOLERANCE * sd, axis=1)]
+        doses, table = np.concatenate([doses, between]), np.concatenate([table, values])
+        order = np.argsort(doses)
+        doses, table = doses[order], table[order]
+        doubtful = np.isin(doses[1:], wrong) | np.isin(doses[:-1], wrong)
+    return doses, table
+
+
+def bent_slopes(
+    prepared: PreparedProblem, predictor: Predictor, mechanism: Mechanism, x: Floats, doses: Floats
+) -> interpolate.PPoly | None:
+    """Change of the slopes along calibrated numbers by a mechanism, along its dose; None for none."""
+    flat = forward_slopes(prepared, predictor, x, {})
+    acting = [forward_slopes(prepared, predictor, x, {mechanism.name: float(dose)}) for dose in doses]
+    change = np.array(acting) - flat
+    return interpolate.PchipInterpolator(doses, change, axis=0) if change.any() else None
 
 
 def dose_nodes(mechanism: Mechanism) -> Floats:

@@ -23,12 +23,11 @@ from taichi_erosion.evidence.data.mechanism_findings import (
     MechanismFinding,
     StrengthTrend,
 )
-from taichi_erosion.evidence.data.problem import Mechanism, Observable
+from taichi_erosion.evidence.data.problem import Floats, Mechanism, Observable
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.doses.dose_inference import (
     DoseEvidence,
-    DoseFit,
     again,
     averaged,
     bare_log_evidence,
@@ -38,8 +37,10 @@ from taichi_erosion.evidence.inference.doses.dose_inference import (
     left_p,
     one_dose_p,
 )
-from taichi_erosion.evidence.inference.doses.dose_laws import dose_law, law_doses, law_rows, law_table
-from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_nodes, dose_path
+from taichi_erosion.evidence.inference.doses.dose_laws import dose_law, law_table
+from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_nodes, dose_path, usable
+from taichi_erosion.evidence.inference.doses.dose_search import DoseFit
+from taichi_erosion.evidence.inference.doses.law_fit import LawRows, rows_about
 from taichi_erosion.evidence.inference.pipeline import Analysis, FittedHypotheses
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
@@ -179,7 +180,7 @@ def weigh(prepared: PreparedProblem, path: DosePath, free: float) -> Weighed:
     starts = [path]
     if path.name in declared and np.max(np.abs(path.x - prepared.prior_mean), initial=0.0) > FARTHEST:
         other = dose_path(prepared, declared[path.name], prepared.prior_mean)
-        if other.curve is not None and np.all(np.isfinite(other.bare)):
+        if usable(other):
             starts.append(other)
     best = settled(prepared, starts, declared.get(path.name))
     gain = averaged(prepared, best.log_evidence) - nothing
@@ -194,38 +195,59 @@ class SettledFit:
     path: DosePath
     fit: DoseFit
 
+    def at(self, mechanism: Mechanism, x: Floats) -> "SettledFit":
+        """The same on a path made at other calibrated numbers; unchanged where the model fails there."""
+        return self.on(dose_path(self.prepared, mechanism, x, self.path))
+
+    def exact(self, mechanism: Mechanism) -> "SettledFit":
+        """The same on a path that is exact about the doses."""
+        return self.on(dose_path(self.prepared, mechanism, self.path.x, near=self.fit.doses))
+
+    def on(self, path: DosePath) -> "SettledFit":
+        """The same on another path; unchanged where the model fails on it."""
+        if not usable(path):
+            return self
+        return SettledFit(self.prepared, path, again(self.prepared, path, self.fit))
+
 
 def settled(
     prepared: PreparedProblem, starts: Sequence[DosePath], mechanism: Mechanism | None
 ) -> DoseEvidence:
     """Evidence of a mechanism from the best of some starts."""
-    fits = [settled_fit(prepared, path, mechanism) for path in starts]
+    fits = [settled_fit(started(prepared, path, mechanism), mechanism) for path in starts]
     best = max(fits, key=lambda each: averaged(prepared, each.fit.log_evidence))
+    if mechanism is not None:
+        best = settled_fit(best.exact(mechanism), mechanism)
     return dose_evidence(best.prepared, best.path, best.fit)
 
 
-def settled_fit(prepared: PreparedProblem, path: DosePath, mechanism: Mechanism | None) -> SettledFit:
-    """Doses on a path that is made anew until the calibrated numbers stay where it was made.
-
-    The model's own errors are those at the typical dose.
-    """
+def started(prepared: PreparedProblem, path: DosePath, mechanism: Mechanism | None) -> SettledFit:
+    """First doses on a path; the model's own errors are those at the typical dose."""
     bare = prepared.with_model_errors(path.x, {})
     fit = first_fit(bare, path)
-    if mechanism is None:
+    if mechanism is None or bare is prepared:
         return SettledFit(bare, path, fit)
-    if bare is not prepared:
-        prepared = prepared.with_model_errors(path.x, {path.name: typical_dose(fit)})
-        fit = again(prepared, path, fit)
-    for _ in range(ROUNDS):
-        move = np.clip(fit.theta[: path.x.size] - path.x, -FARTHEST, FARTHEST)
-        x = np.clip(path.x + move, prepared.low, prepared.high)
+    prepared = prepared.with_model_errors(path.x, {path.name: typical_dose(fit)})
+    return SettledFit(prepared, path, again(prepared, path, fit))
+
+
+def settled_fit(found: SettledFit, mechanism: Mechanism | None) -> SettledFit:
+    """Doses on a path that is made anew until the calibrated numbers stay where it was made.
+
+    Slopes along these numbers keep their change along the dose meanwhile.
+    """
+    for _ in range(ROUNDS if mechanism is not None else 0):
+        path = found.path
+        move = np.clip(found.fit.theta[: path.x.size] - path.x, -FARTHEST, FARTHEST)
+        x = np.clip(path.x + move, found.prepared.low, found.prepared.high)
         if np.max(np.abs(x - path.x), initial=0.0) < STILL:
             break
-        made = dose_path(prepared, mechanism, x)
-        if made.curve is None or not np.all(np.isfinite(made.bare)):
+        assert mechanism is not None
+        made = found.at(mechanism, x)
+        if made is found:
             break
-        path, fit = made, again(prepared, made, fit)
-    return SettledFit(prepared, path, fit)
+        found = made
+    return found
 
 
 def typical_dose(fit: DoseFit) -> float:
@@ -284,12 +306,22 @@ def law_and_doses(
     prepared: PreparedProblem, evidence: DoseEvidence
 ) -> tuple[DoseLaw | None, tuple[DoseEstimate, ...]]:
     """Law of the best mechanism, and its doses in every set of conditions."""
-    rows = law_rows(prepared, evidence)
-    fitted, law = dose_law(rows)
+    sets, fit, path = evidence.sets, evidence.best, evidence.path
+    declared = {mechanism.name: mechanism for mechanism in prepared.problem.mechanisms}
+    acting = {path.name: typical_dose(fit)} if path.name in declared else {}
+    prepared = prepared.with_model_errors(path.x, acting)
+
+    def remake(x: Floats, dose: Floats) -> LawRows | None:
+        if path.name not in declared:
+            return None
+        made = dose_path(prepared, declared[path.name], x, near=dose)
+        return rows_about(prepared, made, dose) if usable(made) else None
+
+    rows = rows_about(prepared, path, fit.doses[sets.index])
+    fitted, law = dose_law(prepared, rows, remake)
     if fitted is not None and law is not None:
         law = replace(law, table=law_table(fitted, prepared.problem.measurements.conditions))
-    sets, fit = evidence.sets, evidence.best
-    by_law = np.full(prepared.rows.size, np.nan) if fitted is None else law_doses(rows, fitted)
+    by_law = np.full(prepared.rows.size, np.nan) if fitted is None else fitted.doses
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     estimates = [
         DoseEstimate(

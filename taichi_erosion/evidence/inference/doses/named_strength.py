@@ -13,6 +13,7 @@ Reference: Rasmussen & Williams (2006), Gaussian processes for machine learning,
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from math import nan
 
 import numpy as np
@@ -21,11 +22,16 @@ from taichi_erosion.evidence.data.findings import Estimate
 from taichi_erosion.evidence.data.mechanism_findings import StrengthTrend
 from taichi_erosion.evidence.data.problem import Floats, Mechanism
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.cross_validation import fold_numbers
 from taichi_erosion.evidence.inference.doses.dose_forms import power_form, typical
-from taichi_erosion.evidence.inference.doses.dose_inference import ridge
-from taichi_erosion.evidence.inference.doses.dose_laws import FOLDS, LawRows, estimate, fitted_form
-from taichi_erosion.evidence.inference.doses.dose_path import dose_path
+from taichi_erosion.evidence.inference.doses.dose_laws import estimate
+from taichi_erosion.evidence.inference.doses.dose_path import dose_path, usable
+from taichi_erosion.evidence.inference.doses.law_fit import (
+    LawRows,
+    fitted_form,
+    law_part,
+    rows_about,
+    settled_form,
+)
 from taichi_erosion.evidence.inference.goodness_of_fit import structure_p
 from taichi_erosion.evidence.inference.marginal_likelihood import projected_residual
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes, low_rank, squared_distance
@@ -33,8 +39,6 @@ from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 
 LENGTH = 2.0  # of the kernel, in sd of a condition
-ROUNDS = 6  # in which the law is fitted anew where the calibrated numbers have moved
-STILL = 0.02  # move below which they stay, in prior sd
 
 
 def strength_trend(prepared: PreparedProblem, named: FittedHypothesis) -> StrengthTrend | None:
@@ -84,41 +88,34 @@ def power_of(
     acts = named.expansion.local[:, 0] != 0.0
     if not np.all(np.isfinite(column)) or np.any(column[acts] <= 0.0):
         return None, nan
-    positive = np.where(acts, column, typical(column[acts]))
-    form, everything = power_form({condition: positive}), np.ones(column.size, dtype=np.bool_)
-    numbers, x, found = np.array([float(fit.psi[0]), 0.0]), fit.x, None
-    for _ in range(ROUNDS):
-        dose = form.dose({condition: positive}, numbers)
-        rows = strength_rows(prepared, named, x, dose)
-        if rows is None:
-            break
-        rows = replace(rows, conditions=rows.conditions | {condition: positive})
-        found = fitted_form(rows, form, everything, numbers)
-        numbers = found.numbers
-        at = ridge(rows.columns, rows.residual(form.dose({condition: positive}, numbers)))[: x.size]
-        moved, x = np.max(np.abs(at - x), initial=0.0), np.clip(at, prepared.low, prepared.high)
-        if moved < STILL:
-            break
-    if found is None:
+    positive = positive_column(column, named)
+    form = power_form({condition: positive})
+    rows = strength_rows(prepared, named, condition, fit.x, np.full(column.size, float(fit.psi[0])))
+    if rows is None:
         return None, nan
+    part = law_part(rows, np.ones(column.size, dtype=np.bool_))
+    first = fitted_form(part, form, np.array([float(fit.psi[0]), 0.0]))
+    found = settled_form(prepared, first, partial(strength_rows, prepared, named, condition))
     freedom = max(column.size - form.size, 1)
     variance = float(found.covariance[1, 1]) * max(1.0, found.misfit / freedom)
-    return estimate(float(numbers[1]), variance, form, 1), 1.0 - found.misfit / fit.misfit
+    return estimate(float(found.numbers[1]), variance, form, 1), 1.0 - found.misfit / fit.misfit
 
 
 def strength_rows(
-    prepared: PreparedProblem, named: FittedHypothesis, x: Floats, dose: Floats
+    prepared: PreparedProblem, named: FittedHypothesis, condition: str, x: Floats, dose: Floats
 ) -> LawRows | None:
     """Rows for laws of the strength, about calibrated numbers and strengths; None without values."""
-    name, shared = named.names[0], named.expansion.shared
+    name = named.names[0]
     most = prepared.candidate(name, named.fit.beyond).maximum
     path = dose_path(prepared, Mechanism(name, 0.0, most), x)
-    if path.curve is None or not np.all(np.isfinite(path.bare)):
+    if not usable(path):
         return None
-    change, jacobian = path.change(dose)[0], path.slopes(dose)[0]
-    work = prepared.working(path.bare + change)
-    scale = work.weight / prepared.sd
-    columns = np.hstack([jacobian, shared]) * scale[:, np.newaxis]
-    start = np.concatenate([x, np.zeros(shared.shape[1])])
-    target = work.residual + columns @ start + scale * change
-    return LawRows(path, prepared.rows.conditions, target, scale, columns, fold_numbers(prepared) % FOLDS)
+    rows = rows_about(prepared, path, dose, named.expansion.shared)
+    positive = positive_column(prepared.rows.conditions[condition], named)
+    return replace(rows, conditions=rows.conditions | {condition: positive})
+
+
+def positive_column(column: Floats, named: FittedHypothesis) -> Floats:
+    """A condition where a named effect acts, a typical value elsewhere."""
+    acts = named.expansion.local[:, 0] != 0.0
+    return np.where(acts, column, typical(column[acts]))

@@ -5,7 +5,6 @@ import pytest
 
 from taichi_erosion.evidence.data.problem import Measurements, Mechanism, Parameter, Problem
 from taichi_erosion.evidence.inference.doses.dose_inference import (
-    DoseSearch,
     bare_log_evidence,
     condition_sets,
     curvature,
@@ -16,6 +15,7 @@ from taichi_erosion.evidence.inference.doses.dose_inference import (
     one_dose_p,
 )
 from taichi_erosion.evidence.inference.doses.dose_path import dose_nodes, dose_path
+from taichi_erosion.evidence.inference.doses.dose_search import dose_searches
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
 SD, SETS = 0.1, 12
@@ -72,8 +72,8 @@ def test_evidence_and_doses_of_a_linear_model_are_the_exact_ones():
     prepared = prepared_linear(same(DOSES))
     path = dose_path(prepared, PULL, np.zeros(1))
     sets, prior = condition_sets(prepared), dose_priors(prepared, condition_sets(prepared))[0]
-    search = DoseSearch(prepared, path, sets, prior, 1.0)
-    fit = search.fit(search.run(search.start(), 20))
+    search = dose_searches(prepared, path, sets, [(prior, 1.0)])
+    (fit,) = search.fits(search.run(search.start(), 20))
 
     weights = np.array([WEIGHTS[prepared.rows.observables[k].name] for k in prepared.rows.which])
     kernel = prior.factor @ prior.factor.T
