@@ -4,7 +4,7 @@ A case is drawn from one seed: nothing is missing, a listed effect acts, or a me
 depends on one condition by a power, an onset, a saturation or an exponential.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -68,6 +68,7 @@ def draw(family: int, number: int) -> tuple[Problem, Truth]:
     moisture = np.asarray(0.01 * generator.integers(0, 5, count), dtype=np.float64)
     diameter = np.asarray(np.exp(generator.uniform(np.log(1.2e-4), np.log(8e-4), count)), dtype=np.float64)
     conditions = {"moisture": moisture, "diameter": diameter, "u_star": generator.uniform(0.35, 0.8, count)}
+    truth = within_range(truth, conditions)
     table = measured(generator, truth, conditions, float(np.exp(generator.uniform(np.log(0.5), np.log(1.5)))))
     hidden = generator.choice(count, round(HELD_OUT * count), replace=False)
     rows = np.concatenate([hidden + k * count for k in range(len(OBSERVABLES))])
@@ -111,9 +112,18 @@ def drawn_truth(generator: np.random.Generator) -> Truth:
     )
 
 
-def doses(truth: Truth, conditions: Conditions) -> Floats:
-    """Dose of the mechanism in every row, within the range of the model."""
+def within_range(truth: Truth, conditions: Conditions) -> Truth:
+    """The same with a smaller size where doses would leave the range of the model: a law cut is another law."""
+    if truth.kind != "outside":
+        return truth
     low, high = reduced_places.predict_mechanisms[truth.name]
+    law = doses(truth, conditions)
+    beyond = max(float(law.max()) / high, float(law.min()) / low if low < 0.0 else 0.0, 1.0)
+    return replace(truth, size=truth.size / beyond)
+
+
+def doses(truth: Truth, conditions: Conditions) -> Floats:
+    """Dose of the mechanism in every row."""
     typical = {"moisture": 0.02, "diameter": 3e-4}[truth.condition]
     share = conditions[truth.condition] / typical
     if truth.form == "power":
@@ -124,7 +134,7 @@ def doses(truth: Truth, conditions: Conditions) -> Floats:
         law = np.maximum(share - 0.5, 0.0) ** truth.exponent
     else:
         law = np.expm1(0.5 * share) if truth.condition == "moisture" else np.exp(1.0 - share)
-    return np.clip(truth.size * law, low, high)
+    return np.asarray(truth.size * law, dtype=np.float64)
 
 
 def exact(truth: Truth, observable: str, conditions: Conditions) -> Floats:

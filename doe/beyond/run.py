@@ -1,6 +1,7 @@
 """Sealed cases beyond the list: draws, solves in other processes, opens them, writes results.csv.
 
-python -m doe.beyond.run --cases 120 --seed 1        goes on where it was stopped
+python -m doe.beyond.run --cases 120 --seed 1 --seal     draws, and writes the digests to seals.csv
+python -m doe.beyond.run --cases 120 --seed 1            solves; goes on where it was stopped
 python -m doe.beyond.run --cases 120 --seed 1 --score    opens what is answered, and prints the metrics
 """
 
@@ -36,6 +37,7 @@ from taichi_erosion.evidence.models.own_effects import DosedModel
 
 FOLDER = Path(__file__).parent
 WORK = FOLDER.parent / "beyond-results"
+SEALS = FOLDER / "seals.csv"  # number and SHA-256 of every truth
 COLUMNS = ("number", "sha256", "truth", "ratio", "answer")
 STRONG = 7.0  # ratio [sd]
 MOST_TOLD = 3  # members of a group
@@ -46,12 +48,15 @@ def main(
     cases: int = 120,
     seed: Annotated[int, typer.Option(help="Family of cases; each is used once.")] = 1,
     processes: int = 1,
+    only_seal: Annotated[bool, typer.Option("--seal", help="Draw and seal, solve nothing.")] = False,
     score: Annotated[bool, typer.Option("--score", help="Open what is answered, solve no more.")] = False,
 ) -> None:
     """Whatever was asked for, then the metrics."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     folder = WORK / f"{seed}-{cases}"
     seal(folder, seed, cases)
+    if only_seal:
+        return
     if not score:
         with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
             list(pool.map(solve_file, [folder / f"{k:04d}.pickle" for k in range(cases)]))
@@ -77,7 +82,7 @@ def digest_of(seed: int, number: int, truth: Any) -> str:
 
 def seal(folder: Path, seed: int, cases: int) -> None:
     """Write every problem without truth, and the digest of every truth, before the first answer."""
-    if (folder / "seals.csv").exists():
+    if (folder / "0000.pickle").exists():
         return
     folder.mkdir(parents=True, exist_ok=True)
     lines = []
@@ -85,7 +90,7 @@ def seal(folder: Path, seed: int, cases: int) -> None:
         problem, truth = draw(seed, number_)
         write_atomic(folder / f"{number_:04d}.pickle", pickle.dumps(problem))
         lines.append(f"{number_},{digest_of(seed, number_, truth)}")
-    write_atomic(folder / "seals.csv", ("\n".join(lines) + "\n").encode())
+    write_atomic(SEALS, ("\n".join(lines) + "\n").encode())
 
 
 def solve_file(path: Path) -> None:
@@ -143,7 +148,7 @@ def held_out(problem: Problem, beyond: BeyondList, seed: int) -> list[float]:
 def opened(folder: Path, seed: int, number_: int) -> dict[str, str]:
     """Row of one answered case, its truth checked against its seal."""
     problem, truth = draw(seed, number_)
-    seals = dict(line.split(",") for line in (folder / "seals.csv").read_text().split())
+    seals = dict(line.split(",") for line in SEALS.read_text().split())
     digest = digest_of(seed, number_, truth)
     if digest != seals[str(number_)]:
         raise ValueError(f"case {number_}: the truth is not the one that was sealed")

@@ -30,7 +30,7 @@ from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 SIMPLE = 1.0  # the same of a form that is neither a power nor a constant
 POWERS = ("constant", "power", *GROUPS)  # forms that are taken where others are hardly better
-SETTLED = 12  # forms that get calibrated numbers of their own, after a first fit to all rows
+SETTLED = 8  # forms that get calibrated numbers of their own, after a first fit to all rows
 KEPT = 6  # forms that are cross-validated, after their fit to all rows at hand
 QUANTILE = float(stats.norm.ppf(0.95))  # half width of a 90 % interval, in sd
 LEAST_ROWS = 6

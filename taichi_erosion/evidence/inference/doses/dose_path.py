@@ -87,7 +87,7 @@ def dose_path(
     """Path of a mechanism at one setting; doses at which the model fails are left out.
 
     With `like` the doses asked and the change of slopes along calibrated numbers are those of that path; with
-    `near` these slopes are exact about the given doses.
+    `near` curve and slopes are exact about the given doses.
     """
     predictor = replace(
         prepared.predictor, candidates=(*prepared.predictor.candidates, Candidate(mechanism.name)), cache={}
@@ -100,7 +100,8 @@ def dose_path(
 
     if like is None or like.curve is None:
         doses, table = changes_at(change, dose_nodes(mechanism))
-        doses, table = refined(change, doses, table, prepared.sd, near)
+        if near is not None and doses.size > 1:
+            doses, table = refined(change, doses, table, prepared.sd, near)
     else:
         doses, table = changes_at(change, like.curve.x)
     ends = (float(doses[0]), float(doses[-1])) if doses.size else (0.0, 0.0)
@@ -131,16 +132,11 @@ def changes_at(change: Callable[[float], Floats], doses: Floats) -> tuple[Floats
 
 
 def refined(
-    change: Callable[[float], Floats], doses: Floats, table: Floats, sd: Floats, near: Floats | None = None
+    change: Callable[[float], Floats], doses: Floats, table: Floats, sd: Floats, near: Floats
 ) -> tuple[Floats, Floats]:
-    """The same with more doses between, until a curve through them predicts those between within errors.
-
-    With `near` only about the given doses.
-    """
-    doubtful = np.ones(max(doses.size - 1, 0), dtype=np.bool_)
-    if near is not None and doses.size > 1:
-        kept = np.isin(doses, around(doses, near))
-        doubtful = kept[1:] & kept[:-1]
+    """The same with more about the given doses, until a curve predicts those between within errors."""
+    kept = np.isin(doses, around(doses, near))
+    doubtful = kept[1:] & kept[:-1]
     while doubtful.any() and doses.size + doubtful.sum() <= MOST_NODES and table.any():
         curve = interpolate.PchipInterpolator(doses, table, axis=0)
         asked = (0.5 * (doses[1:] + doses[:-1]))[doubtful]

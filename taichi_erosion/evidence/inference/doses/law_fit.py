@@ -29,7 +29,7 @@ SMALL_STEP = 1e-7  # of a number over its range, for the slope of a residual
 FIRST_DAMPING, EASIER, HARDER, MOST_DAMPING = 1e-3, 0.1, 5.0, 1e9  # of a step, over the curvature [1]
 ENOUGH = 1e-9  # fall of the misfit, over it, below which a fit ends [1]
 TINY = 1e-12  # curvature along a number that changes nothing
-ROUNDS = 8  # in which a law is fitted anew where the calibrated numbers have moved
+ROUNDS = 12  # in which a law is fitted anew where the calibrated numbers have moved
 STILL = 0.02  # move below which they stay, in prior sd
 FARTHEST = 0.5  # move of one round
 

@@ -225,10 +225,11 @@ def started(prepared: PreparedProblem, path: DosePath, mechanism: Mechanism | No
     """First doses on a path; the model's own errors are those at the typical dose."""
     bare = prepared.with_model_errors(path.x, {})
     fit = first_fit(bare, path)
-    if mechanism is None or bare is prepared:
+    if mechanism is None:
         return SettledFit(bare, path, fit)
-    prepared = prepared.with_model_errors(path.x, {path.name: typical_dose(fit)})
-    return SettledFit(prepared, path, again(prepared, path, fit))
+    if bare is not prepared:
+        prepared = prepared.with_model_errors(path.x, {path.name: typical_dose(fit)})
+    return SettledFit(prepared, path, fit).exact(mechanism)
 
 
 def settled_fit(found: SettledFit, mechanism: Mechanism | None) -> SettledFit:
