@@ -113,7 +113,7 @@ def drawn_truth(generator: np.random.Generator) -> Truth:
 
 
 def within_range(truth: Truth, conditions: Conditions) -> Truth:
-    """The same with a smaller size where doses would leave the range of the model: a law cut is another law."""
+    """The same with a smaller size where doses would leave the range of the model."""
     if truth.kind != "outside":
         return truth
     low, high = reduced_places.predict_mechanisms[truth.name]
