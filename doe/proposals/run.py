@@ -35,7 +35,7 @@ from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discovery_of
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
 from taichi_erosion.evidence.data.problem import Problem
-from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
+from taichi_erosion.evidence.inference.pipeline import Analysis, confirmed_analysis
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 
 ARMS = ("proposed", "random")
@@ -91,7 +91,7 @@ def ask(name: str, folder: Path, every: int = 1, first: int = 0) -> None:
 
 def analysed(problem: Problem, number: int) -> Analysis:
     """The inference of `discover`, without what only its sentences need."""
-    return analyse(prepare(problem, problem.visible(), number), number, no_progress)
+    return confirmed_analysis(prepare(problem, problem.visible(), number), number, no_progress)
 
 
 def answer_of(found: Analysis) -> dict[str, Any]:

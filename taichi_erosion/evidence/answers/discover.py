@@ -52,7 +52,7 @@ from taichi_erosion.evidence.inference.intervals.estimates import (
 )
 from taichi_erosion.evidence.inference.intervals.model_averaging import Average
 from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, projected_residual
-from taichi_erosion.evidence.inference.pipeline import Analysis, analyse
+from taichi_erosion.evidence.inference.pipeline import Analysis, confirmed_analysis
 from taichi_erosion.evidence.inference.posterior import (
     label,
     level_shifts,
@@ -94,7 +94,7 @@ def analysed(problem: Problem, seed: int, budget: Budget, progress: Progress) ->
     if prepared.rows.size == 0 or not problem.candidates:
         found = Answer(nameless_discovery(problem, seed, progress))
     else:
-        analysis, beyond = with_beyond(analyse(prepared, seed, progress))
+        analysis, beyond = with_beyond(confirmed_analysis(prepared, seed, progress))
         found = Answer(record_of(analysis, beyond, seed), analysis, beyond)
     return replace(found, record=replace(found.record, wall_s=perf_counter() - start))
 

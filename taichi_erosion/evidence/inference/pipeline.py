@@ -27,7 +27,7 @@ from taichi_erosion.evidence.inference.posterior import (
     mixed,
     posterior_of,
 )
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.robustness.error_accounts import (
     ErrorAccount,
@@ -166,6 +166,24 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
     if lead.kind != "stated":
         found = replace(found, p_misfit_stated=stated.p_misfit)
     return with_ranges(found, lead.account)
+
+
+def confirmed_analysis(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysis:
+    """All stages; what a quick budget would tell is asked again with a full one, with the same seed.
+
+    With fewer starts, steps and refits the right effect may stay short of its best fit, and another one is
+    named in its place. So a quick budget tells what a full one tells, or less: its silence is not asked
+    again. Runs that were made already are not made again.
+    """
+    found = analyse(prepared, seed, progress)
+    if not prepared.quick or found.decision.verdict in ("none_detected", "not_testable"):
+        return found
+    problem = replace(prepared.problem, budget=replace(prepared.problem.budget, name="full"))
+    full, made = prepare(problem, problem.visible(), seed), prepared.predictor
+    full.predictor.cache.update(made.cache)
+    full.predictor.cost.runs += made.cost.runs
+    full.predictor.cost.failures += made.cost.failures
+    return analyse(full, seed, progress)
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE
-from taichi_erosion.evidence.inference.pipeline import final_decision, initial_decision, seed_stability
+from taichi_erosion.evidence.data.problem import Budget
+from taichi_erosion.evidence.inference import pipeline
+from taichi_erosion.evidence.inference.pipeline import (
+    analyse,
+    confirmed_analysis,
+    final_decision,
+    initial_decision,
+    seed_stability,
+)
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.verdict import Decision
 from tests.evidence.inference.test_refit import jagged
+from tests.evidence.linear_study import linear_problem
 
 
 def test_what_is_not_borne_out_is_not_reported_as_an_explanation(wet):
@@ -68,3 +79,35 @@ def test_without_noise_or_without_a_name_nothing_can_be_unstable():
         stability, kept = seed_stability(asked, decision)
         assert kept == decision
         assert np.isnan(stability), "no repeat has been made"
+
+
+SHAPES = {"slope": lambda x: x, "bend": lambda x: x**2, "wave": lambda x: np.sin(4.0 * x)}
+
+
+def on_budget(name: str, truth: dict[str, float]) -> PreparedProblem:
+    """A linear study in whose world some effects act."""
+    problem = replace(linear_problem(SHAPES, truth, sd=0.05, seed=4), budget=Budget(name))
+    return prepare(problem, problem.measurements, 1)
+
+
+def test_a_quick_budget_tells_what_a_full_one_tells(monkeypatch):
+    def hasty(prepared, seed, progress):
+        found = analyse(prepared, seed, progress)
+        return replace(found, decision=Decision("present", ("bend",))) if prepared.quick else found
+
+    full = analyse(on_budget("full", {"wave": 1.0}), 1, no_progress)
+    monkeypatch.setattr(pipeline, "analyse", hasty)
+    quick = on_budget("quick", {"wave": 1.0})
+    found = confirmed_analysis(quick, 1, no_progress)
+    assert full.decision == Decision("present", ("wave",))
+    assert found.decision == full.decision, "not what the quick budget alone would have named"
+    assert dict(found.posterior.probability) == dict(full.posterior.probability), "to the bit"
+    spent, alone = (each.fitted.prepared.predictor.cost.runs for each in (found, full))
+    assert quick.predictor.cost.runs < spent < alone + quick.predictor.cost.runs, "runs are shared"
+
+
+def test_the_silence_of_a_quick_budget_is_not_asked_again():
+    quick = on_budget("quick", {})
+    found = confirmed_analysis(quick, 1, no_progress)
+    assert not found.decision.accepted
+    assert found.fitted.prepared.problem is quick.problem
