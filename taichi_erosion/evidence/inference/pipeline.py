@@ -6,7 +6,7 @@ from math import nan
 from typing import Literal
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, MisfitPlace
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
@@ -33,6 +33,7 @@ from taichi_erosion.evidence.inference.robustness.error_accounts import (
     ErrorAccount,
     Reference,
     error_accounts,
+    reference_evidence,
 )
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
@@ -148,8 +149,9 @@ def analyse(prepared: PreparedProblem, seed: int, progress: Progress) -> Analysi
     decides what is calibrated.
     """
     stated = account(prepared, seed, progress)
-    tried = stated_or_free_levels(stated, seed, progress)
-    tried += other_errors(stated, seed, progress)
+    errors = likely_errors(stated)
+    tried = stated_or_free_levels(stated, errors, seed, progress)
+    tried += other_errors(stated, errors, seed, progress)
     logs = np.array([each.log_weight for each in tried])
     weight = np.exp(logs - log_sum_exp(logs))
     lead = tried[int(np.argmax(weight))]
@@ -201,14 +203,40 @@ def chance_of(kind: str, tried: list[WeighedAccount], weight: Floats) -> float:
     return float(sum(w for w, each in zip(weight, tried, strict=True) if each.kind == kind))
 
 
-def stated_or_free_levels(stated: Account, seed: int, progress: Progress) -> list[WeighedAccount]:
+def likely_errors(stated: Account) -> list[ErrorAccount]:
+    """Errors that nobody stated which could change the answer, by their linear estimate, likeliest first.
+
+    Of few rows nothing is estimated on their errors.
+    """
+    prepared = stated.fitted.prepared
+    if not levels_matter(stated) or prepared.rows.size < levels.LEAST_ROWS:
+        return []
+    found = error_accounts(prepared, references(stated))[: levels.MOST_ACCOUNTS]
+    return [each for each in found if each.gain > found[0].gain - levels.ACCOUNT_FAR]
+
+
+def overtaken(stated: Account, errors: list[ErrorAccount]) -> bool:
+    """Whether other errors explain the rows far better than levels do, by the linear estimate of both."""
+    if not errors:
+        return False
+    prepared, known = stated.fitted.prepared, references(stated)
+    widths = prepared.level_widths(stated.fitted.base.expansion.mean)
+    tried = [widths, *({name: width} for name, width in widths.items())]
+    found = [reference_evidence(prepared.with_free_levels(each), known) for each in tried]
+    gain = max(found) - reference_evidence(prepared, known) + float(logit(levels.PRIOR_LEVEL))
+    return gain < errors[0].gain - levels.ACCOUNT_FAR
+
+
+def stated_or_free_levels(
+    stated: Account, errors: list[ErrorAccount], seed: int, progress: Progress
+) -> list[WeighedAccount]:
     """Stated errors, and free levels where these could change the answer and leave nothing unexplained.
 
     Free levels are compared with the stated errors by what measurements do not reject; with other accounts
     both together count by all explanations.
     """
     alone = [WeighedAccount(stated, stated.posterior.log_all, "stated")]
-    if not levels_matter(stated):
+    if not levels_matter(stated) or overtaken(stated, errors):
         return alone
     bare = stated.fitted
     free, best = fit_free_levels(bare.prepared, bare.base.expansion.mean)
@@ -225,20 +253,19 @@ def stated_or_free_levels(stated: Account, seed: int, progress: Progress) -> lis
     return [WeighedAccount(stated, float(one), "stated"), WeighedAccount(freed, float(other), "levels")]
 
 
-def other_errors(stated: Account, seed: int, progress: Progress) -> list[WeighedAccount]:
+def other_errors(
+    stated: Account, errors: list[ErrorAccount], seed: int, progress: Progress
+) -> list[WeighedAccount]:
     """Everything weighed once more with errors of sources, of batches, of rows or of the scatter.
 
-    Of few rows nothing is estimated on their errors; errors that leave something unexplained are no answer.
+    Errors that leave something unexplained are no answer.
     """
-    if not levels_matter(stated) or stated.fitted.prepared.rows.size < levels.LEAST_ROWS:
-        return []
-    fitted, tried = stated.fitted, list[WeighedAccount]()
-    for errors in error_accounts(fitted.prepared, references(stated))[: levels.MOST_ACCOUNTS]:
-        prepared, base = errors.prepared, fitted.base.fit
-        best = fit(prepared, (), [base.x, prepared.prior_mean])
-        found = account(prepared, seed, progress, best)
+    base, tried = stated.fitted.base.fit, list[WeighedAccount]()
+    for each in errors:
+        best = fit(each.prepared, (), [base.x, each.prepared.prior_mean])
+        found = account(each.prepared, seed, progress, best)
         if found.posterior.probability[OUTSIDE] <= levels.LEVEL_ODDS:
-            tried.append(WeighedAccount(found, errors.log_odds + found.posterior.log_all, "errors", errors))
+            tried.append(WeighedAccount(found, each.log_odds + found.posterior.log_all, "errors", each))
     return tried
 
 

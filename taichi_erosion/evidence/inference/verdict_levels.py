@@ -31,6 +31,7 @@ ODDS_BATCH = 0.2  # of one by batch
 ODDS_SCATTER = 0.2  # of scatter that differs between observables or grows along a condition
 ODDS_ROW = 0.01  # of a row to be off, each
 ACCOUNT_BEHIND = 3.0  # ln evidence behind stated errors at which an account of errors is left aside
+ACCOUNT_FAR = 7.0  # the same behind the best account of errors: less than 0.1 % of the probability
 LEAST_ROWS = 12  # from which errors that nobody stated are estimated
 MOST_ACCOUNTS = 2  # accounts of errors beside stated ones and free levels that are fitted anew
 PRIOR_REMAINDER = 0.10  # share of a single's prior that allows a smooth remainder beside it

@@ -93,8 +93,7 @@ def error_accounts(prepared: PreparedProblem, references: Sequence[Reference]) -
     """Accounts that could change the answer, the most promising first."""
 
     def likelihood(other: PreparedProblem) -> float:
-        found = [each.log_prior + linear_evidence(other, each.expansion) for each in references]
-        return float(log_sum_exp(np.array(found)))
+        return reference_evidence(other, references)
 
     stated = likelihood(prepared)
     tried = [
@@ -105,6 +104,12 @@ def error_accounts(prepared: PreparedProblem, references: Sequence[Reference]) -
     ]
     found = [each for each in tried if each is not None and each.gain > -levels.ACCOUNT_BEHIND]
     return sorted(found, key=lambda each: -each.gain)
+
+
+def reference_evidence(prepared: PreparedProblem, references: Sequence[Reference]) -> float:
+    """Ln marginal likelihood of some errors, linear about the hypotheses fitted with stated ones."""
+    found = [each.log_prior + linear_evidence(prepared, each.expansion) for each in references]
+    return float(log_sum_exp(np.array(found)))
 
 
 def linear_evidence(prepared: PreparedProblem, expansion: Expansion) -> float:
