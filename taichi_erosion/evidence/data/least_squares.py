@@ -31,7 +31,8 @@ class ColumnSolution:
 
     def sd(self, count: int) -> Floats:
         """Standard deviations of the first numbers (count, columns), or (count, 1) alike for all columns."""
-        return np.sqrt(np.einsum("...ii->...i", self.covariance)[..., :count].T.reshape(count, -1))
+        variance = np.einsum("...ii->...i", self.covariance)[..., :count].T
+        return np.sqrt(variance if variance.ndim == 2 else variance[:, np.newaxis])
 
 
 @dataclass(frozen=True)

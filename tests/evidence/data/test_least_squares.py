@@ -38,6 +38,7 @@ def test_every_column_is_solved_as_if_it_were_alone(censored, factor):
         assert found.of(column) == pytest.approx(np.linalg.inv(matrix))
         volume = np.broadcast_to(found.log_determinant, COLUMNS)[column]
         assert volume == pytest.approx(np.linalg.slogdet(matrix)[1])
+        assert found.sd(0).shape[0] == 0, "a study may calibrate nothing"
         spread = np.broadcast_to(found.sd(2), (2, COLUMNS))[:, column]
         assert spread == pytest.approx(np.sqrt(np.diag(np.linalg.inv(matrix))[:2]))
 
