@@ -2,7 +2,7 @@
 
 A laboratory has its own seeds, time step, packing and friction; it is run as a program of its own:
 
-    python -m tests.evidence.small_scenes FOLDER SEED
+    python -m tests.evidence.small_scenes FOLDER SEED NAME...
 """
 
 import json
@@ -31,6 +31,7 @@ ALTITUDES = (0.0, 500.0, 1000.0, 2000.0, 3000.0, 4000.0)  # m
 REPEATS = 2
 LABORATORY = ("run.time_step_d=2.4e-2", "fill.pitch_d=1.25", "contact.grain-grain.friction_rolling=0.2")
 TUNNEL = ("run.time_step=7e-5", "materials.quartz.density=2680")
+HeapCase = tuple[str, float, tuple[str, ...], int]
 READING = 0.01  # relative scatter of a velocity that is read
 
 HEAP = """
@@ -78,6 +79,7 @@ fraction = 0.3
 runs = 30
 """
 STUDIES = {"heap_moist": HEAP, "heap_plain": HEAP, "grain_high": GRAIN}
+HEAPS = ("heap_moist", "heap_plain")
 HIDDEN = {"heap_moist": "liquid_bridge", "heap_plain": None, "grain_high": "air_density"}
 
 
@@ -112,15 +114,20 @@ def measured(
     return [found[place] for place in range(len(parts))]
 
 
-def heaps(folder: Path, strengths: dict[str, float], drawn: random.Random) -> dict[str, list[str]]:
-    """Tables of the two heap studies, out of one ensemble."""
-    cases = [(name, w) for name in strengths for w in MOISTURES for _ in range(REPEATS)]
-    asked = []
-    for name, w in cases:
+def heap_cases(strengths: dict[str, float], drawn: random.Random) -> list[HeapCase]:
+    """Study, moisture, orders and seed of every heap."""
+    cases = []
+    for name, w in ((name, w) for name in strengths for w in MOISTURES for _ in range(REPEATS)):
         wet = (f"conditions.moisture={w}", f"effects.liquid_bridge.strength={strengths[name]}")
-        asked.append(((*LABORATORY, *wet), drawn.randrange(2**30, 2**31)))
-    tables: dict[str, list[str]] = {name: [] for name in strengths}
-    for (name, w), values in zip(cases, measured(folder / "column.toml", "f32", asked), strict=True):
+        cases.append((name, w, (*LABORATORY, *wet), drawn.randrange(2**30, 2**31)))
+    return cases
+
+
+def heaps(folder: Path, cases: list[HeapCase]) -> dict[str, list[str]]:
+    """Tables of the two heap studies, out of one ensemble."""
+    asked = [(orders, seed) for _, _, orders, seed in cases]
+    tables: dict[str, list[str]] = {name: [] for name, *_ in cases}
+    for (name, w, *_), values in zip(cases, measured(folder / "column.toml", "f32", asked), strict=True):
         for observable in ("centroid_height", "pile_height"):
             tables[name].append(f"{observable},{values[observable]:.6g},1,m,w{w:g},{w:g},made")
     return tables
@@ -139,23 +146,25 @@ def falls(folder: Path, strength: float, drawn: random.Random) -> list[str]:
     return lines
 
 
-def make(folder: Path, seed: int) -> None:
-    """Scenes, studies and tables; the digest of the truth is written before anything is measured."""
+def make(folder: Path, seed: int, names: tuple[str, ...]) -> None:
+    """Scenes, some studies and their tables; the digest of the truth is written before all measurements."""
     drawn = random.Random(seed)
     truth = {name: drawn.uniform(0.8, 1.5) if effect else 0.0 for name, effect in HIDDEN.items()}
     sealed = json.dumps({"strengths": truth, "salt": drawn.random()})
     (folder / "truth.sha256").write_text(sha256(sealed.encode()).hexdigest())
     write_scenes(folder)
-    tables = heaps(folder, {name: truth[name] for name in ("heap_moist", "heap_plain")}, drawn)
-    tables["grain_high"] = falls(folder, truth["grain_high"], drawn)
-    for name, text in STUDIES.items():
+    cases = heap_cases({name: truth[name] for name in HEAPS}, drawn)  # those of the falls come after them
+    tables = heaps(folder, cases) if {*HEAPS} & {*names} else {}
+    if "grain_high" in names:
+        tables["grain_high"] = falls(folder, truth["grain_high"], drawn)
+    for name in names:
         axis = "altitude" if name == "grain_high" else "moisture"
         head = f"observable,value,n,unit,group,{axis},source"
         (folder / f"{name}.csv").write_text("\n".join([head, *tables[name]]) + "\n", encoding="utf-8")
-        (folder / f"{name}.toml").write_text(text.format(name=name), encoding="utf-8")
+        (folder / f"{name}.toml").write_text(STUDIES[name].format(name=name), encoding="utf-8")
     (folder / "sealed").mkdir()
     (folder / "sealed" / "truth.json").write_text(sealed)
 
 
 if __name__ == "__main__":
-    make(Path(sys.argv[1]), int(sys.argv[2]))
+    make(Path(sys.argv[1]), int(sys.argv[2]), tuple(sys.argv[3:]))

@@ -17,6 +17,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Model, Numbers, row_count
 
 FILE = "runs.sqlite"
+MOST_ASKED = 500  # keys of one query; SQLite takes 999 and more
 COMMIT_INTERVAL = 1.0  # s; what a kill may lose
 TABLE = "CREATE TABLE IF NOT EXISTS run (key BLOB PRIMARY KEY, result BLOB NOT NULL)"
 
@@ -30,12 +31,17 @@ class RunStore:
     database: Database | None = None
     committed: float = field(default_factory=monotonic)
 
-    def get(self, key: bytes) -> Floats | None:
-        """Values of one run, None if it has not been made."""
-        if key in self.pending or (self.database is None and not self.file.exists()):
-            return self.pending.get(key)
-        rows = self.opened().rows("SELECT result FROM run WHERE key = ?", (key,))
-        return np.frombuffer(rows[0][0], dtype="<f8") if rows else None
+    def found(self, keys: list[bytes]) -> dict[bytes, Floats]:
+        """Values of those runs that have been made."""
+        known = {key: self.pending[key] for key in keys if key in self.pending}
+        asked = [key for key in dict.fromkeys(keys) if key not in known]
+        if asked and (self.database is not None or self.file.exists()):
+            for first in range(0, len(asked), MOST_ASKED):
+                some = asked[first : first + MOST_ASKED]
+                marks = ", ".join("?" * len(some))
+                rows = self.opened().rows(f"SELECT key, result FROM run WHERE key IN ({marks})", some)
+                known |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
+        return known
 
     def put(self, key: bytes, values: Floats) -> None:
         """Keep the values of one run."""
@@ -76,14 +82,14 @@ class CachedModel:
         request = request_digest(self.identity, observable, conditions, parameters, effects)
         keys = [sha256(request + int(seed).to_bytes(8, "little", signed=True)).digest() for seed in seeds]
         self.count(keys, row_count(conditions))
-        known = {k: values for k, key in enumerate(keys) if (values := self.store.get(key)) is not None}
-        missing = [k for k in range(len(keys)) if k not in known]
+        known = self.store.found(keys)
+        missing = [k for k, key in enumerate(keys) if key not in known]
         if missing:
             made = self.model(observable, conditions, parameters, effects, np.asarray(seeds)[missing])
             for k, values in zip(missing, np.asarray(made, dtype=np.float64), strict=True):
-                known[k] = values
+                known[keys[k]] = values
                 self.store.put(keys[k], values)
-        return np.array([known[k] for k in range(len(keys))])
+        return np.array([known[key] for key in keys])
 
     def count(self, keys: list[bytes], rows: int) -> None:
         """Count the runs behind new keys: one a row. Raises BadInput before the cap is passed."""
