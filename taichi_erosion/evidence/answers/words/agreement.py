@@ -13,9 +13,10 @@ NO_MISFIT = "No significant misfit in any observable or along any condition."
 
 def agreement(document: Document) -> str:
     """Sentence on the overall agreement."""
-    p, rows = document["p"], counted(document["rows_visible"], "row")
+    p, rows = document["p"], rows_words(document)
     if p is None:
-        return f"The misfit cannot be judged: the scatter of the {rows} is not known."
+        count = counted(document["rows_visible"], "row")
+        return f"The misfit cannot be judged: the scatter of the {count} is not known."
     if is_untested(document):
         return untested_sentence(document)
     freedom = f"{plain(document['dof'])} degrees of freedom"
@@ -25,6 +26,12 @@ def agreement(document: Document) -> str:
     if any(fails(place["p"]) for place in document["where"]):
         return f"The model agrees with the {rows} as a whole {numbers}, but not everywhere."
     return f"The model is consistent with the {rows} {numbers}."
+
+
+def rows_words(document: Document) -> str:
+    """How many rows were compared, and how many measured means where some of them are repeats."""
+    rows, means = counted(document["rows_visible"], "row"), means_of(document)
+    return rows if means == document["rows_visible"] else f"{counted(means, 'measured mean')} of {rows}"
 
 
 def is_untested(document: Document) -> bool:

@@ -152,8 +152,7 @@ def rival_of(found: Analysis, item: FittedHypothesis, role: Role, runs: tuple[Fr
         )
         return own - other
 
-    pairs = list(zip((told, item), runs, strict=True))
-    means = [np.where(np.isfinite(run.mean), stated_mean(each), np.nan) for each, run in pairs]
+    means = [where_simulated(each, run) for each, run in zip((told, item), runs, strict=True)]
     emulated = log_total(prepared, told, count) - log_total(prepared, item, count)
     needed = log(levels.least_odds(role == "bare"))
     if found.decision.verdict == "group" or emulated < needed:
@@ -170,9 +169,9 @@ def rival_of(found: Analysis, item: FittedHypothesis, role: Role, runs: tuple[Fr
     )
 
 
-def stated_mean(item: FittedHypothesis) -> Floats:
-    """Mean of the emulator at the conditions as stated."""
-    return item.expansion.mean - item.expansion.moved
+def where_simulated(item: FittedHypothesis, runs: FreshRuns) -> Floats:
+    """Mean of the emulator at the conditions as stated, NaN where there is no fresh run."""
+    return np.where(np.isfinite(runs.mean), item.expansion.mean - item.expansion.moved, np.nan)
 
 
 def log_total(
@@ -209,10 +208,11 @@ def fresh_setting(
     """The record of one explanation; without a rival it is the one that is told."""
     n = prepared.rows.size
     simulated = with_runs(prepared, item, runs.mean, runs.columns)
+    emulated = with_runs(prepared, item, where_simulated(item, runs), runs.columns)
     return FreshSetting(
         role_of(rival),
         item.names,
-        chi_square(prepared, item.expansion) / n,
+        chi_square(prepared, emulated) / n,
         chi_square(prepared, simulated) / n,
         nan if rival is None else rival.emulated,
         nan if rival is None else rival.simulated,
