@@ -191,9 +191,22 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         )
         found, ready = answered(study, budget, question, progress)
         experiments = documents.plain([asdict(each) for each in found.next_experiments])
-        document = {"next_experiments": experiments, "sentence": found.next_sentence}
+        document = {"next_experiments": experiments, "sentence": runs_first(study) + found.next_sentence}
         document |= {"faults": documents.plain([asdict(each) for each in found.faults])}
         return stored(ready, "next", document, start)
+
+
+def contradicted(last: Document) -> bool:
+    """Whether new simulations contradicted the names of a discovery."""
+    return (last.get("fresh_runs") or {}).get("outcome") == "contradicted"
+
+
+def runs_first(study: Study) -> str:
+    """That runs come before measurements, where new simulations contradicted the last discovery."""
+    last = documents.read_answer(study.results, study.path.stem, "discover")
+    if last is None or last["digest"] != study.digest[:12] or not contradicted(last):
+        return ""
+    return "New simulations contradicted the last answer of `discover`: more runs come before measurements. "
 
 
 def stored(study: Study, command: Command, document: Document, start: float) -> Document:

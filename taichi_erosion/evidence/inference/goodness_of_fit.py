@@ -446,7 +446,7 @@ def observable_misfits(
 def noise_table(prepared: PreparedProblem, correlation: Floats | None = None, known: bool = True) -> Noise:
     """Noise budget with the simulator's share, and warnings about it; `known` unless guessed."""
     budgets, sentences = {}, []
-    simulated = np.sqrt(np.maximum(prepared.variance - prepared.rows.variance, 0.0))
+    simulated = np.sqrt(prepared.seed_variance / prepared.seeds.scoring.size)
     for index, observable in enumerate(prepared.rows.observables):
         given: ObservableNoise = prepared.rows.noise[observable.name]
         chosen = prepared.rows.which == index

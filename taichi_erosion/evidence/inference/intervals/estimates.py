@@ -10,7 +10,7 @@ import numpy as np
 from taichi_erosion.evidence.data.findings import Correlation, Estimate
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.data.transforms import Axis, axis_value
+from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_of
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.goodness_of_fit import calibration_covariance
 from taichi_erosion.evidence.inference.intervals.mixtures import Mixture
@@ -161,12 +161,16 @@ def remarked(number: Estimate, moved: float, share: float, names: tuple[str, ...
 
 
 def correlations(prepared: PreparedProblem, expansion: Expansion) -> tuple[Correlation, ...]:
-    """Correlations of strengths and calibrated numbers about the fit of one hypothesis, pair by pair."""
+    """Correlations of strengths and calibrated numbers about the fit of one hypothesis, pair by pair.
+
+    Numbers of a candidate that does not act are left out: the measurements do not depend on them.
+    """
     covariance = calibration_covariance(prepared, expansion)
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     names = [*expansion.fit.names, *(axis.name for axis in prepared.axes)]
     table = covariance / np.outer(sd, sd)
-    pairs = combinations(range(len(names)), 2)
+    absent = {candidate.name for candidate in prepared.problem.candidates} - set(expansion.fit.names)
+    pairs = combinations([k for k, name in enumerate(names) if effect_of(name) not in absent], 2)
     return tuple(Correlation(names[i], names[j], float(table[i, j])) for i, j in pairs)
 
 

@@ -106,7 +106,7 @@ def all_variants(fitted: FittedHypotheses) -> Iterator[Variant]:
             yield Variant(words, reweighed(fitted, other))
         yield from shared_error_variants(fitted, factor)
     for words, rows in row_sets(fitted):
-        if rows.sum() < prepared.rows.size - len(prepared.axes) - 1:
+        if not levels.too_few_rows(prepared.rows.size - int(rows.sum()), len(prepared.axes)):
             other = with_variances(prepared, np.where(rows, GONE, 1.0))
             yield Variant(words, reweighed(fitted, other))
 
