@@ -1,7 +1,7 @@
 """Studies from Python: compare, discover, adopt, next, predict, report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -203,6 +203,8 @@ class Study:
     workers: int | None = None
     seed: int | None = None
     effect_files: tuple[Path, ...] = ()
+    arch: Literal["auto", "cpu", "cuda", "vulkan"] | None = None
+    decomposition: Literal["partitions", "grains"] | None = None
 
     @property
     def options(self) -> "StudyOptions":
@@ -211,7 +213,8 @@ class Study:
 
         named = cast(Any, self.budget) if isinstance(self.budget, str) else None
         runs = self.budget if isinstance(self.budget, int) else None
-        return StudyOptions(named, runs, self.workers, self.seed, self.effect_files)
+        found = StudyOptions(named, runs, self.workers, self.seed, self.effect_files)
+        return replace(found, arch=self.arch, decomposition=self.decomposition)
 
     @in_python
     def check(self) -> Document:
@@ -291,9 +294,12 @@ def study(
     workers: int | None = None,
     seed: int | None = None,
     effect_files: Sequence[PathLike] = (),
+    arch: Literal["auto", "cpu", "cuda", "vulkan"] | None = None,
+    decomposition: Literal["partitions", "grains"] | None = None,
 ) -> Study:
     """A study by its file; None leaves a choice to the file. Its commands raise BadInput for a wrong file."""
-    return Study(Path(path), budget, workers, seed, tuple(Path(file) for file in effect_files))
+    files = tuple(Path(file) for file in effect_files)
+    return Study(Path(path), budget, workers, seed, files, arch, decomposition)
 
 
 @in_python

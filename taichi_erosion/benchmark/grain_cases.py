@@ -16,14 +16,13 @@ from taichi_erosion.benchmark.setups import LAWS, SOIL, bed_setup, filled_funnel
 from taichi_erosion.benchmark.wind_cases import blowing_patch
 from taichi_erosion.core.compiler_target import packed_width
 from taichi_erosion.core.setup import Arch, Floats, Numerics, Setup
-from taichi_erosion.core.transfer import device_fields, inner_shape
+from taichi_erosion.core.transfer import NUMBER_BYTES, device_fields, inner_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import Simulation, advance, assemble, export_bed, snapshot, totals
 from taichi_erosion.simulation.stage_times import stage_times
 
 Precision = Literal["f32", "f64"]
 
-NUMBER_BYTES = {"f32": 4, "i32": 4, "f64": 8}  # of one number on the device
 START, WIDE_START = (
     0.05,
     0.02,

@@ -3,8 +3,10 @@
 import csv
 import io
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -27,6 +29,7 @@ from taichi_erosion.experiments.optimise import Optimisation
 Document = dict[str, Any]
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]
 STEPS: tuple[Step, ...] = get_args(Step)
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 TABLES = ("screen.csv", "climb.csv", "surface.csv", "confirm.csv", "runs.csv")
 PAGE, PICTURES = "README.md", "pictures"  # page of a calibration, and the folder of its figures
 
@@ -47,15 +50,15 @@ class Calibration:
 def calibrate(
     path: Path,
     until: Step = "confirm",
-    workers: int | None = None,
-    scheduler: str | None = None,
+    stated: Mapping[str, Any] = NOTHING,
     progress: Report | None = None,
     function: str = SIMULATE,
     force: bool = False,
 ) -> Calibration:
     """Carry a study out up to a step. Raises BadInput for what cannot be done; what was run is kept.
 
-    `force` replaces files in the study's folder that no calibration wrote, or that were changed since.
+    `stated` are entries of the study's [campaign], in place of those of its file. `force` replaces files in
+    the study's folder that no calibration wrote, or that were changed since.
     """
     started = time.perf_counter()
     file = read_calibration_study(path)
@@ -68,10 +71,8 @@ def calibrate(
     if not is_kept:
         write_design(found, "screen", planned)
     if until != "design":
-        ledger, where = open_ledger(file.folder), file.study.campaign
-        runner = DesignRunner(
-            file, ledger, workers or where.workers, scheduler or where.scheduler, progress, function
-        )
+        ledger, where = open_ledger(file.folder), file.study.campaign.model_copy(update=stated)
+        runner = DesignRunner(file, ledger, where, progress, function)
         try:
             run_steps(found, runner, STEPS[: STEPS.index(until) + 1])
         finally:

@@ -8,8 +8,8 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import SIMULATE, execute
 from taichi_erosion.campaign.ledger import Ledger
-from taichi_erosion.campaign.request import Report, RunRequest, RunResult, scene_request
-from taichi_erosion.campaign.study_file import CalibrationStudy
+from taichi_erosion.campaign.request import Report, RunRequest, RunResult, run_device, scene_request
+from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.experiments.design_table import Design
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
@@ -33,8 +33,7 @@ class DesignRunner:
 
     file: CalibrationStudy
     ledger: Ledger
-    workers: int | None = None
-    scheduler: str | None = None
+    where: WorkersEntry = field(default_factory=WorkersEntry)
     progress: Report | None = None
     function: str = SIMULATE
     runs: list[DesignRun] = field(default_factory=list)
@@ -47,13 +46,13 @@ def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
     scenes = list(dict.fromkeys(file.scene(name) for name in observables))
     plan = [(int(row), scene) for row in design.by_turn for scene in scenes]
     settings = {row: complete_settings(file, design.settings(row)) for row, _ in plan}
-    requests = [design_request(file, scene, settings[row], stage, row, first + row) for row, scene in plan]
+    requests = [design_request(runner, scene, settings[row], stage, row, first + row) for row, scene in plan]
     report = runner.progress
     results = execute(
         requests,
         runner.ledger,
-        workers=runner.workers,
-        scheduler=runner.scheduler,
+        workers=runner.where.workers,
+        scheduler=runner.where.scheduler,
         progress=report and (lambda share, words: report(share, f"{stage}: {words}")),
         function=runner.function,
     )
@@ -76,16 +75,16 @@ def complete_settings(file: CalibrationStudy, settings: dict[str, float]) -> dic
 
 
 def design_request(
-    file: CalibrationStudy, scene: Path, settings: dict[str, float], stage: str, row: int, seed: int
+    runner: DesignRunner, scene: Path, settings: dict[str, float], stage: str, row: int, seed: int
 ) -> RunRequest:
     """Request of one row of a design at one scene."""
-    study = file.study
+    file, study = runner.file, runner.file.study
     linked = {path: value for main, value in settings.items() for path in study.parameters[main].also}
     overrides = [f"{path}={value!r}" for path, value in (settings | linked).items()]
-    extra: dict[str, Any] = {}
+    extra: dict[str, Any] = {"device": run_device(runner.where)}
     if study.design.record in (stage, "all"):
         columns = {path.replace(".", "_").replace("-", "_"): value for path, value in settings.items()}
-        extra = {
+        extra |= {
             "record": file.folder / "recordings" / f"{stage}-{row + 1}-{seed}.rrd",
             "properties": {"doe": {"stage": stage, "row": row + 1} | columns},
         }

@@ -5,7 +5,8 @@ module that imports Dask.
 
 A free worker takes 1/W of what is left of one group (guided self-scheduling): long batches first, where the
 start of an ensemble costs little, short ones at the end, so that all workers finish together. A batch is not
-larger than WORK_MOST, for that is what a killed worker loses, and holds enough to be worth its start.
+larger than WORK_MOST, for that is what a killed worker loses, and holds enough to be worth its start. On a
+graphics processor one worker holds the device, and its batches are as large as memory allows.
 
 Reference: Polychronopoulos & Kuck (1987), IEEE Trans. Comput. C-36, 1425.
 """
@@ -20,13 +21,20 @@ import numpy as np
 
 from taichi_erosion.campaign import ledger as ledgers
 from taichi_erosion.campaign.ledger import Ledger, unfinished
-from taichi_erosion.campaign.pool import Batch, Event, Payloads, Pool, named_work, start_pool
+from taichi_erosion.campaign.pool import (
+    Batch,
+    Event,
+    Payloads,
+    Pool,
+    named_work,
+    refuse_missing_devices,
+    start_pool,
+)
 from taichi_erosion.campaign.request import WORTH_A_START, Report, RunRequest, RunResult
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
 
 WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core
-RUNS_MOST = 64  # of a batch: more make an ensemble no cheaper to start, but its fields larger
 SIMULATE = "taichi_erosion.campaign.request:simulating"
 HEARTBEAT = ledgers.LEASE / 6.0  # s between two renewals of the leases
 POLL = 0.2  # s that a poll of the workers takes at most
@@ -44,8 +52,8 @@ def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: i
     share = -(-len(fellows) // workers)
     work = np.cumsum([request.work for request in fellows])
     least = int(np.searchsorted(work, WORTH_A_START)) + 1
-    most = int(np.searchsorted(work, WORK_MOST, side="right"))
-    return fellows[: max(min(max(share, least), most, RUNS_MOST), 1)]
+    most = int(np.searchsorted(work, WORK_MOST, side="right")) if first.arch == "cpu" else len(fellows)
+    return fellows[: max(min(max(share, least), most, first.most), 1)]
 
 
 @dataclass
@@ -72,8 +80,9 @@ def execute(
 ) -> list[RunResult]:
     """Results of all requests, in their order; what stands in the ledger is not run again.
 
-    `workers` local processes (one a core where left out), or the Dask cluster at the address `scheduler`.
-    Failed runs are results with a reason. Raises BadInput where the ledger or the scheduler cannot be used.
+    `workers` local processes (one a core where left out, one alone where runs are made on a graphics
+    processor), or the Dask cluster at the address `scheduler`. Failed runs are results with a reason. Raises
+    BadInput where the ledger, the scheduler or the device cannot be used.
     """
     wanted = {request.key: request for request in requests}
     named_work(function)
@@ -81,8 +90,12 @@ def execute(
     ledgers.release_stale_leases(ledger)
     left = unfinished(ledger, list(wanted))
     if left:
-        most = min(len(left), workers or usable_cores())
-        pool = DaskPool.connect(scheduler, function) if scheduler else start_pool(function, most)
+        if scheduler:
+            pool: Pool = DaskPool.connect(scheduler, function)
+        else:
+            archs = {wanted[key].arch for key in left} - {"cpu"}
+            refuse_missing_devices(archs)
+            pool = start_pool(function, 1 if archs else min(len(left), workers or usable_cores()))
         work = sum(wanted[key].work for key in left)
         campaign = Campaign(wanted, ledger, pool, progress, work)
         try:

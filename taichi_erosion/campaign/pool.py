@@ -10,7 +10,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -18,6 +19,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Literal, Protocol
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Arch, Numerics
 
 Payloads = list[dict[str, Any]]
 SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
@@ -208,6 +210,29 @@ class LocalPool:
             if worker.process.is_alive():
                 worker.process.kill()
             worker.connection.close()
+
+
+def device_fault(arch: Arch) -> str | None:
+    """Why a device cannot be used, None where it can."""
+    from taichi_erosion.core.device import start_device, stop_device
+
+    try:
+        start_device(Numerics(arch))
+    except BadInput as error:
+        return str(error)
+    stop_device()
+    return None
+
+
+def refuse_missing_devices(archs: Iterable[Arch]) -> None:
+    """Raise BadInput for a device that workers of this machine could not use.
+
+    Another process looks: a device that is started here would end what this process has on one.
+    """
+    for arch in archs:
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as looking:
+            if fault := looking.submit(device_fault, arch).result():
+                raise BadInput(fault)
 
 
 def start_pool(function: str, workers: int) -> LocalPool:

@@ -1,7 +1,11 @@
 """Requests and results of runs, and the work of a campaign's worker: a batch is one ensemble on one thread.
 
 A request is addressed by its content: the scene (with all that can change its result), the seed and the
-version of this package make its key, and a key is never run twice in one ledger.
+version of this package make its key, and a key is never run twice in one ledger. With one thread per grain,
+or on another device, forces are summed or rounded otherwise: heaps agree within the scatter of their seeds,
+not in bits. Such runs have keys of their own: runs that are compared seed by seed must be made in one way.
+
+On a graphics processor a batch is as many runs of one number of grains as it has room for.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,9 +17,11 @@ from typing import Any
 
 from taichi_erosion import __version__
 from taichi_erosion.campaign.pool import Payloads, RunFunction, SendRecord, SendShare
+from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.engine.choice import engine_mark
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene, with_effects
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.build.limits import time_step
@@ -24,6 +30,24 @@ Report = Callable[[float, str], None]  # (share done [1], sentence)
 
 WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble: about four seconds of one core
 THREADS = 1  # of a batch: it is one of several that run beside each other
+RUNS_MOST = 64  # of a batch: more make an ensemble no cheaper to start, but its fields larger
+DEVICE_GRAINS = 1_000_000  # of a batch on a graphics processor: some GB of its memory
+
+
+@dataclass(frozen=True)
+class RunDevice:
+    """Where runs are made, and what one thread advances there."""
+
+    arch: ArchChoice = "cpu"
+    decomposition: Decomposition | None = None  # None: as the device has it
+
+
+CPU = RunDevice()
+
+
+def run_device(where: WorkersEntry) -> RunDevice:
+    """Device that a study's [campaign] names."""
+    return RunDevice(where.arch, where.decomposition)
 
 
 @dataclass(frozen=True)
@@ -34,6 +58,8 @@ class RunRequest:
     payload: dict[str, Any]
     group: str = ""  # requests of one group may go to one process as one ensemble
     work: float = WORTH_A_START  # grain-steps
+    most: int = RUNS_MOST  # runs of a batch
+    arch: Arch = "cpu"
 
 
 @dataclass(frozen=True)
@@ -56,8 +82,8 @@ def scene_request(
 ) -> RunRequest:
     """Request of one scene file with PATH=VALUE overrides and a seed. Raises BadInput for what cannot run.
 
-    `extra` may be `record` (file of a recording) and `properties` (columns of rerun's table of runs, by
-    group); neither changes a result, so neither is in the key.
+    `extra` may be what `request_of` takes beside: `device`; `record` (file of a recording) and `properties`
+    (columns of rerun's table of runs, by group), which change no result and are not in the key.
     """
     return request_of(read_scene(path, tuple(overrides), effect_files), seed, **extra)
 
@@ -67,11 +93,13 @@ def request_of(
     seed: int,
     record: Path | None = None,
     properties: Mapping[str, Mapping[str, Any]] | None = None,
+    device: RunDevice = CPU,
 ) -> RunRequest:
-    """Request of a scene that has been read.
+    """Request of a scene that has been read. Raises BadInput for what the device cannot run.
 
     It carries the text of effect files: a worker elsewhere need not have them, and executes what was hashed.
     """
+    numerics = numerics_of(scene, device)
     payload = {
         "scene": resolved(scene),
         "folder": str(scene.folder.resolve()),
@@ -79,9 +107,42 @@ def request_of(
         "seed": seed,
         "record": None if record is None else str(record.resolve()),
         "properties": {group: dict(columns) for group, columns in (properties or {}).items()},
+        "arch": numerics.arch,
+        "decomposition": numerics.decomposition,
     }
-    key = f"{scene_hash(scene)}-{seed}-{__version__}{engine_mark()}"
-    return RunRequest(key, payload, compatibility_key(scene), work_of(scene))
+    mark, group = way_mark(numerics), compatibility_key(scene)
+    key = f"{scene_hash(scene)}-{seed}-{__version__}{engine_mark()}{mark}"
+    if numerics.arch == "cpu":
+        return RunRequest(key, payload, group + mark, work_of(scene))
+    grains = scene.grains.count
+    most = max(DEVICE_GRAINS // grains, 1)
+    return RunRequest(key, payload, f"{group}{mark}-{grains}", work_of(scene), most, numerics.arch)
+
+
+def numerics_of(scene: Scene, device: RunDevice) -> Numerics:
+    """Device, precision and decomposition of a run. Raises BadInput for what cannot run there."""
+    arch: Arch = "cpu"
+    if device.arch == "auto":
+        from taichi_erosion.run.scene_run import arch_of
+
+        # as many grains as a full batch has: the answer must not hang on how many runs wait
+        arch = arch_of("auto", RUNS_MOST * scene.grains.count)
+    else:
+        arch = device.arch
+    numerics = Numerics(arch, THREADS, scene.run.precision, device.decomposition)
+    if numerics.by_grain:
+        from taichi_erosion.simulation.grain_decomposition.limits import refuse_parts
+
+        has_grid = scene.wind is not None and scene.wind.columns != (1, 1)
+        refuse_parts(has_grid, scene.grains.clump is not None)
+    return numerics
+
+
+def way_mark(numerics: Numerics) -> str:
+    """Mark in the key of a run whose bits are not those of partitions on a CPU."""
+    if numerics.arch == "cpu" and not numerics.by_grain:
+        return ""
+    return f"-{numerics.arch}-{'grains' if numerics.by_grain else 'partitions'}"
 
 
 def work_of(scene: Scene) -> float:
@@ -95,7 +156,6 @@ def simulating() -> Iterator[RunFunction]:
     """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
     from taichi_erosion.core.device import stop_device
     from taichi_erosion.core.effect_loading import compile_failure
-    from taichi_erosion.core.setup import Numerics
     from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas_after
     from taichi_erosion.scene.load import parse_scene
     from taichi_erosion.simulation import Simulation
@@ -115,7 +175,8 @@ def simulating() -> Iterator[RunFunction]:
     def simulate_batch(payloads: Payloads, send_record: SendRecord, send_share: SendShare) -> None:
         nonlocal previous
         parts = [replica(payload) for payload in payloads]
-        numerics = Numerics("cpu", THREADS, parts[0].scene.run.precision)
+        precision, way = parts[0].scene.run.precision, payloads[0]
+        numerics = Numerics(way["arch"], THREADS, precision, way["decomposition"])
         reused, previous = previous, None  # fields of an ensemble that breaks off are not used again
         try:
             previous = run_replicas_after(

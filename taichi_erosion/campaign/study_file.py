@@ -17,6 +17,7 @@ from pydantic import Field, ValidationError, model_validator
 from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
+from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
 from taichi_erosion.scene.load import file_text, first_line, with_tuples
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
@@ -227,6 +228,12 @@ class WorkersEntry(Section):
     """Where designed runs are made; the command line overrides it."""
 
     workers: int | None = number(None, "1", "local processes; left out: one a core", 1, 10_000)
+    arch: ArchChoice = Field(
+        default="cpu", description="device; auto: a graphics processor for large runs, if there is one"
+    )
+    decomposition: Decomposition | None = Field(
+        default=None, description="what one thread advances; left out: partitions on cpu, grains elsewhere"
+    )
     scheduler: str | None = Field(default=None, min_length=1, description="address of a Dask scheduler")
 
 

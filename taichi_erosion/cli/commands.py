@@ -19,7 +19,7 @@ from taichi_erosion import __version__
 from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
-from taichi_erosion.cli.output import AsJson, EffectFiles, Force
+from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.cli.study import study as study_commands
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
@@ -48,14 +48,6 @@ Override = Annotated[
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the first replica.")]
 Replicas = Annotated[int | None, typer.Option(min=1, help="Number of repeats; default: that of the scene.")]
-Arch = Annotated[
-    Literal["auto", "cpu", "cuda", "vulkan"] | None,
-    typer.Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
-]
-Decomposition = Annotated[
-    Literal["partitions", "grains"] | None,
-    typer.Option(help="What one thread advances; default: partitions on cpu, grains elsewhere."),
-]
 Threads = Annotated[
     int | None, typer.Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
 ]

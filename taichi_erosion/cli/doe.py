@@ -4,7 +4,6 @@ Each step first completes the steps before it. Runs in the study's ledger are no
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +11,7 @@ import typer
 
 from taichi_erosion.cli import next_steps, output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import AsJson, Force
+from taichi_erosion.cli.output import Arch, AsJson, Decomposition, Force
 from taichi_erosion.cli.progress import KEPT, interruptible
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ def print_audit(document: Record) -> None:
 @doe.command(**help_of("doe design"))
 def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> None:
     """Write the table of the screening design, without running it."""
-    run_steps("design", study, Places(force=force), as_json)
+    run_steps("design", study, {}, as_json, force)
 
 
 def add_step(step: "Step", summary: str) -> None:
@@ -96,10 +95,13 @@ def add_step(step: "Step", summary: str) -> None:
         study: StudyPath,
         workers: Workers = None,
         scheduler: Scheduler = None,
+        arch: Arch = None,
+        decomposition: Decomposition = None,
         force: Force = False,
         as_json: AsJson = False,
     ) -> None:
-        run_steps(step, study, Places(workers, scheduler, force), as_json)
+        where = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
+        run_steps(step, study, where, as_json, force)
 
     doe.command(step, help=summary, **help_of(f"doe {step}"))(command)
 
@@ -113,11 +115,14 @@ def calibrate(
     study: StudyPath,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    arch: Arch = None,
+    decomposition: Decomposition = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Make all steps, and write a page with their tables and figures."""
-    found = run_steps("confirm", study, Places(workers, scheduler, force), as_json)
+    where = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
+    found = run_steps("confirm", study, where, as_json, force)
     from taichi_erosion.report.calibration_page import publish, verdict
 
     page, targets = publish(found), found.file.study.targets
@@ -129,21 +134,18 @@ def calibrate(
             typer.echo(sentence)
 
 
-@dataclass(frozen=True)
-class Places:
-    """Where the runs are made, and whether files of others are replaced."""
+def run_steps(
+    until: "Step", study: Path, where: Mapping[str, Any], as_json: bool, force: bool
+) -> "Calibration":
+    """Run a calibration up to a step and print the result of that step.
 
-    workers: int | None = None
-    scheduler: str | None = None
-    force: bool = False
-
-
-def run_steps(until: "Step", study: Path, places: Places, as_json: bool) -> "Calibration":
-    """Run a calibration up to a step and print the result of that step."""
+    `where` are entries of [campaign]; None leaves that of the file. `force` replaces files of others.
+    """
     from taichi_erosion.campaign.calibration import calibrate
 
     with interruptible("calibrating", KEPT) as progress:
-        found = calibrate(study, until, places.workers, places.scheduler, progress, force=places.force)
+        stated = {name: value for name, value in where.items() if value is not None}
+        found = calibrate(study, until, stated, progress, force=force)
     if as_json:
         output.print_json(found.document)
     else:

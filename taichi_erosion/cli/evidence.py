@@ -4,14 +4,24 @@ Each prints its sentences first, then a table, then the limits of the result.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import typer
 
 from taichi_erosion.cli import next_steps, output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Force, Record, print_table
+from taichi_erosion.cli.output import (
+    MARK_MISSING,
+    Arch,
+    AsJson,
+    Decomposition,
+    EffectFiles,
+    Force,
+    Record,
+    print_table,
+)
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.words.agreement import NO_MISFIT, agreement, is_untested, row_sentences
@@ -67,6 +77,8 @@ def compare(
     study: StudyFile,
     budget: Budget = None,
     workers: Workers = None,
+    arch: Arch = None,
+    decomposition: Decomposition = None,
     seed: Seed = None,
     own: EffectFiles = None,
     as_json: AsJson = False,
@@ -74,7 +86,7 @@ def compare(
     """Calibrate the model, and show where it still disagrees with the measurements."""
     from taichi_erosion.evidence.answers.commands import compare_study
 
-    options = options_of(budget, workers, seed, own)
+    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
     answer("comparing", lambda progress: compare_study(study, progress, options), print_comparison, as_json)
 
 
@@ -83,6 +95,8 @@ def discover(
     study: StudyFile,
     budget: Budget = None,
     workers: Workers = None,
+    arch: Arch = None,
+    decomposition: Decomposition = None,
     seed: Seed = None,
     own: EffectFiles = None,
     as_json: AsJson = False,
@@ -90,7 +104,7 @@ def discover(
     """Find the missing effect: present, excluded, not testable, or not in the list."""
     from taichi_erosion.evidence.answers.commands import discover_study
 
-    options = options_of(budget, workers, seed, own)
+    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
     answer("discovering", lambda progress: discover_study(study, progress, options), print_discovery, as_json)
 
 
@@ -100,6 +114,8 @@ def adopt(
     effects: EffectNames,
     budget: Budget = None,
     workers: Workers = None,
+    arch: Arch = None,
+    decomposition: Decomposition = None,
     seed: Seed = None,
     own: EffectFiles = None,
     force: Force = False,
@@ -108,7 +124,7 @@ def adopt(
     """Add one or more effects, calibrate again, and show the error on held-out measurements."""
     from taichi_erosion.evidence.answers.commands import adopt_study
 
-    options = options_of(budget, workers, seed, own)
+    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
 
     def compute(progress: Progress) -> dict[str, Any]:
         return adopt_study(study, effects, progress, options, force)
@@ -121,6 +137,8 @@ def next_(
     study: StudyFile,
     budget: Budget = None,
     workers: Workers = None,
+    arch: Arch = None,
+    decomposition: Decomposition = None,
     seed: Seed = None,
     own: EffectFiles = None,
     as_json: AsJson = False,
@@ -128,7 +146,7 @@ def next_(
     """Find the cheapest experiments that tell the named explanation from its rivals."""
     from taichi_erosion.evidence.answers.commands import next_study
 
-    options = options_of(budget, workers, seed, own)
+    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
     answer("planning", lambda progress: next_study(study, progress, options), print_experiments, as_json)
 
 
@@ -145,18 +163,30 @@ def report(source: ReportSource, to: PageFile = None, force: Force = False, as_j
         typer.echo(next_steps.after_report(page), err=True)
 
 
-def options_of(
-    budget: str | None, workers: int | None, seed: int | None, own: list[Path] | None
-) -> "StudyOptions":
+@dataclass(frozen=True)
+class Runs:
+    """Where the command line has runs made."""
+
+    workers: int | None
+    arch: Literal["auto", "cpu", "cuda", "vulkan"] | None
+    decomposition: Literal["partitions", "grains"] | None
+
+
+def options_of(budget: str | None, seed: int | None, own: list[Path] | None, runs: Runs) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
-    files = tuple(own or ())
+    stated: dict[str, Any] = {
+        "seed": seed,
+        "effect_files": tuple(own or ()),
+        "announce": announce,
+        **vars(runs),
+    }
     if budget is None or budget in ("quick", "full"):
-        return StudyOptions(cast(Any, budget), None, workers, seed, files, announce)
+        return StudyOptions(budget=cast(Any, budget), **stated)
     if not (budget.isascii() and budget.isdigit() and int(budget) > 0):
         raise BadInput(f"--budget {budget}: give quick, full, or the most runs, a whole number above 0")
-    return StudyOptions(None, int(budget), workers, seed, files, announce)
+    return StudyOptions(runs=int(budget), **stated)
 
 
 def answer(

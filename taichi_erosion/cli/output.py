@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import floor, isfinite, log10
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -22,6 +22,14 @@ EffectFiles = Annotated[
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Replace files of this name that this command did not write.")
+]
+Arch = Annotated[
+    Literal["auto", "cpu", "cuda", "vulkan"] | None,
+    typer.Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
+]
+Decomposition = Annotated[
+    Literal["partitions", "grains"] | None,
+    typer.Option(help="What one thread advances; default: partitions on cpu, grains elsewhere."),
 ]
 
 MARK_MISSING = "-"

@@ -11,6 +11,7 @@ import typer
 from taichi_erosion.cli import output
 from taichi_erosion.cli.evidence import (
     Budget,
+    Runs,
     Seed,
     StudyFile,
     Workers,
@@ -20,7 +21,15 @@ from taichi_erosion.cli.evidence import (
     print_lines,
 )
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import MARK_MISSING, AsJson, EffectFiles, Record, print_table
+from taichi_erosion.cli.output import (
+    MARK_MISSING,
+    Arch,
+    AsJson,
+    Decomposition,
+    EffectFiles,
+    Record,
+    print_table,
+)
 from taichi_erosion.cli.progress import KEPT, interruptible
 from taichi_erosion.evidence.data.number_words import heading
 
@@ -53,6 +62,8 @@ def predict(
     bare: Bare = False,
     budget: Budget = None,
     workers: Workers = None,
+    arch: Arch = None,
+    decomposition: Decomposition = None,
     seed: Seed = None,
     own: EffectFiles = None,
     as_json: AsJson = False,
@@ -61,7 +72,7 @@ def predict(
     from taichi_erosion.core.files import write_atomic
     from taichi_erosion.evidence.prediction.commands import predict_study
 
-    options = options_of(budget, workers, seed, own)
+    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
     with interruptible("predicting", KEPT) as progress:
         document = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
     if out is not None:

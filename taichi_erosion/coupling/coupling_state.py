@@ -15,8 +15,12 @@ from taichi_erosion.grains.state import arrays, block
 
 @device_record
 class PartitionSums:
-    """Sums over the grains of one partition in one cell of air: place (partition * replicas + r, cell)."""
+    """Sums over the grains of one part in one cell of air: place (part * replicas + r, cell).
 
+    A part is a partition of the grains, or a chunk of equally many that one thread sums.
+    """
+
+    chunk: int  # grains of a chunk; 0: parts are partitions
     volume: Any  # of grains [m3]
     rate: Any  # sum of m b [kg s-1]
     drag_source: Any  # vec3, sum of m b v [N]
@@ -52,9 +56,9 @@ class CouplingState:
     grain_type: Any
 
 
-def allocate_partition_sums(replicas: int, partitions: int, cells: int) -> PartitionSums:
-    shape = (replicas * partitions, cells)
-    return PartitionSums(**block(shape, f64="volume rate volume_flow", f64x3="drag_source impulse"))
+def allocate_partition_sums(replicas: int, parts: int, chunk: int, cells: int) -> PartitionSums:
+    shape = (replicas * parts, cells)
+    return PartitionSums(chunk, **block(shape, f64="volume rate volume_flow", f64x3="drag_source impulse"))
 
 
 def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
@@ -71,8 +75,11 @@ def upload_exchange_settings(exchange: Exchange, setups: Sequence[Setup]) -> Non
     write(exchange.last_exchange, -1)
 
 
-def allocate_coupling(setups: Sequence[Setup], laws: Laws, partitions: int) -> CouplingState:
-    """Coupling of all replicas on the device; all setups have air, or none has."""
+def allocate_coupling(setups: Sequence[Setup], laws: Laws, parts: int, chunk: int = 0) -> CouplingState:
+    """Coupling of all replicas on the device; all setups have air, or none has.
+
+    Grains are summed in so many `parts`: partitions, or chunks of `chunk` grains.
+    """
     airs: list[AirSetup] = [s.air for s in setups if s.air is not None]
     layers = airs[0].cells[2] if airs else 1
     cells = prod(airs[0].cells) if airs else 1
@@ -84,7 +91,7 @@ def allocate_coupling(setups: Sequence[Setup], laws: Laws, partitions: int) -> C
         has_through_flow=any(s.coupling.rising or s.coupling.through_flow != 0.0 for s in setups),
         host_driven=any(air.cells[:2] != (1, 1) for air in airs),
         air=allocate_air(airs) if airs else None,
-        sums=allocate_partition_sums(len(setups), partitions, cells),
+        sums=allocate_partition_sums(len(setups), parts if airs else 1, chunk, cells),
         exchange=exchange,
         drag_law=law,
         grain_type=compile_grain_type(law),

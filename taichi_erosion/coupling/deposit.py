@@ -1,4 +1,8 @@
-"""Deposit: sums over the grains of each cell of air, per partition, in buffers of its own."""
+"""Deposit: sums over the grains of each cell of air, per part of the grains, in buffers of its own.
+
+Parts are partitions, or chunks of equally many grains where one thread advances one grain. No two threads
+add to the same number, and parts are summed in their order, so that the bits repeat.
+"""
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.gather import SPHERE_VOLUME
@@ -12,6 +16,26 @@ real = ti.f64
 @ti.func
 def buffer_row(world: ti.template(), r, p):
     return p * world.replicas.count + r
+
+
+@ti.func
+def part_count(world: ti.template(), coupling: ti.template(), r):
+    """Parts in which the grains of replica r are summed."""
+    count = world.replicas.partitions[r]
+    if ti.static(coupling.sums.chunk > 0):
+        count = ti.max((world.replicas.released[r] - 1) // coupling.sums.chunk, 0) + 1
+    return count
+
+
+@ti.func
+def part_first(world: ti.template(), coupling: ti.template(), r, p):
+    """First rank of part p of replica r; of the part behind the last, one past all grains."""
+    first = 0
+    if ti.static(coupling.sums.chunk > 0):
+        first = ti.min(p * coupling.sums.chunk, world.replicas.released[r])
+    else:
+        first = partition_first(world.replicas, r, p)
+    return first
 
 
 @ti.func
@@ -85,8 +109,8 @@ def deposit_grain(world_out: ti.template(), coupling_out: ti.template(), r, row,
 
 
 @ti.func
-def deposit_partition(world_out: ti.template(), coupling_out: ti.template(), r, p):
-    """Sums of the grains of one partition, cell by cell."""
+def deposit_part(world_out: ti.template(), coupling_out: ti.template(), r, p):
+    """Sums of the grains of one part, cell by cell."""
     (sums_out,) = ti.static((coupling_out.sums,))
     row = buffer_row(world_out, r, p)
     for c in range(coupling_out.air.cell_count):
@@ -97,5 +121,6 @@ def deposit_partition(world_out: ti.template(), coupling_out: ti.template(), r, 
         sums_out.impulse[row, c] = 0.0 * sums_out.impulse[row, c]
     (replicas,) = ti.static((world_out.replicas,))
     base = side_block(world_out.grains, r, replicas.side[r])
-    for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
+    first = part_first(world_out, coupling_out, r, p)
+    for rank in range(first, part_first(world_out, coupling_out, r, p + 1)):
         deposit_grain(world_out, coupling_out, r, row, base + rank)

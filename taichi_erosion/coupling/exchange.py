@@ -28,7 +28,13 @@ continuity and the balance of drag and pressure give, layer by layer,
 from taichi_erosion.air.grid import cell_volume
 from taichi_erosion.air.single_column import advance_column
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.deposit import air_cell_index, buffer_row, deposit_partition, exchange_interval
+from taichi_erosion.coupling.deposit import (
+    air_cell_index,
+    buffer_row,
+    deposit_part,
+    exchange_interval,
+    part_count,
+)
 from taichi_erosion.coupling.gather import gather_partition
 from taichi_erosion.coupling.weights import wind_of
 from taichi_erosion.grains.partition import barrier, owns_partition
@@ -40,13 +46,13 @@ VOID_LEAST = 0.05  # of a layer that grains of one height fill: keeps velocities
 
 
 @ti.func
-def sum_partitions(world: ti.template(), coupling: ti.template(), r, c):
+def sum_parts(world: ti.template(), coupling: ti.template(), r, c):
     """Volume, rate, drag source and vertical flow of all grains in a cell."""
     (sums,) = ti.static((coupling.sums,))
     row = buffer_row(world, r, 0)
     volume, rate, volume_flow = sums.volume[row, c], sums.rate[row, c], sums.volume_flow[row, c]
     drag_source = sums.drag_source[row, c]
-    for p in range(1, world.replicas.partitions[r]):
+    for p in range(1, part_count(world, coupling, r)):
         row = buffer_row(world, r, p)
         volume += sums.volume[row, c]
         rate += sums.rate[row, c]
@@ -65,13 +71,19 @@ def exchanged_part(air: ti.template(), momentum):
 
 
 @ti.func
+def reduce_cell(world: ti.template(), coupling_out: ti.template(), r, c):
+    """Subtract the momentum that the grains in a cell have received from its residual."""
+    sums, exchange_out = ti.static((coupling_out.sums, coupling_out.exchange))
+    for p in range(part_count(world, coupling_out, r)):
+        impulse = exchanged_part(coupling_out.air, sums.impulse[buffer_row(world, r, p), c])
+        exchange_out.residual_momentum[r, c] = exchange_out.residual_momentum[r, c] - impulse
+
+
+@ti.func
 def reduce_residual(world: ti.template(), coupling_out: ti.template(), r):
     """Subtract the momentum that the grains have received from the residual."""
-    sums, exchange_out = ti.static((coupling_out.sums, coupling_out.exchange))
     for c in range(coupling_out.air.cell_count):
-        for p in range(world.replicas.partitions[r]):
-            impulse = exchanged_part(coupling_out.air, sums.impulse[buffer_row(world, r, p), c])
-            exchange_out.residual_momentum[r, c] = exchange_out.residual_momentum[r, c] - impulse
+        reduce_cell(world, coupling_out, r, c)
 
 
 @ti.func
@@ -79,7 +91,7 @@ def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, column, 
     """Void fraction and drag terms of one cell."""
     air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
     i, j = column[0], column[1]
-    volume, rate, drag_source, volume_flow = sum_partitions(
+    volume, rate, drag_source, volume_flow = sum_parts(
         world, coupling_out, r, air_cell_index(air_out, column, k)
     )
     cell = cell_volume(air_out, r, k)
@@ -131,7 +143,7 @@ def deposit_and_advance(
     (replicas_out,) = ti.static((world_out.replicas,))
     for p in range(replicas_out.partitions[r]):
         if owns_partition(replicas_out, r, p, member, size):
-            deposit_partition(world_out, coupling_out, r, p)
+            deposit_part(world_out, coupling_out, r, p)
     phase = barrier(replicas_out, r, size, phase)
     if member == 0:
         reduce_residual(world_out, coupling_out, r)

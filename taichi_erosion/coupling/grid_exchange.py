@@ -15,7 +15,7 @@ from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.coupling_state import CouplingState
-from taichi_erosion.coupling.deposit import deposit_partition
+from taichi_erosion.coupling.deposit import deposit_part, part_count
 from taichi_erosion.coupling.exchange import reduce_residual, set_air_load
 from taichi_erosion.coupling.gather import gather_partition
 from taichi_erosion.grains import World
@@ -54,8 +54,8 @@ def add_residual(coupling_out: ti.template(), r):
 @ti.func
 def deposit_all(world_out: ti.template(), coupling_out: ti.template(), r):
     """Deposit the grains of replica r, and set the drag terms of its air."""
-    for p in range(world_out.replicas.partitions[r]):
-        deposit_partition(world_out, coupling_out, r, p)
+    for p in range(part_count(world_out, coupling_out, r)):
+        deposit_part(world_out, coupling_out, r, p)
     reduce_residual(world_out, coupling_out, r)
     set_air_load(world_out, coupling_out, r)
 

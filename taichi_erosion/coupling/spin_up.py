@@ -2,7 +2,7 @@
 
 from taichi_erosion.air.single_column import advance_column
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.deposit import deposit_partition
+from taichi_erosion.coupling.deposit import deposit_part, part_count
 from taichi_erosion.coupling.exchange import reduce_residual, set_air_load
 from taichi_erosion.coupling.gather import gather_partition
 
@@ -14,8 +14,8 @@ LONGEST = 1.0  # step of the air while it develops [s]; implicit, so stable at a
 @ti.func
 def deposit_all(world_out: ti.template(), coupling_out: ti.template(), r):
     """Deposit the grains of replica r."""
-    for p in range(world_out.replicas.partitions[r]):
-        deposit_partition(world_out, coupling_out, r, p)
+    for p in range(part_count(world_out, coupling_out, r)):
+        deposit_part(world_out, coupling_out, r, p)
 
 
 @ti.kernel

@@ -11,7 +11,7 @@ the small displacement since then, so that single precision resolves overlaps of
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record
+from taichi_erosion.core.transfer import aligned, device_record
 
 REBUILD = 1  # of Replicas.need: a grain has left its skin
 STOP = 2  # of Replicas.need: two bodies overlap beyond the limit
@@ -111,12 +111,15 @@ def block(shape: int | tuple[int, int], **kinds: str) -> dict[str, Any]:
     """Fields by name, stored together place by place: names of each kind, in the order of storage."""
     table = {name: new_field(kind) for kind, names in kinds.items() for name in names.split()}
     ti.root.dense(ti.i if isinstance(shape, int) else ti.ij, shape).place(*table.values())
+    aligned(next(iter(table.values())))
     return table
 
 
 def arrays(shape: int | tuple[int, int], **kinds: str) -> dict[str, Any]:
     """Fields by name, each stored by itself: names of each kind."""
-    return {name: new_field(kind, shape=shape) for kind, names in kinds.items() for name in names.split()}
+    return {
+        name: aligned(new_field(kind, shape=shape)) for kind, names in kinds.items() for name in names.split()
+    }
 
 
 def allocate_grains(replicas: int, partitions: int, capacity: int) -> Grains:

@@ -9,6 +9,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, Literal
 
+from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.run.checks import check_scene
 from taichi_erosion.scene.load import is_air_scene
 
@@ -26,8 +27,8 @@ class RunOptions:
     overrides: tuple[str, ...] = ()
     seed: int | None = None
     replicas: int | None = None
-    arch: Literal["auto", "cpu", "cuda", "vulkan"] = "cpu"
-    decomposition: Literal["partitions", "grains"] | None = None  # None: as the device has it
+    arch: ArchChoice = "cpu"
+    decomposition: Decomposition | None = None  # None: as the device has it
     threads: int = 0
     precision: Literal["f32", "f64"] | None = None
     record: Path | None = None

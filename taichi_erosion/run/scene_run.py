@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any, Literal
+from typing import Any
 
 from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.files import REMEDY, check_writable
-from taichi_erosion.core.setup import Arch, Numerics
+from taichi_erosion.core.setup import Arch, ArchChoice, Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
@@ -141,7 +141,7 @@ def assemble_run(
     return ensemble
 
 
-def arch_of(arch: Literal["auto", "cpu", "cuda", "vulkan"], grains: int) -> Arch:
+def arch_of(arch: ArchChoice, grains: int) -> Arch:
     """Device of a run; `auto` takes a graphics processor where there is one and the work is large enough."""
     if arch != "auto":
         return arch

@@ -126,7 +126,7 @@ def failure(sim: Simulation, replica: int) -> Failure | None:
         return None
     replicas = sim.world.replicas
     value = read(replicas.fault_value)[replica]
-    p = int(np.flatnonzero(value)[0]) if value.any() else 0
+    p = int(np.argmax(value != 0.0))  # also where it is not a number
     grain = int(read(replicas.fault_grain)[replica, p])
     partner = int(read(replicas.fault_partner)[replica, p])
     ident = identities(sim, replica)

@@ -32,6 +32,7 @@ from taichi_erosion.simulation.capacities import (
     partition_count,
 )
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, allocate_buffers
+from taichi_erosion.simulation.grain_decomposition.exchange import CHUNK, chunk_count
 from taichi_erosion.simulation.grain_decomposition.limits import refuse_too_large, refuse_unsupported
 from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
 from taichi_erosion.simulation.step import release_first
@@ -184,8 +185,10 @@ def allocate_fields(
     everyone = padded_with_copies(setups, capacities)
     schedule = allocate_schedule(max(workers, POOL_LEAST), capacities.replicas)
     world = build_world(everyone, laws, capacities, 1 if numerics.by_grain else LANES)
-    coupling = allocate_coupling(everyone, laws, capacities.partitions)
-    return world, coupling, schedule, allocate_buffers(capacities) if numerics.by_grain else None
+    if not numerics.by_grain:
+        return world, allocate_coupling(everyone, laws, capacities.partitions), schedule, None
+    coupling = allocate_coupling(everyone, laws, chunk_count(capacities.grains), CHUNK)
+    return world, coupling, schedule, allocate_buffers(capacities)
 
 
 def reallocate(sim: Simulation, capacities: Capacities) -> None:

@@ -69,7 +69,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(folder):
-    return calibrate(write_study(folder), workers=1, function=closed_form.FUNCTION)
+    return calibrate(write_study(folder), stated={"workers": 1}, function=closed_form.FUNCTION)
 
 
 def test_the_screening_keeps_the_parameters_that_matter(found):
@@ -102,7 +102,7 @@ def found_by(found, folder, tmp_path_factory):
     def again(**entries):
         copied = shutil.copytree(folder, tmp_path_factory.mktemp("surface"), dirs_exist_ok=True)
         study = write_study(copied, design=STUDY["design"] | entries, parameters=WIDE)
-        return calibrate(study, workers=1, function=closed_form.FUNCTION)
+        return calibrate(study, stated={"workers": 1}, function=closed_form.FUNCTION)
 
     return again
 
@@ -176,7 +176,7 @@ def test_the_tables_hold_the_designs_with_their_responses(found, folder):
 
 def test_a_step_called_again_runs_nothing_and_says_the_same(found, folder, monkeypatch):
     monkeypatch.setattr(execute, "start_pool", None)  # whoever starts workers fails
-    again = calibrate(folder / "study.toml", workers=1, function=closed_form.FUNCTION)
+    again = calibrate(folder / "study.toml", stated={"workers": 1}, function=closed_form.FUNCTION)
     timing = {"wall_s", "cpu_s"}
     assert {k: v for k, v in again.document.items() if k not in timing} == {
         k: v for k, v in found.document.items() if k not in timing
@@ -234,7 +234,9 @@ def test_a_wrong_entry_of_a_study_gives_one_clear_line(tmp_path, sections, said)
 def test_a_parameter_that_the_scene_does_not_know_is_refused_before_anything_runs(tmp_path):
     strange = STUDY["parameters"] | {"contact.soil-soil.stickiness": {"low": 0.1, "high": 0.2}}
     with pytest.raises(BadInput, match="stickiness"):
-        calibrate(write_study(tmp_path, parameters=strange), workers=1, function=closed_form.FUNCTION)
+        calibrate(
+            write_study(tmp_path, parameters=strange), stated={"workers": 1}, function=closed_form.FUNCTION
+        )
 
 
 def test_a_study_without_its_own_sections_is_told_what_is_missing(tmp_path):

@@ -4,8 +4,8 @@ from collections import defaultdict
 
 import pytest
 
-from taichi_erosion.campaign.execute import RUNS_MOST, WORK_MOST, next_batch
-from taichi_erosion.campaign.request import WORTH_A_START, RunRequest
+from taichi_erosion.campaign.execute import WORK_MOST, next_batch
+from taichi_erosion.campaign.request import RUNS_MOST, WORTH_A_START, RunRequest
 
 WORKERS = 2
 

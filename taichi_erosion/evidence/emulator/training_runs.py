@@ -322,7 +322,8 @@ def requested(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunReques
     for run in training.runs:
         words = training.simulator.overrides(measures[run.scene], run.at, run.parameters, run.effects)
         try:
-            requests.append(request_of(training.simulator.scene(run.scene, words), run.seed))
+            scene = training.simulator.scene(run.scene, words)
+            requests.append(request_of(scene, run.seed, device=training.simulator.device))
         except BadInput as error:
             if not run.effects:
                 raise

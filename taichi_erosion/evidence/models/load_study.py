@@ -15,6 +15,7 @@ from taichi_erosion.campaign.study_file import (
 )
 from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
 from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
@@ -53,6 +54,8 @@ class StudyOptions:
     seed: int | None = None
     effect_files: tuple[Path, ...] = ()  # beside those that the study names; their effects are candidates
     announce: Callable[[str], None] = lambda _: None  # is told the cost of a plan before its first run
+    arch: ArchChoice | None = None
+    decomposition: Decomposition | None = None
 
 
 NO_OPTIONS = StudyOptions()
@@ -164,6 +167,8 @@ def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
         ("study", "seed", options.seed),
         ("budget", "runs", options.runs),
         ("campaign", "workers", options.workers),
+        ("campaign", "arch", options.arch),
+        ("campaign", "decomposition", options.decomposition),
     )
     for section, key, value in entries:
         if value is not None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import Ledger, open_ledger
-from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import CPU, RunDevice, RunRequest, RunResult, request_of, run_device
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_file import read_effect_files
@@ -68,6 +68,7 @@ class Simulator:
     effect_files: EffectFiles = ()  # of the study and its scenes
     own: tuple[str, ...] = ()  # effects of the study's files: candidates
     mechanisms: tuple[str, ...] = ()  # of the library, known by their doses in place of strengths
+    device: RunDevice = CPU
     ledger: Ledger | None = field(default=None, repr=False)
 
     def __call__(
@@ -81,7 +82,7 @@ class Simulator:
                 path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)
             }
             scene = self.scene(measure.scene, self.overrides(measure, at, parameters, effects))
-            requests += [request_of(scene, int(seed)) for seed in seeds]
+            requests += [request_of(scene, int(seed), device=self.device) for seed in seeds]
         results = execute(requests, self.opened())
         refuse_if_all_failed(results, observable)
         values = np.array([value_in_unit(result, measure) for result in results])
@@ -230,7 +231,8 @@ def study_simulator(
     scenes = {(path.parent / str(entry.scene)).resolve() for entry in file.observables.values()}
     files = all_effect_files(sorted(scenes), effect_files)
     own = tuple(effect_in(each).name for each in effect_files)
-    simulator = Simulator({}, load_library(files), folder, files, own)
+    device = run_device(file.campaign)
+    simulator = Simulator({}, load_library(files), folder, files, own, device=device)
     numbers = scene_numbers(file, table)
     units = dict(zip(table.observable, table.unit, strict=True))
     measures, refusals = {}, {}

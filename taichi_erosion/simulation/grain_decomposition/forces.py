@@ -1,7 +1,7 @@
 """Forces of the grain decomposition: a pair evaluates its contact law, a grain sums its forces and moves."""
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.integrate import advance_grain, kick_time
+from taichi_erosion.grains.integrate import advance_grain, keep_rates, kick_time
 from taichi_erosion.grains.neighbour_list import ROW_SHIFT, end_contact, entry_block
 from taichi_erosion.grains.pair_contacts import (
     detect_pair,
@@ -14,6 +14,7 @@ from taichi_erosion.grains.pair_contacts import (
     pair_torques,
 )
 from taichi_erosion.grains.simd_batch import lane, load_entry, load_materials, store_contact
+from taichi_erosion.grains.sleep import hold_sleeping, next_awake, note_wake
 from taichi_erosion.grains.state import force_block, side_block
 from taichi_erosion.grains.wall_contacts import add_wall_force, detect_wall, evaluate_wall, next_wall_entry
 
@@ -26,10 +27,15 @@ def evaluate_entry(world_out: ti.template(), buffers_out: ti.template(), r, k):
     place = r * world_out.pairs.capacity + k
     buffers_out.level[place] = 0.0
     batch = world_out.batch_type()
-    if detect_pair(world_out, batch, 0, r, e, base) == 1:
+    near = 0
+    if next_awake(world_out, base, e, e + 1) == e:
+        near = detect_pair(world_out, batch, 0, r, e, base)
+    if near == 1:
         load_pair(world_out, batch, 0, base, -1)
         evaluate_pair(world_out.laws, batch, 0, world_out.replicas.time_step[r])
         keep_pair(world_out, buffers_out, batch, r, base, place)
+        if ti.static(world_out.sleeps):
+            note_wake(world_out.sleep, base + batch.owner[0], base + batch.partner[0])
 
 
 @ti.func
@@ -119,12 +125,19 @@ def note_deep_wall(world: ti.template(), buffers_out: ti.template(), batch: ti.t
 
 @ti.func
 def move(world_out: ti.template(), r, rank):
-    """Motion of one grain; a grain that has left its skin asks for a rebuild."""
+    """Motion of one grain that is awake; one that has left its skin asks for a rebuild."""
     grains_out, replicas_out = ti.static((world_out.grains, world_out.replicas))
     i = side_block(grains_out, r, replicas_out.side[r]) + rank
     buffer = force_block(grains_out, replicas_out, r, 0) + rank
     kick = kick_time(replicas_out, r, replicas_out.step[r])
     place = ti.select(replicas_out.steps_left[r] == 1, r * grains_out.capacity + rank, -1)
-    need = advance_grain(world_out, r, i, buffer, kick, place)
+    need, moves = 0, True
+    if ti.static(world_out.sleeps):
+        moves = not hold_sleeping(world_out, r, i, buffer, kick)
+        if not moves:
+            still = 0.0 * replicas_out.gravity[r]
+            keep_rates(grains_out, place, still, still)
+    if moves:
+        need = advance_grain(world_out, r, i, buffer, kick, place)
     if need != 0:
         ti.atomic_max(replicas_out.need[r, 0], need)

@@ -6,10 +6,14 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import field_view, is_host
 from taichi_erosion.coupling.coupling_state import CouplingState
-from taichi_erosion.coupling.gather import gather_grain
 from taichi_erosion.grains import World
-from taichi_erosion.grains.state import REBUILD, STOP, side_block
+from taichi_erosion.grains.state import REBUILD, STOP
 from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stages
+from taichi_erosion.simulation.grain_decomposition.exchange import (
+    exchange_stages,
+    first_exchange_stages,
+    is_moving,
+)
 from taichi_erosion.simulation.grain_decomposition.forces import add_walls, evaluate_entry, move, sum_pairs
 from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
 from taichi_erosion.simulation.grain_decomposition.reverse_lists import link_stages
@@ -55,21 +59,6 @@ def note_fault(world_out: ti.template(), buffers_out: ti.template(), r):
 
 
 @ti.func
-def is_moving(world: ti.template(), buffers: ti.template(), r, rank):
-    """Whether the coming step advances a grain."""
-    return buffers.stepping[r] == 1 and rank < world.replicas.released[r]
-
-
-@ti.func
-def exchange(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
-    """Forces of fields and states of effects of one grain, where its exchange is due."""
-    due = world_out.replicas.step[r] % coupling.exchange.look_steps[r] == 0
-    if due and is_moving(world_out, buffers, r, rank):
-        i = side_block(world_out.grains, r, world_out.replicas.side[r]) + rank
-        gather_grain(world_out, coupling, r, i, True)
-
-
-@ti.func
 def evaluate(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Force of one pair."""
     if buffers_out.stepping[r] == 1 and k < buffers_out.listed[r]:
@@ -95,11 +84,10 @@ def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.
         judge(world_out, buffers_out, r)
 
 
-def step_stages(world: World) -> Stages:
+def step_stages(world: World, coupling: CouplingState) -> Stages:
     """Stages of one step."""
-    grains = world.grains.capacity
-    first = [(exchange, grains)] if world.driven or world.has_state else []
-    return (*first, (evaluate, world.pairs.capacity), (integrate_grain, grains), (end_step, 1))
+    motion = ((evaluate, world.pairs.capacity), (integrate_grain, world.grains.capacity), (end_step, 1))
+    return (*exchange_stages(world, coupling), *motion)
 
 
 @ti.kernel
@@ -193,9 +181,11 @@ def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, step
     Nothing is read back in between, except on a CPU, where fields are read in place: there the launches that
     look for rebuilds are left out while no replica waits. Raises BadInput where Vulkan lacks a function.
     """
-    stages = step_stages(world)
+    stages, first = step_stages(world, coupling), first_exchange_stages(world, coupling)
     try:
         renew_lists(world, buffers)
+        if first:
+            run_all(first, world, coupling, buffers)
         for k in range(1, steps + 1):
             run_all(stages, world, coupling, buffers)
             if is_waiting(world, buffers) if is_host() else k % STEPS_A_REBUILD == 0:
