@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from taichi_erosion.benchmark.roofline import step_bytes
 from taichi_erosion.benchmark.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
 from taichi_erosion.benchmark.wind_cases import blowing_patch
 from taichi_erosion.core.compiler_target import packed_width
@@ -19,7 +20,7 @@ from taichi_erosion.core.setup import Arch, Floats, Numerics, Setup
 from taichi_erosion.core.transfer import NUMBER_BYTES, device_fields, inner_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import Simulation, advance, assemble, export_bed, snapshot, totals
-from taichi_erosion.simulation.stage_times import stage_times
+from taichi_erosion.simulation.stage_times import copy_bandwidth, stage_times
 
 Precision = Literal["f32", "f64"]
 
@@ -137,6 +138,17 @@ def device_bytes(owner: Any) -> int:
     return int(sum(sizes))
 
 
+def roofline_share(sim: Simulation, speed: float) -> dict[str, float]:
+    """Bandwidth of a copy on the device, and the share of it that a speed [grain-steps s-1] uses."""
+    contacts = sum(touching_pairs(sim, r) for r in range(len(sim.setups)))
+    moved, bandwidth = step_bytes(sim, contacts) / grain_count(sim), copy_bandwidth()
+    return {
+        "GB/s of a copy": 1e-9 * bandwidth,
+        "bytes per grain-step": moved,
+        "share of bandwidth": moved * speed / bandwidth,
+    }
+
+
 def grain_case(case: GrainCase) -> dict[str, Any]:
     """Median speed, with the share of every stage."""
     sim = case.begin(Numerics(case.arch, case.threads, case.precision))
@@ -153,7 +165,7 @@ def grain_case(case: GrainCase) -> dict[str, Any]:
         "bytes per grain": (device_bytes(sim.world) + device_bytes(sim.buffers)) / grains,
     }
     if case.arch != "cpu":
-        return found | {"device": case.arch}
+        return found | {"device": case.arch} | roofline_share(sim, 1e6 * speed)
     return found | {
         "threads": case.threads,
         "per core": speed / min(case.threads, sim.workers),

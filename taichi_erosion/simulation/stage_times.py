@@ -15,6 +15,8 @@ from taichi_erosion.simulation.readback import replica_row
 from taichi_erosion.simulation.step import rebuild
 
 REPEATS = 50  # of a stage within one launch
+COPIED = 1 << 25  # numbers of 32 bits: more than caches hold
+COPIES = 10  # timed
 
 
 @ti.func
@@ -70,6 +72,29 @@ STAGES: dict[str, Any] = {
     "rebuild": one_rebuild,
     "motion": all_motion,
 }
+
+
+@ti.kernel
+def copy_numbers(
+    # in
+    numbers: ti.template(),
+    # out
+    copy_out: ti.template(),
+):
+    for n in numbers:
+        copy_out[n] = numbers[n]
+
+
+def copy_bandwidth() -> float:
+    """Bytes per second that the device reads and writes when it copies a large field."""
+    numbers, copy = (ti.field(ti.f32, shape=COPIED) for _ in range(2))
+    copy_numbers(numbers, copy)
+    ti.sync()
+    start = time.perf_counter()
+    for _ in range(COPIES):
+        copy_numbers(numbers, copy)
+    ti.sync()
+    return COPIES * 2 * 4 * COPIED / (time.perf_counter() - start)
 
 
 def stage_times(sim: Simulation) -> dict[str, float]:

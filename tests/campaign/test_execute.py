@@ -1,11 +1,20 @@
 """Which runs go together: long ones are shared among workers, short ones are not worth a start each."""
 
 from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
+import stand_in
 
+from taichi_erosion.campaign import execute as execution
 from taichi_erosion.campaign.execute import WORK_MOST, next_batch
+from taichi_erosion.campaign.ledger import close_ledger, open_ledger, unfinished
+from taichi_erosion.campaign.pool import LocalPool, start_pool
 from taichi_erosion.campaign.request import RUNS_MOST, WORTH_A_START, RunRequest
+from taichi_erosion.core.device import has_cuda
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Arch
 
 WORKERS = 2
 
@@ -43,6 +52,46 @@ def test_a_batch_is_no_longer_than_a_killed_worker_may_lose():
 @pytest.mark.parametrize("work", [1.0, WORTH_A_START])
 def test_a_run_that_a_worker_died_of_goes_alone(work):
     assert dealt(requests(3, work), {"0": 1})[0] == 1
+
+
+def test_a_graphics_processor_takes_all_that_it_has_room_for():
+    long = [RunRequest(str(k), {}, "", WORK_MOST, most=6, arch="vulkan") for k in range(15)]
+    sizes = []
+    while long:
+        batch = next_batch(long, defaultdict(int), 1)
+        long = long[len(batch) :]
+        sizes.append(len(batch))
+    assert sizes == [6, 6, 3]
+
+
+def on_device(folder: Path, arch: Arch) -> list[RunRequest]:
+    return [replace(each, arch=arch) for each in stand_in.requests(folder, count=4, pause=0.0)]
+
+
+def test_one_worker_holds_the_device(tmp_path, monkeypatch):
+    started, looked = [], []
+
+    def start(function: str, workers: int) -> LocalPool:
+        started.append(workers)
+        return start_pool(function, workers)
+
+    monkeypatch.setattr(execution, "start_pool", start)
+    monkeypatch.setattr(execution, "refuse_missing_devices", looked.append)
+    ledger = open_ledger(tmp_path)
+    found = execution.execute(on_device(tmp_path, "vulkan"), ledger, workers=2, function=stand_in.FUNCTION)
+    close_ledger(ledger)
+    assert [result.failure for result in found] == [None] * 4
+    assert (started, looked) == ([1], [{"vulkan"}])
+
+
+def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
+    if has_cuda():
+        pytest.skip("there is such a device")
+    ledger = open_ledger(tmp_path)
+    with pytest.raises(BadInput, match="--arch cuda: no such device"):
+        execution.execute(on_device(tmp_path, "cuda"), ledger, function=stand_in.FUNCTION)
+    assert len(unfinished(ledger, [f"scene-{seed}" for seed in range(4)])) == 4
+    close_ledger(ledger)
 
 
 def test_groups_are_not_mixed():

@@ -6,13 +6,14 @@ from run.small_scene import write_scene
 
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
-from taichi_erosion.campaign.request import scene_request
+from taichi_erosion.campaign.request import DEVICE_GRAINS, RUNS_MOST, RunDevice, scene_request
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run import RunOptions, run_scene
 
 ROUGH = "contact.soil-soil.friction_sliding=0.9"
 STIFF = "materials.soil.shear_modulus=2e6"  # Pa: another time step beside the others
+BY_GRAIN = RunDevice("cpu", "grains")
 HASTY = ("run.time_step=5e-3", "run.force_time_step=true")  # s, thirty Rayleigh times: a guard will stop it
 
 
@@ -30,6 +31,7 @@ def results(folder):
         scene_request(scene, (ROUGH,), 4, record=folder / "rough.rrd", properties=doe),
         scene_request(scene, (STIFF,), 3),
         scene_request(scene, HASTY, 3),
+        scene_request(scene, (), 3, device=BY_GRAIN),
     ]
     store = open_ledger(folder / "campaign")
     found = execute(requests, store, workers=1)
@@ -71,6 +73,42 @@ def test_the_key_follows_scene_and_seed_and_nothing_else(folder):
     assert scene_request(scene, ('scene.title="other"',), 3, record=folder / "x.rrd").key == key
     assert scene_request(scene, (), 4).key != key
     assert scene_request(scene, (ROUGH,), 3).key != key
+
+
+def test_runs_whose_bits_differ_by_the_way_they_are_made_have_keys_of_their_own(folder):
+    scene = write_scene(folder)
+    usual = scene_request(scene, (), 3)
+    devices = [BY_GRAIN, RunDevice("vulkan"), RunDevice("cuda"), RunDevice("cuda", "partitions")]
+    asked = [scene_request(scene, (), 3, device=device) for device in devices]
+    assert len({usual.key, *(request.key for request in asked)}) == 5
+    assert len({usual.group, *(request.group for request in asked)}) == 5
+    assert scene_request(scene, (), 3, device=RunDevice("cpu", "partitions")).key == usual.key
+    # no graphics processor here, and too few grains for one
+    assert scene_request(scene, (), 3, device=RunDevice("auto")).key == usual.key
+
+
+def test_a_batch_on_a_graphics_processor_is_as_many_runs_of_one_size_as_it_has_room_for(folder):
+    scene = write_scene(folder)
+    few, more = (
+        scene_request(scene, (f"grains.count={count}",), 3, device=RunDevice("vulkan")) for count in (30, 50)
+    )
+    assert (few.most, more.most) == (DEVICE_GRAINS // 30, DEVICE_GRAINS // 50)
+    assert few.most > RUNS_MOST
+    assert few.group != more.group
+
+
+def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results):
+    usual, by_grain = results[0], results[4]
+    assert by_grain.failure is None
+    # single precision, the same grains, forces summed in another order: heaps of a few grains stay alike
+    assert by_grain.value("column_height") == pytest.approx(usual.value("column_height"), rel=0.02)
+    assert by_grain.key != usual.key
+
+
+def test_what_one_thread_per_grain_cannot_run_is_refused_before_the_campaign(folder):
+    clump = 'grains.clump.template="pair"'
+    with pytest.raises(BadInput, match="no clumps"):
+        scene_request(write_scene(folder), (clump,), 3, device=BY_GRAIN)
 
 
 def test_a_scene_that_cannot_run_is_refused_before_the_campaign(folder):

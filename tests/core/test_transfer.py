@@ -5,8 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from taichi_erosion.core import transfer
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import field_view
@@ -47,6 +50,48 @@ def test_a_record_that_kernels_take_is_no_dataclass_and_keeps_its_members():
         Cloud(2, "x")  # pyright: ignore[reportCallIssue]
     with pytest.raises(FrozenInstanceError):
         cloud.count = 3  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def offsets(cells: list[list[int]], places: int) -> list[int]:
+    """Offsets of 64-bit numbers [byte] where cells of numbers follow each other without gaps."""
+    found, at = [], 0
+    for sizes in cells:
+        for _ in range(places):
+            for size in sorted(sizes):  # Taichi puts the smaller ones first
+                found += [at] if size == 8 else []
+                at += size
+    return found
+
+
+@given(st.lists(st.lists(st.sampled_from([4, 8]), min_size=1, max_size=4), max_size=4), st.integers(1, 5))
+def test_padded_cells_leave_64_bit_numbers_at_multiples_of_their_size(cells, places):
+    padded = [[*sizes, *([4] if transfer.needs_padding(sizes, places) else [])] for sizes in cells]
+    assert all(offset % 8 == 0 for offset in offsets(padded, places))
+    for sizes in cells:
+        misaligned = any(offset % 8 for offset in offsets([sizes, [8]], places))
+        assert transfer.needs_padding(sizes, places) == misaligned
+
+
+@pytest.mark.gpu
+@pytest.mark.slow
+def test_fields_on_vulkan_do_not_lie_over_each_other(start_device):
+    try:
+        start_device(Numerics("vulkan", 1))
+    except BadInput as missing:
+        pytest.skip(str(missing))
+    one, two, real, last = ti.field(ti.i32), ti.Vector.field(3, ti.f64), ti.field(ti.f32), ti.field(ti.i32)
+    ti.root.dense(ti.i, 3).place(one, two)
+    ti.root.dense(ti.i, 3).place(real)
+    chosen = [transfer.aligned(one), two, transfer.aligned(real), transfer.aligned(ti.field(ti.i32, shape=3))]
+    chosen.append(ti.field(ti.f64, shape=3))
+    ti.root.dense(ti.i, 3).place(last)
+    wanted = [
+        (7.0 + k + np.arange(3.0 * width)).reshape(-1, width) for k, width in enumerate((1, 3, 1, 1, 1))
+    ]
+    for field, numbers in zip(chosen, wanted, strict=True):
+        transfer.upload([(field, numbers.squeeze())])
+    for field, numbers in zip(chosen, wanted, strict=True):
+        assert transfer.download([field], 0, 3)[0] == pytest.approx(numbers.squeeze(), rel=0.0)
 
 
 def numbers_for(field: Any) -> Any:

@@ -114,6 +114,22 @@ def test_a_bed_lies_as_it_does_awake_and_sleeps_alike_in_company(nights):
     assert away.max() < 0.2 * RADIUS
 
 
+@pytest.mark.slow
+def test_grains_sleep_and_wake_alike_with_one_thread_per_grain(nights):
+    found = []
+    for decomposition in ("partitions", "grains"):
+        sim = assemble([drowsy(1)], LAWS, Numerics("cpu", 2, "f64", decomposition))
+        import_state(sim, lifted(nights["state"]))
+        advance(sim, [SETTLED + FALL + 4e-3])
+        found.append((asleep(sim), snapshot(sim, 0).position))
+        stop_device()
+    (want, places), (same, others) = found
+    assert 0 < np.count_nonzero(want) < np.count_nonzero(nights["still"]), "some must have woken"
+    assert np.array_equal(same, want)
+    # the same forces in another order, some hundred steps long
+    assert np.abs(others - places).max() < 1e-12 * SIDE
+
+
 def test_the_air_loses_what_sleepers_take_from_it(nights):
     breeze = nights["breeze"]
     assert nights["blown"].mean() > 0.9

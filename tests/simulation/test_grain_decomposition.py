@@ -13,16 +13,18 @@ import numpy as np
 import pytest
 from few_grains import run_worlds
 from grain_worlds import RADIUS, contacts, fingerprint, grains, heap, setup
+from windy_beds import bed, set_in
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
-from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
 from taichi_erosion.effects import load_library
 from taichi_erosion.run.sanity_checks import MOMENTUM_ERROR
 from taichi_erosion.simulation import (
     advance,
+    air_profile,
     assemble,
     energies,
     export_state,
@@ -38,6 +40,10 @@ ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, 
 ROLLING = Laws(rolling="elastic_plastic")
 GRAINS = 120
 HALF, WHOLE = 0.0025, 0.005  # s
+BLOWING = Laws(rolling="elastic_plastic", drag="two_limits")
+CALM, BLOWN, WIND = 0.002, 0.005, 0.4  # s, s, m s-1: wind begins, run ends, friction velocity
+SUMS = 1e-12  # of the largest value: rounding of sums over grains and cells, amplified by some collisions
+SINGLE = 1e-3  # likewise in single precision: as many roundings as make 1e-12 in double, 1e4 of them
 FORCES = 1e-6  # of the largest value: what the two ways may differ by; rounding leaves a millionth of that
 on_vulkan = [pytest.mark.gpu, pytest.mark.slow]
 VULKAN = pytest.param(Numerics("vulkan", 1, "f64"), marks=on_vulkan, id="vulkan")
@@ -92,6 +98,10 @@ def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numeri
     assert [fingerprint(a) for a in found] == [fingerprint(a) for a in again]
 
 
+WITH_POWERS = {"liquid_bridge": {}, "restitution_speed": {}}
+WITHOUT_POWERS = {"dry_adhesion": {}, "image_charge": {}}  # Vulkan has no powers of 64-bit floats
+
+
 def with_effects(bare: Setup, **parameters: dict[str, float]) -> Setup:
     """A heap with effects of the library, or of the tests, at full strength."""
     known = {"grain_diameter": 2.0 * RADIUS, "moisture": 0.01}
@@ -107,7 +117,7 @@ def test_effects_with_and_without_memory_act_as_in_partitions(numerics):
     ageing = {"pull_off": 3e-5, "ageing": 5e-4, "still": 0.02}
     ensemble = [
         with_effects(heap(60, 1), ageing_pull=ageing),
-        with_effects(heap(60, 1), liquid_bridge={}, restitution_speed={}),
+        with_effects(heap(60, 1), **(WITH_POWERS if numerics.arch == "cpu" else WITHOUT_POWERS)),
         heap(60, 1),
     ]
     want = run(ensemble, ROLLING, IN_PARTITIONS, WHOLE)
@@ -117,6 +127,22 @@ def test_effects_with_and_without_memory_act_as_in_partitions(numerics):
     assert age.max() > 0.0
     assert same == pytest.approx(age, rel=FORCES)
     assert len({fingerprint(state) for state in found}) == 3, "must have acted"
+
+
+@pytest.mark.gpu
+@pytest.mark.slow
+def test_on_vulkan_effects_with_powers_act_in_single_precision_and_are_refused_in_double():
+    wet = [
+        heap(GRAINS, 1),
+        with_effects(heap(60, 2), **WITH_POWERS),
+        with_effects(heap(61, 3), **WITH_POWERS),
+    ]
+    want = run(wet, ROLLING, Numerics("cpu", 1, "f32"), HALF)
+    found = run(wet, ROLLING, Numerics("vulkan", 1, "f32"), HALF)
+    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < SINGLE
+    sim = assemble(wet, ROLLING, Numerics("vulkan", 1, "f64"))
+    with pytest.raises(BadInput, match="64-bit floats, which Vulkan lacks"):
+        advance(sim, [HALF] * 3)
 
 
 @devices
@@ -144,6 +170,56 @@ def test_every_small_world_ends_as_in_partitions(numerics):
             assert b.velocity == pytest.approx(a.velocity, rel=1e-9, abs=1e-9, nan_ok=True), name
             assert b.spin == pytest.approx(a.spin, rel=1e-9, abs=1e-6, nan_ok=True), name
         assert repr(found[name].failure) == repr(want.failure), name
+
+
+def under_wind(setups: list[Setup], numerics: Numerics) -> list[tuple[Snapshot, AirProfile]]:
+    """Beds, and the air over them, after some calm and some wind; skips where there is no such device."""
+    try:
+        sim = assemble(setups, BLOWING, numerics)
+    except BadInput as missing:
+        pytest.skip(str(missing))
+    set_in(sim, WIND, CALM, BLOWN)
+    assert [failure(sim, r) for r in range(len(setups))] == [None] * len(setups)
+    found = [(snapshot(sim, r), air_profile(sim, r)) for r in range(len(setups))]
+    stop_device()
+    return found
+
+
+@devices
+@pytest.mark.slow
+def test_beds_and_columns_of_air_move_as_in_partitions_and_repeat_their_bits(numerics):
+    patches = [bed(1), bed(2, 2)]
+    want = under_wind(patches, IN_PARTITIONS)
+    found, again = under_wind(patches, numerics), under_wind(patches, numerics)
+    for (grains_want, air_want), (moved, blown) in zip(want, found, strict=True):
+        assert distance(grains_want, moved) < SUMS
+        fastest = np.abs(air_want.velocity).max()
+        assert np.abs(blown.velocity - air_want.velocity).max() < SUMS * fastest
+        assert blown.void_fraction == pytest.approx(air_want.void_fraction, abs=SUMS)
+    for (moved, blown), (moved_again, blown_again) in zip(found, again, strict=True):
+        assert fingerprint(moved) == fingerprint(moved_again)
+        assert blown.velocity.tobytes() == blown_again.velocity.tobytes()
+
+
+def test_a_bed_under_wind_gives_the_same_bits_alone_and_in_company():
+    ((alone, _),) = under_wind([bed(2, 2)], ON_CPU)
+    company = under_wind([bed(1), bed(2, 2)], ON_CPU)
+    assert fingerprint(company[1][0]) == fingerprint(alone)
+
+
+@devices
+def test_a_number_that_is_none_stops_its_replica_by_name(numerics):
+    lost = heap(8, 1)
+    lost.grains.velocity[3] = np.nan
+    try:
+        sim = assemble([heap(8, 1), lost], ROLLING, numerics)
+    except BadInput as missing:
+        pytest.skip(str(missing))
+    advance(sim, [HALF] * 2)
+    reason = failure(sim, 1)
+    assert failure(sim, 0) is None
+    assert reason is not None
+    assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
 
 
 def test_a_resumed_run_lists_that_grow_and_a_look_at_its_forces_change_no_bit():
@@ -192,3 +268,8 @@ def test_what_is_not_there_is_refused_by_name():
     clumped = replace(heap(8, 1), clumps=object())
     with pytest.raises(BadInput, match="one thread per grain has no clumps"):
         assemble([clumped], ROLLING, ON_CPU)
+    patch = bed(1)
+    assert patch.air is not None
+    gridded = replace(patch, air=replace(patch.air, cells=(4, 4, patch.air.cells[2])))
+    with pytest.raises(BadInput, match="one thread per grain has no grids of air"):
+        assemble([gridded], ROLLING, ON_CPU)
