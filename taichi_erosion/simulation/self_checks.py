@@ -97,7 +97,7 @@ def keep_pair_forces(
 
     Writes `buffers_out`: back, faulty, force, level, torque.
     Writes `world_out`: grains.force, grains.torque, pairs.label, pairs.rolling_displacement,
-    pairs.tangential_displacement.
+    pairs.tangential_displacement, sleep.state.
     """
     side, capacity = world_out.replicas.side[r], ti.static(world_out.pairs.capacity)
     valid, spare = entry_block(world_out.pairs, r, side), entry_block(world_out.pairs, r, 1 - side)

@@ -357,3 +357,23 @@ sys.exit(main(["run", "scene.toml"]))
     assert answer.returncode == 128 + signal.SIGTERM
     assert answer.stderr == "closed\n"
     assert answer.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [("compare", "compare_study"), ("discover", "discover_study"), ("next", "next_study")],
+)
+def test_device_of_the_runs_of_a_study_arrives_as_an_option(room, command, name):
+    calls = room("taichi_erosion.evidence.answers.commands", name, BadInput("enough"))
+    words = ["--arch", "vulkan", "--decomposition", "partitions", "--workers", "2"]
+    assert main([command, "study.toml", *words]) == 2
+    (((_, _, options), _),) = calls
+    assert (options.arch, options.decomposition, options.workers) == ("vulkan", "partitions", 2)
+
+
+def test_device_of_designed_runs_arrives_as_an_entry_of_the_study(room):
+    calls = room("taichi_erosion.campaign.calibration", "calibrate", BadInput("enough"))
+    assert main(["doe", "run", "study.toml", "--arch", "vulkan", "--workers", "2"]) == 2
+    (((path, until, stated, _), words),) = calls
+    assert (path, until, words) == (Path("study.toml"), "run", {"force": False})
+    assert stated == {"arch": "vulkan", "workers": 2}
