@@ -93,7 +93,7 @@ def execute(
         if scheduler:
             pool: Pool = DaskPool.connect(scheduler, function)
         else:
-            archs = {wanted[key].arch for key in left} - {"cpu"}
+            archs = {wanted[key].arch for key in left if wanted[key].arch != "cpu"}
             refuse_missing_devices(archs)
             pool = start_pool(function, 1 if archs else min(len(left), workers or usable_cores()))
         work = sum(wanted[key].work for key in left)

@@ -31,7 +31,6 @@ def results(folder):
         scene_request(scene, (ROUGH,), 4, record=folder / "rough.rrd", properties=doe),
         scene_request(scene, (STIFF,), 3),
         scene_request(scene, HASTY, 3),
-        scene_request(scene, (), 3, device=BY_GRAIN),
     ]
     store = open_ledger(folder / "campaign")
     found = execute(requests, store, workers=1)
@@ -97,8 +96,12 @@ def test_a_batch_on_a_graphics_processor_is_as_many_runs_of_one_size_as_it_has_r
     assert few.group != more.group
 
 
-def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results):
-    usual, by_grain = results[0], results[4]
+@pytest.mark.slow
+def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results, folder):
+    store = open_ledger(folder / "by grain")
+    (by_grain,) = execute([scene_request(write_scene(folder), (), 3, device=BY_GRAIN)], store, workers=1)
+    close_ledger(store)
+    usual = results[0]
     assert by_grain.failure is None
     # single precision, the same grains, forces summed in another order: heaps of a few grains stay alike
     assert by_grain.value("column_height") == pytest.approx(usual.value("column_height"), rel=0.02)
@@ -108,7 +111,7 @@ def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results):
 def test_what_one_thread_per_grain_cannot_run_is_refused_before_the_campaign(folder):
     clump = 'grains.clump.template="pair"'
     with pytest.raises(BadInput, match="no clumps"):
-        scene_request(write_scene(folder), (clump,), 3, device=BY_GRAIN)
+        scene_request(write_scene(folder), (clump, "fill.pitch_d=2.0"), 3, device=BY_GRAIN)
 
 
 def test_a_scene_that_cannot_run_is_refused_before_the_campaign(folder):
