@@ -1,5 +1,7 @@
 """Time loop of a replica, on the device for many steps per launch: rebuild, exchange, forces, motion."""
 
+import sys
+
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.exchange import exchange_momentum
@@ -14,6 +16,7 @@ from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP, side_block
 from taichi_erosion.grains.wall_contacts import add_wall_forces, list_walls
 from taichi_erosion.grains.walls import move_walls
 
+LARGEST = sys.float_info.max
 LOST = int(Status.LOST)
 NOT_FINITE = int(Status.NOT_FINITE)
 OVERLAP = int(Status.OVERLAP)
@@ -27,7 +30,8 @@ def position_fault(world: ti.template(), r, rank):
     position = position_of(grains, replicas, r, side_block(grains, r, replicas.side[r]) + rank)
     fault, value = 0, ti.cast(0.0, float)
     for k in ti.static(range(3)):
-        finite = position[k] - position[k] == 0.0
+        # not x - x == 0, which Mesa's driver for Vulkan takes to be true for every number
+        finite = ti.abs(position[k]) <= ti.f64(LARGEST)
         if not (finite and replicas.low[r][k] <= position[k] <= replicas.high[r][k]):
             fault, value = ti.select(finite, LOST, NOT_FINITE), ti.cast(position[k], float)
     return fault, value

@@ -98,6 +98,7 @@ def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numeri
     assert [fingerprint(a) for a in found] == [fingerprint(a) for a in again]
 
 
+NOT_NUMBERS = ("not a number", "infinite")  # Mesa takes 0 x for 0, so that these move by one step
 WITH_POWERS = {"liquid_bridge": {}, "restitution_speed": {}}
 WITHOUT_POWERS = {"dry_adhesion": {}, "image_charge": {}}  # Vulkan has no powers of 64-bit floats
 
@@ -164,6 +165,10 @@ def test_every_small_world_ends_as_in_partitions(numerics):
     except BadInput as missing:
         pytest.skip(str(missing))
     for name, want in run_worlds().items():
+        if numerics.arch == "vulkan" and name in NOT_NUMBERS:
+            ends = want.failure, found[name].failure
+            assert [end and (end.status, end.grain) for end in ends] == [(Status.NOT_FINITE, 0)] * 2, name
+            continue
         for a, b in zip(want.frames, found[name].frames, strict=True):
             # velocities of order 0.1 m/s and 50 rad/s; double precision rounds at 1e-16 of that
             assert b.position == pytest.approx(a.position, rel=1e-9, abs=1e-12, nan_ok=True), name
