@@ -206,6 +206,7 @@ def test_beds_and_columns_of_air_move_as_in_partitions_and_repeat_their_bits(num
         assert blown.velocity.tobytes() == blown_again.velocity.tobytes()
 
 
+@pytest.mark.slow
 def test_a_bed_under_wind_gives_the_same_bits_alone_and_in_company():
     ((alone, _),) = under_wind([bed(2, 2)], ON_CPU)
     company = under_wind([bed(1), bed(2, 2)], ON_CPU)
