@@ -3,12 +3,9 @@
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from functools import partial
 from importlib import import_module
 from pathlib import Path
-from tempfile import mkdtemp
 
 os.environ.setdefault("CI", "true")  # the recording viewer then sends no usage statistics
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
@@ -31,17 +28,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Name the engine before anything imports it; commands that tests start inherit it.
-
-    Where Python is told to write no bytecode, every process that a test starts would compile the whole
-    package (1.5 s): bytecode of this run then lies in a folder of its own.
-    """
+    """Name the engine before anything imports it; commands that tests start inherit it."""
     if config.getoption("--engine"):
         os.environ[SWITCH] = config.getoption("--engine")
-    if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
-        os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = mkdtemp(prefix="bytecode-")
-        sys.dont_write_bytecode = False
-        config.add_cleanup(partial(shutil.rmtree, sys.pycache_prefix, ignore_errors=True))
 
 
 @pytest.fixture
