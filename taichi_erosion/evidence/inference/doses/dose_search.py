@@ -122,7 +122,7 @@ class DoseSearches:
         turned = np.swapaxes(self.factors, 1, 2)
         matrix = turned @ self.factors + SLACK * np.eye(self.factors.shape[2])
         near = np.linalg.solve(matrix, turned @ doses[:, :, np.newaxis])[:, :, 0]
-        return np.hstack([heads, near])
+        return np.asarray(np.hstack([heads, near]), dtype=np.float64)
 
     def head(self, fit: DoseFit) -> Floats:
         """Calibrated numbers and shared errors of another fit; no such errors where they are others."""

@@ -160,7 +160,7 @@ def descended(part: LawPart, form: Form, numbers: Floats) -> FittedForm:
             damping *= HARDER
         if abs(fall) < ENOUGH * (1.0 + misfit) or damping > MOST_DAMPING:
             break
-    covariance = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
+    covariance = np.asarray(np.linalg.pinv(slopes.T @ slopes, hermitian=True), dtype=np.float64)
     return FittedForm(form, part.rows, numbers, misfit, covariance)
 
 
