@@ -152,7 +152,10 @@ def import_state(sim: Simulation, state: Arrays) -> None:
         prefix = f"replica{r}_"
         import_replica(sim, r, {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
     for name, field in air_state(sim).items():
-        write(field, state[name])
+        whole = read(field)  # of another number of replicas where the grains were divided otherwise
+        rows = min(len(whole), len(state[name]))
+        whole[:rows] = state[name][:rows]
+        write(field, whole)
 
 
 def ensure_capacity(sim: Simulation, state: Arrays) -> None:
