@@ -33,6 +33,7 @@ from taichi_erosion.campaign.pool import (
 from taichi_erosion.campaign.request import WORTH_A_START, Report, RunRequest, RunResult
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Arch
 
 WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core
 SIMULATE = "taichi_erosion.campaign.request:simulating"
@@ -93,7 +94,7 @@ def execute(
         if scheduler:
             pool: Pool = DaskPool.connect(scheduler, function)
         else:
-            archs = {wanted[key].arch for key in left if wanted[key].arch != "cpu"}
+            archs: set[Arch] = {wanted[key].arch for key in left if wanted[key].arch != "cpu"}
             refuse_missing_devices(archs)
             pool = start_pool(function, 1 if archs else min(len(left), workers or usable_cores()))
         work = sum(wanted[key].work for key in left)
