@@ -37,6 +37,7 @@ esac
 PROGRAM = """#!/bin/sh
 echo "$(basename "$0")" "$@"
 echo "in $PWD" >&2
+echo "bytecode of modules: ${PYTHONDONTWRITEBYTECODE-kept}" >&2
 case "$FAILING" in *"$(basename "$0")"*) exit 4 ;; esac
 """
 
@@ -215,6 +216,13 @@ def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
         ["passed", "pytest"],
         ["passed", "pytest"],
     ]
+
+
+def test_tests_keep_the_bytecode_of_modules_for_the_processes_that_they_start(tree):
+    answer = tree.call("test", "-k", "words", PYTHONDONTWRITEBYTECODE="1")
+    assert "bytecode of modules: kept\n" in answer.stderr
+    other = tree.call("run", PYTHONDONTWRITEBYTECODE="1")
+    assert "bytecode of modules: 1\n" in other.stderr
 
 
 def test_gates_that_all_pass_succeed(tree):
