@@ -59,8 +59,8 @@ Budget = Annotated[
     str | None,
     typer.Option(
         metavar="quick|full|RUNS",
-        help="quick: fewer runs and refits, but for what is found, which is asked with all refits; "
-        "full: all of them; a number: at most so many runs. One run is one set-up, simulated with one seed.",
+        help="quick: fewer runs and fewer refits; what it finds is checked with all refits. full: all of "
+        "them. A number: at most so many runs. One run is one set-up, simulated with one seed.",
     ),
 ]
 Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; default: one a core.")]
