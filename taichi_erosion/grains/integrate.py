@@ -88,22 +88,29 @@ def advance_grain(world_out: ti.template(), r, i, buffer, kick, place):
 @ti.func
 def advance_grains(world_out: ti.template(), r, p, step, is_last):
     """Advance the awake grains of one partition; returns REBUILD where a rebuild is due."""
-    grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
-    base = side_block(grains_out, r, replicas.side[r])
-    buffer = force_block(grains_out, replicas, r, p)
+    grains, replicas = ti.static((world_out.grains, world_out.replicas))
+    base = side_block(grains, r, replicas.side[r])
+    buffer = force_block(grains, replicas, r, p)
     kick = kick_time(replicas, r, step)
     need = 0
     first = partition_first(replicas, r, p)
     for rank in range(first, partition_first(replicas, r, p + 1)):
-        place = ti.select(is_last, r * grains_out.capacity + rank, -1)
-        moves = True
-        if ti.static(world_out.sleeps):
-            moves = not hold_sleeping(world_out, r, base + rank, buffer + rank, kick)
-            if not moves:
-                still = 0.0 * replicas.gravity[r]
-                keep_rates(grains_out, place, still, still)
-        if moves:
-            need = need | advance_grain(world_out, r, base + rank, buffer + rank, kick, place)
+        place = ti.select(is_last, r * grains.capacity + rank, -1)
+        need = need | advance_awake(world_out, r, base + rank, buffer + rank, kick, place)
+    return need
+
+
+@ti.func
+def advance_awake(world_out: ti.template(), r, i, buffer, kick, place):
+    """Advance the grain at place i unless it sleeps; returns REBUILD where it has left its skin."""
+    moves, need = True, 0
+    if ti.static(world_out.sleeps):
+        moves = not hold_sleeping(world_out, r, i, buffer, kick)
+        if not moves:
+            still = 0.0 * world_out.replicas.gravity[r]
+            keep_rates(world_out.grains, place, still, still)
+    if moves:
+        need = advance_grain(world_out, r, i, buffer, kick, place)
     return need
 
 

@@ -1,7 +1,7 @@
 """Forces of the grain decomposition: a pair evaluates its contact law, a grain sums its forces and moves."""
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.integrate import advance_grain, keep_rates, kick_time
+from taichi_erosion.grains.integrate import advance_awake, kick_time
 from taichi_erosion.grains.neighbour_list import ROW_SHIFT, end_contact, entry_block
 from taichi_erosion.grains.pair_contacts import (
     detect_pair,
@@ -14,7 +14,7 @@ from taichi_erosion.grains.pair_contacts import (
     pair_torques,
 )
 from taichi_erosion.grains.simd_batch import lane, load_entry, load_materials, store_contact
-from taichi_erosion.grains.sleep import hold_sleeping, next_awake, note_wake
+from taichi_erosion.grains.sleep import next_awake, note_wake
 from taichi_erosion.grains.state import force_block, side_block
 from taichi_erosion.grains.wall_contacts import add_wall_force, detect_wall, evaluate_wall, next_wall_entry
 
@@ -131,13 +131,6 @@ def move(world_out: ti.template(), r, rank):
     buffer = force_block(grains_out, replicas_out, r, 0) + rank
     kick = kick_time(replicas_out, r, replicas_out.step[r])
     place = ti.select(replicas_out.steps_left[r] == 1, r * grains_out.capacity + rank, -1)
-    need, moves = 0, True
-    if ti.static(world_out.sleeps):
-        moves = not hold_sleeping(world_out, r, i, buffer, kick)
-        if not moves:
-            still = 0.0 * replicas_out.gravity[r]
-            keep_rates(grains_out, place, still, still)
-    if moves:
-        need = advance_grain(world_out, r, i, buffer, kick, place)
+    need = advance_awake(world_out, r, i, buffer, kick, place)
     if need != 0:
         ti.atomic_max(replicas_out.need[r, 0], need)
