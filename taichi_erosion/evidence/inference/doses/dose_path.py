@@ -20,6 +20,7 @@ MOST_NODES = 49  # after doses between them
 TOLERANCE = 0.1  # of a change between two doses, over the sd of the row [1]
 SOFT = 0.05  # of the range, over which a change levels off beyond its ends
 STEP = 0.05  # of a calibrated number, in prior sd, for slopes
+FARTHEST = 0.5  # move of calibrated numbers, in prior sd, over which slopes hold
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,13 @@ class DosePath:
 def usable(path: DosePath) -> bool:
     """Whether a mechanism changes anything, and the bare model has values for all rows."""
     return path.curve is not None and bool(np.all(np.isfinite(path.bare)))
+
+
+def next_numbers(prepared: PreparedProblem, path: DosePath, best: Floats, still: float) -> Floats | None:
+    """Calibrated numbers at which a path is made next, nearer to the best; None where they stay."""
+    move = np.clip(best[: path.x.size] - path.x, -FARTHEST, FARTHEST)
+    x = np.clip(path.x + move, prepared.low, prepared.high)
+    return None if np.max(np.abs(x - path.x), initial=0.0) < still else np.asarray(x)
 
 
 def row_values(curve: interpolate.PPoly, dose: Floats) -> tuple[Floats, Floats]:

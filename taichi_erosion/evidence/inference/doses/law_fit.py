@@ -20,7 +20,7 @@ from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Inte
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
 from taichi_erosion.evidence.inference.doses.dose_forms import Form
 from taichi_erosion.evidence.inference.doses.dose_inference import ridge
-from taichi_erosion.evidence.inference.doses.dose_path import DosePath
+from taichi_erosion.evidence.inference.doses.dose_path import DosePath, next_numbers
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
 FOLDS = 6  # of the groups, at most
@@ -31,7 +31,6 @@ ENOUGH = 1e-9  # fall of the misfit, over it, below which a fit ends [1]
 TINY = 1e-12  # curvature along a number that changes nothing
 ROUNDS = 12  # in which a law is fitted anew where the calibrated numbers have moved
 STILL = 0.02  # move below which they stay, in prior sd
-FARTHEST = 0.5  # move of one round
 
 
 @dataclass(frozen=True)
@@ -177,11 +176,8 @@ def settled_form(prepared: PreparedProblem, fit: FittedForm, remake: Remake) -> 
     everything = np.ones(fit.rows.target.size, dtype=np.bool_)
     for _ in range(ROUNDS):
         rows = fit.rows
-        best = ridge(rows.columns, rows.residual(fit.doses))[: rows.path.x.size]
-        move = np.clip(best, prepared.low, prepared.high) - rows.path.x
-        if np.max(np.abs(move), initial=0.0) < STILL:
-            break
-        made = remake(rows.path.x + np.clip(move, -FARTHEST, FARTHEST), fit.doses)
+        x = next_numbers(prepared, rows.path, ridge(rows.columns, rows.residual(fit.doses)), STILL)
+        made = None if x is None else remake(x, fit.doses)
         if made is None:
             break
         fit = fitted_form(law_part(made, everything), fit.form, fit.numbers)

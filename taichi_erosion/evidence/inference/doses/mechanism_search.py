@@ -38,7 +38,14 @@ from taichi_erosion.evidence.inference.doses.dose_inference import (
     one_dose_p,
 )
 from taichi_erosion.evidence.inference.doses.dose_laws import dose_law, law_table
-from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_nodes, dose_path, usable
+from taichi_erosion.evidence.inference.doses.dose_path import (
+    FARTHEST,
+    DosePath,
+    dose_nodes,
+    dose_path,
+    next_numbers,
+    usable,
+)
 from taichi_erosion.evidence.inference.doses.dose_search import DoseFit
 from taichi_erosion.evidence.inference.doses.law_fit import LawRows, rows_about
 from taichi_erosion.evidence.inference.pipeline import Analysis, FittedHypotheses
@@ -53,7 +60,6 @@ OF = ":"  # between such a mechanism and its observable
 INSTRUMENT_DOSES = {GAIN: (-0.9, 4.0), OFFSET: (-2.0, 2.0)}
 ROUNDS = 10  # in which a path is made anew where the calibrated numbers have moved
 STILL = 0.05  # move below which it stays, in prior sd
-FARTHEST = 0.5  # move of one round
 
 
 @dataclass(frozen=True)
@@ -238,10 +244,8 @@ def settled_fit(found: SettledFit, mechanism: Mechanism | None) -> SettledFit:
     Slopes along these numbers keep their change along the dose meanwhile.
     """
     for _ in range(ROUNDS if mechanism is not None else 0):
-        path = found.path
-        move = np.clip(found.fit.theta[: path.x.size] - path.x, -FARTHEST, FARTHEST)
-        x = np.clip(path.x + move, found.prepared.low, found.prepared.high)
-        if np.max(np.abs(x - path.x), initial=0.0) < STILL:
+        x = next_numbers(found.prepared, found.path, found.fit.theta, STILL)
+        if x is None:
             break
         assert mechanism is not None
         made = found.at(mechanism, x)
