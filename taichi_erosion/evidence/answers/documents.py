@@ -69,7 +69,7 @@ def discovery_sentences(found: Discovery) -> tuple[str, ...]:
         names, numbers = " and ".join(found.calibrated_with), " and ".join(found.stuck_after)
         sentences.append(
             f"With {names} the calibration still drives {numbers} to the end of its range: check that range, "
-            "and units, before the name."
+            "and units, before you trust the name."
         )
     told_names = (*found.named, *found.group)
     sentences += [each.sentence for each in found.opposed if each.effect in told_names]

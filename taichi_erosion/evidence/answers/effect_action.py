@@ -76,5 +76,5 @@ def opposed_sentence(effect: str, observable: str, expected: int, moved_sd: floa
     here, there = WAYS[expected]
     return (
         f"In this model {effect} {here} {observable}, by up to {moved_sd:.2g} standard errors, where its "
-        f"source has it {there}: check the set-up before the name."
+        f"source has it {there}: check the set-up before you trust the name."
     )

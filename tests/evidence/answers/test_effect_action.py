@@ -47,7 +47,7 @@ def test_an_effect_that_moves_an_observable_against_its_source_is_told(sign: int
         assert (each.effect, each.observable, each.expected) == ("raising", "y", -1)
         assert each.sentence == (
             "In this model raising raises y, by up to 15 standard errors, where its source has it lowered: "
-            "check the set-up before the name."
+            "check the set-up before you trust the name."
         )
 
 
