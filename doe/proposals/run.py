@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import typer
 
+from doe.common.method import method_commit
 from doe.proposals.cases import (
     SLOTS,
     drawn_cases,
@@ -29,7 +30,6 @@ from doe.proposals.cases import (
 )
 from doe.proposals.page import FOLDER, publish, results_of, write_rows
 from doe.sealed.laboratory import Truth
-from doe.t0_disturbed.trial import method_commit
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discovery_of

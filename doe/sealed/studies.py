@@ -26,7 +26,7 @@ from typing import Any
 
 import typer
 
-from doe.t0_disturbed.trial import method_commit
+from doe.common.method import method_commit
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 

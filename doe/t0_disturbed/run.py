@@ -15,9 +15,10 @@ from typing import Annotated
 
 import typer
 
+from doe.common.method import method_commit
 from doe.sealed.solve import solve_file
 from doe.t0_disturbed.page import publish
-from doe.t0_disturbed.trial import FOLDER, Trial, method_commit, seal, sealed, write_results
+from doe.t0_disturbed.trial import FOLDER, Trial, seal, sealed, write_results
 
 TOLD = 50  # cases from one line of progress to the next
 NOWHERE = Path("/nonexistent")  # folder of truths for a step that must not read them

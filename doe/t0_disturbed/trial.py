@@ -8,7 +8,6 @@ import csv
 import io
 import json
 import pickle
-import subprocess
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -50,13 +49,6 @@ class Trial:
 
     def results(self) -> Path:
         return self.tables / "results" / f"{self.name}.csv"
-
-
-def method_commit() -> str:
-    """Commit that answers, with a mark where the tree differs from it."""
-    words = ["git", "describe", "--always", "--dirty", "--abbrev=10", "--exclude=*"]
-    done = subprocess.run(words, cwd=FOLDER, capture_output=True, text=True, check=True)
-    return done.stdout.strip()
 
 
 def seal(trial: Trial, count: int, nulls: float) -> None:
