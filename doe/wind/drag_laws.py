@@ -1,45 +1,62 @@
-"""Blown sand under the drag of grains among others; writes drag_laws.csv here.
+"""Sand under wind under the drag of grains among others; writes drag_laws.csv here.
 
-python -m doe.wind.drag_laws          every wind that has no rows yet
-python -m doe.wind.drag_laws WIND...  some anew, by u* in m/s
+python -m doe.wind.drag_laws           every case that has no rows yet
+python -m doe.wind.drag_laws CASE...   some anew, as flux/0.4123, impact/0.24 or "forces/all forces"
 
-The winds of Creyssels et al. (2009) as in `run.py` and those over 0.5 mm of `saturated.py`, both with
-`two_limits_hindered` in place of the `two_limits` of the scene, with which flux.csv and saturated.csv were
-simulated. `python -m doe.wind.run --page` then fills the table of
-docs/threshold.md.
+The cases of `run.py` and `saturated.py` with `two_limits_hindered` in place of the `two_limits` of the scene,
+with which flux.csv, saturated.csv and fluid.csv were simulated: the winds of Creyssels et al. (2009), four
+winds over each sand, and the published soil with all forces. `python -m doe.wind.run --page` then fills the
+tables of docs/threshold.md.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from doe.common.cases import Case, perform, read_rows, settings
 from doe.common.command import words
 from doe.wind.blown_sand import BARE
-from doe.wind.run import SALTATION, flux_cases
+from doe.wind.run import DIAMETERS, FLUID, SALTATION, fluid_cases, flux_cases
 from doe.wind.saturated import Blown
 from doe.wind.saturated import cases as saturated_cases
 from taichi_erosion.verification.reference.hopping import Sand
 
 TABLE = Path(__file__).with_name("drag_laws.csv")
 LAW = 'wind.drag="two_limits_hindered"'
-WINDS = ("0.4123", "0.6898", "0.2415", "0.3269", "0.5748", "0.4928")  # m s-1, middle and ends first
-COARSE = 0.5e-3  # m
+SOIL = ("forces", "all forces")  # group and label of the published soil
+
+Named = dict[str, tuple[str, list[Case]]]  # scene and cases of every name
 
 
-def cases() -> list[Case]:
-    """All winds, in the order in which they are simulated."""
-    plain = {case.label: case for case in flux_cases()}
-    flux = [replace(plain[wind], order=plain[wind].order + settings(LAW)) for wind in WINDS]
-    return [*flux, *saturated_cases(Blown(BARE, Sand(COARSE), (LAW,)))]
+def cases() -> Named:
+    """All cases by the name with which they are asked for."""
+    named: Named = {f"flux/{case.label}": (SALTATION, [hindered(case)]) for case in flux_cases()}
+    for diameter in DIAMETERS:
+        blown = Blown(BARE, Sand(diameter), (LAW,))
+        named[blown.name] = (SALTATION, list(saturated_cases(blown)))
+    soil = [hindered(case) for case in fluid_cases() if (case.group, case.label) == SOIL]
+    return named | {"/".join(SOIL): (FLUID, soil)}
+
+
+def hindered(case: Case) -> Case:
+    """The case under the drag of grains among others."""
+    return replace(case, order=case.order + settings(LAW))
+
+
+def fresh(asked: Sequence[str]) -> Iterator[tuple[str, list[Case]]]:
+    """Scene and cases of the names asked for; with none, of what has no rows yet."""
+    done = {(row.group, row.label) for row in read_rows(TABLE)} if TABLE.exists() else set()
+    for name, (scene, named) in cases().items():
+        if not asked:
+            yield scene, [case for case in named if (case.group, case.label) not in done]
+        elif name in asked:
+            yield scene, named
 
 
 def main(asked: Sequence[str]) -> None:
     """Simulate what was asked for."""
-    done = {row.label for row in read_rows(TABLE)} if TABLE.exists() else set()
-    labels = {case.label: case.label.rpartition(" ")[2] for case in cases()}
-    fresh = [c for c in cases() if (labels[c.label] in asked if asked else c.label not in done)]
-    perform(SALTATION, fresh, TABLE)
+    for scene, chosen in fresh(asked):
+        perform(scene, chosen, TABLE)
 
 
 if __name__ == "__main__":

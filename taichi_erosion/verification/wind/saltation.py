@@ -51,12 +51,13 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.setup import DragLaw, Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.flux_law import CUBIC, LINEAR, flux_power
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, pool_beds, vanishing_wind
 from taichi_erosion.scene import Scene, parse_scene
+from taichi_erosion.scene.change import with_section
 from taichi_erosion.simulation import Simulation, snapshot
 from taichi_erosion.simulation.wind_driver import air_profile, spin_up_wind
 from taichi_erosion.verification.claim import Outcome, below, holds, relative
@@ -118,6 +119,7 @@ def bed_wind(sim: Simulation, replica: int, diameter: float) -> Callable[[float]
 SMALLEST = 0.25e-3  # m
 LARGER = 2.0  # the other diameter over the smallest [1]
 DENSITY, AIR = 2650.0, 1.225  # kg m-3
+LAW: DragLaw = "two_limits"  # of drag, which the claims are about
 REST_WIND = 0.2  # u* over the smallest grains from which on a bed at rest is tried [m s-1]
 GRAINS = 4.0  # on the square of a diameter: a bed three and a half diameters deep
 MODULUS = 1e5  # Pa, of the smallest; with the diameter: as soft for all. About k = 1e4 m g / d
@@ -162,7 +164,7 @@ def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str
         "look_steps": 20,
         "sleep_after": SLEEP * sqrt(size),
     }
-    extent = {"length_d": patch.length, "width_d": patch.width, "density": AIR, "drag": "two_limits"}
+    extent = {"length_d": patch.length, "width_d": patch.width, "density": AIR, "drag": LAW}
     table = {
         "scene": {"kind": "saltation"},
         "run": {"time_step_fraction": 0.25, "check_interval": 5e-3, "overlap_limit": 0.9},
@@ -209,15 +211,20 @@ def steady(size: float, patch: Patch) -> Scene:
     return sand(size, patch, stages, {"measure": {name: {"every": 1e-2} for name in MEASURED}})
 
 
+def under(law: DragLaw, scenes: Sequence[Scene]) -> list[Scene]:
+    """The scenes under a law of drag."""
+    return [with_section(scene, "wind", drag=law) for scene in scenes]
+
+
 def measured(scenes: Sequence[Scene]) -> list[dict[str, float]]:
     """Final measurements by name of every scene, run as one ensemble."""
     replicas = run_to_end(scenes, [SEED] * len(scenes)).states
     return [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
 
 
-def fluid_threshold() -> Measurement:
+def fluid_threshold(law: DragLaw = LAW) -> Measurement:
     """Friction velocity at which beds with the forces of a grain at rest start [m s-1]."""
-    replicas = run_to_end([from_rest()] * len(BEDS), BEDS).states
+    replicas = run_to_end(under(law, [from_rest()] * len(BEDS)), BEDS).states
     return pool_beds([replica.measurements["fluid_threshold"] for replica in replicas])
 
 
@@ -245,15 +252,15 @@ def ends(line: Bracket) -> str:
     return "no wind" if isnan(line.middle) else f"{line.middle:.3f} ({line.low:.3f} to {line.high:.3f}) m/s"
 
 
-def saltation() -> Iterator[Outcome]:
+def saltation(law: DragLaw = LAW) -> Iterator[Outcome]:
     """V36."""
     winds = {1.0: (*STEADY, *MORE), LARGER: STEADY}
     patches = [(size, patch) for size, over in winds.items() for patch in over]
-    blown = measured([steady(size, patch) for size, patch in patches])
+    blown = measured(under(law, [steady(size, patch) for size, patch in patches]))
     found = {size: [v for (own, _), v in zip(patches, blown, strict=True) if own == size] for size in winds}
     first, second = (vanishing(values, "grain_stress") for values in found.values())
     sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in winds]
-    over = winds_over_beds([at_rest(size) for size in winds], sands)
+    over = winds_over_beds(under(law, [at_rest(size) for size in winds]), sands)
     alone = [hopping_threshold(sand, wind) for sand, wind in zip(sands, over, strict=True)]
     yield from impact_outcomes(first, second, alone)
     yield from flux_outcomes(winds[1.0], found[1.0], first)
@@ -297,14 +304,14 @@ def stress_outcomes(
         yield relative(claim, left / (AIR * hopping**2), 1.0, 0.2, "f32")
 
 
-def start_of_motion() -> Iterator[Outcome]:
+def start_of_motion(law: DragLaw = LAW) -> Iterator[Outcome]:
     """V39."""
-    fluid = fluid_threshold()
+    fluid = fluid_threshold(law)
     reach = fluid.details.get("interval", {"low": nan, "high": nan})
     known = f"{fluid.value:.3f} ({reach['low']:.3f} to {reach['high']:.3f}) m/s"
     claim = f"{fluid.n} beds of {1e3 * SMALLEST:g} mm with the forces on a grain at rest start at {known}"
     yield Outcome(claim, fluid.value, FLUID, FLUID_REACH, "f32")
     sand = Sand(SMALLEST, DENSITY, AIR)
-    alone = hopping_threshold(sand, winds_over_beds([at_rest(1.0)], [sand])[0])
+    alone = hopping_threshold(sand, winds_over_beds(under(law, [at_rest(1.0)]), [sand])[0])
     claim = f"impact over fluid threshold: the wind in which one grain goes on, {alone:.3f} m/s, over that"
     yield Outcome(claim, alone / fluid.value, RATIO, RATIO_REACH, "f32")
