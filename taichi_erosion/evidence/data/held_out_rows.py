@@ -34,7 +34,7 @@ class Draw:
 
     salt: str  # digest that gives the order of the units
     units: Sequence[Unit]  # of every row
-    open: Bools  # rows that no range holds out
+    open: Bools  # rows that no range or source holds out
     kept: Bools  # rows that an earlier version of the table held out
     settled: frozenset[Unit]  # units of which an earlier version had rows
 
@@ -44,12 +44,13 @@ def split(
     fraction: float,
     ranges: Mapping[str, Sequence[float]],
     drawn_from: str | None = None,
+    sources: Sequence[str] = (),
 ) -> tuple[Integers, str]:
-    """Rows of the vault, and a sentence about their choice.
+    """Rows of the vault, and a sentence about their choice. Raises BadInput.
 
     `drawn_from` is the digest of the table from which rows were drawn first; None: of this table.
     """
-    inside = in_ranges(measurements, ranges)
+    inside = stated_rows(measurements, ranges, sources)
     by_group = enough_groups(measurements, ~inside)
     units = [unit_of(measurements, i, by_group) for i in range(measurements.size)]
     digest = content_digest(measurements)
@@ -59,9 +60,9 @@ def split(
     among = np.array([unit in drawn for unit in units], dtype=np.bool_) & ~inside
     hidden = inside | kept | among
     if hidden.all():
-        raise BadInput("vault: fraction and ranges hold out every row; leave some to fit")
+        raise BadInput("vault: fraction, ranges and sources hold out every row; leave some to fit")
     held = {units[i] for i in np.flatnonzero((kept | among) & ~inside).tolist()}
-    named = range_words(measurements, ranges)
+    named = range_words(measurements, ranges) + "".join(f", and all rows of {name}" for name in sources)
     if earlier:
         named += "; rows of an earlier version of the table stay held out or fitted as they were drawn there"
     return np.flatnonzero(hidden), split_sentence(len(held), by_group, named, int(hidden.sum()), len(units))
@@ -80,9 +81,14 @@ def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Boo
     return np.array(kept, dtype=np.bool_), settled
 
 
-def in_ranges(measurements: Measurements, ranges: Mapping[str, Sequence[float]]) -> Bools:
-    """Rows whose condition lies in a named range."""
-    inside = np.zeros(measurements.size, dtype=np.bool_)
+def stated_rows(
+    measurements: Measurements, ranges: Mapping[str, Sequence[float]], sources: Sequence[str]
+) -> Bools:
+    """Rows whose condition lies in a named range, and those of a named source. Raises BadInput."""
+    known = tuple(dict.fromkeys(measurements.source))
+    if missing := [name for name in sources if name not in known]:
+        raise BadInput(f"vault.sources: '{missing[0]}' is not one of {', '.join(known)}")
+    inside = np.array([name in sources for name in measurements.source], dtype=np.bool_)
     for name, (low, high) in ranges.items():
         column = measurements.conditions[name]
         inside |= (column >= low) & (column <= high)
@@ -213,7 +219,8 @@ def split_sentence(drawn: int, by_group: bool, named: str, rows: int, among: int
     kind = counted(drawn, "group") if by_group else f"{counted(drawn, 'set')}{few}"
     if not rows:
         return "Nothing is held out: there are too few conditions. No error on unseen data can be shown."
-    return f"{rows} of {among} rows are held out: {kind}{named}."
+    words = f"{kind}{named}" if drawn or not named else named.removeprefix(", and ")
+    return f"{rows} of {among} rows are held out: {words}."
 
 
 def openings(folder: Path, digest: str) -> int:

@@ -107,7 +107,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     if impossible := list(study_value_faults(table, file, path.parent)):
         raise BadInput(*impossible)
     vault = file.vault
-    hidden, vault_note = split(measurements, vault.fraction, vault.ranges, vault.drawn_from)
+    hidden, vault_note = split(measurements, vault.fraction, vault.ranges, vault.drawn_from, vault.sources)
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:

@@ -136,3 +136,26 @@ def test_a_single_moist_heap_of_each_size_may_be_held_out():
         table = replace(table, value=value, conditions={"moisture": moisture, "diameter": diameter})
         chosen |= set(moisture[split(table, 0.3, {})[0]].tolist())
     assert chosen == {0.0, 0.01}
+
+
+def test_a_source_is_held_out_whole_beside_the_fraction_of_the_others():
+    table = measurements(20)
+    made = tuple("theirs" if int(name.split()[1]) < 5 else "ours" for name in table.group)
+    table = replace(table, source=made)
+    theirs = {i for i in range(table.size) if made[i] == "theirs"}
+    alone, words = split(table, 0.0, {}, sources=("theirs",))
+    assert set(alone.tolist()) == theirs
+    assert words == "10 of 40 rows are held out: all rows of theirs."
+    both, words = split(table, 0.4, {}, sources=("theirs",))
+    assert theirs < set(both.tolist())
+    assert words == "22 of 40 rows are held out: 6 groups, and all rows of theirs."  # 0.4 of the 15 others
+
+
+def test_a_source_that_the_table_has_not_is_refused_with_those_that_it_has():
+    with pytest.raises(BadInput, match=r"vault\.sources: 'mine' is not one of made"):
+        split(measurements(), 0.0, {}, sources=("mine",))
+
+
+def test_the_only_source_cannot_be_held_out():
+    with pytest.raises(BadInput, match="hold out every row"):
+        split(measurements(), 0.0, {}, sources=("made",))

@@ -10,7 +10,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.study_files.check_study import acting_candidates, check_study
 from taichi_erosion.evidence.answers.study_files.study_text import StudyText, study_text, table_text
-from taichi_erosion.evidence.data.held_out_rows import in_ranges
+from taichi_erosion.evidence.data.held_out_rows import stated_rows
 from taichi_erosion.evidence.data.problem import Drawn
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.models.load_study import Study, load_study
@@ -103,12 +103,13 @@ def with_cell(row: Sequence[str], here: int | None, text: str) -> tuple[str, ...
 def drawn_rows(study: Study, tidy: Cells) -> list[Drawn]:
     """What became of every row of a study's tidy table when rows were drawn for the vault.
 
-    Of rows that the study does not use, and of those that a stated range holds out, nothing is told.
+    Nothing is told of rows that the study does not use, and of those that a stated range or source holds out.
     """
     place = [cell.partition("[")[0].strip() for cell in tidy.heading].index("observable")
     used = [row for row, (_, cells) in enumerate(tidy.lines) if cells[place] in study.file.observables]
     hidden = set(study.problem.vault.rows.tolist())
-    inside = in_ranges(study.problem.measurements, study.file.vault.ranges)
+    vault = study.file.vault
+    inside = stated_rows(study.problem.measurements, vault.ranges, vault.sources)
     found: list[Drawn] = [""] * len(tidy.lines)
     for k, row in enumerate(used):
         found[row] = "" if inside[k] else "held out" if k in hidden else "fitted"
