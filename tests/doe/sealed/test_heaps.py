@@ -1,0 +1,66 @@
+"""Laboratories that our own simulator makes: what is hidden in them, and how they differ from the study."""
+
+import random
+from collections import Counter
+from math import pi
+
+import pytest
+
+from doe.sealed.heaps import OUTSIDE, ROLLING, SLIDING, orders, study_text
+from doe.t1 import run as same_laws
+from doe.t2 import run as other_laws
+from taichi_erosion.grains.laws import jkr
+from taichi_erosion.run.checks import read_scene
+
+
+def kinds(cases) -> Counter[str]:
+    return Counter("outside" if case["outside"] else str(len(case["effects"])) for case in cases)
+
+
+@pytest.mark.parametrize(
+    ("place", "wanted"),
+    [
+        (same_laws, {"0": 6, "1": 12, "2": 4, "outside": 2}),
+        (other_laws, {"0": 3, "1": 5, "2": 2, "outside": 2}),
+    ],
+)
+def test_every_set_hides_what_its_page_says(place, wanted):
+    drawn = place.draw(random.Random(1))
+    assert kinds(drawn) == wanted
+    assert [case["number"] for case in drawn] == list(range(len(drawn)))
+    assert drawn != place.draw(random.Random(2))
+
+
+def test_a_perturbed_laboratory_differs_from_the_study_in_every_law():
+    study = read_scene(other_laws.SCENE, ())
+    for case in other_laws.draw(random.Random(3)):
+        scene = read_scene(other_laws.SCENE, orders(other_laws.settings, case, 1.5e-3, 0.0, 0.0))
+        assert scene.laws.normal != study.laws.normal
+        assert scene.laws.rolling != study.laws.rolling
+        assert scene.laws.friction_cap != study.laws.friction_cap
+        assert scene.run.time_step < 0.7 * study.run.time_step
+        assert scene.fill.pitch > study.fill.pitch
+
+
+def test_the_pull_of_jkr_is_the_stated_share_of_a_weight():
+    diameter, share = 1.5e-3, 0.03
+    weight = 2500.0 * 9.81 * pi / 6.0 * diameter**3
+    pull = 3.0 * pi * other_laws.surface_energy(share, diameter) * diameter / 4.0
+    assert pull == pytest.approx(share * weight, rel=1e-12)
+    assert "3 pi gamma R*" in (jkr.__doc__ or "")
+
+
+def test_what_no_candidate_describes_changes_a_number_along_a_condition():
+    case = {"number": 0, "effects": {}, "outside": OUTSIDE[0], "numbers": {SLIDING: 0.5, ROLLING: 0.1}}
+    told = [orders(lambda _: (), case, 1.5e-3, 0.0, a) for a in (0.0, 1.0)]
+    assert [f"{SLIDING}={value}" in each for value, each in zip((0.5, 0.9), told, strict=True)] == [
+        True,
+        True,
+    ]
+
+
+def test_a_study_names_no_strength_and_no_seed():
+    text = study_text(7)
+    assert "case_7.csv" in text
+    assert "seed" not in text
+    assert "strength" not in text
