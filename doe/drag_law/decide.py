@@ -11,8 +11,9 @@ from doe.drag_law.measures import NORMAL, Measure
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.threshold import CONFIDENCE
 
-DRAWS, SEEDS = 2000, {ALONE: 1, HINDERED: 2}
+DRAWS, SEEDS = 1000, {ALONE: 1, HINDERED: 2}
 AHEAD = 2  # measures that must speak more for the law of grains among others than against it
+NEITHER = "neither"
 BINDING = 5  # measures, the first, of which no row may be missing
 
 
@@ -21,7 +22,8 @@ class Judged:
     """A measure under both laws; every dictionary is by law."""
 
     measure: Measure
-    misfits: dict[str, Floats]  # NaN in rows that are missing under one of the laws
+    own: dict[str, Floats]  # misfit of every row, NaN where it is missing
+    misfits: dict[str, Floats]  # the same, NaN too in rows that are missing under the other law
     errors: dict[str, Floats]  # of the misfits
     figure: dict[str, float]  # root of the mean square misfit
     intervals: dict[str, tuple[float, float]]  # of the figures
@@ -31,6 +33,11 @@ class Judged:
     def complete(self) -> bool:
         """Whether both laws have every row."""
         return all(np.isfinite(numbers.logs).all() for numbers in self.measure.simulated.values())
+
+    @property
+    def known(self) -> int:
+        """Rows that both laws have."""
+        return int(np.isfinite(self.misfits[ALONE]).sum())
 
     @property
     def speaks_for(self) -> str:
@@ -56,18 +63,19 @@ class Judged:
 
 def judged(measure: Measure) -> Judged:
     """Misfits and figures of both laws, and the difference of the figures."""
-    misfits = {law: measure.misfits(numbers.logs) for law, numbers in measure.simulated.items()}
-    kept = np.isfinite([*misfits.values()]).all(axis=0)
-    misfits = {law: np.where(kept, found, nan) for law, found in misfits.items()}
+    own = {law: measure.misfits(numbers.logs) for law, numbers in measure.simulated.items()}
+    kept = np.isfinite([*own.values()]).all(axis=0)
+    misfits = {law: np.where(kept, found, nan) for law, found in own.items()}
     drawn = {law: draws(measure, law) for law in misfits}
-    figures = {law: root_mean_square(found) for law, found in drawn.items()}
+    figures = {law: root_mean_square(np.where(kept, found, nan)) for law, found in drawn.items()}
     figure = {law: float(root_mean_square(found)) for law, found in misfits.items()}
     return Judged(
         measure,
+        own,
         misfits,
         {law: found.std(axis=0) for law, found in drawn.items()},
         figure,
-        {law: interval(figure[law], figures[law]) for law in misfits},
+        {law: above_none(interval(figure[law], figures[law])) for law in misfits},
         with_interval(figure[HINDERED] - figure[ALONE], figures[HINDERED] - figures[ALONE]),
     )
 
@@ -96,6 +104,11 @@ def interval(found: float, drawn: Floats) -> tuple[float, float]:
     tails = 0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE
     low, high = np.quantile(drawn - drawn.mean(), tails)
     return found + float(low), found + float(high)
+
+
+def above_none(ends: tuple[float, float]) -> tuple[float, float]:
+    """Interval of a root of a mean square, which is not negative."""
+    return max(ends[0], 0.0), ends[1]
 
 
 def with_interval(found: float, drawn: Floats) -> tuple[float, float, float]:
