@@ -23,6 +23,7 @@ from taichi_erosion.evidence.data.problem import (
 )
 from taichi_erosion.evidence.models import reduced, reduced_places
 
+Shares = tuple[float, float, float]
 KINDS, SHARES = ("outside", "null", "listed"), (0.5, 0.3, 0.2)
 OBSERVABLES = {
     "threshold_u_star": Observable("threshold_u_star", "log"),
@@ -60,10 +61,10 @@ def expected_model(
     return np.repeat(value[np.newaxis], len(seeds), axis=0)
 
 
-def draw(family: int, number: int) -> tuple[Problem, Truth]:
-    """Case `number` of a family; the same numbers always give the same case."""
-    generator = np.random.default_rng([family, number, 23])
-    truth = drawn_truth(generator)
+def draw(*seed: int, shares: Shares = SHARES) -> tuple[Problem, Truth]:
+    """One case; the same numbers always give the same case."""
+    generator = np.random.default_rng([*seed, 23])
+    truth = drawn_truth(generator, shares)
     count = int(generator.integers(*SET_UPS))
     moisture = np.asarray(0.01 * generator.integers(0, 5, count), dtype=np.float64)
     diameter = np.asarray(np.exp(generator.uniform(np.log(1.2e-4), np.log(8e-4), count)), dtype=np.float64)
@@ -85,9 +86,9 @@ def draw(family: int, number: int) -> tuple[Problem, Truth]:
     return problem, truth
 
 
-def drawn_truth(generator: np.random.Generator) -> Truth:
+def drawn_truth(generator: np.random.Generator, shares: Shares) -> Truth:
     """What acts, how strongly, by which law."""
-    kind = str(generator.choice(KINDS, p=SHARES))
+    kind = str(generator.choice(KINDS, p=shares))
     parameters = {
         path: float(value * np.exp(PRIOR_SD * generator.standard_normal()))
         for path, value in reduced.PARAMETERS.items()

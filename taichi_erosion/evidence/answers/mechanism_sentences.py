@@ -1,12 +1,16 @@
 """Mechanisms in words: what acts like what, the law of its dose, what cannot be told apart."""
 
+from collections.abc import Sequence
 from math import isnan
 
 from taichi_erosion.evidence.data.mechanism_findings import (
+    INSTRUMENT,
+    OF,
     BeyondList,
     DoseLaw,
     MechanismFinding,
     StrengthTrend,
+    told_members,
 )
 from taichi_erosion.evidence.inference.verdict_levels import p_text
 
@@ -21,18 +25,30 @@ def mechanism_sentences(found: BeyondList) -> tuple[str, ...]:
         return beside_name(found)
     if found.verdict == "none":
         return none_sentences(found)
-    group = [each for each in found.mechanisms if each.name in found.group]
+    group = titles([each for each in found.mechanisms if each.name in found.group])
     told = [withdrawn_sentence(found, best)] if found.withdrawn else []
-    told.append(lead_sentence(best, alone=len(group) == 1))
+    told.append(lead_sentence(best, group[0], alone=len(group) == 1))
     if found.law is not None:
         told.append(law_sentence(found.law))
     if len(group) > 1:
-        names = " or ".join(each.title for each in group[1 : MOST_TOLD + 1])
+        names = " or ".join(group[1 : MOST_TOLD + 1])
         more = f" ({len(group) - 1} in all)" if len(group) > MOST_TOLD + 1 else ""
         told.append(f"Not distinguished from it by these measurements: {names}{more}.")
     worse = [each for each in found.mechanisms if each.name not in found.group][:MOST_TOLD]
     told += [worse_sentence(each) for each in worse[:1]]
     return tuple(told)
+
+
+def titles(group: Sequence[MechanismFinding]) -> list[str]:
+    """Members of a group in words; gain and offset of one instrument are one member."""
+    own = {each.name: each.title for each in group}
+    told = []
+    for name in told_members(tuple(own)):
+        kind, _, observable = name.partition(OF)
+        told.append(
+            f"a gain or an offset of the instrument of {observable}" if kind == INSTRUMENT else own[name]
+        )
+    return told
 
 
 def trend_sentences(trend: StrengthTrend | None) -> list[str]:
@@ -66,17 +82,18 @@ def beside_name(found: BeyondList) -> tuple[str, ...]:
     names = " and ".join(found.named)
     if found.verdict == "none":
         return (f"No mechanism with a law of its own explains the measurements better than {names}.",)
-    group = [each for each in found.mechanisms if each.name in found.group]
-    acts = " or ".join(each.title for each in group[:MOST_TOLD])
+    members = [each for each in found.mechanisms if each.name in found.group]
+    group = titles(members)
+    acts = " or ".join(group[:MOST_TOLD])
     more = f" ({len(group)} in all)" if len(group) > MOST_TOLD else ""
     told = [f"Not distinguished from {names} by these measurements: something that acts like {acts}{more}."]
     if found.law is not None:
-        told.append(f"With {group[0].title}: {law_sentence(found.law)}")
+        told.append(f"With {members[0].title}: {law_sentence(found.law)}")
     return tuple(told)
 
 
-def lead_sentence(best: MechanismFinding, alone: bool) -> str:
-    """The mechanism, and what it has been tested on."""
+def lead_sentence(best: MechanismFinding, title: str, alone: bool) -> str:
+    """The mechanism or instrument by its title, and what the mechanism has been tested on."""
     where = f"along {best.axis}" if best.axis else "along the conditions"
     observables = (
         f"only {best.moves[0]} tells of it"
@@ -86,7 +103,7 @@ def lead_sentence(best: MechanismFinding, alone: bool) -> str:
     lead = "The misfit is consistent with something that acts like" if alone else "Something that acts like"
     end = "" if alone else " would explain the misfit"
     left = f"left misfit {p_text(best.p_left)}"
-    return f"{lead} {best.title}{end}: its dose varies {where}, {observables}; {left}."
+    return f"{lead} {title}{end}: its dose varies {where}, {observables}; {left}."
 
 
 def law_sentence(law: DoseLaw) -> str:

@@ -1,12 +1,26 @@
 """Findings beyond the list of effects: mechanisms, the doses that the measurements ask for, and their law."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from taichi_erosion.evidence.data.findings import Estimate
 
 BeyondVerdict = Literal["mechanism", "group", "none"]
+GAIN, OFFSET = "reading_gain", "reading_offset"  # mechanisms of instruments
+OF = ":"  # between such a mechanism and its observable
+INSTRUMENT = "instrument"  # its gain and offset, where these measurements do not tell them apart
+
+
+def told_members(group: Sequence[str]) -> tuple[str, ...]:
+    """Members of a group as they are told: gain and offset of one instrument are one member."""
+    read = Counter(name.partition(OF)[2] for name in group)
+    told = []
+    for name in group:
+        _, _, observable = name.partition(OF)
+        told.append(f"{INSTRUMENT}{OF}{observable}" if observable and read[observable] > 1 else name)
+    return tuple(dict.fromkeys(told))
 
 
 @dataclass(frozen=True)

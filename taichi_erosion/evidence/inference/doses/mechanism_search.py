@@ -17,6 +17,9 @@ from scipy import interpolate
 
 from taichi_erosion.evidence.data.findings import Verdict
 from taichi_erosion.evidence.data.mechanism_findings import (
+    GAIN,
+    OF,
+    OFFSET,
     BeyondList,
     DoseEstimate,
     DoseLaw,
@@ -55,8 +58,6 @@ from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.verdict import Decision
 from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
 
-GAIN, OFFSET = "reading_gain", "reading_offset"  # mechanisms of instruments
-OF = ":"  # between such a mechanism and its observable
 INSTRUMENT_DOSES = {GAIN: (-0.9, 4.0), OFFSET: (-2.0, 2.0)}
 ROUNDS = 10  # in which a path is made anew where the calibrated numbers have moved
 STILL = 0.05  # move below which it stays, in prior sd
