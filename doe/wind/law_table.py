@@ -1,9 +1,25 @@
-"""Flux of blown sand under two laws of drag beside the measured one."""
+"""Flux and impact thresholds of blown sand under two laws of drag beside the measured ones."""
 
-from math import hypot
+from math import hypot, isfinite, nan
+
+import numpy as np
 
 from doe.common.cases import Row
-from doe.wind.blown_sand import HOLDS, MILLI, Found, Table, flux_pairs, judged, shown
+from doe.wind.blown_sand import (
+    BARE,
+    HOLDS,
+    MILLI,
+    STRESS_LINE,
+    Found,
+    Table,
+    density_of,
+    flux_pairs,
+    judged,
+    predicted,
+    shown,
+    simulated_thresholds,
+)
+from doe.wind.saturated_sand import saturated_thresholds
 from taichi_erosion.report.markdown import markdown_table
 
 FLUX = "flux"  # group of the winds in which the flux was measured
@@ -45,6 +61,36 @@ def stress_table(alone: Found, hindered: Found) -> str:
             (name[1], *(shown(case[what].value / unit_of(what)) for what in STRESSES for case in both))
         )
     return markdown_table(header, rows)
+
+
+def impact_law_table(alone: Found, hindered: Found, measured: Table) -> str:
+    """Thresholds of saturated transport under both laws, and how far they are from the measured sands."""
+    found = (saturated_thresholds(alone), saturated_thresholds(hindered))
+    header = ("d [mm]", *(f"u* [m/s], drag {law}" for law in LAWS), "among others over alone")
+    both = sorted((name for name in found[0].keys() & found[1].keys() if name[0] == BARE), key=sand_size)
+    rows = []
+    for name in both:
+        first, second = (each[name][STRESS_LINE] for each in found)
+        values = (shown(row.value, row.standard_error) for row in (first, second))
+        rows.append((name[1], *values, ratio_cell(first, second)))
+    errors = [shown(impact_error(each, measured)) for each in found]
+    return markdown_table(header, [*rows, ("rms of ln simulated / measured", *errors, "")])
+
+
+def sand_size(name: tuple[str, str]) -> float:
+    """Diameter of a sand [mm]."""
+    return float(name[1])
+
+
+def impact_error(thresholds: Found, measured: Table) -> float:
+    """Root mean square of ln(simulated / measured) over the measured sands between simulated ones [1]."""
+    sand = simulated_thresholds(thresholds, STRESS_LINE)
+    ratios = [
+        predicted(MILLI * float(line["diameter [mm]"]), density_of(line), sand) / float(line["value"])
+        for line in measured
+    ]
+    known = np.log([ratio for ratio in ratios if isfinite(ratio)])
+    return float(np.sqrt(np.mean(known**2))) if known.size else nan
 
 
 def unit_of(observable: str) -> float:

@@ -27,7 +27,7 @@ from doe.wind.blown_sand import (
     shown,
     splash_table,
 )
-from doe.wind.law_table import law_table, stress_table
+from doe.wind.law_table import impact_law_table, law_table, stress_table
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
@@ -166,6 +166,7 @@ def tables(doe: Path) -> dict[str, str]:
         "saturated": saturated_table(steady),
         "flux": flux_table(flux, fluxes),
         "laws": law_table(flux, hindered, fluxes),
+        "law_impact": impact_law_table(steady, hindered, thresholds),
         "law_stresses": stress_table(steady, hindered),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),
         "splash": splash_table(flux),

@@ -8,7 +8,7 @@ import pytest
 from doe.common.cases import Row
 from doe.wind import blown_sand
 from doe.wind import page as threshold
-from doe.wind.law_table import law_table
+from doe.wind.law_table import impact_law_table, law_table
 from taichi_erosion.measures.threshold import Bracket
 
 TUNNEL = [
@@ -116,3 +116,28 @@ def test_flux_under_two_laws_is_told_with_the_error_of_their_ratio():
     # 0.9 with two errors of 3 % as squares
     assert cells[8] == "0.900 ± 0.038"
     assert second.count("not simulated") == 2
+
+
+def saturated_sand(size: str, threshold: float) -> list[Row]:
+    """Rows of four steady winds, of which the air keeps the stress of the threshold."""
+    kept = blown_sand.AIR * threshold**2
+    winds = {f"{size} mm, u* {wind}": blown_sand.AIR * wind**2 for wind in (0.3, 0.4, 0.5, 0.6)}
+    return [
+        row("impact", label, name, value)
+        for label, stress in winds.items()
+        for name, value in (("bed_stress", kept), ("grain_stress", stress - kept), ("flux", 1e-2))
+    ]
+
+
+def test_impact_thresholds_under_two_laws_stand_beside_how_far_both_are_off():
+    alone, hindered = (
+        blown_sand.by_case([*saturated_sand("0.25", first), *saturated_sand("0.5", second)])
+        for first, second in ((0.20, 0.25), (0.16, 0.20))
+    )
+    line = {"diameter [mm]": "0.25", "grain_density [g/cm3]": "", "sd": "0.006", "value": "0.16"}
+    *sands, errors = impact_law_table(alone, hindered, [line]).splitlines()[2:]
+    cells = [[cell.strip() for cell in sand.split("|")[1:-1]] for sand in (*sands, errors)]
+    assert [sand[0] for sand in cells[:2]] == ["0.25", "0.5"]
+    assert [float(number.split("±")[0]) for number in cells[0][1:]] == pytest.approx([0.2, 0.16, 0.8])
+    # 0.16 m/s measured: ln(0.20 / 0.16) and nothing
+    assert [float(number) for number in cells[2][1:3]] == pytest.approx([np.log(1.25), 0.0], abs=1e-3)
