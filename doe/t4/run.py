@@ -1,0 +1,246 @@
+"""Published series, each with a source left out as vault: error before and after, beside a closed form.
+
+    python -m doe.t4.run solve      discover and adopt, by the commands; goes on where it was stopped
+    python -m doe.t4.run score      write results.csv
+
+Every source is left out in turn. What is named is adopted; where a group is told, its first member; where
+nothing is named, the likeliest candidate, so that its error shows whether the silence was right.
+"""
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+
+from doe.common.command import run_step
+from doe.common.method import method_commit
+from doe.sealed.studies import command
+from doe.t4 import closed_forms
+from doe.t4.closed_forms import ClosedForm
+from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
+from taichi_erosion.core.files import write_atomic
+from taichi_erosion.evidence.data.problem import Floats, Measurements, Problem
+from taichi_erosion.evidence.models.load_study import load_study
+
+HERE = Path(__file__).parent
+FOLDER = HERE.parents[1] / "campaigns" / "t4"
+TABLE = HERE / "results.csv"
+THRESHOLDS = (
+    ClosedForm("Bagnold 1941", closed_forms.bagnold),
+    ClosedForm("Shao & Lu 2000", closed_forms.shao_lu),
+)
+FLUXES = (ClosedForm("Kok et al. 2012", closed_forms.kok), ClosedForm("Kawamura 1951", closed_forms.kawamura))
+HEIGHTS = (
+    ClosedForm("constant (Martin & Kok 2017)", closed_forms.constant_height, level=True),
+    ClosedForm("u*^2 (Owen 1964)", closed_forms.owen_height, level=True),
+)
+
+
+@dataclass(frozen=True)
+class Series:
+    """A study, the module of its model as installed, and forms of the literature."""
+
+    study: Path
+    model: str
+    forms: tuple[ClosedForm, ...]
+
+
+OWN = "doe.t4.models:predict"
+SERIES: Mapping[str, Series] = {
+    "impact_threshold": Series(HERE / "impact_threshold.toml", OWN, THRESHOLDS),
+    "impact_threshold_simulated": Series(
+        HERE.with_name("impact_threshold.toml"), "doe.wind.answers:predict", THRESHOLDS
+    ),
+    "field_thresholds": Series(HERE / "field_thresholds.toml", OWN, THRESHOLDS[1:]),
+    "threshold_by_activity": Series(
+        HERE / "threshold_by_activity.toml",
+        OWN,
+        (ClosedForm("Martin & Kok 2018", closed_forms.falling_threshold, level=True),),
+    ),
+    "flux_field": Series(HERE / "flux_field.toml", OWN, FLUXES),
+    "flux_quarter_mm": Series(HERE / "flux_quarter_mm.toml", OWN, FLUXES),
+    "layer_height": Series(HERE / "layer_height.toml", OWN, HEIGHTS),
+    "flux_profile": Series(
+        HERE / "flux_profile.toml",
+        OWN,
+        (ClosedForm("exponential, height of each interval", closed_forms.exponential_profile),),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A series of which one source is left out."""
+
+    series: str
+    source: str
+    number: int
+
+    @property
+    def study(self) -> Path:
+        return FOLDER / f"{self.series}_{self.number}.toml"
+
+    @property
+    def answer(self) -> Path:
+        """What the commands said of it."""
+        return self.study.with_suffix(".solved.json")
+
+
+def table_of(series: Series) -> Path:
+    """Measurements of a series."""
+    return series.study.parent / read_evidence_study(series.study).study.measurements
+
+
+def folds() -> Iterator[Fold]:
+    """Every series with every source left out."""
+    for name, series in SERIES.items():
+        with table_of(series).open(encoding="utf-8", newline="") as file:
+            sources = dict.fromkeys(row["source"] for row in csv.DictReader(file))
+        yield from (Fold(name, source, number) for number, source in enumerate(sources))
+
+
+def write_study(fold: Fold) -> None:
+    """Study and table of a fold."""
+    series = SERIES[fold.series]
+    table, text = table_of(series), series.study.read_text("utf-8")
+    entries: tuple[tuple[tuple[str, str], Any], ...] = (
+        (("study", "measurements"), table.name),
+        (("study", "model"), series.model),
+        (("vault", "fraction"), 0.0),
+        (("vault", "sources"), [fold.source]),
+    )
+    for path, value in entries:
+        text = with_entry(text, path, value)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    (FOLDER / table.name).write_text(table.read_text("utf-8"), encoding="utf-8")
+    fold.study.write_text(text, encoding="utf-8")
+
+
+def likeliest(found: Mapping[str, Any]) -> list[str]:
+    """The single candidate with the largest probability."""
+    known = {name: found["probabilities"].get(name, 0.0) for name in found["effects"]}
+    return [max(known, key=lambda name: known[name])] if any(known.values()) else []
+
+
+def solve() -> None:
+    """What the commands say; what has been solved is not solved again."""
+    for fold in folds():
+        if fold.answer.exists():
+            continue
+        write_study(fold)
+        found = command("discover", fold.study)
+        told = (("named", found["named"]), ("group", found["group"][:1]), ("likeliest", likeliest(found)))
+        reason, names = next(((word, chosen) for word, chosen in told if chosen), ("nothing acts", []))
+        adopted = command("adopt", fold.study, *names) if names else None
+        answer = {"method": method_commit(), "found": found, "reason": reason, "adopted": adopted}
+        write_atomic(fold.answer, json.dumps(answer).encode())
+        typer.echo(f"{fold.series} without {fold.source}: {found['verdict']}, {reason} {' '.join(names)}")
+
+
+def form_error(form: ClosedForm, problem: Problem) -> str:
+    """Relative error of a closed form at the held-out rows."""
+    held_out = problem.hidden()
+    value = form.at(problem.visible(), held_out)
+    differences = {name: held_out.value[rows] - value[rows] for name, rows in measured_rows(held_out).items()}
+    rmse = {name: float(np.sqrt(np.mean(each**2))) for name, each in differences.items()}
+    return f"{form.name}: {relative(rmse, held_out)}"
+
+
+def measured_rows(held_out: Measurements) -> dict[str, Floats]:
+    """Rows of every observable whose value is known."""
+    named = np.array(held_out.observable)
+    masks = {name: (named == name) & ~held_out.censored for name in dict.fromkeys(held_out.observable)}
+    return {name: np.flatnonzero(mask) for name, mask in masks.items() if mask.any()}
+
+
+def relative(rmse: Mapping[str, float], held_out: Measurements) -> str:
+    """Root mean squared error over the mean of the held-out values, all observables together [%]."""
+    rows = measured_rows(held_out)
+    squares = [
+        (rmse[name] / float(np.mean(held_out.value[own]))) ** 2 * own.size for name, own in rows.items()
+    ]
+    return f"{100.0 * (sum(squares) / sum(own.size for own in rows.values())) ** 0.5:.3g}"
+
+
+def scored_row(fold: Fold) -> dict[str, Any]:
+    """One row of the table of results."""
+    answer = json.loads(fold.answer.read_text(encoding="utf-8"))
+    found, adopted = answer["found"], answer["adopted"]
+    problem = load_study(fold.study).problem
+    return {
+        "series": fold.series,
+        "held_out": fold.source,
+        "rows_fitted": found["n"],
+        "rows_held_out": found["rows_hidden"],
+        "verdict": found["verdict"],
+        "named": "+".join(sorted(found["named"])),
+        "group": "+".join(sorted(found["group"])),
+        "p_misfit": number(found["p_misfit"]),
+        "p_misfit_after": number(found["p_misfit_after"]),
+        "none": number(found["probabilities"].get("none", 0.0)),
+        "outside_library": number(found["probabilities"].get("outside_library", 0.0)),
+        "adopted_as": answer["reason"],
+        **(adopted_cells(adopted, problem.hidden()) if adopted else dict.fromkeys(ADOPTED, "")),
+        "closed_forms": "; ".join(form_error(form, problem) for form in SERIES[fold.series].forms),
+        "answer": found["sentences"][0],
+        "runs": found["runs"],
+        "method": answer["method"],
+    }
+
+
+ADOPTED = (
+    "effect",
+    "strength",
+    "chi2_before",
+    "chi2_after",
+    "chi2_wrong",
+    "p_held_out_before",
+    "p_held_out_after",
+    "error_before",
+    "error_after",
+)
+
+
+def adopted_cells(adopted: Mapping[str, Any], held_out: Measurements) -> dict[str, str]:
+    """What adopting did to the held-out rows: misfit a row, its probability, and relative error [%]."""
+    base, added, vault = adopted["base"], adopted["added"], adopted["vault"]
+    strengths = (
+        f"{one['value']:.2g} ({one['low']:.2g} to {one['high']:.2g})" for one in added["strengths"].values()
+    )
+    cells = (
+        adopted["effect"],
+        " ".join(strengths),
+        number(vault["chi2_per_row_before"]),
+        number(vault["chi2_per_row_after"]),
+        number(vault["chi2_per_row_wrong_effect"]),
+        number(base["vault_p"]),
+        number(added["vault_p"]),
+        relative(base["vault_rmse"], held_out),
+        relative(added["vault_rmse"], held_out),
+    )
+    return dict(zip(ADOPTED, cells, strict=True))
+
+
+def number(value: float | None) -> str:
+    """A number of a document, empty where there is none."""
+    return "" if value is None else f"{value:.3g}"
+
+
+def score() -> None:
+    """The table of the folds that are solved."""
+    done = [scored_row(fold) for fold in folds() if fold.answer.exists()]
+    page = StringIO(newline="")
+    writer = csv.DictWriter(page, list(done[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(done)
+    write_atomic(TABLE, page.getvalue().encode())
+
+
+if __name__ == "__main__":
+    run_step(__doc__, {"solve": solve, "score": score})
