@@ -163,14 +163,15 @@ def handle_event(campaign: Campaign, event: Event) -> None:
 
 
 def report_progress(campaign: Campaign, left: Iterable[str]) -> None:
-    """Report how many runs have ended, and the share of the work that is done since the start."""
+    """Report how many runs have ended, what they say of their device, and the share of the work done."""
     if campaign.progress is None:
         return
     rest = {key: campaign.requests[key].work * (1.0 - campaign.shares.get(key, 0.0)) for key in left}
     done = 1.0 - sum(rest.values()) / campaign.work if campaign.work else 1.0
     campaign.reported = max(campaign.reported, done)
     total = len(campaign.requests)
-    campaign.progress(campaign.reported, f"{total - len(rest)} of {total} runs")
+    notes = sorted({campaign.requests[key].note for key in rest} - {""})
+    campaign.progress(campaign.reported, "; ".join([f"{total - len(rest)} of {total} runs", *notes]))
 
 
 def run_on_dask(function: str, payloads: Payloads) -> list[tuple[int, dict[str, Any]]]:

@@ -60,6 +60,7 @@ class RunRequest:
     work: float = WORTH_A_START  # grain-steps
     most: int = RUNS_MOST  # runs of a batch
     arch: Arch = "cpu"
+    note: str = ""  # why it is not made on the device that could be meant; told with the progress
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def request_of(
 
     It carries the text of effect files: a worker elsewhere need not have them, and executes what was hashed.
     """
-    numerics = numerics_of(scene, device)
+    numerics, note = numerics_of(scene, device)
     payload = {
         "scene": resolved(scene),
         "folder": str(scene.folder.resolve()),
@@ -113,29 +114,32 @@ def request_of(
     mark, group = way_mark(numerics), compatibility_key(scene)
     key = f"{scene_hash(scene)}-{seed}-{__version__}{engine_mark()}{mark}"
     if numerics.arch == "cpu":
-        return RunRequest(key, payload, group + mark, work_of(scene))
+        return RunRequest(key, payload, group + mark, work_of(scene), note=note)
     grains = scene.grains.count
     most = max(DEVICE_GRAINS // grains, 1)
     return RunRequest(key, payload, f"{group}{mark}-{grains}", work_of(scene), most, numerics.arch)
 
 
-def numerics_of(scene: Scene, device: RunDevice) -> Numerics:
-    """Device, precision and decomposition of a run. Raises BadInput for what cannot run there."""
+def numerics_of(scene: Scene, device: RunDevice) -> tuple[Numerics, str]:
+    """Device, precision and decomposition of a run, and a sentence where `auto` leaves out a device.
+
+    Raises BadInput for what cannot run there.
+    """
+    on_grid, note = scene.wind is not None and scene.wind.columns != (1, 1), ""
     arch: Arch = "cpu"
     if device.arch == "auto":
         from taichi_erosion.run.scene_run import arch_of
 
         # as many grains as a full batch has: the answer must not hang on how many runs wait
-        arch = arch_of("auto", RUNS_MOST * scene.grains.count)
+        arch, note = arch_of("auto", device.decomposition, RUNS_MOST * scene.grains.count, on_grid)
     else:
         arch = device.arch
     numerics = Numerics(arch, THREADS, scene.run.precision, device.decomposition)
     if numerics.by_grain:
-        from taichi_erosion.simulation.grain_decomposition.limits import refuse_parts
+        from taichi_erosion.simulation.grain_decomposition.limits import refuse_grids
 
-        has_grid = scene.wind is not None and scene.wind.columns != (1, 1)
-        refuse_parts(has_grid, scene.grains.clump is not None)
-    return numerics
+        refuse_grids(on_grid)
+    return numerics, note
 
 
 def way_mark(numerics: Numerics) -> str:

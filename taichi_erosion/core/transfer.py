@@ -232,10 +232,32 @@ def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float6
     return [split.reshape(rows, *inner_shape(field)) for split, field in zip(splits, fields, strict=True)]
 
 
+@ti.kernel
+def fill_line(
+    # parameters
+    count: ti.i32,
+    number: ti.f64,
+    # out
+    column_out: ti.template(),
+):
+    """Every number of a field of one axis; `count` is no constant, so that no more threads start than may."""
+    for i in range(count):
+        field_out, _, rows, columns = ti.static(column_out)
+        if ti.static(rows == 0):
+            field_out[i] = ti.cast(number, field_out.dtype)
+        for k in ti.static(range(rows * columns)):
+            if ti.static(columns == 1):
+                field_out[i][k] = ti.cast(number, field_out.dtype)
+            else:
+                field_out[i][k // columns, k % columns] = ti.cast(number, field_out.dtype)
+
+
 def write(field: Any, values: Any) -> None:
     """Write a whole field of any shape; a single number fills it."""
     if is_host():
         set_numbers(field_view(field), np.broadcast_to(values, field_view(field).shape))
+    elif np.ndim(values) == 0 and len(field.shape) == 1:
+        fill_line(field.shape[0], values, layout([field])[0])
     elif np.ndim(values) == 0:
         field.fill(values)
     else:

@@ -155,16 +155,27 @@ def place_spheres(world_out: ti.template(), r, b):
 
 
 @ti.func
+def released_bodies(world: ti.template(), r):
+    """Number of bodies of replica r whose spheres have been released."""
+    released, bodies = world.replicas.released[r], 0
+    if released > 0:
+        bodies = world.source.body[r * world.grains.capacity + released - 1] + 1
+    return bodies
+
+
+@ti.func
+def advance_clump(world_out: ti.template(), r, k, step):
+    """Advance body k of replica r; returns REBUILD where one of its spheres has left its skin."""
+    b = r * world_out.clumps.capacity + k
+    advance_body(world_out, r, b, ti.cast(kick_time(world_out.replicas, r, step), ti.f64))
+    return place_spheres(world_out, r, b)
+
+
+@ti.func
 def advance_clumps(world_out: ti.template(), r, p, step):
     """Advance the released bodies of partition p; returns REBUILD where a rebuild is due."""
-    clumps, replicas = ti.static((world_out.clumps, world_out.replicas))
-    released = replicas.released[r]
+    partitions, bodies = world_out.replicas.partitions[r], released_bodies(world_out, r)
     need = 0
-    if released > 0:
-        bodies = world_out.source.body[r * world_out.grains.capacity + released - 1] + 1
-        kick = ti.cast(kick_time(replicas, r, step), ti.f64)
-        for k in range(bodies * p // replicas.partitions[r], bodies * (p + 1) // replicas.partitions[r]):
-            b = r * clumps.capacity + k
-            advance_body(world_out, r, b, kick)
-            need = need | place_spheres(world_out, r, b)
+    for k in range(bodies * p // partitions, bodies * (p + 1) // partitions):
+        need = need | advance_clump(world_out, r, k, step)
     return need

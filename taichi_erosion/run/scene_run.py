@@ -15,7 +15,7 @@ from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.files import REMEDY, check_writable
-from taichi_erosion.core.setup import Arch, ArchChoice, Numerics
+from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
@@ -42,6 +42,7 @@ from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
+from taichi_erosion.simulation.grain_decomposition.limits import GRIDS, has_grids
 from taichi_erosion.simulation.team import mean_threads
 
 CROSSOVER = 50_000  # grains of all replicas from which `auto` takes a graphics processor: not measured yet
@@ -130,22 +131,33 @@ def assemble_run(
     refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)
     grains = sum(len(setup.grains.radius) for setup in setups)
-    numerics = Numerics(
-        arch_of(options.arch, grains), options.threads, scene.run.precision, options.decomposition
-    )
+    arch, note = arch_of(options.arch, options.decomposition, grains, has_grids(setups))
+    numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
     sim = assemble(setups, laws(effective), numerics)
     ensemble = EnsembleRun([effective] * len(seeds), sim, [ReplicaState(seed) for seed in seeds])
     if resume:
         import_state(sim, resume[0])
         restore_run(ensemble, *resume)
+    if note:
+        ensemble.states[0].warn(note)
     return ensemble
 
 
-def arch_of(arch: ArchChoice, grains: int) -> Arch:
-    """Device of a run; `auto` takes a graphics processor where there is one and the work is large enough."""
+def arch_of(
+    arch: ArchChoice, decomposition: Decomposition | None, grains: int, on_grids: bool
+) -> tuple[Arch, str]:
+    """Device of a run, and a sentence where `auto` leaves out a graphics processor that cannot run it.
+
+    `auto` takes a graphics processor where there is one and all replicas have grains enough. `on_grids`: with
+    grids of air.
+    """
     if arch != "auto":
-        return arch
-    return "cuda" if grains >= CROSSOVER and has_cuda() else "cpu"
+        return arch, ""
+    if grains < CROSSOVER or not has_cuda():
+        return "cpu", ""
+    if on_grids and decomposition != "partitions":
+        return "cpu", f"--arch auto: on the CPU, since {GRIDS}"
+    return "cuda", ""
 
 
 def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> None:

@@ -167,8 +167,6 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     if numerics.by_grain:
         refuse_unsupported(listed)
     capacities = initial_capacities(listed, numerics.by_grain)
-    if numerics.by_grain:
-        refuse_too_large(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"
     workers = threads if on_cpu else len(listed)
@@ -196,6 +194,8 @@ def reallocate(sim: Simulation, capacities: Capacities) -> None:
 
     The device is restarted: the old fields are gone, and the kernels are those of a new run.
     """
+    if sim.numerics.by_grain:
+        refuse_too_large(capacities)
     start_device(sim.numerics, POOL_LEAST)
     sim.capacities = replace(capacities)
     fields = allocate_fields(sim.setups, sim.laws, sim.numerics, sim.workers, sim.capacities)

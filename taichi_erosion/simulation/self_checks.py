@@ -99,12 +99,11 @@ def keep_pair_forces(
     Writes `world_out`: grains.force, grains.torque, pairs.label, pairs.rolling_displacement,
     pairs.tangential_displacement, sleep.state.
     """
-    side, capacity = world_out.replicas.side[r], ti.static(world_out.pairs.capacity)
+    side = world_out.replicas.side[r]
     valid, spare = entry_block(world_out.pairs, r, side), entry_block(world_out.pairs, r, 1 - side)
-    for k in range(capacity):
-        if k < buffers_out.listed[r]:
-            copy_entry(world_out.pairs, valid + k, spare + k)
-            evaluate_entry(world_out, buffers_out, r, k)
+    for k in range(buffers_out.listed[r]):
+        copy_entry(world_out.pairs, valid + k, spare + k)
+        evaluate_entry(world_out, buffers_out, r, k)
     for rank in range(world_out.grains.capacity):
         if rank < world_out.replicas.released[r]:
             sum_pairs(world_out, buffers_out, r, rank)
@@ -112,9 +111,8 @@ def keep_pair_forces(
             for n in ti.static(range(3)):
                 force_out[rank, n] = ti.cast(world_out.grains.force[place][n], ti.f64)
             clear(world_out.grains, place)
-    for k in range(capacity):
-        if k < buffers_out.listed[r]:
-            copy_entry(world_out.pairs, spare + k, valid + k)
+    for k in range(buffers_out.listed[r]):
+        copy_entry(world_out.pairs, spare + k, valid + k)
 
 
 def force_imbalance(sim: Simulation, replica: int) -> float:

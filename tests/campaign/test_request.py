@@ -1,19 +1,22 @@
 """Scenes of a campaign go as one ensemble through the real simulator and come out as if each were alone."""
 
+from typing import Any, cast
+
 import pytest
 from recorded_heaps import read_properties
 from run.small_scene import write_scene
 
-from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.execute import Campaign, execute, report_progress
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import DEVICE_GRAINS, RUNS_MOST, RunDevice, scene_request
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.run import RunOptions, run_scene
+from taichi_erosion.run import RunOptions, run_scene, scene_run
+from taichi_erosion.scene.shipped import SCENES
 
 ROUGH = "contact.soil-soil.friction_sliding=0.9"
 STIFF = "materials.soil.shear_modulus=2e6"  # Pa: another time step beside the others
-BY_GRAIN = RunDevice("cpu", "grains")
+BY_GRAIN, AUTO = RunDevice("cpu", "grains"), RunDevice("auto")
 HASTY = ("run.time_step=5e-3", "run.force_time_step=true")  # s, thirty Rayleigh times: a guard will stop it
 
 
@@ -83,7 +86,7 @@ def test_runs_whose_bits_differ_by_the_way_they_are_made_have_keys_of_their_own(
     assert len({usual.group, *(request.group for request in asked)}) == 5
     assert scene_request(scene, (), 3, device=RunDevice("cpu", "partitions")).key == usual.key
     # no graphics processor here, and too few grains for one
-    assert scene_request(scene, (), 3, device=RunDevice("auto")).key == usual.key
+    assert scene_request(scene, (), 3, device=AUTO).key == usual.key
 
 
 def test_a_batch_on_a_graphics_processor_is_as_many_runs_of_one_size_as_it_has_room_for(folder):
@@ -108,10 +111,27 @@ def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results, folder):
     assert by_grain.key != usual.key
 
 
-def test_what_one_thread_per_grain_cannot_run_is_refused_before_the_campaign(folder):
-    clump = 'grains.clump.template="pair"'
-    with pytest.raises(BadInput, match="no clumps"):
-        scene_request(write_scene(folder), (clump, "fill.pitch_d=2.0"), 3, device=BY_GRAIN)
+GRID = SCENES / "gusty_patch.toml"
+
+
+def test_what_one_thread_per_grain_cannot_run_is_refused_before_the_campaign():
+    with pytest.raises(BadInput, match="no grids of air"):
+        scene_request(GRID, (), 3, device=BY_GRAIN)
+
+
+def test_auto_leaves_a_scene_that_the_device_cannot_run_to_the_cpu_and_says_why(folder, monkeypatch):
+    monkeypatch.setattr(scene_run, "has_cuda", lambda: True)
+    monkeypatch.setattr(scene_run, "CROSSOVER", 1)
+    on_grid, usual = (scene_request(path, (), 3, device=AUTO) for path in (GRID, write_scene(folder)))
+    assert (on_grid.arch, usual.arch, usual.note) == ("cpu", "cuda", "")
+    assert on_grid.note.startswith("--arch auto: on the CPU, since one thread per grain has no grids of air")
+    assert on_grid.key == scene_request(GRID, (), 3).key
+    told, unused = list[str](), cast(Any, None)
+    both = {request.key: request for request in (on_grid, usual)}
+    left = Campaign(both, unused, unused, lambda _, line: told.append(line), 1.0)
+    report_progress(left, [on_grid.key, usual.key])
+    report_progress(left, [usual.key])
+    assert told == [f"0 of 2 runs; {on_grid.note}", "1 of 2 runs"]
 
 
 def test_a_scene_that_cannot_run_is_refused_before_the_campaign(folder):

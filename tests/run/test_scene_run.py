@@ -15,8 +15,10 @@ from small_scene import PATIENCE, start, write_scene
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.run import RunOptions, run_scene
-from taichi_erosion.run.scene_run import deferred_signals
+from taichi_erosion.run import RunOptions, run_scene, scene_run
+from taichi_erosion.run.checks import library_of, read_scene
+from taichi_erosion.run.scene_run import assemble_run, deferred_signals
+from taichi_erosion.scene.shipped import SCENES
 
 DURATION = 0.12  # s, of both stages
 CUT = 0.08  # s, within the second stage: measures of the first are known by then
@@ -157,3 +159,16 @@ def test_a_signal_in_any_phase_leaves_whole_files_and_no_traceback(scene, folder
                 read_grains(left)
         if record.with_suffix(".json").exists():
             json.loads(record.with_suffix(".json").read_text(encoding="utf-8"))
+
+
+def test_auto_runs_on_the_cpu_what_the_device_refuses_and_warns_why(monkeypatch, tmp_path):
+    monkeypatch.setattr(scene_run, "has_cuda", lambda: True)
+    monkeypatch.setattr(scene_run, "CROSSOVER", 1)
+    path = SCENES / "gusty_patch.toml"
+    scene = read_scene(path, ("grains.count=100", "wind.columns=[4,4]"))
+    options = RunOptions(arch="auto", threads=1, no_record=True)
+    ensemble = assemble_run(path, scene, library_of(scene), options, tmp_path / "unused.rrd")
+    stop_device()
+    assert ensemble.sim.numerics.arch == "cpu"
+    (warning,) = ensemble.states[0].warnings
+    assert warning.startswith("--arch auto: on the CPU, since one thread per grain has no grids of air")

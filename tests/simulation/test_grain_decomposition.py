@@ -12,14 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from few_grains import run_worlds
-from grain_worlds import RADIUS, contacts, fingerprint, grains, heap, setup
+from grain_worlds import MASS, RADIUS, contacts, fingerprint, grains, heap, setup
+from scipy.spatial.transform import Rotation
 from windy_beds import bed, set_in
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.setup import ClumpTable, Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
+from taichi_erosion.core.transfer import write
 from taichi_erosion.effects import load_library
 from taichi_erosion.run.sanity_checks import MOMENTUM_ERROR
 from taichi_erosion.simulation import (
@@ -34,6 +36,7 @@ from taichi_erosion.simulation import (
     snapshot,
 )
 from taichi_erosion.simulation.assemble import reallocate
+from taichi_erosion.simulation.grain_decomposition import step
 
 LIBRARY = load_library([Path(__file__).parents[1] / "effects" / "ageing_pull.py"])
 ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, "f64")
@@ -213,6 +216,81 @@ def test_a_bed_under_wind_gives_the_same_bits_alone_and_in_company():
     assert fingerprint(company[1][0]) == fingerprint(alone)
 
 
+ARMS = np.array([[1.2, 0.0, 0.1], [-0.9, 0.7, 0.0], [-0.3, -0.7, -0.1]]) * RADIUS  # of a clump's spheres
+CLUMP_INERTIA = np.array([0.6, 1.0, 1.5]) * MASS * (2.0 * RADIUS) ** 2  # kg m2
+
+
+def clumps(bodies: int, seed: int) -> Setup:
+    """Clumps of three spheres that fall and turn; the last fifth is released later."""
+    rng = np.random.default_rng(seed)
+    loose, poses = heap(bodies, seed), Rotation.random(bodies, rng=rng)
+    is_late = np.arange(bodies) >= 0.8 * bodies
+    centre = 2.2 * loose.grains.position + np.outer(is_late, [0.0, 0.0, 4.0 * RADIUS])
+    spin, velocity = rng.normal(0.0, 30.0, (bodies, 3)), rng.normal((0.0, 0.0, -0.6), 0.2, (bodies, 3))
+    arms = poses.as_matrix() @ ARMS.T
+    place = centre[:, None] + arms.transpose(0, 2, 1)
+    speed = velocity[:, None] + np.cross(spin[:, None], arms.transpose(0, 2, 1))
+    late = np.repeat(np.where(is_late, 0.001, 0.0), len(ARMS))
+    table = ClumpTable(
+        body=np.repeat(np.arange(bodies, dtype=np.int32), len(ARMS)),
+        offset=np.tile(ARMS, (bodies, 1)),
+        mass=np.full(bodies, 3.0 * MASS),
+        inertia=np.tile(CLUMP_INERTIA, (bodies, 1)),
+        position=centre,
+        orientation=poses.as_quat(scalar_first=True),
+    )
+    loose.primitives.shape[1, [6, 8]] *= 2.5  # the tube, as wide as the places of larger bodies want
+    spheres = grains(place.reshape(-1, 3), speed.reshape(-1, 3), np.repeat(spin, len(ARMS), axis=0), late)
+    return replace(loose, grains=spheres, clumps=table)
+
+
+@devices
+def test_heaps_of_clumps_move_as_in_partitions_and_repeat_their_bits(numerics):
+    ensemble = [clumps(40, 1), clumps(25, 2)]
+    want = run(ensemble, ROLLING, IN_PARTITIONS, WHOLE)
+    found, again = (run(ensemble, ROLLING, numerics, WHOLE) for _ in range(2))
+    assert all(state.contacts.sum() > 0 for state in want)
+    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
+    assert [fingerprint(a) for a in found] == [fingerprint(a) for a in again]
+
+
+@pytest.mark.slow
+def test_a_state_of_clumps_goes_on_with_one_thread_per_grain():
+    first = assemble([clumps(40, 1)], ROLLING, IN_PARTITIONS)
+    advance(first, [HALF])
+    state = export_state(first)
+    advance(first, [WHOLE])
+    want = snapshot(first, 0)
+    second = assemble([clumps(40, 1)], ROLLING, ON_CPU)
+    import_state(second, state)
+    advance(second, [WHOLE])
+    assert distance(want, snapshot(second, 0)) < FORCES
+
+
+@pytest.mark.slow
+def test_stages_of_more_threads_than_a_device_starts_at_once_give_the_same_bits_in_parts(monkeypatch):
+    ensemble = [heap(GRAINS, 1), heap(GRAINS // 2, 2)]
+    whole = run(ensemble, ROLLING, ON_CPU, HALF)
+    monkeypatch.setattr(step, "LAUNCH_MOST", 300)
+    assert len(list(step.launches(((None, 150), (None, 1000)), 2))) == 1 + 7
+    parts = run(ensemble, ROLLING, ON_CPU, HALF)
+    assert [fingerprint(a) for a in whole] == [fingerprint(a) for a in parts]
+
+
+@pytest.mark.gpu
+@pytest.mark.slow
+def test_vulkan_advances_more_list_entries_than_it_starts_threads_at_once():
+    """65,535 groups of 128 threads are what the driver in software starts."""
+    numerics = Numerics("vulkan", 1, "f32")
+    (want,) = run([heap(GRAINS, 1)], ROLLING, numerics, HALF)
+    sim = assemble([heap(GRAINS, 1)], ROLLING, numerics)
+    reallocate(sim, replace(sim.capacities, pairs=65_536 * 128))
+    write(sim.world.pairs.label, 0)
+    advance(sim, [HALF])
+    assert force_imbalance(sim, 0) < MOMENTUM_ERROR
+    assert fingerprint(snapshot(sim, 0)) == fingerprint(want)
+
+
 @devices
 def test_a_number_that_is_none_stops_its_replica_by_name(numerics):
     lost = heap(8, 1)
@@ -271,9 +349,6 @@ def test_lost_reactions_of_the_reverse_lists_are_noticed():
 
 
 def test_what_is_not_there_is_refused_by_name():
-    clumped = replace(heap(8, 1), clumps=object())
-    with pytest.raises(BadInput, match="one thread per grain has no clumps"):
-        assemble([clumped], ROLLING, ON_CPU)
     patch = bed(1)
     assert patch.air is not None
     gridded = replace(patch, air=replace(patch.air, cells=(4, 4, patch.air.cells[2])))

@@ -1,13 +1,14 @@
-"""What the grain decomposition cannot run yet, told at assembly."""
+"""What the grain decomposition cannot run, told before anything is allocated."""
 
 from collections.abc import Sequence
 
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
-from taichi_erosion.simulation.capacities import Capacities
+from taichi_erosion.simulation.capacities import Capacities, initial_capacities
 
 PLACES_MOST = 2**31 - 1  # of a field: places are counted in 32 bits
+GRIDS = "one thread per grain has no grids of air: one thread solves the pressure of a whole grid"
 REMEDY = "use --arch cpu, or --decomposition partitions"
 
 
@@ -16,19 +17,21 @@ def is_grid(air: AirSetup | None) -> bool:
     return air is not None and air.cells[:2] != (1, 1)
 
 
+def has_grids(setups: Sequence[Setup]) -> bool:
+    """Whether any replica has a grid of air."""
+    return any(is_grid(setup.air) for setup in setups)
+
+
 def refuse_unsupported(setups: Sequence[Setup]) -> None:
-    """Raise BadInput for parts of setups whose kernels exist for partitions only."""
-    refuse_parts(any(is_grid(s.air) for s in setups), any(s.clumps is not None for s in setups))
+    """Raise BadInput where one thread per grain cannot run an ensemble."""
+    refuse_grids(has_grids(setups))
+    refuse_too_large(initial_capacities(list(setups), by_grain=True))
 
 
-def refuse_parts(has_grids: bool, has_clumps: bool) -> None:
-    """Raise BadInput for grids of air and for clumps."""
-    for missing, present in (
-        ("grids of air: the exchange with them is driven by partitions", has_grids),
-        ("clumps: their bodies are moved by partitions", has_clumps),
-    ):
-        if present:
-            raise BadInput(f"one thread per grain has no {missing}; {REMEDY}")
+def refuse_grids(present: bool) -> None:
+    """Raise BadInput for grids of air, whose kernels exist for partitions only."""
+    if present:
+        raise BadInput(f"{GRIDS}; {REMEDY}")
 
 
 def refuse_too_large(capacities: Capacities) -> None:

@@ -16,6 +16,7 @@ from taichi_erosion.grains.cells import (
     row_of_cells,
     sums_of_positions,
 )
+from taichi_erosion.grains.clumps import locate_spheres
 from taichi_erosion.grains.neighbour_list import WIDE_MOST, entry_block, wants_more_than_cells
 from taichi_erosion.grains.neighbour_search import (
     is_due,
@@ -260,6 +261,13 @@ def end_rebuild(world_out: ti.template(), buffers_out: ti.template(), r, _):
         buffers_out.linked[r] = 0
 
 
+@ti.func
+def locate_sphere(world_out: ti.template(), buffers: ti.template(), r, rank):
+    """Record where the sort has put a sphere of a clump."""
+    if is_ready(world_out, r, rank):
+        locate_spheres(world_out, r, rank, rank + 1)
+
+
 def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stages, ...]:
     """Stages of a rebuild, kernel by kernel.
 
@@ -271,5 +279,6 @@ def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stages, ...]:
     count = ((clear_cell, cells + 2), (count_in_cell, grains), (sum_cells, cell_chunks), (join_cells, 1))
     sort = ((bound_cells, cell_chunks), (put_in_cell, grains), (sort_cell, cells), (move_sorted, grains))
     bound = ((sum_lists, chunks), (join_lists, 1), (bound_lists, chunks))
-    end = ((write_lists, grains), (end_rebuild, 1))
+    end: Stages = ((write_lists, grains), (end_rebuild, 1))
+    end = (*end, (locate_sphere, grains)) if world.clumped else end
     return (*begin, *count, *sort), ((count_entries, grains),), (*bound, *end)

@@ -1,5 +1,6 @@
 """One step of all replicas by the grain decomposition, and the launch of many."""
 
+from collections.abc import Iterator
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
@@ -7,6 +8,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import field_view, is_host
 from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.grains import World
+from taichi_erosion.grains.clumps import advance_clump, released_bodies
 from taichi_erosion.grains.state import REBUILD, STOP
 from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stages
 from taichi_erosion.simulation.grain_decomposition.exchange import (
@@ -20,6 +22,7 @@ from taichi_erosion.simulation.grain_decomposition.reverse_lists import link_sta
 from taichi_erosion.simulation.step import OVERLAP, required_action, tick
 
 MISSING_FUNCTION = ("does not 64bits operation", "must <= 32bits")  # of Taichi's compiler for Vulkan
+LAUNCH_MOST = 1 << 22  # threads of a launch: Vulkan devices need not start more than 65,535 groups of 128
 THREADS_MOST = 1 << 18  # of a stage of queued replicas: they are few, and each thread takes some places
 STEPS_A_REBUILD = 4  # steps between two launches that look for rebuilds; a replica waits for the next one
 
@@ -67,11 +70,21 @@ def evaluate(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.
 
 @ti.func
 def integrate_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
-    """Forces on one grain, and its motion."""
+    """Forces on one grain, and its motion; a sphere of a clump moves with its body."""
     if is_moving(world_out, buffers_out, r, rank):
         sum_pairs(world_out, buffers_out, r, rank)
         add_walls(world_out, buffers_out, r, rank)
-        move(world_out, r, rank)
+        if ti.static(not world_out.clumped):
+            move(world_out, r, rank)
+
+
+@ti.func
+def integrate_body(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, k):
+    """Motion of one clump: the forces on its spheres are summed in their order."""
+    if buffers.stepping[r] == 1 and k < released_bodies(world_out, r):
+        need = advance_clump(world_out, r, k, world_out.replicas.step[r])
+        if need != 0:
+            ti.atomic_max(world_out.replicas.need[r, 0], need)
 
 
 @ti.func
@@ -86,8 +99,9 @@ def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.
 
 def step_stages(world: World, coupling: CouplingState) -> Stages:
     """Stages of one step."""
-    motion = ((evaluate, world.pairs.capacity), (integrate_grain, world.grains.capacity), (end_step, 1))
-    return (*exchange_stages(world, coupling), *motion)
+    forces = ((evaluate, world.pairs.capacity), (integrate_grain, world.grains.capacity))
+    bodies: Stages = ((integrate_body, world.clumps.capacity),) if world.clumped else ()
+    return (*exchange_stages(world, coupling), *forces, *bodies, (end_step, 1))
 
 
 @ti.kernel
@@ -110,19 +124,42 @@ def run_queued(
 
 
 @ti.kernel
-def run_all(
+def run_part(
     # parameters
     stages: ti.template(),
+    first: ti.i32,
     # out
     world_out: ti.template(),
     coupling_out: ti.template(),
     buffers_out: ti.template(),
 ):
-    """Run stages one after the other, each for all replicas at once; it writes what they write."""
+    """Run stages one after the other, from thread `first` on; it writes what they write."""
     for stage in ti.static(stages):
         task, width = ti.static(stage)
-        for n in range(world_out.replicas.count * width):
-            task(world_out, coupling_out, buffers_out, n // width, n % width)
+        wanted = ti.static(world_out.replicas.count * width)
+        for thread in range(ti.static(min(wanted, LAUNCH_MOST))):
+            n = first + thread
+            if n < wanted:
+                task(world_out, coupling_out, buffers_out, n // width, n % width)
+
+
+def launches(stages: Stages, replicas: int) -> Iterator[tuple[Stages, int]]:
+    """Launches of stages of so many replicas, with their first threads.
+
+    One, or several for each stage where one of them has more threads than a device need start at once.
+    """
+    if all(replicas * width <= LAUNCH_MOST for _, width in stages):
+        yield stages, 0
+        return
+    for stage in stages:
+        for first in range(0, replicas * stage[1], LAUNCH_MOST):
+            yield (stage,), first
+
+
+def run_all(stages: Stages, world: World, coupling: CouplingState, buffers: GrainBuffers) -> None:
+    """Run stages one after the other, each for all replicas at once."""
+    for part, first in launches(stages, world.replicas.count):
+        run_part(part, first, world, coupling, buffers)
 
 
 @ti.func
