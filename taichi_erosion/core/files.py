@@ -121,9 +121,17 @@ def locked(part: Path) -> Iterator[BinaryIO]:
         with os.fdopen(os.open(part, os.O_RDWR | os.O_CREAT, 0o666), "r+b") as file:
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(file, fcntl.LOCK_EX)
-            if part.exists() and os.path.samestat(os.fstat(file.fileno()), part.stat()):
+            if is_named(file, part):
                 yield file
                 return
+
+
+def is_named(file: BinaryIO, path: Path) -> bool:
+    """Whether an open file is the one at a path; not where the path has been renamed away."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def write_atomic(path: Path, content: bytes) -> Path:

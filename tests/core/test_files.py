@@ -9,6 +9,7 @@ import pytest
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import (
     ListedFolder,
+    is_named,
     marked_html,
     marked_png,
     marked_toml,
@@ -102,3 +103,13 @@ def test_tables_of_a_folder_are_known_by_its_list(tmp_path):
     with pytest.raises(BadInput, match=r"README\.md: exists, and this program did not write it"):
         folder.refuse_foreign(["README.md"])
     folder.refuse_foreign(["screen.csv", "README.md"], force=True)
+
+
+def test_an_open_file_that_was_renamed_is_no_longer_at_its_path(tmp_path):
+    path = tmp_path / "runs.csv.part"
+    with path.open("wb") as file:
+        assert is_named(file, path)
+        path.rename(tmp_path / "runs.csv")
+        assert not is_named(file, path)
+        path.touch()
+        assert not is_named(file, path), "another file has the name"

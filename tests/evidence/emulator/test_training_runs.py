@@ -221,13 +221,13 @@ def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked
 RANGES = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n"
 
 
-@pytest.mark.parametrize("most", [24, 60, 150])
+@pytest.mark.parametrize("most", [24, 60])
 def test_no_command_and_not_all_of_them_together_pass_the_budget(tmp_path, asked, most):
     path = str(write(tmp_path, 1.5, text=f"{STUDY}{RANGES}[budget]\nruns = {most}\n"))
     for words in (["compare"], ["discover"], ["adopt", "rolling_resistance"], ["next"]):
         ask(words[0], path, *words[1:])
         assert 0 < len(keys(asked)) <= most
-    assert len(keys(asked)) > 0.6 * most or most == 150, "most of what may be spent is spent"
+    assert len(keys(asked)) > 0.6 * most, "most of what may be spent is spent"
 
 
 def test_a_budget_that_is_too_small_is_refused_before_the_first_run(tmp_path, asked, capsys):
