@@ -7,11 +7,12 @@ without further runs. Beyond its range a dose changes the mean less and less.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import interpolate
 
-from taichi_erosion.evidence.data.problem import Bools, Candidate, Floats, Mechanism, Numbers
+from taichi_erosion.evidence.data.problem import Bools, Candidate, Floats, Integers, Mechanism, Numbers
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import Predictor, paired_change, seed_mean
 
@@ -85,44 +86,75 @@ def row_values(curve: interpolate.PPoly, dose: Floats) -> tuple[Floats, Floats]:
     return ((a * t + b) * t + c) * t + d, (3.0 * a * t + 2.0 * b) * t + c
 
 
+@dataclass(frozen=True)
+class ModelAlongDose:
+    """The model at one setting of the calibrated numbers, asked along the dose of a mechanism."""
+
+    predictor: Predictor
+    mechanism: Mechanism
+    x: Floats
+    seeds: Integers
+
+    @cached_property
+    def bare(self) -> Floats:
+        """Values without the mechanism."""
+        return self.predictor.predict(self.x, {}, self.seeds)
+
+    def change(self, dose: float) -> Floats:
+        """Change of the mean at one dose."""
+        acting = self.predictor.predict(self.x, {self.mechanism.name: dose}, self.seeds)
+        return paired_change(acting, self.bare, self.predictor)
+
+
+def along_dose(prepared: PreparedProblem, mechanism: Mechanism, x: Floats) -> ModelAlongDose:
+    """The model of a prepared problem; what it was asked before is not computed again."""
+    candidates = (*prepared.predictor.candidates, Candidate(mechanism.name))
+    predictor = replace(prepared.predictor, candidates=candidates)
+    return ModelAlongDose(predictor, mechanism, x, prepared.seeds.signature)
+
+
 def dose_path(
-    prepared: PreparedProblem,
-    mechanism: Mechanism,
-    x: Floats,
-    like: DosePath | None = None,
-    near: Floats | None = None,
+    prepared: PreparedProblem, mechanism: Mechanism, x: Floats, near: Floats | None = None
 ) -> DosePath:
     """Path of a mechanism at one setting; doses at which the model fails are left out.
 
-    With `like` the doses asked and the change of slopes along calibrated numbers are those of that path; with
-    `near` curve and slopes are exact about the given doses.
+    With `near` curve and slopes are exact about the given doses.
     """
-    predictor = replace(
-        prepared.predictor, candidates=(*prepared.predictor.candidates, Candidate(mechanism.name)), cache={}
-    )
-    seeds = prepared.seeds.signature
-    bare = predictor.predict(x, {}, seeds)
-
-    def change(dose: float) -> Floats:
-        return paired_change(predictor.predict(x, {mechanism.name: dose}, seeds), bare, predictor)
-
-    if like is None or like.curve is None:
-        doses, table = changes_at(change, dose_nodes(mechanism))
-        if near is not None and doses.size > 1:
-            doses, table = refined(change, doses, table, prepared.sd, near)
-    else:
-        doses, table = changes_at(change, like.curve.x)
+    model = along_dose(prepared, mechanism, x)
+    doses, table = changes_at(model.change, dose_nodes(mechanism))
+    if near is not None and doses.size > 1:
+        doses, table = refined(model.change, doses, table, prepared.sd, near)
     ends = (float(doses[0]), float(doses[-1])) if doses.size else (0.0, 0.0)
-    flat = slopes_at(prepared, x)
+    flat, bare = slopes_at(prepared, x), seed_mean(model.bare)
     if doses.size < 2 or not table.any():
-        return DosePath(mechanism.name, x, seed_mean(bare), flat, None, *ends, None)
+        return DosePath(mechanism.name, x, bare, flat, None, *ends, None)
     curve = interpolate.PchipInterpolator(doses, table, axis=0)
-    if like is not None:
-        bent = like.steeper
-    else:
-        asked = around(doses, near) if near is not None else np.intersect1d(doses, dose_nodes(mechanism))
-        bent = bent_slopes(prepared, predictor, mechanism, x, asked)
-    return DosePath(mechanism.name, x, seed_mean(bare), flat, bent, *ends, curve)
+    asked = doses if near is None else around(doses, near)
+    bent = bent_slopes(prepared, model.predictor, mechanism, x, asked)
+    return DosePath(mechanism.name, x, bare, flat, bent, *ends, curve)
+
+
+def moved_path(
+    prepared: PreparedProblem, path: DosePath, x: Floats, exact: tuple[Mechanism, Floats] | None = None
+) -> DosePath:
+    """The path at calibrated numbers nearby: bare values and slopes anew, changes moved by their slopes.
+
+    With `exact` changes are exact about these doses of the mechanism, where the model does not fail.
+    """
+    assert path.curve is not None
+    nodes, table = path.curve.x, path.curve(path.curve.x)
+    if path.steeper is not None:
+        slopes = path.steeper(np.clip(nodes, path.steeper.x[0], path.steeper.x[-1]))
+        table = table + slopes @ (x - path.x)
+    if exact is not None:
+        mechanism, doses = exact
+        used = np.flatnonzero(np.isin(nodes, around(nodes, doses)))
+        used = np.arange(max(used[0] - 1, 0), min(used[-1] + 2, nodes.size))
+        good, values = changes_at(along_dose(prepared, mechanism, x).change, nodes[used])
+        table[np.isin(nodes, good)] = values
+    bare = prepared.predictor.mean(x, {}, prepared.seeds.signature)
+    curve = interpolate.PchipInterpolator(nodes, table, axis=0)
+    return replace(path, x=x, bare=bare, jacobian=slopes_at(prepared, x), curve=curve)
 
 
 def around(nodes: Floats, doses: Floats) -> Floats:

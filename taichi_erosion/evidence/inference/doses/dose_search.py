@@ -5,13 +5,13 @@ whose coefficients stay at 0.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import Working, working
-from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.inference.doses.dose_path import DosePath
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
@@ -80,6 +80,21 @@ class DoseStates:
     slope: Floats  # (k, n), of the mean along the dose
     misfit: Floats  # (k,), deviance plus priors
 
+    def only(self, chosen: Integers | Bools) -> "DoseStates":
+        """Some of the searches."""
+        return DoseStates(*(getattr(self, each.name)[chosen] for each in fields(self)))
+
+    def with_others(self, chosen: Integers, others: "DoseStates") -> "DoseStates":
+        """The same with other states of some searches."""
+        if chosen.size == self.misfit.size:
+            return others
+        columns = []
+        for each in fields(self):
+            column = getattr(self, each.name).copy()
+            column[chosen] = getattr(others, each.name)
+            columns.append(column)
+        return DoseStates(*columns)
+
 
 @dataclass(frozen=True)
 class DoseSearches:
@@ -98,6 +113,8 @@ class DoseSearches:
 
     def only(self, chosen: Integers) -> "DoseSearches":
         """Some of the searches."""
+        if chosen.size == self.size:
+            return self
         return replace(
             self,
             priors=tuple(self.priors[k] for k in chosen),
@@ -105,7 +122,7 @@ class DoseSearches:
             factors=self.factors[chosen],
         )
 
-    @property
+    @cached_property
     def origin(self) -> Floats:
         """Calibrated numbers of the path, and no shared errors."""
         return np.concatenate([self.path.x, np.zeros(self.prepared.rows.shared.shape[1])])
@@ -126,7 +143,7 @@ class DoseSearches:
 
     def head(self, fit: DoseFit) -> Floats:
         """Calibrated numbers and shared errors of another fit; no such errors where they are others."""
-        start = self.origin
+        start = self.origin.copy()
         if fit.others == start.size:
             return fit.theta[: start.size]
         start[: self.path.x.size] = fit.theta[: self.path.x.size]
@@ -157,12 +174,19 @@ class DoseSearches:
         """Best [x, s, f] from a start each."""
         theta = theta.copy()
         for part in self.parts():
-            going = part
-            for _ in range(steps):
-                theta[going], fall = self.only(going).step(theta[going])
-                going = going[fall >= ENOUGH]
-                if not going.size:
-                    break
+            theta[part] = self.only(part).descended(theta[part], steps)
+        return theta
+
+    def descended(self, theta: Floats, steps: int) -> Floats:
+        """The same of one batch."""
+        theta, states, going = theta.copy(), self.states(theta), np.arange(self.size)
+        for _ in range(steps):
+            before = states.misfit
+            theta[going], states = self.only(going).step(theta[going], states)
+            still = before - states.misfit >= ENOUGH
+            going, states = going[still], states.only(still)
+            if not going.size:
+                break
         return theta
 
     def parts(self) -> list[Integers]:
@@ -171,26 +195,25 @@ class DoseSearches:
         most = max(MOST_ENTRIES // max(entries, 1), 1)
         return [np.arange(first, min(first + most, self.size)) for first in range(0, self.size, most)]
 
-    def step(self, theta: Floats) -> tuple[Floats, Floats]:
-        """One step of every search, halved until the misfit falls, and its fall."""
-        theta, states = theta.copy(), self.states(theta)
+    def step(self, theta: Floats, states: DoseStates) -> tuple[Floats, DoseStates]:
+        """One step of every search, halved until the misfit falls, and the states there."""
         columns = self.columns(states)
         turned = np.swapaxes(columns, 1, 2)
         gradient = (turned @ states.residual[:, :, np.newaxis])[:, :, 0] - theta
         matrix = turned @ columns + np.eye(theta.shape[1])
         step = np.linalg.solve(matrix, gradient[:, :, np.newaxis])[:, :, 0]
-        fall, left = np.zeros(self.size), np.arange(self.size)
+        theta, left = theta.copy(), np.arange(self.size)
         for _ in range(HALVINGS):
             tried = theta[left] + step[left]
-            misfit = self.only(left).states(tried).misfit
-            better = misfit < states.misfit[left]
+            there = self.only(left).states(tried)
+            better = there.misfit < states.misfit[left]
             theta[left[better]] = tried[better]
-            fall[left[better]] = states.misfit[left[better]] - misfit[better]
+            states = states.with_others(left[better], there.only(better))
             left = left[~better]
             if not left.size:
                 break
             step[left] *= 0.5
-        return theta, fall
+        return theta, states
 
     def fits(self, theta: Floats) -> list[DoseFit]:
         """The linear model about [x, s, f] of every search, and its evidence."""

@@ -27,9 +27,10 @@ FOLDS = 6  # of the groups, at most
 MOST_STEPS = 60  # of one fit
 SMALL_STEP = 1e-7  # of a number over its range, for the slope of a residual
 FIRST_DAMPING, EASIER, HARDER, MOST_DAMPING = 1e-3, 0.1, 5.0, 1e9  # of a step, over the curvature [1]
-ENOUGH = 1e-9  # fall of the misfit, over it, below which a fit ends [1]
+ENOUGH = 1e-6  # fall of the misfit, over it, below which a fit ends [1]
 TINY = 1e-12  # curvature along a number that changes nothing
 ROUNDS = 12  # in which a law is fitted anew where the calibrated numbers have moved
+EXACT_ROUNDS = 3  # in which the rows are exact about the doses
 STILL = 0.02  # move below which they stay, in prior sd
 
 
@@ -168,17 +169,34 @@ def first_doses(path: DosePath) -> tuple[float, ...]:
     return tuple(dose for dose in (0.1 * path.high, 0.3 * path.low) if abs(dose) > 0.0)
 
 
-Remake = Callable[[Floats, Floats], LawRows | None]  # (calibrated numbers, doses) -> rows about them
+Remake = Callable[[Floats, Floats, DosePath | None], LawRows | None]
+"""(numbers, doses, path) -> rows about them on that path, moved there; without one, on an exact path."""
 
 
 def settled_form(prepared: PreparedProblem, fit: FittedForm, remake: Remake) -> FittedForm:
     """The same form fitted to rows made anew until its calibrated numbers stay where they were made."""
-    everything = np.ones(fit.rows.target.size, dtype=np.bool_)
+    for _ in range(EXACT_ROUNDS):
+        moved = moved_form(prepared, fit, remake)
+        if moved is fit:
+            break
+        fit = refitted(moved, remake(moved.rows.path.x, moved.doses, None))
+    return fit
+
+
+def moved_form(prepared: PreparedProblem, fit: FittedForm, remake: Remake) -> FittedForm:
+    """The same form on paths that are moved until its calibrated numbers stay; itself where they stay."""
     for _ in range(ROUNDS):
         rows = fit.rows
         x = next_numbers(prepared, rows.path, ridge(rows.columns, rows.residual(fit.doses)), STILL)
-        made = None if x is None else remake(x, fit.doses)
+        made = None if x is None else remake(x, fit.doses, rows.path)
         if made is None:
             break
-        fit = fitted_form(law_part(made, everything), fit.form, fit.numbers)
+        fit = refitted(fit, made)
     return fit
+
+
+def refitted(fit: FittedForm, rows: LawRows | None) -> FittedForm:
+    """The same form fitted to other rows, from its numbers; itself without rows."""
+    if rows is None:
+        return fit
+    return fitted_form(law_part(rows, np.ones(rows.target.size, dtype=np.bool_)), fit.form, fit.numbers)

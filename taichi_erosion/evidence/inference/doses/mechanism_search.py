@@ -46,6 +46,7 @@ from taichi_erosion.evidence.inference.doses.dose_path import (
     DosePath,
     dose_nodes,
     dose_path,
+    moved_path,
     next_numbers,
     usable,
 )
@@ -203,8 +204,8 @@ class SettledFit:
     fit: DoseFit
 
     def at(self, mechanism: Mechanism, x: Floats) -> "SettledFit":
-        """The same on a path made at other calibrated numbers; unchanged where the model fails there."""
-        return self.on(dose_path(self.prepared, mechanism, x, self.path))
+        """The same on the path at other calibrated numbers; unchanged where the model fails there."""
+        return self.on(moved_path(self.prepared, self.path, x, (mechanism, self.fit.doses)))
 
     def exact(self, mechanism: Mechanism) -> "SettledFit":
         """The same on a path that is exact about the doses."""
@@ -317,10 +318,13 @@ def law_and_doses(
     acting = {path.name: typical_dose(fit)} if path.name in declared else {}
     prepared = prepared.with_model_errors(path.x, acting)
 
-    def remake(x: Floats, dose: Floats) -> LawRows | None:
+    def remake(x: Floats, dose: Floats, like: DosePath | None) -> LawRows | None:
         if path.name not in declared:
             return None
-        made = dose_path(prepared, declared[path.name], x, near=dose)
+        if like is None:
+            made = dose_path(prepared, declared[path.name], x, near=dose)
+        else:
+            made = moved_path(prepared, like, x)
         return rows_about(prepared, made, dose) if usable(made) else None
 
     rows = rows_about(prepared, path, fit.doses[sets.index])

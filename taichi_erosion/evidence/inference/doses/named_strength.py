@@ -24,7 +24,7 @@ from taichi_erosion.evidence.data.problem import Floats, Mechanism
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.doses.dose_forms import power_form, typical
 from taichi_erosion.evidence.inference.doses.dose_laws import estimate
-from taichi_erosion.evidence.inference.doses.dose_path import dose_path, usable
+from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_path, moved_path, usable
 from taichi_erosion.evidence.inference.doses.law_fit import (
     LawRows,
     fitted_form,
@@ -102,12 +102,20 @@ def power_of(
 
 
 def strength_rows(
-    prepared: PreparedProblem, named: FittedHypothesis, condition: str, x: Floats, dose: Floats
+    prepared: PreparedProblem,
+    named: FittedHypothesis,
+    condition: str,
+    x: Floats,
+    dose: Floats,
+    like: DosePath | None = None,
 ) -> LawRows | None:
     """Rows for laws of the strength, about calibrated numbers and strengths; None without values."""
     name = named.names[0]
     most = prepared.candidate(name, named.fit.beyond).maximum
-    path = dose_path(prepared, Mechanism(name, 0.0, most), x)
+    if like is None:
+        path = dose_path(prepared, Mechanism(name, 0.0, most), x)
+    else:
+        path = moved_path(prepared, like, x)
     if not usable(path):
         return None
     rows = rows_about(prepared, path, dose, named.expansion.shared)

@@ -6,7 +6,7 @@ from scipy import optimize
 
 from taichi_erosion.evidence.data.problem import Measurements, Mechanism, Observable, Parameter, Problem
 from taichi_erosion.evidence.inference.doses.dose_forms import Form, power_form
-from taichi_erosion.evidence.inference.doses.dose_path import around, dose_nodes, dose_path
+from taichi_erosion.evidence.inference.doses.dose_path import around, dose_nodes, dose_path, moved_path
 from taichi_erosion.evidence.inference.doses.law_fit import (
     FittedForm,
     fitted_form,
@@ -30,7 +30,7 @@ def threshold(number: float, dose: np.ndarray) -> np.ndarray:
 
 
 def angle(number: float, dose: np.ndarray) -> np.ndarray:
-    return 20.0 * number - 6.0 * dose
+    return number * (20.0 - 6.0 * dose)
 
 
 MODELS = {"threshold": threshold, "angle": angle}
@@ -86,8 +86,10 @@ def settled_power(prepared: PreparedProblem, form: Form) -> FittedForm:
     path = dose_path(prepared, STRESS, np.zeros(1))
     rows = rows_about(prepared, path, np.full(prepared.rows.size, -0.3))
 
-    def remake(x, dose):
-        return rows_about(prepared, dose_path(prepared, STRESS, x, near=dose), dose)
+    def remake(x, dose, like):
+        exact = like is None
+        made = dose_path(prepared, STRESS, x, near=dose) if exact else moved_path(prepared, like, x)
+        return rows_about(prepared, made, dose)
 
     first = fitted_form(law_part(rows, np.ones(prepared.rows.size, dtype=np.bool_)), form)
     return settled_form(prepared, first, remake)
@@ -155,6 +157,15 @@ def test_a_path_is_exact_about_the_doses_that_are_asked():
         errors.append(np.max(np.abs(change + 0.5 * np.log1p(doses))[rows] / prepared.sd[rows]))
     assert errors[0] > 0.5
     assert errors[1] < 0.1
+
+
+def test_a_path_that_is_moved_is_nearly_the_one_made_there():
+    prepared, doses = prepared_power(0), np.linspace(-0.5, 1.0, SETS * len(MODELS))
+    path, there = dose_path(prepared, STRESS, np.zeros(1), near=doses), np.full(1, 0.5)
+    moved, exact = moved_path(prepared, path, there), dose_path(prepared, STRESS, there, near=doses)
+    gap, stale = ((each.change(doses)[0] - exact.change(doses)[0]) / prepared.sd for each in (moved, path))
+    assert np.max(np.abs(gap)) < 0.1 * np.max(np.abs(stale))
+    np.testing.assert_array_equal(moved.bare, exact.bare)
 
 
 def test_nodes_around_doses_hold_them_or_are_the_nearest():
