@@ -134,7 +134,7 @@ def told_changes(document: Record) -> Iterator[str]:
         yield f"{study} is there already, and its table has not changed"
     yield from told_corrections(changes)
     if changes["added"]:
-        yield f"added: row {', '.join(map(str, changes['added']))}"
+        yield f"added: row {', '.join(map(str, dict.fromkeys(changes['added'])))}"
     yield from (f"no longer there: {row}" for row in changes["removed"])
     if any(path.endswith(TIDY) for path in document["written"]):
         yield "the rows of before stay held out or fitted, and openings of the vault go on being counted"

@@ -21,7 +21,7 @@ from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Pr
 from taichi_erosion.evidence.data.tables.source_table import source_changed
 from taichi_erosion.evidence.inference.prepared_problem import NO_VALUE
 from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL, fails, least_rows, too_few_rows
-from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.models.load_study import Study, first_study
 from taichi_erosion.evidence.models.predictor import seed_mean
 
 FAR = 5.0  # sd by which every row of an observable is off that is off as a whole
@@ -89,8 +89,13 @@ def set_up_faults(
 
 
 def source_faults(study: Study) -> Iterator[SetUpFault]:
-    """The laboratory's table, where it has changed since the study was made of it."""
-    head = study.file.study
+    """The laboratory's table, where it has changed since the study was made of it.
+
+    `study new` corrects the table that adopted studies share, and writes its digest into the first of them.
+    """
+    path, first = first_study(study.path, study.file)
+    same = first.study.measurements == study.file.study.measurements and path.parent == study.path.parent
+    head = first.study if same else study.file.study
     if head.made_from and source_changed(source := study.path.parent / head.made_from, head.made_from_digest):
         words = f"{source.name} has changed since `study new`: run it again to take over the changes"
         yield SetUpFault("source_changed", "table", words, False)

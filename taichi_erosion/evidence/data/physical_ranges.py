@@ -138,7 +138,10 @@ def column_faults(
         used = scale.used(value)
         outside = f"outside {allowed.told()}" if not allowed.possible(used) else "which is unusual"
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
-        where = f"{file}: row {row.line}, {name} = {stated} is {used:g} {allowed.unit}"
+        same = stated in (f"{used:g} {allowed.unit}", f"{value:g} (no unit: {allowed.unit})")
+        where = f"{file}: row {row.line}, {name} = {stated}" + (
+            "" if same else f" is {used:g} {allowed.unit}"
+        )
         yield f"{where}, {outside}{more}; check number and unit{hint}"
 
 

@@ -238,9 +238,15 @@ def candidate_of(
 
 def results_folder(path: Path, file: StudyFile) -> Path:
     """`<stem>-results` beside the study, or beside the first of the studies that it follows."""
+    first, _ = first_study(path, file)
+    return first.with_name(f"{first.stem}-results")
+
+
+def first_study(path: Path, file: StudyFile) -> tuple[Path, StudyFile]:
+    """The study from which adoptions made this one; itself where it follows none."""
     for _ in range(LONGEST_CHAIN):
         if file.study.follows is None:
-            return path.with_name(f"{path.stem}-results")
+            return path, file
         path = path.parent / file.study.follows
         file = read_evidence_study(path)
     raise BadInput(f"{path}: study.follows = '{file.study.follows}' leads in a circle")

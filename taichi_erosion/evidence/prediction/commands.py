@@ -32,7 +32,9 @@ def predict_study(
     opened for it check the intervals; that is one opening more for each adopted model. Raises BadInput.
     """
     start = perf_counter()
-    with open_study(path if bare else adopted_study(path, options), options) as study:
+    chosen = path if bare else adopted_study(path, options)
+    with open_study(chosen, options) as study:
+        outdated = () if bare else outdated_adoption(study)
         table = read_new_conditions(at, study.file, places_of(study), study.problem.measurements)
         wanted = Wanted(table.observable, table.conditions, table.lines, table.written, table.scales)
         opened, seed = bool(study.file.adopted) and len(study.problem.vault.rows) > 0, study.file.study.seed
@@ -44,7 +46,7 @@ def predict_study(
         found, ready = answered(study, last_budget(study), question, progress)
         document = documents.record(found) | {"at": table.file, "vault_opened": opening(study, opened)}
         document |= {"faults": documents.plain([asdict(each) for each in ready.faults])}
-        document |= {"sentences": sentences(found, study, table, path)}
+        document |= {"sentences": [*sentences(found, study, table, path), *outdated]}
         return stored(ready, "predict", document | {"wall_s": perf_counter() - start}, start)
 
 
@@ -65,6 +67,17 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Path:
             return path
         path = written
     return path
+
+
+def outdated_adoption(study: Study) -> tuple[str, ...]:
+    """That an adoption answers no longer, since the study or its table has changed."""
+    last = documents.read_answer(study.results, study.path.stem, "adopt")
+    if last is None or last.get("digest") == study.digest[:12]:
+        return ()
+    effects = " and ".join(last["added"]["effects"])
+    return (
+        f"Left out: {effects}, adopted before the table or the study changed; `adopt` again takes it in.",
+    )
 
 
 def prediction_points(found: Prediction) -> Points:

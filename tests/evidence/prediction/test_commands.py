@@ -68,3 +68,12 @@ def test_python_takes_a_data_frame(study):
 def test_a_table_that_is_not_there_is_one_line(study, capsys):
     assert main(["predict", str(study), "--at", "none.csv"]) == 2
     assert "none.csv: no such file" in capsys.readouterr().err
+
+
+def test_an_adoption_before_a_change_of_the_table_is_told_to_be_left_out(study, table, capsys):
+    measured = study.with_name("heap.csv")
+    lines = measured.read_text("utf-8").splitlines(keepends=True)
+    measured.write_text("".join([*lines[:-1]]), encoding="utf-8")
+    found = predicted(capsys, study, "--at", table)
+    assert found["adopted"] == []
+    assert found["sentences"][-1].startswith("Left out: liquid_bridge, adopted before the table")

@@ -15,6 +15,7 @@ from taichi_erosion.evidence.answers import closed_form
 from taichi_erosion.evidence.answers.study_files.corrected_study import corrected_study, earlier_study
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
     TEMPLATES,
+    Diameters,
     Template,
     places_of,
     safe_grains,
@@ -156,14 +157,21 @@ def scene_study(
     found: dict[str, list[str]] = {}
     for name in names:
         found.setdefault(apparatus_of(name, wishes, interview, table.file), []).append(name)
+    if wishes.apparatus is not None and wishes.apparatus not in found:
+        others = dict.fromkeys(key for name in names for key in templates_for(name))
+        own = TEMPLATES[wishes.apparatus].observables
+        raise BadInput(
+            f"--apparatus {wishes.apparatus}: measures {', '.join(own)}, not {', '.join(names)}; say which "
+            f"column holds it (--observable 'COLUMN={own[0]}'), or name one of {', '.join(others)}"
+        )
     scenes, parameters, conditions = {}, {}, {}
     for key, own in found.items():
         template = TEMPLATES[key]
-        diameter = grain_diameter(table, template, places, interview)
+        diameters = grain_diameters(table, template, places, interview)
         grains = safe_grains(template, angles_of(table, own))
         notes = f"Made for {table.file}: {', '.join(own)}. Numbers of grains and contacts are usual ones."
         head = {"title": f"{table.file}: {template.words}", "notes": notes}
-        scenes[key] = scene_text(template, head, diameter, grains)
+        scenes[key] = scene_text(template, head, diameters, grains)
         parameters |= {number.path: number for number in template.parameters}
         for name, place in places.items():
             stated = dict.fromkeys(
@@ -205,20 +213,21 @@ def apparatus_of(observable: str, wishes: Wishes, interview: Interview, file: st
     return answer
 
 
-def grain_diameter(
+def grain_diameters(
     table: Table, template: Template, places: Mapping[str, str], interview: Interview
-) -> float:
-    """Diameter of the grains in a scene [m]: the middle of the table's, else as usual."""
+) -> Diameters:
+    """Diameters of the grains in a scene: those of the table, else as usual."""
     for place, (name, unit) in enumerate(zip(table.conditions, table.units, strict=True)):
         if places.get(name) == DIAMETER and template.varies:
             scale = scale_between(unit or "m", parse_unit("m"))
             values = [row.conditions[place] for row in table.rows if isfinite(row.conditions[place])]
             if scale is not None and values:
-                return float(f"{scale.used(median(values)):.4g}")
+                middle, largest = (float(f"{scale.used(each):.4g}") for each in (median(values), max(values)))
+                return Diameters(middle, largest)
     if template.varies:
         told = f"no column states the grain diameter: {1e3 * template.diameter:g} mm is assumed"
         interview.assumed.append(told)
-    return template.diameter
+    return Diameters(template.diameter, template.diameter)
 
 
 def angles_of(table: Table, names: Sequence[str]) -> list[float]:

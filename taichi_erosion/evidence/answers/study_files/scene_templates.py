@@ -7,15 +7,30 @@ hold many diameters.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, FRICTION_VELOCITY
 from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
+from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
+from taichi_erosion.scene.schema.scene import Gravity
 from taichi_erosion.scene.shipped import SCENES
 
+LID = (
+    1.5 * LID_LEAST
+)  # height of the lid in largest diameters: a bed of up to ten, and what hops above it [1]
+REST = 1.5 * REST_LEAST  # of sqrt(d / g) of the largest grains, at rest for so long before they sleep [1]
 FLATTER = 0.8  # of the smallest measured angle, down to which a heap is large enough for its measure [1]
 USUAL_HEAP, USUAL_SAND = 2e-3, 2.5e-4  # grain diameters where the table states none [m]
 Changes = Mapping[str, Any]  # dotted path -> value; None: the entry is left out
+
+
+@dataclass(frozen=True)
+class Diameters:
+    """Grain diameters of a table [m]."""
+
+    middle: float
+    largest: float
 
 
 @dataclass(frozen=True)
@@ -120,6 +135,16 @@ def blown_patch(diameter: float, grains: int) -> Changes:
     }
 
 
+def wind_changes(wind: Mapping[str, Any], largest: float) -> Changes:
+    """Height of the lid [m] and time before sleep [s] of a patch that suit its largest grains [m]."""
+    fit = {"height": LID * largest, "sleep_after": REST * sqrt(largest / Gravity().magnitude)}
+    return {
+        f"wind.{name}": float(f"{least:.2g}")
+        for name, least in fit.items()
+        if name in wind and float(wind[name]) < least
+    }
+
+
 HEAP = ("centroid_height", "pile_height", "radius_90", "column_height")
 TEMPLATES = {
     "cylinder": Template(
@@ -190,14 +215,18 @@ def safe_grains(template: Template, angles: Sequence[float]) -> int:
     return max(template.grains, grains_for(template.rows, FLATTER * min(angles)))
 
 
-def scene_text(template: Template, head: Mapping[str, str], diameter: float, grains: int) -> str:
+def scene_text(template: Template, head: Mapping[str, str], diameters: Diameters, grains: int) -> str:
     """The scene of a table; comments of what stays are kept."""
     import tomlkit
 
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     measured = document.pop("measured", None)
     del measured  # another laboratory's values
-    changes = {**template.changes(diameter, grains), **{f"scene.{key}": text for key, text in head.items()}}
+    changes = {
+        **template.changes(diameters.middle, grains),
+        **{f"scene.{key}": text for key, text in head.items()},
+        **wind_changes(document.get("wind", {}), diameters.largest),
+    }
     for path, value in changes.items():
         set_entry(document, path.split("."), value)
     document.get("run", {}).pop("replicas", None)

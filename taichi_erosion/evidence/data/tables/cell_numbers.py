@@ -11,7 +11,8 @@ from math import isfinite
 from typing import Literal
 
 MISSING = ("", "-", "--", "–", "—", "/", ".", "?", "*", "na", "n/a", "nan", "null", "none", "k.a.", "k. a.")
-MISSING += ("n.r.", "s/d", "not measured", "nicht gemessen", "missing", "fehlt")
+MISSING += ("n.r.", "s/d", "not measured", "nicht gemessen", "missing", "fehlt", "n.a.", "n. a.", "n.b.")
+MISSING += ("n. b.", "n.g.", "nicht bestimmt", "not determined", "non mesuré")
 UNSEEN = ("n.d.", "n. d.", "nd", "n.n.", "n. n.", "bdl", "b.d.l.", "lod", "<lod", "< lod", "<lq", "u.n.g.")
 UNSEEN += ("not detected", "nicht nachweisbar", "below detection limit", "trace", "spuren")
 NO_TRANSPORT = ("no transport", "no motion", "kein transport")
@@ -169,7 +170,10 @@ def reason(plain: str, ranges: bool = True) -> str:
     if plain.startswith("#"):
         return "is an error of the spreadsheet; correct its formula and export the table again"
     if plain.lower() in UNSEEN:
-        return "write '<' and the least value that the instrument sees"
+        return (
+            "is not measured, or not seen: leave the cell empty, or write '<' and the least value that the "
+            "instrument sees"
+        )
     if DATE.fullmatch(plain):
         return "is a date; if the spreadsheet made it of a number, set the column to text and type it again"
     if SPREAD.search(plain):

@@ -7,6 +7,7 @@ is none: without an answer the question is a fault, with what would settle it.
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from math import isnan, nan
 from statistics import median
 from typing import Literal
@@ -32,6 +33,9 @@ from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
+AGREED, REFUSED = ("yes", "y", "ja", "j", "oui", "o", "si", "sí"), ("no", "n", "nein", "non")
+NEAR_NAME = 0.6  # similarity of a typed name and a known one that is offered for it [1]
+MOST_TRIES = 3  # of an answer that names nothing known
 MOST_APART = 2.0  # ratio of the medians of two columns up to which they may hold repeats [1]
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 UNITS = {  # of the program's measures, where a heading has none
@@ -61,6 +65,13 @@ class Interview:
         if answer == guess and meaning:
             self.assumed.append(meaning)
         return answer
+
+    def agreed(self, question: str, meaning: str) -> bool:
+        """Whether the user says yes; the guess is yes. Raises BadInput for another word."""
+        answer = self.choice(f"{question} (yes or no)", "yes", meaning).lower()
+        if answer not in AGREED + REFUSED:
+            raise BadInput(f"{question}: '{answer}' is not yes or no")
+        return answer in AGREED
 
     def assume(self, meaning: str) -> None:
         """Record what was assumed without a question."""
@@ -127,7 +138,8 @@ def settled(
     nearest = f" '{column.near}' is near its heading." if column.near else ""
     question = (
         f"Column '{text}' is not known.{nearest} Type the name of a measured quantity (repose_angle, flux, "
-        f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used"
+        f"...), a place of the scene (conditions.moisture, ...), ? for a list of both, or {NOT_USED} for a "
+        "column that is not used"
     )
     if column.near:
         answer = interview.choice(question, "", "")
@@ -138,7 +150,25 @@ def settled(
         answer = interview.choice(
             question, NOT_USED, f"column '{text}' is not used: its heading says nothing known"
         )
+    for _ in range(MOST_TRIES):
+        told = unknown_name(named(column, answer), wishes)
+        if not told:
+            break
+        answer = interview.choice(f"{told} Column '{text}'", NOT_USED, "")
     return named(column, answer)
+
+
+def unknown_name(column: Column, wishes: TableWishes) -> str:
+    """Why a column as the user calls it is nothing known, and what is; empty for a known one."""
+    if column.role == "observable" and column.name not in wishes.measures:
+        known = (*wishes.measures, *known_places())
+    elif column.role == "condition" and unit_of_path(column.name.split(",")[0].strip()) is None:
+        known = known_places()
+    else:
+        return ""
+    near = get_close_matches(column.name, known, n=1, cutoff=NEAR_NAME)
+    hint = f" Did you mean '{near[0]}'?" if near else ""
+    return f"'{column.name}' is not known.{hint} Known: {', '.join(known)}."
 
 
 def near_words(column: Column) -> str:
@@ -255,8 +285,8 @@ def repeats_side_by_side(
             )
             repeats |= {column.place for column in family[1:]}
             continue
-        question = f"Columns {told}: repeats of one measurement (yes or no)"
-        if interview.choice(question, "yes", f"columns {told} are repeats of one measurement") == "yes":
+        question = f"Columns {told}: repeats of one measurement"
+        if interview.agreed(question, f"columns {told} are repeats of one measurement"):
             repeats |= {column.place for column in family[1:]}
     return [replace(column, is_repeat=column.place in repeats) for column in columns]
 

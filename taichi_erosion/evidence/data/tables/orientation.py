@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.tables.headings import read_heading
 from taichi_erosion.evidence.data.tables.interview import Interview
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
@@ -21,13 +20,10 @@ def upright(cells: Cells, interview: Interview) -> Cells:
         return cells
     question = (
         f"{cells.file}: the headings seem to stand in the first column, with one column for every sample. "
-        "Exchange rows and columns (yes or no)"
+        "Exchange rows and columns"
     )
     meaning = "rows and columns are exchanged: the headings stand in the first column"
-    answer = interview.choice(question, "yes", meaning).lower()
-    if answer not in ("yes", "y", "no", "n"):
-        raise BadInput(f"{cells.file}: '{answer}' is not yes or no")
-    return exchanged(cells) if answer.startswith("y") else cells
+    return exchanged(cells) if interview.agreed(question, meaning) else cells
 
 
 def lies_on_its_side(cells: Cells) -> bool:

@@ -6,6 +6,7 @@ What the export leaves open is found out: the code page (UTF-8, else by `charset
 
 import csv
 import io
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,8 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.tables.cell_numbers import has_decimal_comma
+from taichi_erosion.evidence.data.tables.cell_numbers import (
+    MISSING,
+    has_decimal_comma,
+    is_quantity,
+    plain_cell,
+)
 from taichi_erosion.evidence.data.tables.headings import read_heading, unit_in
+from taichi_erosion.evidence.data.tables.vocabulary import meaning_of
 from taichi_erosion.scene.file_kind import refuse_other_kind
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
@@ -62,7 +69,9 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
     comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
     mark = "decimal commas" if comma else "decimal points"
     form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
-    return Cells(name, tuple(rectangular(rows, name, separator, faults)), comma, form, separator)
+    parts, again = one_table(rows)
+    lines = with_blank_headings(parts)
+    return Cells(name, tuple(rectangular(lines, name, separator, faults)), comma, form + again, separator)
 
 
 def file_bytes(path: Path, name: str) -> bytes:
@@ -141,6 +150,54 @@ def below_titles(rows: Sequence[tuple[int, list[str]]]) -> Iterator[tuple[int, l
     yield from rows[start:]
 
 
+def one_table(rows: Sequence[tuple[int, list[str]]]) -> tuple[list[tuple[int, list[str]]], str]:
+    """The rows without titles, headings and units that stand again above more rows, and what is told."""
+    plain = [cells[: last_filled(cells)] for _, cells in rows]
+    again = [k for k in range(1, len(plain)) if plain[k] == plain[0]]
+    left_out = set(again)
+    for k in again:
+        if k > 1 and sum(map(bool, plain[k - 1])) == 1:
+            left_out.add(k - 1)
+        if plain[k + 1 : k + 2] == plain[1:2] and not any(sign.isdigit() for sign in "".join(plain[1])):
+            left_out.add(k + 1)
+    told = f", headings again in row {', '.join(str(rows[k][0]) for k in again)}" if again else ""
+    return [row for k, row in enumerate(rows) if k not in left_out], told
+
+
+def with_blank_headings(rows: Sequence[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """Rows whose blank headings, right of a measured quantity and above numbers, are numbered as it is.
+
+    So a merged heading arrives in a text.
+    """
+    if not rows:
+        return []
+    (line, heading), *others = rows
+    width = max(len(cells) for _, cells in rows)
+    filled = [*heading, *[""] * (width - len(heading))]
+    first, count = 0, 1
+    for k in range(1, width):
+        if (
+            filled[k]
+            or not numbered_column(others, k)
+            or meaning_of(read_heading(filled[first]).name)[0] != "observable"
+        ):
+            first, count = k, 1
+            continue
+        count += 1
+        filled[k] = f"{heading[first]} {count}"
+    names = set(filled)
+    filled = [f"{text} 1" if text and f"{text} 2" in names else text for text in filled]
+    return [(line, filled[: last_filled(filled)]), *others]
+
+
+def numbered_column(rows: Sequence[tuple[int, list[str]]], place: int) -> bool:
+    """Whether most cells with content of a column are numbers."""
+    cells = [row[place] for _, row in rows if place < len(row)]
+    content = [cell for cell in cells if plain_cell(cell).lower() not in MISSING]
+    numbers = [cell for cell in content if any(map(str.isdigit, cell)) and is_quantity(cell)]
+    return len(numbers) > 0.5 * len(content)
+
+
 def rectangular(
     rows: Sequence[tuple[int, list[str]]], name: str, separator: str, faults: list[str]
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
@@ -187,24 +244,43 @@ def with_unit_row(rows: Sequence[tuple[int, list[str]]]) -> list[tuple[int, list
         f"{name} [{unit}]" if name and unit and not read_heading(name).unit else name
         for name, unit in zip(heading, [*stated, *[""] * (len(heading) - len(stated))], strict=True)
     ]
+    for k, text in enumerate(merged[1:], 1):  # the unit of a merged cell stands below the first repeat alone
+        before = read_heading(merged[k - 1])
+        if before.unit and text and text == heading[k] and unnumbered(text) == unnumbered(heading[k - 1]):
+            merged[k] = f"{text} [{before.unit}]"
     return [(line, merged), *others]
 
 
+def unnumbered(heading: str) -> str:
+    """A heading without the number at its end."""
+    return re.sub(r"\s*\d+$", "", heading)
+
+
 def workbook_cells(content: bytes, name: str, faults: list[str]) -> Cells:
-    """Cells of the first sheet with content of a workbook."""
+    """Cells of the first sheet with columns of numbers of a workbook, else of the first with content."""
     sheets = [(title, rows, merged) for title, rows, merged in sheets_of(content, name) if rows]
     if not sheets:
         raise BadInput(f"{name}: its sheets are empty")
-    title, rows, merged = sheets[0]
+    tables = [sheet for sheet in sheets if holds_table(sheet[1])]
+    title, rows, merged = (tables or sheets)[0]
     texts = [value for _, values in rows for value in values if isinstance(value, str)]
     comma = has_decimal_comma(texts, "")
     mark = "," if comma else "."
     shown = [(line, [cell_text(value, mark) for value in values]) for line, values in rows]
     form = f"workbook, sheet '{title}'"
-    if len(sheets) > 1:
-        form += f" (not read: {', '.join(repr(other) for other, _, _ in sheets[1:])})"
-    below = with_merged_headings(list(below_titles(shown)), merged)
-    return Cells(name, tuple(rectangular(below, name, "", faults)), comma, form)
+    others = [repr(other) for other, _, _ in sheets if other != title]
+    if others:
+        remedy = f"; to use a table there, put its rows below those of '{title}'" if tables[1:] else ""
+        form += f" (not read: {', '.join(others)}{remedy})"
+    parts, again = one_table(list(below_titles(shown)))
+    below = with_blank_headings(with_merged_headings(parts, merged))
+    return Cells(name, tuple(rectangular(below, name, "", faults)), comma, form + again)
+
+
+def holds_table(rows: Sequence[tuple[int, list[Any]]]) -> bool:
+    """Whether a sheet has two numbers or more in a row, in two rows or more."""
+    texts = ([cell_text(value, ".") for value in values] for _, values in rows)
+    return sum(sum(is_quantity(text) for text in row if any(map(str.isdigit, text))) > 1 for row in texts) > 1
 
 
 def with_merged_headings(

@@ -43,7 +43,7 @@ def test_all_faults_of_a_study_are_told_at_once(tmp_path):
         check_study(written(tmp_path, study, table))
     told = caught.value.faults
     assert len(told) == 3
-    assert "row 2, slope = 95 deg is 95 deg, outside [-90, 90]" in told[0]
+    assert "row 2, slope = 95 deg, outside [-90, 90]" in told[0]
     assert "row 2, moisture = 180 % is 1.8 kg kg-1, outside [0, 1]" in told[1]
     assert "candidates.moonlight is not in the library" in told[2]
 

@@ -173,6 +173,17 @@ def test_a_spreadsheet_that_changed_after_the_study_is_told_until_it_is_read_aga
     assert told() == (False, False, False)
 
 
+def test_a_corrected_table_is_that_of_adopted_studies_too(folder, capsys):
+    study = folder / "sand" / "sand.toml"
+    text = study.read_text("utf-8").replace("[study]", '[study]\nfollows = "sand.toml"', 1)
+    adopted = study.with_name("sand_with_liquid_bridge.toml")
+    adopted.write_text(text, "utf-8")
+    table = written(folder, [LINES[0].replace(";0.6;5", ";0.7;5"), *LINES[1:]])
+    assert len(list(source_faults(load_study(adopted)))) == 1
+    assert main(["study", "new", str(table), "--yes", "--closed-form"]) == 0
+    assert list(source_faults(load_study(adopted))) == []
+
+
 def test_a_table_that_was_saved_again_or_is_lost_has_not_changed(folder):
     study, table = folder / "sand" / "sand.toml", folder / "sand.csv"
     table.write_bytes((HEAD + "".join(LINES)).replace("\n", "\r\n\r\n").encode("utf-8-sig"))

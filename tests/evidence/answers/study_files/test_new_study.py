@@ -11,7 +11,12 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
-from taichi_erosion.evidence.answers.study_files.scene_templates import TEMPLATES, safe_grains, scene_text
+from taichi_erosion.evidence.answers.study_files.scene_templates import (
+    TEMPLATES,
+    Diameters,
+    safe_grains,
+    scene_text,
+)
 from taichi_erosion.evidence.data.tables.column_roles import Told
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.run.checks import read_scene
@@ -370,11 +375,30 @@ def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_pa
     template = TEMPLATES[name]
     grains = safe_grains(template, [26.0])
     (tmp_path / "scene.toml").write_text(
-        scene_text(template, {"title": "t"}, template.diameter, grains), encoding="utf-8"
+        scene_text(template, {"title": "t"}, Diameters(template.diameter, template.diameter), grains),
+        encoding="utf-8",
     )
     scene = read_scene(tmp_path / "scene.toml", ())
     assert set(template.observables) <= set(scene.measure) | {"repose_angle"}
     assert grains >= template.grains
+
+
+@pytest.mark.parametrize("name", ["threshold", "impact", "saltation"])
+@pytest.mark.parametrize("largest", [0.3e-3, 1.5e-3, 5e-3])
+def test_wind_over_large_grains_has_a_lid_above_them_and_a_rest_that_tells_them_from_falling(
+    tmp_path, name, largest
+):
+    template = TEMPLATES[name]
+    text = scene_text(template, {"title": "t"}, Diameters(largest, largest), template.grains)
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    assert read_scene(tmp_path / "scene.toml", ()).wind is not None, "else a check of the scene refuses it"
+
+
+def test_an_apparatus_that_does_not_measure_the_table_is_refused_with_those_that_do(tmp_path):
+    wishes = Wishes(apparatus="drum")
+    faults = faults_of(tmp_path, GOOD.encode("cp1252"), wishes=wishes)
+    assert "measures dynamic_angle, not repose_angle" in faults[0]
+    assert "one of cylinder, funnel" in faults[0]
 
 
 def test_a_table_that_is_called_as_its_apparatus_keeps_study_and_scene_apart(tmp_path):

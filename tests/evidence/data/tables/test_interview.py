@@ -113,3 +113,70 @@ def test_scatter_of_a_quantity_that_is_not_used_is_not_that_of_another(tmp_path)
     assert roles["SD"] == "remark"
     assert [row[2] for row in rows] == ["", ""]
     assert "column 'SD' is not used: it stands behind 'shininess [mm]', which is not used" in assumed
+
+
+def test_a_merged_heading_of_a_text_stands_above_its_repeats_with_its_unit(tmp_path):
+    text = (
+        "Labor 3;;;;;\nProbe;Feuchte;Böschungswinkel;;;Bemerkung\n;%;°;;;\n"
+        "P1;0;31;32;n.b.;\nP2;1;33;34;35;Düse getauscht\n"
+    )
+    rows, roles, _ = read(tmp_path, text)
+    assert [row[1] for row in rows] == ["31", "32", "33", "34", "35"]
+    assert {row[4] for row in rows} == {"°"}
+    assert [role for heading, role in roles.items() if heading.startswith("Bösch")] == ["observable"] * 3
+
+
+def test_a_blank_heading_beside_what_is_not_measured_stays_a_fault(tmp_path):
+    text = "moisture [%];;angle of repose [deg]\n0;3;31\n1;4;33\n"
+    with pytest.raises(BadInput, match="column 2 has no heading"):
+        read(tmp_path, text)
+
+
+def test_headings_that_stand_again_begin_no_other_table(tmp_path):
+    head = "d;moisture;angle of repose\nmm;%;deg\n"
+    text = f"April;;\n{head}1;0;31\n1;1;33\n;;\nMay;;\n{head}1;0;30.5\n1;2;34\n"
+    rows, _, _ = read(tmp_path, text)
+    assert [row[1] for row in rows] == ["31", "33", "30.5", "34"]
+    assert [row[-1] for row in rows] == [f"heap.csv, row {line}" for line in (4, 5, 10, 11)]
+
+
+@pytest.mark.parametrize(("answer", "repeats"), [("y", 2), ("ja", 2), ("yes", 2), ("n", 0)])
+def test_a_yes_to_repeats_is_understood_as_people_type_it(tmp_path, answer, repeats):
+    (tmp_path / "heap.csv").write_text("moisture [%];W1 [deg];W2 [deg]\n0;31;32\n1;33;34\n", "utf-8")
+
+    def told(question: str, guess: str) -> str:
+        known = {"Column 'W": "repose_angle", "Columns 'W": answer}
+        return next((said for words, said in known.items() if question.startswith(words)), guess)
+
+    def rows() -> int:
+        wishes, interview = Wishes(closed_form=True), Interview(told)
+        return len(read_laboratory_table(tmp_path / "heap.csv", wishes, interview)[0].lines)
+
+    if repeats:
+        assert rows() == 2 * repeats
+    else:
+        with pytest.raises(BadInput, match="means repose_angle, as column"):
+            rows()
+
+
+def test_a_name_that_is_not_known_is_asked_again_with_those_that_are(tmp_path):
+    (tmp_path / "heap.csv").write_text("moisture [%];W1 [deg]\n0;31\n1;33\n", "utf-8")
+    asked = []
+
+    def told(question: str, guess: str) -> str:
+        asked.append(question)
+        if question.startswith("'repos_angel' is not known. Did you mean 'repose_angle'? Known: "):
+            return "repose_angle"
+        return "repos_angel" if question.startswith("Column 'W1") else guess
+
+    interview = Interview(told)
+    rows = read_laboratory_table(tmp_path / "heap.csv", Wishes(closed_form=True), interview)[0].lines
+    assert [row[:2] for _, row in rows] == [("repose_angle", "31"), ("repose_angle", "33")]
+    assert sum("conditions.moisture" in question for question in asked) == 2
+
+
+@pytest.mark.parametrize("heading", ["VK [%]", "CV (%)", "rel. Stabw. (%)", "RSD%"])
+def test_usual_names_of_relative_scatter_are_known(tmp_path, heading):
+    rows, roles, _ = read(tmp_path, f"moisture [%];angle of repose [deg];{heading}\n0;30;2\n1;40;3\n")
+    assert roles[heading] == "cv"
+    assert [row[2] for row in rows] == ["0.6", "1.2"]

@@ -60,6 +60,20 @@ def test_a_percentage_of_a_workbook_is_what_it_shows(tmp_path):
     assert [row for _, row in cells.lines] == [("1.6 %", "33.5")]
 
 
+def test_a_sheet_of_words_before_the_table_is_no_table(tmp_path):
+    book, content = openpyxl.Workbook(), io.BytesIO()
+    for row in (("Campaign 2026",), ("Contact", "J. Smith", "phone 0123"), ("Method", "laser sensor")):
+        book.worksheets[0].append(row)
+    for title in ("April", "May"):
+        sheet = book.create_sheet(title)
+        for row in (("moisture [%]", "angle of repose [deg]"), (0, 31), (1, 33)):
+            sheet.append(row)
+    book.save(content)
+    cells = cells_of(tmp_path, content.getvalue(), "t.xlsx")
+    assert [row for _, row in cells.lines] == [("0", "31"), ("1", "33")]
+    assert "sheet 'April' (not read: 'Sheet', 'May'; to use a table there, put its rows below" in cells.form
+
+
 def test_rows_keep_their_number_in_the_file(tmp_path):
     cells = cells_of(tmp_path, b"title\n\na;b\n1;2\n\n3;4\n")
     assert [line for line, _ in cells.rows] == [3, 4, 6]
