@@ -10,6 +10,7 @@ from typing import Any
 
 from taichi_erosion import __version__
 from taichi_erosion.benchmark.grain_cases import (
+    Size,
     device_grain_cases,
     grain_case,
     standard_grain_cases,
@@ -36,11 +37,11 @@ def cpu_runs(cores: int) -> list[tuple[str, Callable[[], Any]]]:
 
 
 def run_benchmarks(
-    progress: Callable[[float, str], None] | None = None, arch: Arch = "cpu", large: bool = False
+    progress: Callable[[float, str], None] | None = None, arch: Arch = "cpu", size: Size = "usual"
 ) -> dict[str, Any]:
-    """All cases of a CPU, or those of grains on a graphics processor; `large`: what fills one."""
+    """All cases of a CPU, or those of grains on a graphics processor in one of three sizes."""
     cores = len(os.sched_getaffinity(0))
-    on_device = [(str(case), partial(grain_case, case)) for case in device_grain_cases(arch, large)]
+    on_device = [(str(case), partial(grain_case, case)) for case in device_grain_cases(arch, size)]
     runs = cpu_runs(cores) if arch == "cpu" else on_device
     cases: list[dict[str, Any]] = []
     for index, (name, run) in enumerate(runs):

@@ -32,6 +32,7 @@ from taichi_erosion.simulation import (
 from taichi_erosion.simulation.stage_times import copy_bandwidth, stage_times
 
 Precision = Literal["f32", "f64"]
+Size = Literal["quick", "usual", "large"]  # of the cases on a graphics processor
 
 START, WIDE_START = (
     0.05,
@@ -39,6 +40,10 @@ START, WIDE_START = (
 )  # s, until contacts last and a funnel flows; of a funnel that would take a minute
 FUNNELS, WIDE_FUNNEL = (2000, 10_000), 50_000  # grains
 ENSEMBLE, FUNNELS_MANY = 32, 1000  # replicas
+QUICK_ENSEMBLE, QUICK_STEPS = (
+    4,
+    100,
+)  # replicas, and steps of a round, where a driver in software does the work
 MILLION_SIDE = 267  # grains along each period of a bed of a million
 ROUNDS = 3  # the median is reported
 TILES = ((1, 1), (5, 1), (10, 5), (10, 10))  # copies along either period: 2,016 to 201,600 grains
@@ -106,24 +111,26 @@ def standard_grain_cases(cores: int) -> list[GrainCase]:
     ]
 
 
-def device_grain_cases(arch: Arch, large: bool) -> list[GrainCase]:
-    """A bed, a funnel and an ensemble on a graphics processor; `large`: what fills one.
-
-    The former start on the CPU: a driver in software would take minutes.
-    """
-    names = ["settled bed", "funnel", "ensemble of beds"]
-    begins = [
-        after_on_cpu(START, lambda: [lattice_bed(0)]),
-        after_on_cpu(START, lambda: [filled_funnel(0, FUNNELS[1])]),
-        after_on_cpu(START, lambda: [lattice_bed(seed) for seed in range(ENSEMBLE)]),
+def device_grain_cases(arch: Arch, size: Size) -> list[GrainCase]:
+    """A bed, a funnel and an ensemble, started on the CPU; `large`: also what fills a graphics processor."""
+    quick = size == "quick"
+    beds, steps = QUICK_ENSEMBLE if quick else ENSEMBLE, QUICK_STEPS if quick else 1000
+    cases: dict[str, Callable[[], list[Setup]]] = {
+        "settled bed": lambda: [lattice_bed(0)],
+        "funnel": lambda: [filled_funnel(0, FUNNELS[0] if quick else FUNNELS[1])],
+        "ensemble of beds": lambda: [lattice_bed(seed) for seed in range(beds)],
+    }
+    found = [
+        GrainCase(name, after_on_cpu(START, setups), 1, steps=steps, arch=arch)
+        for name, setups in cases.items()
     ]
-    if large:
-        names += ["ensemble of funnels", "bed of a million"]
-        begins.append(
-            after(WIDE_START, lambda: [filled_funnel(seed, FUNNELS[0]) for seed in range(FUNNELS_MANY)])
-        )
-        begins.append(after(WIDE_START, lambda: [lattice_bed(0, MILLION_SIDE)]))
-    return [GrainCase(name, begin, 1, arch=arch) for name, begin in zip(names, begins, strict=True)]
+    if size == "large":
+        wide: dict[str, Callable[[], list[Setup]]] = {
+            "ensemble of funnels": lambda: [filled_funnel(seed, FUNNELS[0]) for seed in range(FUNNELS_MANY)],
+            "bed of a million": lambda: [lattice_bed(0, MILLION_SIDE)],
+        }
+        found += [GrainCase(name, after(WIDE_START, setups), 1, arch=arch) for name, setups in wide.items()]
+    return found
 
 
 def grain_count(sim: Simulation) -> int:

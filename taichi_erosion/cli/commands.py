@@ -378,6 +378,19 @@ def print_claim(claim: "Claim") -> None:
     typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
 
 
+def bench_size(arch: str, large: bool, quick: bool) -> str:
+    """Size of the cases on a graphics processor. Raises BadInput where there is none, or two are named."""
+    if large and quick:
+        raise BadInput("--quick or --large, not both")
+    for wanted, words in (
+        (large, "--large: 1,000 funnels and a bed of a million"),
+        (quick, "--quick: small cases"),
+    ):
+        if wanted and arch == "cpu":
+            raise BadInput(f"{words}; for --arch cuda or vulkan")
+    return "large" if large else "quick" if quick else "usual"
+
+
 @app.command(**help_of("bench"))
 def bench(
     arch: Annotated[
@@ -386,15 +399,17 @@ def bench(
     large: Annotated[
         bool, typer.Option("--large", help="Also what fills a graphics processor; not for a CPU.")
     ] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small cases, for a driver in software; not for a CPU.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Measure the speed: grain-steps per second and per core, and the time of each stage."""
-    if large and (arch or "cpu") == "cpu":
-        raise BadInput("--large: 1,000 funnels and a bed of a million; for --arch cuda or vulkan")
+    size = bench_size(arch or "cpu", large, quick)
     from taichi_erosion.benchmark import run_benchmarks
 
     with reporting("timing") as progress:
-        document = run_benchmarks(progress, **given(arch=arch, large=large or None))
+        document = run_benchmarks(progress, **given(arch=arch, size=size))
     output.print_result(document, as_json, output.print_cases)
 
 

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from taichi_erosion.benchmark.grain_cases import device_bytes, tiled_bed
+from taichi_erosion.benchmark import grain_cases
+from taichi_erosion.benchmark.grain_cases import (
+    FUNNELS,
+    QUICK_ENSEMBLE,
+    device_bytes,
+    device_grain_cases,
+    tiled_bed,
+)
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record
@@ -47,3 +54,19 @@ def test_memory_counts_fields_of_records_within_records(start_device):
     start_device(Numerics("cpu", 1))
     outer = Outer(7, ti.Vector.field(3, ti.f32, shape=10), Inner(ti.field(ti.f64, shape=(2, 5))))
     assert device_bytes(outer) == 10 * 3 * 4 + 2 * 5 * 8
+
+
+def test_quick_cases_of_a_device_are_a_bed_a_funnel_and_an_ensemble_that_start_on_the_cpu(monkeypatch):
+    begun: list[list[int]] = []
+
+    def note(_: float, setups: Any) -> None:
+        begun.append([len(setup.grains.radius) for setup in setups()])
+
+    monkeypatch.setattr(grain_cases, "after_on_cpu", note)
+    cases = device_grain_cases("vulkan", "quick")
+    bed, funnel, ensemble = begun
+    assert [case.name for case in cases] == ["settled bed", "funnel", "ensemble of beds"]
+    assert funnel[0] == pytest.approx(FUNNELS[0], rel=0.2)  # whole layers of a cone: the widest holds a fifth
+    assert ensemble == QUICK_ENSEMBLE * bed
+    usual = device_grain_cases("vulkan", "usual")
+    assert all(quick.steps < case.steps for quick, case in zip(cases, usual, strict=True))

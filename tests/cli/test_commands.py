@@ -258,6 +258,18 @@ def test_bench_prints_every_case_with_its_stages(room, capsys):
     assert all(word in printed for word in ("bed", "1.5e+07", "contacts 0.75", "rebuild 0.25", "znver3"))
 
 
+def test_bench_takes_sizes_for_devices_alone(room, capsys):
+    calls = room(
+        "taichi_erosion.benchmark", "run_benchmarks", {"cases": [], "target": "", "cores": 2, "engine": ""}
+    )
+    assert main(["bench", "--arch", "vulkan", "--quick"]) == 0
+    ((_, words),) = calls
+    assert words == {"arch": "vulkan", "size": "quick"}
+    for refused in (["--quick"], ["--large"], ["--arch", "vulkan", "--quick", "--large"]):
+        assert main(["bench", *refused]) == 2
+        assert refused[-1] in capsys.readouterr().err
+
+
 def test_repose_of_a_photograph_is_measured_within_the_crop(room, capsys, tmp_path):
     image = tmp_path / "heap.png"
     image.touch()
