@@ -14,7 +14,7 @@ import scipy
 from doe.common.cases import ROOT
 from doe.fluid_threshold.cases import BARE, FOLDER, HINDERED, MILLI, SIDE, WITH, Bed
 from doe.wind.blown_sand import OURS, THEIRS
-from doe.wind.shares import shown
+from doe.wind.shares import paired_ratio, shown
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, bracketed, pool_beds
@@ -98,14 +98,28 @@ def size_table(found: Found) -> str:
     header = ["d [mm]", "Iversen & White: u* [m/s]", "drag alone: u* [m/s]"]
     for law in KINDS.values():
         header += [f"beds, {law}", "u* [m/s]", "difference", "1 % in 5 s: u* [m/s]"]
+    header.append("among others over alone, bed by bed")
     rows = []
     for size in diameters(found):
         bare, curve = pooled(found, f"{BARE}/{size:g}"), iversen_white(MILLI * size)
         cells = [f"{size:g}", f"{curve:.3f}", "" if bare is None else shown(bare)]
         for kind in KINDS:
             cells += kind_cells(found, f"{kind}/{size:g}", curve)
-        rows.append(cells)
+        rows.append([*cells, ratio_cell(found, [size])])
+    rows.append(["all", *[""] * (len(header) - 2), ratio_cell(found, diameters(found))])
     return markdown_table(header, rows)
+
+
+def ratio_cell(found: Found, sizes: Sequence[float]) -> str:
+    """Threshold under the drag of grains among others over that of a grain alone, over beds of both."""
+    hindered, alone = (beds_of_sizes(found, kind, sizes) for kind in (HINDERED, WITH))
+    ratio, factor, count = paired_ratio(hindered, alone)
+    return f"{ratio:.2f} ({ratio / factor:.2f} to {ratio * factor:.2f})" if count > 1 else ""
+
+
+def beds_of_sizes(found: Found, kind: str, sizes: Sequence[float]) -> dict[tuple[float, int], Bracket]:
+    """Brackets of one kind of cases by diameter [mm] and seed."""
+    return {(size, seed): one for size in sizes for seed, one in found.get(f"{kind}/{size:g}", {}).items()}
 
 
 def draw(beds: Sequence[Bed], file: Path = PICTURE) -> None:

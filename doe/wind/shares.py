@@ -12,7 +12,7 @@ import csv
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from io import StringIO
 from itertools import combinations
@@ -150,7 +150,7 @@ def shown(found: Measurement) -> str:
     return f"{found.value:.3f} ({ends['low']:.3f} to {ends['high']:.3f})"
 
 
-def paired_ratio(one: dict[int, Bracket], other: dict[int, Bracket]) -> tuple[float, float, int]:
+def paired_ratio(one: Mapping[Any, Bracket], other: Mapping[Any, Bracket]) -> tuple[float, float, int]:
     """Ratio of two cases over their common beds, its factor of uncertainty at 95 %, and the beds."""
     common = sorted(set(one) & set(other))
     logs = np.log([one[seed].middle / other[seed].middle for seed in common])

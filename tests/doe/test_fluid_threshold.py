@@ -3,7 +3,8 @@
 import pytest
 
 from doe.fluid_threshold.cases import names, read_beds
-from doe.fluid_threshold.page import PAGE, found_in, iversen_white, size_table
+from doe.fluid_threshold.page import PAGE, found_in, iversen_white, ratio_cell, size_table
+from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import fill_tables
 
 # u* [m/s] of Iversen & White by diameter [mm], for grains of 2130 kg/m3 in air of 1.07 kg/m3
@@ -25,3 +26,16 @@ def test_every_bed_belongs_to_a_case_and_lies_between_two_winds():
 def test_the_page_shows_the_table_that_the_beds_make():
     text = PAGE.read_text(encoding="utf-8")
     assert fill_tables(text, {"sizes": size_table(found_in(read_beds()))}) == text
+
+
+def test_laws_are_compared_bed_by_bed():
+    starts = {1: 0.3, 2: 0.4, 3: 0.5}
+    found = {
+        f"{kind}/{size:g}": {seed: Bracket(ratio * wind, ratio * wind) for seed, wind in starts.items()}
+        for kind, ratio in (("forces", 1.0), ("hindered", 1.1))
+        for size in (0.25, 0.5)
+    }
+    # beds differ by a third, their ratio does not
+    assert ratio_cell(found, [0.25]) == ratio_cell(found, [0.25, 0.5]) == "1.10 (1.10 to 1.10)"
+    del found["hindered/0.5"]
+    assert ratio_cell(found, [0.5]) == ""
