@@ -27,10 +27,11 @@ SLOWEST = 1e-9  # slip of a law of drag [m s-1]
 
 @dataclass(frozen=True)
 class Layer:
-    """Spheres at one height."""
+    """Spheres at one height; lengths in diameters of the bed."""
 
-    centre: float  # diameters over the plane
+    centre: float  # over the plane
     number: float  # on the square of a diameter
+    size: float = 1.0  # diameter of these spheres
 
 
 LAYERS = {"quadratic": (Layer(0.5, 1.0),), "triangular": (Layer(0.5, 1.0 / sqrt(0.75)),)}
@@ -56,8 +57,14 @@ def faces_over(top: float) -> Floats:
 
 def volume_shares(layers: Sequence[Layer], faces: Floats) -> Floats:
     """Share of a sphere's volume in each cell [layer, cell]."""
-    x = np.clip(2.0 * (faces - np.array([[layer.centre] for layer in layers])), -1.0, 1.0)
+    centres, sizes = np.array([[layer.centre] for layer in layers]), sizes_of(layers)[:, None]
+    x = np.clip(2.0 * (faces - centres) / sizes, -1.0, 1.0)
     return np.diff(0.25 * (2.0 + 3.0 * x - x**3), axis=1)
+
+
+def sizes_of(layers: Sequence[Layer]) -> Floats:
+    """Diameters of the spheres of every layer over that of the bed [1]."""
+    return np.array([layer.size for layer in layers])
 
 
 def mixing_length(speed: Floats, faces: Floats, viscosity: float) -> Floats:
@@ -78,18 +85,19 @@ def mixing_length(speed: Floats, faces: Floats, viscosity: float) -> Floats:
 
 def cells_over(layers: Sequence[Layer]) -> tuple[Floats, Floats, Floats]:
     """Faces of cells [diameters], shares of the spheres in them, and void fractions [1]."""
-    faces = faces_over(max(layer.centre for layer in layers) + 0.5)
+    faces = faces_over(max(layer.centre + 0.5 * layer.size for layer in layers))
     shares = volume_shares(layers, faces)
-    numbers = np.array([layer.number for layer in layers])
-    return faces, shares, 1.0 - np.pi / 6.0 * (numbers[:, None] * shares).sum(axis=0) / np.diff(faces)
+    volumes = np.pi / 6.0 * np.array([layer.number for layer in layers]) * sizes_of(layers) ** 3
+    return faces, shares, 1.0 - (volumes[:, None] * shares).sum(axis=0) / np.diff(faces)
 
 
 def drags_of(layers: Sequence[Layer], blow: Blow) -> Floats:
-    """Drag of the steady wind on one sphere of each layer over rho u*^2 d^2 [1]."""
+    """Drag of the steady wind on one sphere of each layer over rho u*^2 d^2, d that of the bed [1]."""
     _, shares, void = cells_over(layers)
     _, speed = wind_over(layers, blow)
     slip = np.maximum(np.abs(shares @ speed), SLOWEST)
-    stream = Stream(slip, blow.diameter, AIR, AIR * blow.viscosity, shares @ void)  # pyright: ignore
+    diameters = blow.diameter * sizes_of(layers)
+    stream = Stream(slip, diameters, AIR, AIR * blow.viscosity, shares @ void)  # pyright: ignore
     return np.asarray(LAWS[blow.law](stream)) / (AIR * (blow.friction * blow.diameter) ** 2)
 
 
@@ -98,10 +106,11 @@ def wind_over(layers: Sequence[Layer], blow: Blow) -> tuple[Floats, Floats]:
     faces, shares, void = cells_over(layers)
     numbers = np.array([layer.number for layer in layers])
     places, metres = 0.5 * (faces[1:] + faces[:-1]), faces * blow.diameter
+    diameters = blow.diameter * sizes_of(layers)
     speed = blow.friction * np.sqrt(places)
     for _ in range(ROUNDS):
         slip = np.maximum(np.abs(shares @ speed), SLOWEST)
-        stream = Stream(slip, blow.diameter, AIR, AIR * blow.viscosity, shares @ void)  # pyright: ignore
+        stream = Stream(slip, diameters, AIR, AIR * blow.viscosity, shares @ void)  # pyright: ignore
         rates = LAWS[blow.law](stream) / slip  # pyright: ignore
         drag = (numbers * rates) @ shares / (AIR * blow.diameter**2)
         after = stepped(speed, void, drag, metres, blow)

@@ -12,6 +12,7 @@ import numpy as np
 from doe.common.command import words
 from doe.drag_law.claims import LAWS, Line, read_lines
 from doe.drag_law.decide import NEITHER, Judged, becomes_default, judged
+from doe.drag_law.loads import load_table, read_loads
 from doe.drag_law.measures import NORMAL, measures
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
@@ -91,6 +92,7 @@ def tables() -> dict[str, str]:
         "decision": decision(found),
         "measures": summary_table(found),
         "rows": row_table(found),
+        "loads": load_table(read_loads()),
         "claims": claim_table(read_lines()),
     }
 

@@ -5,8 +5,8 @@ python -m doe.wind.drag_laws CASE...   some anew, as flux/0.4123, impact/0.24 or
 
 The cases of `run.py` and `saturated.py` with `two_limits_hindered` in place of the `two_limits` of the scene,
 with which flux.csv, saturated.csv and fluid.csv were simulated: the winds of Creyssels et al. (2009), four
-winds over each sand, and the published soil with all forces. `python -m doe.wind.run --page` then fills the
-tables of docs/threshold.md.
+winds over each sand, and the published soil with some forces and all. `python -m doe.wind.run
+--page` then fills the tables of docs/threshold.md.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,7 @@ from taichi_erosion.verification.reference.hopping import Sand
 
 TABLE = Path(__file__).with_name("drag_laws.csv")
 LAW = 'wind.drag="two_limits_hindered"'
-SOIL = ("forces", "all forces")  # group and label of the published soil
+SOIL = "forces"  # group of the published soil
 
 Named = dict[str, tuple[str, list[Case]]]  # scene and cases of every name
 
@@ -34,8 +34,8 @@ def cases() -> Named:
     for diameter in DIAMETERS:
         blown = Blown(BARE, Sand(diameter), (LAW,))
         named[blown.name] = (SALTATION, list(saturated_cases(blown)))
-    soil = [hindered(case) for case in fluid_cases() if (case.group, case.label) == SOIL]
-    return named | {"/".join(SOIL): (FLUID, soil)}
+    soil = [hindered(case) for case in fluid_cases() if case.group == SOIL]
+    return named | {f"{SOIL}/{case.label}": (FLUID, [case]) for case in soil}
 
 
 def hindered(case: Case) -> Case:

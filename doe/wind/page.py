@@ -148,6 +148,11 @@ def sand_threshold(impact: Found, sand: str) -> Bracket | None:
     return Bracket(found.value - found.standard_error, found.value + found.standard_error)
 
 
+def of_soil(found: Found) -> Found:
+    """Cases of the published soil."""
+    return {name: case for name, case in found.items() if FLUID in case}
+
+
 def tables(doe: Path) -> dict[str, str]:
     """Tables of the page by name."""
     flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
@@ -166,6 +171,7 @@ def tables(doe: Path) -> dict[str, str]:
         "saturated": saturated_table(steady),
         "flux": flux_table(flux, fluxes),
         "laws": law_table(flux, hindered, fluxes),
+        "law_soil": fluid_table(of_soil(hindered), tunnel),
         "law_impact": impact_law_table(steady, hindered, thresholds),
         "law_stresses": stress_table(steady, hindered),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from doe.bed_wind import stokes
-from doe.bed_wind.column import LAYERS, Blow, faces_over, volume_shares, wind_over, zero_depth
+from doe.bed_wind.column import (
+    LAYERS,
+    Blow,
+    Layer,
+    cells_over,
+    drags_of,
+    faces_over,
+    volume_shares,
+    wind_over,
+    zero_depth,
+)
 
 CREEPING = 3e-4  # m2 s-1
 
@@ -41,3 +51,14 @@ def test_the_drag_of_neighbours_raises_the_zero_towards_that_of_resolved_flow(na
     resolved = {"quadratic": 0.097, "triangular": 0.083}[name]
     assert resolved < depth["two_limits_hindered"] < resolved + 0.1
     assert depth["two_limits"] > resolved + 0.4
+
+
+def test_spheres_of_two_sizes_hold_their_volume_and_carry_the_stress_of_the_lid():
+    mixed = (Layer(0.5, 0.5), Layer(0.3, 0.8, 0.6))
+    faces, _, void = cells_over(mixed)
+    volume = np.pi / 6.0 * (0.5 + 0.8 * 0.6**3)
+    assert ((1.0 - void) * np.diff(faces)).sum() == pytest.approx(volume)
+    drags = drags_of(mixed, Blow(0.3, 2.5e-4, "two_limits_hindered"))
+    # but for what the plane below takes
+    assert 0.95 < 0.5 * drags[0] + 0.8 * drags[1] < 1.0
+    assert drags[0] > drags[1]
