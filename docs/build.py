@@ -46,8 +46,8 @@ the air falls with the wind over sands up to 0.24 mm and grows over 0.5 mm and m
 until it is, those rows fail. Another law of drag does not mend it: with that of grains among others,
 `two_limits_hindered`, the air over 0.5 mm keeps 1.18, 1.21, 1.31 and 1.22 times that of the wind in which
 one grain goes on, which grows less but fails too, and that over 0.7 and 1 mm grows with the wind as much as
-without (`doe/drag_law/`). The fall over 0.25 mm is not explained. The same test of the flux over the six winds of Creyssels et al. refutes the
-cube of the wind too (`docs/threshold.md`).
+without (`doe/drag_law/`). The fall over 0.25 mm is not explained. The same test of the flux over the six
+winds of Creyssels et al. refutes the cube of the wind too (`docs/threshold.md`).
 
 V39: one grain goes on over a bed down to 0.53 of the wind that starts it, where 0.75 to 0.9 is measured.
 The fluid threshold, 0.320 (0.298 to 0.343) m/s, is at the upper end of what is asked for; it is that of two
