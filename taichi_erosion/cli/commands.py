@@ -421,11 +421,19 @@ def schema(
     study: Annotated[
         bool, typer.Option("--study", help="Of study files; default: doe/study.schema.json.")
     ] = False,
+    entry: Annotated[
+        str | None,
+        typer.Option("--entry", metavar="PATH", help="Print an entry or a section of scene files instead."),
+    ] = None,
 ) -> None:
     """Write the JSON schema of scene or study files, for completion and checks in editors."""
     from taichi_erosion.campaign.study_schema import write_study_schema
     from taichi_erosion.scene import write_schema
+    from taichi_erosion.scene.paths import meaning_of
 
+    if entry is not None:
+        typer.echo(meaning_of(entry))
+        return
     target = to or Path("doe/study.schema.json" if study else "scenes/scene.schema.json")
     if not target.parent.is_dir():
         raise BadInput(f"{target}: no folder {target.parent}; name the file with -o")

@@ -68,6 +68,7 @@ verify --json
 bench
 bench --json
 schema
+schema --entry grains.clump
 schema -o my_scenes/scene.schema.json
 schema --study
 """

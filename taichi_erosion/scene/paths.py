@@ -3,7 +3,7 @@
 import json
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import inf
@@ -87,21 +87,50 @@ def leaves(table: Any, above: str) -> Iterator[str]:
 
 
 def meaning_of(path: str) -> str:
-    """Meaning, unit and range of an entry. Raises BadInput for a path that no scene has."""
+    """Meaning, unit and range of an entry; of a section also the entries below it, one line each.
+
+    Raises BadInput for a path that no scene has.
+    """
     schema = scene_schema()
     found: Any = schema
     for key in path.split("."):
         above, found = found, descend(schema, found, key)
         if found is None:
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, entry_names(schema, above))}")
+    return "\n".join([f"{path}: {told_entry(found, 'a section')}", *lines_below(schema, found)])
+
+
+def told_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
+    """Meaning, unit, range, default and choices of an entry, as its schema states them."""
+    entry = {key: value for option in entry.get("anyOf", ()) for key, value in option.items()} | dict(entry)
     bounds = [
-        f"{name} {found[word]:g}" for name, word in (("from", "minimum"), ("to", "maximum")) if word in found
+        f"{name} {entry[word]:g}" for name, word in (("from", "minimum"), ("to", "maximum")) if word in entry
     ]
-    if isinstance(found.get("default"), (str, int, float)):
-        bounds.append(f"default {found['default']}")
-    if "enum" in found:
-        bounds.append(f"one of {', '.join(map(str, found['enum']))}")
-    return " ".join([f"{path}: {found.get('description', 'a section')}", *bounds])
+    if isinstance(entry.get("default"), (str, int, float)):
+        bounds.append(f"default {entry['default']}")
+    if "enum" in entry:
+        bounds.append(f"one of {', '.join(map(str, entry['enum']))}")
+    return " ".join(filter(None, [entry.get("description", nameless), *bounds]))
+
+
+def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
+    """One line for every entry of a section; what chooses among its forms stands before each form.
+
+    Lengths and times in nominal diameters (`NAME_d`) are left out: each has its twin in metres or seconds.
+    """
+    for option in options(schema, node):
+        within = option.get("properties", {})
+        named = option.get("additionalProperties") or next(
+            iter(option.get("patternProperties", {}).values()), None
+        )
+        if isinstance(named, dict):
+            yield "  names of your own, each a section with"
+            yield from (f"  {line}" for line in lines_below(schema, named))
+        for name, entry in within.items():
+            if "const" in entry:
+                yield f'  {name} = "{entry["const"]}", with'
+            elif not (name.endswith("_d") and name.removesuffix("_d") in within):
+                yield f"  {name}: {told_entry(entry)}".rstrip(": ")
 
 
 def descend(schema: dict[str, Any], node: dict[str, Any], key: str) -> dict[str, Any] | None:

@@ -126,6 +126,12 @@ def test_help_states_meaning_unit_and_range() -> None:
     assert "from 0 to 5" in said
     with pytest.raises(BadInput, match="no scene has"):
         meaning_of("contact.grain-grain.friction_roling")
+    clump = meaning_of("grains.clump").splitlines()
+    assert any(line.startswith("  template: ") and "tetrahedron" in line for line in clump)
+    walls = meaning_of("geometry")
+    assert 'shape = "mesh", with' in walls
+    assert "  scale: " in walls
+    assert "radius_d" not in walls
 
 
 def test_pictures_for_terminals_show_light_where_the_image_is_light() -> None:
