@@ -345,10 +345,12 @@ def control_sentence(found: Adoption) -> str:
     count = len(rows.observable) if rows is not None else 0
     limit = found.added.vault_log_score - 0.5 * levels.RIVAL_MISFIT / max(count, 1)
     controls = (found.best_wrong, found.random_wrong)
-    equal = [fit.effects[0] for fit in controls if fit is not None and fit.vault_log_score > limit]
+    good = (fit.effects[0] for fit in controls if fit is not None and fit.vault_log_score > limit)
+    equal = tuple(dict.fromkeys(good))
     if not equal:
         return ""
-    return f" {' and '.join(dict.fromkeys(equal))} does as well there: these rows do not tell them apart."
+    verb = "does" if len(equal) == 1 else "do"
+    return f" {' and '.join(equal)} {verb} as well there: these rows do not tell them apart."
 
 
 def missing_sentence(found: Adoption) -> str:

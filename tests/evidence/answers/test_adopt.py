@@ -69,6 +69,8 @@ def test_a_control_that_does_as_well_is_told():
     # three rows: a difference of 1.5 in ln density is one of 0.5 per row
     assert "bed_slope does as well there" in adoption_sentence(found)
     assert "sheltering and bed_slope" not in adoption_sentence(found)
+    both = replace(found, random_wrong=replace(far, vault_log_score=1.55))
+    assert "bed_slope and sheltering do as well there" in adoption_sentence(both)
 
 
 def test_errors_of_held_out_rows_are_those_of_a_normal_with_what_calibration_leaves_open():
