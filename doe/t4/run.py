@@ -24,6 +24,7 @@ from doe.sealed.studies import command
 from doe.t4 import closed_forms
 from doe.t4.closed_forms import ClosedForm
 from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Problem
 from taichi_erosion.evidence.models.load_study import load_study
@@ -137,10 +138,19 @@ def solve() -> None:
         found = command("discover", fold.study)
         told = (("named", found["named"]), ("group", found["group"][:1]), ("likeliest", likeliest(found)))
         reason, names = next(((word, chosen) for word, chosen in told if chosen), ("nothing acts", []))
-        adopted = command("adopt", fold.study, *names) if names else None
-        answer = {"method": method_commit(), "found": found, "reason": reason, "adopted": adopted}
+        answer = {"method": method_commit(), "found": found, "reason": reason} | adoption(fold, names)
         write_atomic(fold.answer, json.dumps(answer).encode())
         typer.echo(f"{fold.series} without {fold.source}: {found['verdict']}, {reason} {' '.join(names)}")
+
+
+def adoption(fold: Fold, names: list[str]) -> dict[str, Any]:
+    """The document of `adopt`, or what it refuses: it needs a scatter."""
+    if not names:
+        return {"adopted": None}
+    try:
+        return {"adopted": command("adopt", fold.study, *names)}
+    except BadInput as error:
+        return {"adopted": None, "refused": str(error).splitlines()[-1]}
 
 
 def form_error(form: ClosedForm, problem: Problem) -> str:
@@ -185,7 +195,7 @@ def scored_row(fold: Fold) -> dict[str, Any]:
         "p_misfit_after": number(found["p_misfit_after"]),
         "none": number(found["probabilities"].get("none", 0.0)),
         "outside_library": number(found["probabilities"].get("outside_library", 0.0)),
-        "adopted_as": answer["reason"],
+        "adopted_as": answer.get("refused", answer["reason"]),
         **(adopted_cells(adopted, problem.hidden()) if adopted else dict.fromkeys(ADOPTED, "")),
         "closed_forms": "; ".join(form_error(form, problem) for form in SERIES[fold.series].forms),
         "answer": found["sentences"][0],
