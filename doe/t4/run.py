@@ -26,7 +26,7 @@ from doe.t4.closed_forms import ClosedForm
 from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.data.problem import Floats, Measurements, Problem
+from taichi_erosion.evidence.data.problem import Integers, Problem
 from taichi_erosion.evidence.models.load_study import load_study
 
 HERE = Path(__file__).parent
@@ -153,29 +153,46 @@ def adoption(fold: Fold, names: list[str]) -> dict[str, Any]:
         return {"adopted": None, "refused": str(error).splitlines()[-1]}
 
 
+def comparable(problem: Problem) -> dict[str, tuple[Integers, int]]:
+    """Held-out rows of every observable whose value is known, and how many have a value of the model.
+
+    The error of a document counts censored rows too; they add nothing where the model keeps their limit.
+    """
+    held_out = problem.hidden()
+    start = {each.path: each.start for each in problem.parameters}
+    none = {each.name: 0.0 for each in problem.candidates}
+    named, found = np.array(held_out.observable), {}
+    for name in dict.fromkeys(held_out.observable):
+        own = np.flatnonzero(named == name)
+        at = {condition: column[own] for condition, column in held_out.conditions.items()}
+        told = own[np.isfinite(problem.model(name, at, start, none, np.array([1]))[0])]
+        found[name] = told[~held_out.censored[told]], told.size
+    return found
+
+
+def relative(squares: Mapping[str, float], problem: Problem) -> str:
+    """Root mean squared error over the mean of the held-out values, all observables together [%].
+
+    Of sums of squared errors by observable.
+    """
+    value, rows = problem.hidden().value, {name: own for name, (own, _) in comparable(problem).items()}
+    sums = [squares[name] / float(np.mean(value[own])) ** 2 for name, own in rows.items()]
+    return f"{100.0 * (sum(sums) / sum(own.size for own in rows.values())) ** 0.5:.3g}"
+
+
 def form_error(form: ClosedForm, problem: Problem) -> str:
     """Relative error of a closed form at the held-out rows."""
     held_out = problem.hidden()
-    value = form.at(problem.visible(), held_out)
-    differences = {name: held_out.value[rows] - value[rows] for name, rows in measured_rows(held_out).items()}
-    rmse = {name: float(np.sqrt(np.mean(each**2))) for name, each in differences.items()}
-    return f"{form.name}: {relative(rmse, held_out)}"
+    gap = (held_out.value - form.at(problem.visible(), held_out)) ** 2
+    squares = {name: float(np.sum(gap[own])) for name, (own, _) in comparable(problem).items()}
+    return f"{form.name}: {relative(squares, problem)}"
 
 
-def measured_rows(held_out: Measurements) -> dict[str, Floats]:
-    """Rows of every observable whose value is known."""
-    named = np.array(held_out.observable)
-    masks = {name: (named == name) & ~held_out.censored for name in dict.fromkeys(held_out.observable)}
-    return {name: np.flatnonzero(mask) for name, mask in masks.items() if mask.any()}
-
-
-def relative(rmse: Mapping[str, float], held_out: Measurements) -> str:
-    """Root mean squared error over the mean of the held-out values, all observables together [%]."""
-    rows = measured_rows(held_out)
-    squares = [
-        (rmse[name] / float(np.mean(held_out.value[own]))) ** 2 * own.size for name, own in rows.items()
-    ]
-    return f"{100.0 * (sum(squares) / sum(own.size for own in rows.values())) ** 0.5:.3g}"
+def fit_error(fit: Mapping[str, Any], problem: Problem) -> str:
+    """Relative error of an adopted model at the held-out rows."""
+    counts = {name: count for name, (_, count) in comparable(problem).items()}
+    squares = {name: rmse**2 * counts[name] for name, rmse in fit["vault_rmse"].items()}
+    return relative(squares, problem)
 
 
 def scored_row(fold: Fold) -> dict[str, Any]:
@@ -196,7 +213,7 @@ def scored_row(fold: Fold) -> dict[str, Any]:
         "none": number(found["probabilities"].get("none", 0.0)),
         "outside_library": number(found["probabilities"].get("outside_library", 0.0)),
         "adopted_as": answer.get("refused", answer["reason"]),
-        **(adopted_cells(adopted, problem.hidden()) if adopted else dict.fromkeys(ADOPTED, "")),
+        **(adopted_cells(adopted, problem) if adopted else dict.fromkeys(ADOPTED, "")),
         "closed_forms": "; ".join(form_error(form, problem) for form in SERIES[fold.series].forms),
         "answer": found["sentences"][0],
         "runs": found["runs"],
@@ -217,7 +234,7 @@ ADOPTED = (
 )
 
 
-def adopted_cells(adopted: Mapping[str, Any], held_out: Measurements) -> dict[str, str]:
+def adopted_cells(adopted: Mapping[str, Any], problem: Problem) -> dict[str, str]:
     """What adopting did to the held-out rows: misfit a row, its probability, and relative error [%]."""
     base, added, vault = adopted["base"], adopted["added"], adopted["vault"]
     strengths = (
@@ -231,8 +248,8 @@ def adopted_cells(adopted: Mapping[str, Any], held_out: Measurements) -> dict[st
         number(vault["chi2_per_row_wrong_effect"]),
         number(base["vault_p"]),
         number(added["vault_p"]),
-        relative(base["vault_rmse"], held_out),
-        relative(added["vault_rmse"], held_out),
+        fit_error(base, problem),
+        fit_error(added, problem),
     )
     return dict(zip(ADOPTED, cells, strict=True))
 

@@ -181,6 +181,8 @@ def group_sentence(found: Discovery) -> str:
     open_ones = ", ".join(name for name in found.group if name not in found.named)
     count = effects_of_group(found) - len(found.named)
     number = ("one", "two", "three", "four")[min(max(count, 1), 4) - 1]
+    if len(found.group) == 1 and not found.named:
+        return single_sentence(found)
     if found.named:
         sure = " and ".join(found.named)
         return (
@@ -190,6 +192,17 @@ def group_sentence(found: Discovery) -> str:
     return (
         f"{number.capitalize()} of {open_ones} {'are' if count > 1 else 'is'} missing; these measurements do "
         "not distinguish them."
+    )
+
+
+def single_sentence(found: Discovery) -> str:
+    """The only effect of a group, which is likelier than nothing but not sure."""
+    name, likely = found.group[0], found.probabilities
+    others = f"nothing is (probability {likely.get(NONE, 0.0):.2g}) or something outside the list is"
+    chance = f"{likely.get(name, 0.0):.2g}"
+    return (
+        f"{name} may be missing (probability {chance}); these measurements do not exclude that {others} "
+        f"({likely.get(OUTSIDE, 0.0):.2g})."
     )
 
 
@@ -233,8 +246,9 @@ def rejection_sentences(found: Discovery) -> list[str]:
         )
         return told
     told += row_sentences(None if found.worst_row is None else asdict(found.worst_row))
-    if found.worst_row is None and found.scatter_factor > 1.0:
-        told.append(f"A scatter {found.scatter_factor:.2g} times as large as stated would explain it.")
+    factor = f"{found.scatter_factor:.2g}"
+    if found.worst_row is None and found.scatter_factor > 1.0 and factor != "1":
+        told.append(f"A scatter {factor} times as large as stated would explain it.")
         if not places:
             told.append("The misfit is spread over the rows, along no condition.")
     return told

@@ -1,11 +1,12 @@
 """Folds of published series: every source once, a vault of nothing else, and their table."""
 
+import csv
 from collections import Counter
 
 import pytest
 
 from doe.t4 import run
-from doe.t4.run import SERIES, Fold, folds, likeliest, relative, write_study
+from doe.t4.run import SERIES, Fold, comparable, fit_error, folds, likeliest, relative, write_study
 from taichi_erosion.evidence.models.load_study import load_study
 
 
@@ -37,12 +38,29 @@ def test_the_likeliest_is_a_single_candidate():
     assert likeliest({"probabilities": {"none": 1.0}, "effects": {"a": {}}}) == []
 
 
-def test_an_error_is_relative_to_the_mean_of_its_observable(tmp_path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize(
+    ("series", "source", "rows", "valued"),
+    [("flux_field", "Martin Jericoacoara", 7, 11), ("impact_threshold_simulated", "Chepil 1945", 7, 7)],
+)
+def test_errors_count_rows_with_a_known_value_and_one_of_the_model(
+    series: str, source: str, rows: int, valued: int, tmp_path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr(run, "FOLDER", tmp_path)
-    fold = next(
-        fold for fold in folds() if fold.source == "Martin Oceano" and fold.series == "field_thresholds"
-    )
+    fold = next(fold for fold in folds() if (fold.series, fold.source) == (series, source))
     write_study(fold)
-    held_out = load_study(fold.study).problem.hidden()
-    means = {name: held_out.value[k] for k, name in enumerate(held_out.observable)}
-    assert relative({name: 0.1 * value for name, value in means.items()}, held_out) == "10"
+    problem = load_study(fold.study).problem
+    ((name, (own, count)),) = comparable(problem).items()
+    assert (own.size, count) == (rows, valued)
+    mean = float(problem.hidden().value[own].mean())
+    assert relative({name: rows * (0.1 * mean) ** 2}, problem) == "10"
+    # censored rows of an rms contribute nothing
+    assert fit_error({"vault_rmse": {name: 0.1 * mean * (rows / valued) ** 0.5}}, problem) == "10"
+
+
+def test_the_table_has_a_row_for_every_fold_and_its_method():
+    with run.TABLE.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["series"], row["held_out"]) for row in rows] == [
+        (fold.series, fold.source) for fold in folds()
+    ]
+    assert not any("dirty" in row["method"] for row in rows)

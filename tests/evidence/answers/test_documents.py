@@ -65,3 +65,20 @@ def test_what_comes_closest_is_told_with_what_it_leaves(found):
         "Of the list, gusts and saffman_lift comes closest: it takes away 62% of the misfit beyond chance "
         "(p = 1e-05 of what it leaves)." in told
     )
+
+
+def test_a_group_of_one_effect_is_told_as_open_and_not_as_one_of_several(found):
+    chances = {"liquid_bridge": 0.46, "none": 0.33, "outside_library": 0.2}
+    alone = replace(found, verdict="group", named=(), group=("liquid_bridge",), probabilities=chances)
+    assert (
+        "liquid_bridge may be missing (probability 0.46); these measurements do not exclude that nothing is "
+        "(probability 0.33) or something outside the list is (0.2)."
+    ) in discovery_sentences(alone)
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.04, False), (1.06, True)])
+def test_a_scatter_that_is_as_stated_explains_nothing(found, factor, told):
+    silent = replace(found, verdict="none_detected", named=(), p_misfit=1e-4, worst_row=None)
+    sentences = " ".join(discovery_sentences(replace(silent, scatter_factor=factor)))
+    assert "does not agree with the measurements" in sentences
+    assert ("as large as stated would explain it" in sentences) == told
