@@ -28,6 +28,7 @@ MOST_STEPS = 60  # of one fit
 SMALL_STEP = 1e-7  # of a number over its range, for the slope of a residual
 FIRST_DAMPING, EASIER, HARDER, MOST_DAMPING = 1e-3, 0.1, 5.0, 1e9  # of a step, over the curvature [1]
 ENOUGH = 1e-6  # fall of the misfit, over it, below which a fit ends [1]
+LEAST_DAMPING = 1e-9  # at which equations of numbers with the same slopes have a solution still [1]
 TINY = 1e-12  # curvature along a number that changes nothing
 ROUNDS = 12  # in which a law is fitted anew where the calibrated numbers have moved
 EXACT_ROUNDS = 3  # in which the rows are exact about the doses
@@ -155,7 +156,7 @@ def descended(part: LawPart, form: Form, numbers: Floats) -> FittedForm:
         fall = misfit - float(left @ left)
         if fall > 0.0:
             numbers, residual, slopes, misfit = tried, left, moved, misfit - fall
-            damping *= EASIER
+            damping = max(damping * EASIER, LEAST_DAMPING)
         else:
             damping *= HARDER
         if abs(fall) < ENOUGH * (1.0 + misfit) or damping > MOST_DAMPING:

@@ -1,5 +1,7 @@
 """Laws of doses against the exact model: least squares of all numbers at once, and integrals over a grid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import optimize
@@ -136,6 +138,21 @@ def test_the_interval_of_an_exponent_is_that_of_an_integral_over_a_grid():
     share = np.cumsum(weight) / weight.sum()
     low, high = np.interp([0.05, 0.95], share, spans[1])
     assert 3.29 * sd[1] == pytest.approx(high - low, rel=0.2)
+
+
+def test_numbers_that_do_the_same_are_fitted_together():
+    prepared = prepared_power(0)
+    one = power_form({"c": prepared.rows.conditions["c"]})
+    names, low, high = ("a", "p", "q"), (*one.low, one.low[1]), (*one.high, one.high[1])
+
+    def dose(conditions, numbers):
+        return one.dose(conditions, np.array([numbers[0], numbers[1] + numbers[2]]))
+
+    both = replace(one, names=names, low=low, high=high, dose=dose, starts=((0.5, 0.5),))
+    rows = rows_about(prepared, dose_path(prepared, STRESS, np.zeros(1)), np.full(prepared.rows.size, -0.3))
+    part = law_part(rows, np.ones(prepared.rows.size, dtype=np.bool_))
+    found = fitted_form(part, both)
+    assert found.misfit == pytest.approx(fitted_form(part, one).misfit, rel=1e-4)
 
 
 def test_slopes_of_a_form_are_its_derivatives():
