@@ -5,7 +5,7 @@
 with V the variance of the measured mean, of the declared tolerance and of the simulated mean, g the slopes
 of a row along strengths, calibrated numbers and errors that rows share, and C the covariance in which the
 visible rows leave these; errors of the model itself come with the calibrated hypothesis. The e_i are
-correlated by C; p is the chance of as large a sum with these correlations.
+correlated by C, and on one heap by its scatter; p is the chance of as large a sum with these correlations.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import HypothesisFit
+from taichi_erosion.evidence.data.heap_correlation import together
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem
 from taichi_erosion.evidence.inference.goodness_of_fit import (
@@ -68,7 +69,7 @@ def known_rows(prepared: PreparedProblem, problem: Problem) -> tuple[ComparisonR
         if name in typical:
             variance[row] = np.median(prepared.rows.variance[typical[name]])
             simulated[row] = np.median(prepared.seed_variance[typical[name]]) / prepared.seeds.scoring.size
-    rows = replace(rows, variance=np.where(rows.known, rows.variance, variance))
+    rows = together(replace(rows, variance=np.where(rows.known, rows.variance, variance)), prepared.heaps)
     return rows.rows(rows.known), simulated[rows.known]
 
 
@@ -81,13 +82,13 @@ def held_out_prediction(
     number at the end of its range stays there.
     """
     best, work = expansion.fit, prepared.working(expansion.mean)
-    scale = (work.weight / prepared.sd)[:, np.newaxis]
+    white = prepared.whitening(work)
     moving = ~projected_residual(prepared, expansion).stuck
     widths = [prepared.candidate(name, best.beyond).prior_scale for name in best.names]
     unit = np.concatenate([widths, np.ones(len(prepared.axes))]) * moving
     slopes = np.hstack([expansion.local, expansion.jacobian]) * unit
-    part = projection(slopes * scale, expansion.shared * scale)
-    sizes = projection(np.zeros((scale.size, 0)), expansion.shared * scale)
+    columns = white(expansion.shared)
+    part, sizes = projection(white(slopes), columns), projection(columns[:, :0], columns)
     found = sizes.solve(np.concatenate([work.residual, np.zeros(expansion.shared.shape[1])]))
     there = slopes_of(held, best)
     count = len(prepared.axes)
@@ -130,7 +131,7 @@ def with_held_out(best: HypothesisFit, told: HeldOutPrediction, chosen: Bools) -
     """A hypothesis with its errors on some of the held-out rows: misfit and log score per row, rms, p."""
     held, mean = told.held, np.where(chosen, told.expansion.mean, told.held.rows.z)
     variance = held.variance + np.maximum(np.diag(told.covariance), 0.0)
-    wide = replace(held, variance=variance)
+    wide = replace(held, variance=variance, rows=replace(held.rows, together=None))
     work = wide.working(mean)
     calibrated = np.diag(told.covariance) - model_variance(held, told.expansion)
     errors = RowErrors(work.residual, np.zeros(mean.size), np.maximum(calibrated, 0.0), variance)
@@ -138,7 +139,8 @@ def with_held_out(best: HypothesisFit, told: HeldOutPrediction, chosen: Bools) -
     if not chosen.any():
         return replace(best, vault_rows=table)
     scale = work.weight / wide.sd
-    correlation = told.covariance * np.outer(scale, scale)
+    covariance = told.covariance if held.rows.together is None else told.covariance + held.rows.together
+    correlation = covariance * np.outer(scale, scale)
     np.fill_diagonal(correlation, 1.0)
     names, gap = np.array(table.observable), table.measured - table.predicted
     residual = work.residual[chosen]

@@ -44,6 +44,8 @@ class ComparisonRows:
     warnings: tuple[str, ...]
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
     condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
+    heaps: tuple[Mapping[str, float], ...] = ()  # of each row: heap -> repeats on it; '' where it is unknown
+    together: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
 
     @property
     def size(self) -> int:
@@ -62,6 +64,13 @@ class ComparisonRows:
         """Rows whose noise is known."""
         return np.isfinite(self.variance)
 
+    def rescattered(self, factor: Floats) -> "ComparisonRows":
+        """The same with the variance of every row times a factor, correlations kept."""
+        together = self.together
+        if together is not None:
+            together = together * np.sqrt(np.outer(factor, factor))
+        return replace(self, variance=self.variance * factor, together=together)
+
     def rows(self, chosen: Integers | Bools) -> "ComparisonRows":
         """Some of the rows."""
         index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
@@ -79,6 +88,8 @@ class ComparisonRows:
             source=tuple(self.source[i] for i in index),
             slope=self.slope[index],
             condition_sd={name: column[index] for name, column in self.condition_sd.items()},
+            heaps=tuple(self.heaps[i] for i in index) if self.heaps else (),
+            together=None if self.together is None else self.together[np.ix_(index, index)],
         )
 
 
@@ -124,7 +135,8 @@ def merged_rows(
     shapes = scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    first, mean, total = weighted_means(z, weight, repeat_keys(table, cell, reach))
+    keys = repeat_keys(table, cell, reach)
+    first, mean, total = weighted_means(z, weight, keys)
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
@@ -149,8 +161,34 @@ def merged_rows(
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
+        heaps=heap_counts(table, repeats, keys, keys[first]) if any(table.heap) else (),
     )
     return with_condition_errors(rows, table, first), scatter
+
+
+def heaps_of(parts: Sequence[ComparisonRows]) -> tuple[Mapping[str, float], ...]:
+    """Heaps of the rows of all observables; none where they are unknown throughout."""
+    if not any(part.heaps for part in parts):
+        return ()
+    return tuple(each for part in parts for each in part.heaps or [{"": 1.0}] * part.size)
+
+
+def heap_keys(table: Measurements) -> list[str]:
+    """Key of the heap of each row: its name, group, source and conditions; empty where it is unknown."""
+    cells = zip(*table.conditions.values(), strict=True) if table.conditions else [()] * table.size
+    labels = zip(table.heap or ("",) * table.size, table.group, table.source, cells, strict=True)
+    return ["|".join(map(str, each)) if each[0] else "" for each in labels]
+
+
+def heap_counts(
+    table: Measurements, repeats: Floats, keys: np.ndarray, merged: np.ndarray
+) -> tuple[Mapping[str, float], ...]:
+    """Repeats on every heap behind each of the merged rows."""
+    counts: dict[str, dict[str, float]] = {str(key): {} for key in merged}
+    for key, heap, n in zip(keys, heap_keys(table), repeats, strict=True):
+        own = counts[str(key)]
+        own[heap] = own.get(heap, 0.0) + float(n)
+    return tuple(counts.values())
 
 
 def with_condition_errors(rows: ComparisonRows, table: Measurements, first: Integers) -> ComparisonRows:
@@ -260,4 +298,5 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
             name: np.concatenate([part.condition_sd[name] for part in parts])
             for name in parts[0].condition_sd
         },
+        heaps=heaps_of(parts),
     )

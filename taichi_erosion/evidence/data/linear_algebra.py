@@ -66,6 +66,44 @@ def stack(residual: Floats, x: Floats, shared: int) -> Floats:
 
 
 @dataclass(frozen=True)
+class Whitening:
+    """Changes of the rows in independent errors of unit variance: R^-1/2 (v / s), with V = s R s.
+
+    The symmetric root keeps every whitened row as near to its own row as can be, and a row that is correlated
+    with no other one as it is.
+
+    Reference: Kessy, Lewin & Strimmer (2018), Am. Stat. 72, 309 (ZCA-cor).
+    """
+
+    sd: Floats  # (n,), s
+    weight: Floats | None = None  # (n,), or (k, n), of censored rows the root of their curvature; None: 1
+    root: Floats | None = None  # (n, n), R^-1/2; None: no rows are correlated
+
+    @property
+    def scale(self) -> Floats:
+        """Factor of each row before correlations are removed."""
+        return 1.0 / self.sd if self.weight is None else self.weight / self.sd
+
+    def __call__(self, rows: Floats) -> Floats:
+        """Whitened rows (n,) or (n, columns); (k, n, columns) where the weights are (k, n)."""
+        if self.weight is None:
+            own = rows / (self.sd if rows.ndim == 1 else self.sd[:, np.newaxis])
+        else:
+            own = rows * (self.scale if rows.ndim == 1 else self.scale[..., np.newaxis])
+        return own if self.root is None else np.asarray(self.root @ own, dtype=np.float64)
+
+    def back(self, white: Floats) -> Floats:
+        """Rows (n,) out of whitened ones."""
+        own = white if self.root is None else np.linalg.solve(self.root, white)
+        return np.asarray((own if self.weight is None else own / self.weight) * self.sd, dtype=np.float64)
+
+    def variance(self, variance: Floats) -> Floats:
+        """Variances (n,) of whitened rows whose independent errors have these variances."""
+        own = variance * self.scale**2
+        return own if self.root is None else np.asarray(self.root**2 @ own, dtype=np.float64)
+
+
+@dataclass(frozen=True)
 class Working:
     """Censored rows as ordinary ones: same deviance, slope and curvature at this point."""
 

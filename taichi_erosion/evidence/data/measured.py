@@ -20,6 +20,7 @@ from taichi_erosion.evidence.data.tables.column_roles import Column, Told, colum
 from taichi_erosion.evidence.data.tables.headings import read_heading
 from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells, tidy_name
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.table_changes import PLACE
 from taichi_erosion.evidence.data.tables.tidy_table import Faults, Row, Table, is_tidy, pointed, tidy_table
 from taichi_erosion.evidence.data.tables.vocabulary import NEAR, plain_words
 from taichi_erosion.scene.schema.units import (
@@ -159,6 +160,7 @@ def study_measurements(
         condition_sd=errors_of_conditions(rows, scales),
         condition_set=frozenset(table.set_conditions),
         drawn=tuple(row.drawn for row in rows),
+        heap=heaps_of(rows),
     )
     notes = [*unused_notes(table, file), *ignored_notes(table, file), *error_notes(measurements)]
     return measurements, [*table.notes, *notes]
@@ -236,6 +238,24 @@ def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> di
 def group_of(row: Row, at: Mapping[str, float]) -> str:
     """Physical set-up of a row; its conditions where none is named."""
     return row.group or ", ".join(f"{value:g}" for value in at.values()) or "all"
+
+
+def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:
+    """Heap on which each row was measured; rows of several observables with one name share a heap.
+
+    It is the repeat that a table names, else the line of a laboratory's table, which may stand in the source,
+    else the set-up; '' where nothing says so.
+    """
+    lines = Counter(row.line for row in rows)
+
+    def heap(row: Row) -> str:
+        if row.repeat:
+            return f"{row.group}, repeat {row.repeat}"
+        if lines[row.line] > 1:
+            return f"row {row.line}"
+        return row.source if PLACE.fullmatch(row.source) else row.group
+
+    return tuple(map(heap, rows))
 
 
 def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str) -> str:

@@ -70,6 +70,7 @@ class Measurements:
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN or left out: exact
     condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
     drawn: tuple[Drawn, ...] = ()  # in an earlier version of the table; empty: of no row
+    heap: tuple[str, ...] = ()  # on which rows of several observables were measured; '': unknown
 
     @property
     def size(self) -> int:
@@ -94,6 +95,7 @@ class Measurements:
             condition_sd={name: column[index] for name, column in self.condition_sd.items()},
             condition_set=self.condition_set,
             drawn=tuple(self.drawn[i] for i in index) if self.drawn else (),
+            heap=tuple(self.heap[i] for i in index) if self.heap else (),
         )
 
     @property
@@ -127,6 +129,16 @@ class Uncertainty(Protocol):
     def __call__(
         self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats: ...
+
+
+@dataclass(frozen=True)
+class Replicates:
+    """Scatter of single runs of a model on the comparison scales of its observables."""
+
+    names: tuple[str, ...]
+    sd: Floats  # (k,)
+    correlation: Floats  # (k, k)
+    freedom: float  # degrees of freedom behind the correlation
 
 
 @dataclass(frozen=True)
@@ -219,6 +231,7 @@ class Problem:
     adopted: tuple[Candidate, ...] = ()  # effects already in the model; their strengths are calibrated too
     uncertainty: Uncertainty | None = None  # of the model itself; None: it has no error
     mechanisms: tuple[Mechanism, ...] = ()  # places that the model declares
+    replicates: Replicates | None = None  # of a model whose values have no scatter any more: an emulator
 
     def visible(self) -> Measurements:
         """The rows outside the vault."""

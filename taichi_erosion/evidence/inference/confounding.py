@@ -47,7 +47,7 @@ def confounded_effects(
 def absorbed_by(prepared: PreparedProblem, screened: Screen) -> dict[str, str]:
     """The calibrated number that imitates each effect best, where calibration imitates most of it."""
     best = {}
-    slopes = screened.base.jacobian / prepared.sd[:, np.newaxis]
+    slopes = prepared.white(screened.base.jacobian)
     for signature in screened.signatures:
         if signature.absorption >= ABSORBED and slopes.shape[1]:
             raw = signature.raw[signature.at(expected_strength(prepared.candidate(signature.name)))]

@@ -38,8 +38,8 @@ def fold_numbers(prepared: PreparedProblem) -> Integers:
 def fold_scores(prepared: PreparedProblem, expansion: Expansion, folds: Integers) -> Floats:
     """Log score of every fold, predicted from the others."""
     work = prepared.working(expansion.mean)
-    scale = (work.weight / prepared.sd)[:, np.newaxis]
-    design = np.hstack([expansion.local, expansion.jacobian, expansion.shared]) * scale
+    white = prepared.whitening(work)
+    design = white(np.hstack([expansion.local, expansion.jacobian, expansion.shared]))
     loose, count = expansion.local.shape[1], len(prepared.axes)
     prior = np.ones(design.shape[1])
     own = [prepared.candidate(name, expansion.fit.beyond) for name in expansion.fit.names]

@@ -114,7 +114,7 @@ def decoy_rank(
         wave = generator.standard_normal((position.shape[1], len(prepared.rows.observables))) / DECOY_LENGTH
         phase = generator.uniform(0.0, 2.0 * np.pi, len(prepared.rows.observables))
         shape = np.sin(np.einsum("ij,ji->i", position, wave[:, which]) + phase[which])
-        below = np.concatenate([shape / prepared.sd, np.zeros(residual.size - prepared.rows.size)])
+        below = np.concatenate([prepared.white(shape), np.zeros(residual.size - prepared.rows.size)])
         free = below - basis @ (basis.T @ below)
         free *= np.median(norms) / max(float(np.linalg.norm(free)), 1e-300)
         fall = 2.0 * strength * float(free @ residual) - strength**2 * float(free @ free)

@@ -129,9 +129,9 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
     found: list[tuple[str, str, float, str, tuple[Stretch, ...]]] = []
     for observable, rows in prepared.by_observable():
         if observable.name not in prepared.levels:
-            level = rows.astype(float)[:, np.newaxis] / prepared.sd[:, np.newaxis]
+            level = prepared.white(rows.astype(float)[:, np.newaxis])
             p = structure_p(left, level / np.linalg.norm(level))
-            sign = 1 if float(np.sum(left.free[rows] / prepared.sd[rows])) > 0.0 else -1
+            sign = 1 if float(level[:, 0] @ left.free) > 0.0 else -1
             whole = (Stretch(sign, None, None),)
             found.append((observable.name, LEVEL_AXIS, p, f"{direction(sign)} as a whole", whole))
         for name, column in prepared.rows.conditions.items():
@@ -267,9 +267,9 @@ def place_sentence(observable: str, axis: str, words: str, p: float) -> str:
 
 def calibration_covariance(prepared: PreparedProblem, expansion: Expansion) -> Floats:
     """Covariance of strengths, then calibrated numbers in prior sd, as the rows leave them uncertain."""
-    scale = (prepared.working(expansion.mean).weight / prepared.sd)[:, np.newaxis]
+    white = prepared.whitening(prepared.working(expansion.mean))
     slopes = np.hstack([expansion.local, expansion.jacobian])
-    part = projection(slopes * scale, expansion.shared * scale, expansion.local.shape[1])
+    part = projection(white(slopes), white(expansion.shared), expansion.local.shape[1])
     return part.covariance()[: slopes.shape[1], : slopes.shape[1]]
 
 
@@ -277,7 +277,7 @@ def shared_shift(prepared: PreparedProblem, expansion: Expansion) -> Floats:
     """Change of the mean by instruments' errors and free levels at their best; not by errors of the model."""
     work = prepared.working(expansion.mean)
     shared, count = expansion.shared, prepared.rows.shared.shape[1]
-    part = projection(np.zeros((work.residual.size, 0)), shared * (work.weight / prepared.sd)[:, np.newaxis])
+    part = projection(np.zeros((work.residual.size, 0)), prepared.whitening(work)(shared))
     sizes = part.solve(np.concatenate([work.residual, np.zeros(shared.shape[1])]))
     return shared[:, :count] @ sizes[:count]
 
@@ -354,7 +354,7 @@ def chi_square(prepared: PreparedProblem, expansion: Expansion) -> float:
 def misfit_with_shared(prepared: PreparedProblem, expansion: Expansion) -> float:
     """The same with the squared sizes of the shared errors: r^T V^-1 r."""
     work = prepared.working(expansion.mean)
-    shared = expansion.shared / prepared.sd[:, np.newaxis] * work.weight[:, np.newaxis]
+    shared = prepared.whitening(work)(expansion.shared)
     part = projection(np.zeros((work.residual.size, 0)), shared)
     free = part.free(np.concatenate([work.residual, np.zeros(shared.shape[1])]))
     return float(free @ free)

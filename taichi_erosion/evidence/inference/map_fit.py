@@ -96,7 +96,7 @@ class Objective:
         return self.prepared.predictor.mean(*self.split(position), self.seeds)
 
     def residual(self, position: Floats) -> Floats:
-        return (self.prepared.rows.z - self.mean(position)) / self.prepared.sd
+        return self.prepared.white(self.prepared.rows.z - self.mean(position))
 
     def misfit(self, position: Floats, residual: Floats) -> float:
         """Deviance + prior; infinite where the model fails."""
@@ -107,7 +107,11 @@ class Objective:
         return whole + float(prior @ prior)
 
     def jacobian(self, position: Floats, central: bool, share: float = 1.0, raw: bool = False) -> Floats:
-        """Derivatives of the whitened mean per prior sd, by finite differences that stay within bounds.
+        """Derivatives of the whitened mean per prior sd."""
+        return self.prepared.white(self.slopes(position, central, share, raw))
+
+    def slopes(self, position: Floats, central: bool, share: float = 1.0, raw: bool = False) -> Floats:
+        """Derivatives of the mean per prior sd, by finite differences that stay within bounds.
 
         Smoothed over the conditions where they are noisy, unless `raw`: a kink is in few rows.
         """
@@ -122,7 +126,7 @@ class Objective:
             if not central:
                 down, up = (at, up) if up - at >= at - down else (down, at)
             columns[:, j] = self.difference(position, j, down, up, raw) * scale
-        return columns / self.prepared.sd[:, np.newaxis]
+        return columns
 
     def difference(self, position: Floats, j: int, down: float, up: float, raw: bool) -> Floats:
         """Slope of the mean along entry j; zero where the model fails or the entry cannot move."""
@@ -226,7 +230,7 @@ def refined(
     for _ in range(MOVES if movable else 1):
         there = prepared.with_model_errors(*whole.split(position), moved=True)
         position, misfit = refine(replace(whole, prepared=there), position, steps)
-    own = there.rows.shared[:, prepared.rows.shared.shape[1] :] / prepared.sd[:, np.newaxis]
+    own = prepared.white(there.rows.shared[:, prepared.rows.shared.shape[1] :])
     return position, misfit + float(np.linalg.slogdet(np.eye(own.shape[1]) + own.T @ own)[1])
 
 
@@ -303,9 +307,8 @@ def reweighted(prepared: PreparedProblem, mean: Floats) -> PreparedProblem:
         z = rows.z[own]
         moved = np.clip(mean[own], z - NEAR * sd, z + NEAR * sd) - z
         factor[own] = np.exp(-2.0 * moved)
-    variance = rows.variance * factor
-    total = prepared.variance + variance - rows.variance
-    return replace(prepared, rows=replace(rows, variance=variance), variance=total)
+    moved = rows.rescattered(factor)
+    return replace(prepared, rows=moved, variance=prepared.variance + moved.variance - rows.variance)
 
 
 def searched(prepared: PreparedProblem) -> list[Floats]:

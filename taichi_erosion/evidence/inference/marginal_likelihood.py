@@ -16,7 +16,7 @@ import numpy as np
 from scipy import interpolate, special
 
 from taichi_erosion.evidence.data.least_squares import ColumnRows
-from taichi_erosion.evidence.data.linear_algebra import log_box, log_sum_exp, projection, stack
+from taichi_erosion.evidence.data.linear_algebra import Whitening, log_box, log_sum_exp, projection, stack
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
@@ -102,7 +102,7 @@ class ProjectedResidual:
     whole: Floats  # (n,), shared errors at their best
     stacked: Floats  # (n + p + q,), projected
     basis: Floats  # (n + p + q, p + q) of what is projected out
-    scale: Floats  # (n,), whitening factor of every row
+    white: Whitening  # of the rows about this residual
     stuck: Bools  # (effects + p,), strengths and numbers at an end of their range that would leave it
     promised: float  # misfit that the slopes promise to remove beyond what the fit has removed
 
@@ -135,9 +135,9 @@ def projected_residual(
     `released` it may, which tells whether the range is what the misfit comes from.
     """
     work = prepared.working(expansion.mean)
-    scale, loose = work.weight / prepared.sd, expansion.local.shape[1]
-    columns = np.hstack([expansion.local, expansion.jacobian]) * scale[:, np.newaxis]
-    shared = expansion.shared * scale[:, np.newaxis]
+    white, loose = prepared.whitening(work), expansion.local.shape[1]
+    columns = white(np.hstack([expansion.local, expansion.jacobian]))
+    shared = white(expansion.shared)
     x = np.concatenate([np.zeros(loose), expansion.fit.x])
     below = stack(work.residual, x, shared.shape[1])
     stuck = (
@@ -145,11 +145,12 @@ def projected_residual(
     )
     columns[:, stuck] = 0.0
     part, alone = projection(columns, shared, loose), projection(columns[:, :0], shared)
-    stacked, fixed = part.free(below), alone.free(np.delete(below, slice(scale.size, scale.size + x.size)))
+    size = work.residual.size
+    stacked, fixed = part.free(below), alone.free(np.delete(below, slice(size, size + x.size)))
     promised = (
         float(fixed @ fixed) - float(stacked @ stacked) + float(np.sum(expansion.fit.x[~stuck[loose:]] ** 2))
     )
-    return ProjectedResidual(fixed[: scale.size], stacked, part.basis, scale, stuck, promised)
+    return ProjectedResidual(fixed[:size], stacked, part.basis, white, stuck, promised)
 
 
 def outward(
@@ -192,8 +193,8 @@ def expand(prepared: PreparedProblem, best: Fit) -> Expansion:
 def slopes_of(prepared: PreparedProblem, best: Fit) -> Floats:
     """Derivative of the mean along every calibrated number, in prior sd, then every strength (n, p + k)."""
     objective = Objective(prepared, best.names, prepared.seeds.signature, best.beyond)
-    slopes = objective.jacobian(np.concatenate([best.x, best.psi]), central=not prepared.quick)
-    return slopes * prepared.sd[:, np.newaxis] / objective.scale
+    slopes = objective.slopes(np.concatenate([best.x, best.psi]), central=not prepared.quick)
+    return slopes / objective.scale
 
 
 def strength_sd(prepared: PreparedProblem, slopes: Floats, count: int) -> tuple[Floats, Floats]:
@@ -205,7 +206,7 @@ def strength_sd(prepared: PreparedProblem, slopes: Floats, count: int) -> tuple[
     loose = slopes.shape[1] - count
     if loose == 0:
         return np.zeros(0), np.zeros((count, 0))
-    white = slopes / prepared.sd[:, np.newaxis]
+    white = prepared.white(slopes)
     order = np.hstack([white[:, count:], white[:, :count]])
     covariance = projection(order, prepared.white_shared, loose).covariance()
     variance = np.diag(covariance)[:loose]
@@ -336,9 +337,9 @@ class StrengthRows:
 
 def strength_rows(prepared: PreparedProblem, expansion: Expansion) -> StrengthRows:
     """Rows of a hypothesis, whitened at noise factor 1."""
-    columns, sd = columns_of(prepared, expansion), prepared.sd[:, np.newaxis]
-    residual = ((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change) / sd
-    design = np.hstack([expansion.jacobian, expansion.shared]) / sd
+    columns = columns_of(prepared, expansion)
+    residual = prepared.white((prepared.rows.z - expansion.mean)[:, np.newaxis] - columns.change)
+    design = prepared.white(np.hstack([expansion.jacobian, expansion.shared]))
     return StrengthRows(expansion, columns, ColumnRows(design, residual, prepared.white_reach))
 
 
@@ -395,7 +396,7 @@ def likelihood(prepared: PreparedProblem, at: StrengthRows, factor: float) -> St
     volume = log_bound_share(prepared, x, change, found.sd(count)) - 0.5 * found.log_determinant
     if prepared.levels:
         volume = volume + log_level_share(found.change[own], own_covariance)
-    level = -float(np.sum(np.log(factor * prepared.sd[~prepared.rows.censored])))
+    level = -float(np.sum(np.log(factor * prepared.sd[~prepared.rows.censored]))) - prepared.log_correlation
     covariance = found.of(int(np.argmin(found.misfit)))[:count, :count]
     return StrengthLikelihood(
         level - 0.5 * misfit + volume, x + change, covariance, found.change[own], own_covariance

@@ -23,7 +23,7 @@ from math import log
 
 import numpy as np
 
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.linear_algebra import Whitening, log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, projected_residual
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
@@ -54,9 +54,13 @@ class Kernels:
         """Number of kernels."""
         return int(self.values.shape[0])
 
-    def rescaled(self, scale: Floats) -> "Kernels":
-        """The same for rows whose errors are 1 / scale (n,) times as large."""
-        roots = self.vectors * np.sqrt(self.values)[:, np.newaxis] * scale[:, np.newaxis]
+    def rescaled(self, before: Whitening, now: Whitening) -> "Kernels":
+        """The same for rows with another whitening."""
+        roots = self.vectors * np.sqrt(self.values)[:, np.newaxis]
+        if before.root is None and now.root is None:
+            roots = roots * (before.sd / now.sd)[:, np.newaxis]
+        else:
+            roots = now(np.eye(now.sd.size)) @ np.linalg.inv(before(np.eye(before.sd.size))) @ roots
         return spectra(roots @ np.swapaxes(roots, 1, 2))
 
 
@@ -87,7 +91,10 @@ def kernels(prepared: PreparedProblem) -> Kernels:
         squares.append(np.sum(squares, axis=0))
     lengths = np.array(LENGTHS)[:, np.newaxis, np.newaxis, np.newaxis]
     found = np.exp(-0.5 * np.array(squares) / lengths**2).reshape(-1, size, size)
-    return spectra(np.where(same, found, 0.0) * np.outer(height, height))
+    found = np.where(same, found, 0.0) * np.outer(height, height)
+    if prepared.white.root is not None:
+        found = prepared.white.root @ found @ prepared.white.root
+    return spectra(found)
 
 
 def squared_distance(values: Floats, length: float) -> Floats:
@@ -186,10 +193,10 @@ def linear_rows(prepared: PreparedProblem, expansion: Expansion) -> LinearRows:
     """The linear model; strengths have no prior, and what would leave its range is held at its end."""
     work, fit = prepared.working(expansion.mean), expansion.fit
     stuck = projected_residual(prepared, expansion).stuck
-    weight = (work.weight / prepared.sd)[:, np.newaxis]
-    columns = np.hstack([expansion.local, expansion.jacobian]) * weight
+    white = prepared.whitening(work)
+    columns = white(np.hstack([expansion.local, expansion.jacobian]))
     columns[:, stuck] = 0.0
-    columns = np.hstack([columns, expansion.shared * weight])
+    columns = np.hstack([columns, white(expansion.shared)])
     strengths, away = expansion.local.shape[1], np.zeros(columns.shape[1])
     away[strengths : strengths + fit.x.size] = np.where(stuck[strengths:], 0.0, fit.x)
     precision = np.ones(columns.shape[1])
@@ -206,8 +213,14 @@ def discrepancy_gain(prepared: PreparedProblem, expansion: Expansion, family: Ke
     if expansion.shared.shape[1] == prepared.rows.shared.shape[1]:
         return gains(prepared, expansion, family, factors)
     # errors of the model itself do not grow with those of the laboratory: every factor has its own balance
-    scaled = [replace(prepared, variance=factor**2 * prepared.variance) for factor in factors]
+    scaled = [scaled_errors(prepared, float(factor)) for factor in factors]
     return np.concatenate([gains(each, expansion, family, np.ones(1)) for each in scaled])
+
+
+def scaled_errors(prepared: PreparedProblem, factor: float) -> PreparedProblem:
+    """The same with all errors of rows times a factor."""
+    rows = prepared.rows.rescattered(np.full(prepared.rows.size, factor**2))
+    return replace(prepared, rows=rows, variance=factor**2 * prepared.variance)
 
 
 def gains(prepared: PreparedProblem, expansion: Expansion, family: Kernels, factors: Floats) -> Floats:

@@ -11,7 +11,13 @@ from functools import cached_property
 import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
-from taichi_erosion.evidence.data.linear_algebra import Working, projection, working
+from taichi_erosion.evidence.data.heap_correlation import (
+    HeapCorrelation,
+    heap_correlation,
+    replicates_of,
+    together,
+)
+from taichi_erosion.evidence.data.linear_algebra import Whitening, Working, projection, working
 from taichi_erosion.evidence.data.measurement_noise import NoiseLevelPrior, noise_level_prior
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -66,6 +72,7 @@ class PreparedProblem:
     warnings: tuple[str, ...]
     levels: tuple[str, ...] = ()  # observables of free level: the first columns of the shared errors
     condition_errors: ConditionErrors | None = None  # None: every condition is exact
+    heaps: HeapCorrelation | None = None  # None: every row counts as measured on heaps of its own
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -93,9 +100,35 @@ class PreparedProblem:
         return np.sqrt(self.variance)
 
     @cached_property
+    def correlation(self) -> Floats | None:
+        """Correlation (n, n) of the errors of rows, beside errors that they share; None: they have none."""
+        if self.rows.together is None:
+            return None
+        return self.rows.together / np.outer(self.sd, self.sd) + np.eye(self.sd.size)
+
+    @cached_property
+    def white(self) -> Whitening:
+        """Whitening of the rows, censored ones as ordinary ones."""
+        if self.correlation is None:
+            return Whitening(self.sd)
+        values, vectors = np.linalg.eigh(self.correlation)
+        return Whitening(self.sd, root=(vectors / np.sqrt(values)) @ vectors.T)
+
+    def whitening(self, work: Working) -> Whitening:
+        """Whitening of the rows about a residual; no censored row is correlated with others."""
+        return replace(self.white, weight=work.weight)
+
+    @cached_property
+    def log_correlation(self) -> float:
+        """Half of ln |R|: what correlations of rows add to the ln of the volume of their errors."""
+        if self.correlation is None:
+            return 0.0
+        return 0.5 * float(np.linalg.slogdet(self.correlation)[1])
+
+    @cached_property
     def white_shared(self) -> Floats:
-        """Errors that rows share (n, q), in sd of each row."""
-        return self.rows.shared / self.sd[:, np.newaxis]
+        """Errors that rows share (n, q), whitened."""
+        return self.white(self.rows.shared)
 
     @cached_property
     def white_reach(self) -> Floats:
@@ -108,7 +141,7 @@ class PreparedProblem:
 
     def working(self, mean: Floats) -> Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
-        return working((self.rows.z - mean) / self.sd, self.white_reach)
+        return working(self.white(self.rows.z - mean), self.white_reach)
 
     @property
     def has_model_errors(self) -> bool:
@@ -150,7 +183,7 @@ class PreparedProblem:
         if not np.all(np.isfinite(mean)):
             return None
         work = self.working(mean)
-        columns = self.white_shared * work.weight[:, np.newaxis]
+        columns = self.whitening(work)(self.rows.shared)
         part = projection(np.zeros((mean.size, 0)), columns)
         return part.solve(np.concatenate([work.residual, np.zeros(columns.shape[1])]))
 
@@ -260,7 +293,10 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     variance = seed_variance(values, rows.which) if noisy else np.zeros(rows.size)
     seeds = Seeds(*(draw_seeds(generator, count) for count in seed_counts(problem, rows, variance, noisy)))
     failed = ~np.isfinite(seed_mean(values))
-    warnings = list(rows.warnings)
+    replicates = replicates_of(rows, values) if noisy and rows.heaps else problem.replicates
+    heaps = heap_correlation(rows, table, replicates)
+    rows = together(rows, heaps)
+    warnings = [*rows.warnings, *(heaps.sentences if heaps is not None else ())]
     if failed.all() and rows.size:
         warnings.append(f"{NO_VALUE} any condition with the start values")
     if failed.any():
@@ -274,7 +310,16 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     prior = noise_level_prior(rows.freedom)
     errors = condition_errors(rows)
     return PreparedProblem(
-        problem, rows, predictor, seeds, variance, total, prior, tuple(warnings), condition_errors=errors
+        problem,
+        rows,
+        predictor,
+        seeds,
+        variance,
+        total,
+        prior,
+        tuple(warnings),
+        condition_errors=errors,
+        heaps=heaps,
     )
 
 

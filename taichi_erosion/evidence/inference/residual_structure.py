@@ -104,7 +104,7 @@ def varying_number(prepared: PreparedProblem, base: Expansion) -> VaryingNumber 
     excess = float(left.free @ left.free) - freedom(left)
     best: VaryingNumber | None = None
     for name, axis in condition_axes(prepared).items():
-        columns = base.jacobian * axis[:, np.newaxis] * left.scale[:, np.newaxis]
+        columns = left.white(base.jacobian * axis[:, np.newaxis])
         falls = misfit_fall(left, columns)
         for j, fall in enumerate(falls):
             share = min(float(fall) / max(excess, 1.0), 1.0)
@@ -137,7 +137,7 @@ def scaling(
     logs = np.log(values / np.exp(np.mean(np.log(values))))
     exponents = np.where(np.abs(EXPONENTS) < 1e-9, 1e-3, EXPONENTS)
     shape[rows] = np.exp(np.outer(logs, exponents))
-    fall = misfit_fall(left, shape / prepared.sd[:, np.newaxis])
+    fall = misfit_fall(left, prepared.white(shape))
     kept = EXPONENTS[fall > fall.max() - FALL]
     if (
         kept[0] <= EXPONENTS[0]
@@ -189,7 +189,7 @@ def best_law(prepared: PreparedProblem, left: ProjectedResidual, rows: Bools, ob
         return None
     columns = np.column_stack([term_column(prepared, rows, term) for term in terms])
     columns[~np.isfinite(columns)] = 0.0
-    white = columns / prepared.sd[:, np.newaxis]
+    white = prepared.white(columns)
     ranked = [int(i) for i in np.argsort(-misfit_fall(left, white))][:FIRST_TERMS]
     folds = fold_numbers(prepared)
 

@@ -152,7 +152,7 @@ def comparison_grid(
     """
 
     def white(grid: Floats) -> Floats:
-        return smooth_path(prepared, path.nodes, path.change, 0.0, grid) * left.scale
+        return left.white(smooth_path(prepared, path.nodes, path.change, 0.0, grid).T).T
 
     top = float(path.nodes[-1])
     unit = min(expected_strength(candidate), top)
@@ -177,7 +177,7 @@ def signature(
     grid, raw = comparison_grid(prepared, candidate, path, left)
     free = left.project_signature(raw)
     at = int(np.argmin(np.abs(grid - expected_strength(candidate))))
-    variance = None if path.variance is None else path.variance * left.scale**2
+    variance = None if path.variance is None else left.white.variance(path.variance)
     norm, absorption, noise = denoised_norm(raw[at], free[at], left.row_basis, variance)
     prior = log_prior(grid, candidate.prior_scale, float(grid[-1]))
     return Signature(candidate.name, grid, prior, raw, free, norm, absorption, noise)

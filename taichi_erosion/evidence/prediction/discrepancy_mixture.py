@@ -9,9 +9,10 @@ emulator), a discrepancy of each observable,
 
     delta ~ GP(0, (a t)^2 exp(-d^2 / 2 l^2)),    d^2 summed over the conditions, in sd of each
 
-in units of the typical error t of a row, and eps of variance f^2 v. The amplitude a (0 with prior probability
-0.2) and the length l of each observable and the factor f are drawn from their posterior by Gibbs sampling on
-a grid; the prediction is the mixture of the normal distributions given each draw.
+in units of the typical error t of a row, and eps of variance f^2 v, correlated within one heap. The
+amplitude a (0 with prior probability 0.2) and the length l of each observable and the factor f are drawn from
+their posterior by Gibbs sampling on a grid; the prediction is the mixture of the normal distributions given
+each draw.
 
 Reference: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425.
 """
@@ -49,6 +50,7 @@ class JointRows:
     which: Integers  # (n + m,) observable of each row
     typical: Floats  # (observables,) t
     noise: NoiseLevelPrior = field(repr=False)  # of f
+    together: Floats | None = None  # (n, n) covariance of fitted rows of one heap, diagonal 0; None: none
 
     @property
     def fitted(self) -> int:
@@ -83,14 +85,17 @@ class JointRows:
         return total
 
     def error(self, factor: int) -> Floats:
-        """Variance of the fitted rows at one noise factor."""
-        return np.asarray(self.noise.factor[factor] ** 2 * self.variance)
+        """Covariance of the scatter of the fitted rows at one noise factor."""
+        whole = np.diag(self.variance)
+        return np.asarray(
+            self.noise.factor[factor] ** 2 * (whole if self.together is None else whole + self.together)
+        )
 
 
 def log_likelihood(rows: JointRows, state: State) -> float:
     """Ln probability of the fitted rows at one choice of discrepancies and noise factor."""
     n, (choices, factor) = rows.fitted, state
-    covariance = (rows.base + rows.discrepancy(choices))[:n, :n] + np.diag(rows.error(factor))
+    covariance = (rows.base + rows.discrepancy(choices))[:n, :n] + rows.error(factor)
     triangle = linalg.cholesky(covariance, lower=True, check_finite=False)
     white = linalg.solve_triangular(triangle, rows.residual, lower=True, check_finite=False)
     return float(-0.5 * white @ white - np.sum(np.log(np.diag(triangle))))
@@ -202,7 +207,7 @@ def given_state(rows: JointRows, state: State) -> dict[str, tuple[Floats, Floats
     n, (choices, factor) = rows.fitted, state
     covariances = {**rows.fixed, "discrepancy": rows.discrepancy(choices)}
     total = np.asarray(sum(covariances.values()))
-    precision = np.linalg.inv(total[:n, :n] + np.diag(rows.error(factor)))
+    precision = np.linalg.inv(total[:n, :n] + rows.error(factor))
     solved = precision @ rows.residual
 
     def conditional(covariance: Floats) -> tuple[Floats, Floats]:

@@ -148,8 +148,9 @@ def joint(
     sds = [prepared.sd[prepared.rows.which == k] for k in range(len(prepared.rows.observables))]
     typical = [float(np.median(own)) if own.size else 1.0 for own in sds]
     rows = JointRows(
-        residual=work.residual / work.weight * prepared.sd + start[:n],
+        residual=prepared.whitening(work).back(work.residual) + start[:n],
         variance=(prepared.sd / work.weight) ** 2,
+        together=prepared.rows.together,
         mean=np.nan_to_num(mean[n:]) - start[n:],
         parts={
             "calibration": jacobian,
@@ -194,6 +195,7 @@ def with_new_rows(prepared: PreparedProblem, wanted: Wanted) -> PreparedProblem:
         group=(*rows.group, *([""] * m)),
         source=(*rows.source, *([""] * m)),
         slope=np.append(rows.slope, np.zeros(m)),
+        together=None,
     )
     predictor = prepared.predictor.over(joined.observables, joined.which, joined.conditions)
     return replace(

@@ -5,10 +5,11 @@ may stand in its heading, `slope [rad]`: its numbers are converted to the unit o
 scene that of the entry, in a model function SI. Without one they are in that unit already. `value` is the
 mean of `n` repeats and `sd` the standard deviation of single repeats. A censored value is one of which only
 limits are known: `<x`, and `no transport` or an empty cell where the instrument saw nothing; `>x`; `20..25`
-or `20 to 25`. Rows that repeat observable, group, source and conditions are repeats of one another. A column
-`sd of CONDITION` is the standard deviation of the error with which a condition was measured, `sd of set
-CONDITION` that of the true value about the one to which it was set; empty: it is exact. `vault` says whether
-a row was held out when rows were drawn (`held_out_rows.py`).
+or `20 to 25`. Rows that repeat observable, group, source and conditions are repeats of one another;
+`replicate` (or `repeat`) says which rows of several observables are of one heap. A column `sd of CONDITION`
+is the standard deviation of the error with which a condition was measured, `sd of set CONDITION` that of the
+true value about the one to which it was set; empty: it is exact. `vault` says whether a row was held out when
+rows were drawn (`held_out_rows.py`).
 """
 
 import re
@@ -27,7 +28,8 @@ from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
 OPTIONAL = ("sd", "n", "group", "source", "vault")
-REMARKS = ("note", "notes", "comment", "remark", "remarks", "replicate", "repeat", "date")
+REPEATS = ("replicate", "repeat")  # columns that name the heap
+REMARKS = ("note", "notes", "comment", "remark", "remarks", *REPEATS, "date")
 CENSORED = ("", "no transport")  # values of a censored row
 HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
@@ -64,6 +66,7 @@ class Row:
     )  # of a censored value: -inf below `value`, +inf above, h between value - h and value + h
     condition_sd: Mapping[str, float] = field(default_factory=dict)  # as written, of conditions that have one
     drawn: Drawn = ""
+    repeat: str = ""  # name of the heap among those of its set-up and conditions
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ def tidy_table(cells: Cells, faults: "Faults | None" = None) -> Table:
     if not cells.rows:
         raise BadInput(f"{name}: is empty; the first row names the columns: {', '.join(REQUIRED)}, ...")
     columns = read_heading(cells.heading, name)
-    fixed = {column.name: column.place for column in columns if column.name in REQUIRED + OPTIONAL}
+    fixed = {column.name: column.place for column in columns if column.name in REQUIRED + OPTIONAL + REPEATS}
     lines = cells.lines
     conditions = condition_columns(columns, lines, name, faults)
     errors = [column for column in columns if column.error_of]
@@ -276,6 +279,7 @@ def read_row(
         conditions=tuple(stated(column) for column in conditions),
         reach=reach,
         drawn=faults.of(read_drawn, cell("vault"), where) or "",
+        repeat=cell("replicate") or cell("repeat"),
     )
 
 
@@ -369,7 +373,7 @@ def quoted(text: str) -> str:
 def refuse_copies(lines: Sequence[tuple[int, Sequence[str]]], columns: Sequence[Column], name: str) -> None:
     """Refuse a row that stands twice; equal single values may be two repeats, equal means with sd may not."""
     places = {column.name: column.place for column in columns}
-    telling = [places[c] for c in ("sd", "replicate", "repeat") if c in places]
+    telling = [places[c] for c in ("sd", *REPEATS) if c in places]
     seen: dict[tuple[str, ...], int] = {}
     for line, cells in lines:
         first = seen.setdefault(tuple(cells), line)

@@ -15,7 +15,7 @@ how far it is from that.
 Reference: Rasmussen & Williams (2006), Gaussian processes for machine learning, sections 2.7 and 5.4.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def dose_priors(prepared: PreparedProblem, sets: ConditionSets) -> list[DosePrio
 def bare_log_evidence(prepared: PreparedProblem, path: DosePath) -> Floats:
     """Ln Z without any dose, per noise factor, on the same linear model of the calibrated numbers."""
     columns = calibration_columns(prepared, path, np.ones(prepared.rows.size))
-    residual = (prepared.rows.z - path.bare + path.jacobian @ path.x) / prepared.sd
+    residual = prepared.white(prepared.rows.z - path.bare + path.jacobian @ path.x)
     fitted = columns @ ridge(columns, residual)
     work = working(residual - fitted, prepared.white_reach)
     columns = calibration_columns(prepared, path, work.weight)
@@ -86,8 +86,8 @@ def bare_log_evidence(prepared: PreparedProblem, path: DosePath) -> Floats:
 
 def calibration_columns(prepared: PreparedProblem, path: DosePath, weight: Floats) -> Floats:
     """Whitened columns of calibrated numbers and shared errors (n, p + q)."""
-    scale = (weight / prepared.sd)[:, np.newaxis]
-    return np.hstack([path.jacobian, prepared.rows.shared]) * scale
+    white = replace(prepared.white, weight=weight)
+    return white(np.hstack([path.jacobian, prepared.rows.shared]))
 
 
 def ridge(columns: Floats, residual: Floats) -> Floats:
@@ -180,13 +180,14 @@ def curvature(prepared: PreparedProblem, evidence: DoseEvidence) -> float:
     fit, path = evidence.best, evidence.path
     shape = fit.doses[evidence.sets.index]
     _, slope = path.change(shape)
-    column = shape * slope * fit.work.weight / prepared.sd
+    white = prepared.whitening(fit.work)
+    column = white(shape * slope)
     size = float(np.linalg.norm(column))
     if size == 0.0:
         return 0.0
     start, worst = path.change(shape)[0], 0.0
     for sign in (-1.0, 1.0):
         moved = path.change(shape * (1.0 + sign / size))[0] - start
-        change = moved * fit.work.weight / prepared.sd
+        change = white(moved)
         worst = max(worst, float(np.linalg.norm(change - sign * column / size)))
     return worst

@@ -158,17 +158,17 @@ class DoseSearches:
         away = theta[:, :count] - self.origin
         moved = (jacobian @ away[:, :numbers, np.newaxis])[:, :, 0] + away[:, numbers:] @ rows.shared.T
         slope = slope + (bend @ away[:, :numbers, np.newaxis])[:, :, 0]
-        gap = (rows.z - (self.path.bare + moved + change)) / self.prepared.sd
-        work = working(gap.T, self.prepared.white_reach)
+        gap = rows.z - (self.path.bare + moved + change)
+        work = working(self.prepared.white(gap.T), self.prepared.white_reach)
         misfit = work.deviances + np.sum(theta**2, axis=1)
         return DoseStates(work.residual.T, work.weight.T, work.deviances, jacobian, slope, misfit)
 
     def columns(self, states: DoseStates) -> Floats:
         """Whitened columns B of the linear models (k, n, p + q + r)."""
-        scale = (states.weight / self.prepared.sd)[:, :, np.newaxis]
+        white = replace(self.prepared.white, weight=states.weight)
         doses = self.factors[:, self.sets.index] * states.slope[:, :, np.newaxis]
         shared = np.broadcast_to(self.prepared.rows.shared, (self.size, *self.prepared.rows.shared.shape))
-        return np.concatenate([states.jacobian, shared, doses], axis=2) * scale
+        return white(np.concatenate([states.jacobian, shared, doses], axis=2))
 
     def run(self, theta: Floats, steps: int) -> Floats:
         """Best [x, s, f] from a start each."""

@@ -3,7 +3,7 @@
     s_j = argmin r_j(s)^T V_j^-1 r_j(s),    D_j = s_j D(c_j)
 
 with r_j the whitened residuals of the rows of set j at strength s of the law D, calibrated by the fitted rows
-alone, and V_j = 1 + S C S^T their covariance: scatter, and what the fitted rows leave uncertain in the
+alone, and V_j = R + S C S^T their covariance: scatter, and what the fitted rows leave uncertain in the
 calibrated numbers. The standard error is the root mean square about s_j over all strengths, weighted by their
 likelihood. A set where the law has no dose, or no row depends on it, tells nothing and is left out.
 """
@@ -49,7 +49,8 @@ def strength_of(
     """Strength that some rows ask for, and its standard error; NaN where they do not depend on it."""
     scale = 1.0 / held.sd[own]
     slopes = path.jacobian[own] * scale[:, np.newaxis]
-    root = np.linalg.inv(np.linalg.cholesky(np.eye(own.size) + slopes @ covariance @ slopes.T))
+    scatter = np.eye(own.size) if held.correlation is None else held.correlation[np.ix_(own, own)]
+    root = np.linalg.inv(np.linalg.cholesky(scatter + slopes @ covariance @ slopes.T))
 
     def residual(strength: float) -> Floats:
         change = path.change(np.full(held.rows.size, strength))[0]

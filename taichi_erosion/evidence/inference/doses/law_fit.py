@@ -16,6 +16,7 @@ from math import isfinite
 
 import numpy as np
 
+from taichi_erosion.evidence.data.linear_algebra import Whitening
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.inference.cross_validation import fold_numbers
 from taichi_erosion.evidence.inference.doses.dose_forms import Form
@@ -42,13 +43,13 @@ class LawRows:
     path: DosePath
     conditions: Conditions
     target: Floats  # (n,), whitened: what dose and calibrated numbers have to explain
-    scale: Floats  # (n,), whitening factor
+    white: Whitening
     columns: Floats  # (n, p + q), whitened, unit priors
     folds: Integers  # (n,)
 
     def residual(self, dose: Floats) -> Floats:
         """Whitened residual at doses of all rows, calibrated numbers at their prior mean."""
-        return self.target - self.scale * self.path.change(dose)[0]
+        return self.target - self.white(self.path.change(dose)[0])
 
 
 @dataclass(frozen=True)
@@ -77,11 +78,11 @@ def rows_about(
     errors = prepared.rows.shared if shared is None else shared
     change, jacobian = path.change(dose)[0], path.slopes(dose)[0]
     work = prepared.working(path.bare + change)
-    scale = work.weight / prepared.sd
-    columns = np.hstack([jacobian, errors]) * scale[:, np.newaxis]
+    white = prepared.whitening(work)
+    columns = white(np.hstack([jacobian, errors]))
     start = np.concatenate([path.x, np.zeros(errors.shape[1])])
-    target = work.residual + columns @ start + scale * change
-    return LawRows(path, prepared.rows.conditions, target, scale, columns, fold_numbers(prepared) % FOLDS)
+    target = work.residual + columns @ start + white(change)
+    return LawRows(path, prepared.rows.conditions, target, white, columns, fold_numbers(prepared) % FOLDS)
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ def law_part(rows: LawRows, chosen: Bools) -> LawPart:
     left, values, _ = np.linalg.svd(rows.columns[chosen], full_matrices=False)
     whiten = np.eye(int(chosen.sum())) + (left * (1.0 / np.sqrt(1.0 + values**2) - 1.0)) @ left.T
     own = {name: column[chosen] for name, column in rows.conditions.items()}
-    whitened = whiten * rows.scale[chosen]
+    scale, root = rows.white.scale[chosen], rows.white.root
+    whitened = whiten * scale if root is None else whiten @ (root[np.ix_(chosen, chosen)] * scale)
     return LawPart(rows, chosen, rows.path.over(chosen), own, whiten @ rows.target[chosen], whitened)
 
 

@@ -265,9 +265,7 @@ def further_levels(
 
     A share is prior times evidence over the evidence without any level (sets * widths, factors).
     """
-    columns = (
-        prepared.level_columns() * (prepared.working(item.expansion.mean).weight / prepared.sd)[:, np.newaxis]
-    )
+    columns = prepared.whitening(prepared.working(item.expansion.mean))(prepared.level_columns())
     size, count = rows.away.size, columns.shape[1]
     wider = LinearRows(
         np.hstack([rows.columns, columns]),

@@ -127,14 +127,14 @@ def evidence_by_factor(prepared: PreparedProblem, expansion: Expansion) -> Float
     fit, rows = expansion.fit, prepared.rows
     scales = np.array([max(prepared.candidate(name).prior_scale, 1e-9) for name in fit.names])
     work = prepared.working(expansion.mean)
-    weight = (work.weight / prepared.sd)[:, np.newaxis]
-    columns = np.hstack([expansion.local * scales, expansion.jacobian]) * weight
-    part = projection(columns, rows.shared * weight)
+    white = prepared.whitening(work)
+    columns = white(np.hstack([expansion.local * scales, expansion.jacobian]))
+    part = projection(columns, white(rows.shared))
     start = np.concatenate([fit.psi / scales, fit.x])
     below = np.concatenate([work.residual, -start, np.zeros(rows.shared.shape[1])])
     free, plain = part.free(below), ~rows.censored
     misfit, factor = float(free @ free), prepared.doubt.factor
-    volume = float(np.sum(np.log(prepared.sd[plain]))) + 0.5 * part.log_determinant
+    volume = float(np.sum(np.log(prepared.sd[plain]))) + prepared.log_correlation + 0.5 * part.log_determinant
     return -plain.sum() * np.log(factor) - 0.5 * misfit / factor**2 - volume
 
 
@@ -196,10 +196,17 @@ def with_taus(
 
 
 def with_variances(prepared: PreparedProblem, factor: Floats) -> PreparedProblem:
-    """The same with the laboratory's variance of every row times a factor."""
-    variance = prepared.rows.variance * factor
-    total = prepared.variance + variance - prepared.rows.variance
-    return replace(prepared, rows=replace(prepared.rows, variance=variance), variance=total)
+    """The same with the laboratory's variance of every row times a factor, by errors of its own."""
+    rows = prepared.rows
+    variance = rows.variance * factor
+    total = prepared.variance + variance - rows.variance
+    return replace(prepared, rows=replace(rows, variance=variance), variance=total)
+
+
+def with_scatter(prepared: PreparedProblem, factor: Floats) -> PreparedProblem:
+    """The same with all of the laboratory's scatter changed so, correlations kept."""
+    rows = prepared.rows.rescattered(factor)
+    return replace(prepared, rows=rows, variance=prepared.variance + rows.variance - prepared.rows.variance)
 
 
 def rows_account(
@@ -232,9 +239,9 @@ def rows_account(
 def worst_row(prepared: PreparedProblem, expansion: Expansion, off: Sequence[int]) -> int:
     """The row without which a hypothesis, its numbers and strengths refitted, loses most of its misfit."""
     work = prepared.working(expansion.mean)
-    weight = (work.weight / prepared.sd)[:, np.newaxis]
-    columns = np.hstack([expansion.local, expansion.jacobian]) * weight
-    part = projection(columns, prepared.rows.shared * weight, expansion.local.shape[1])
+    white = prepared.whitening(work)
+    columns = white(np.hstack([expansion.local, expansion.jacobian]))
+    part = projection(columns, white(prepared.rows.shared), expansion.local.shape[1])
     below = np.concatenate(
         [
             work.residual,
@@ -270,7 +277,7 @@ def scatter_account(
     logs, best, cost, uneven = np.zeros(prepared.rows.size), stated, 0.0, list[UnevenScatter]()
     for _ in range(SCATTER_STEPS if options else 0):
         trials = [np.exp(2.0 * (logs + option)) for _, option in options]
-        found = np.array([likelihood(with_variances(prepared, trial)) for trial in trials])
+        found = np.array([likelihood(with_scatter(prepared, trial)) for trial in trials])
         mean = float(log_sum_exp(found)) - log(found.size)
         if mean < best:
             break
@@ -281,7 +288,7 @@ def scatter_account(
     if not uneven:
         return None
     odds = log(levels.ODDS_SCATTER) + cost
-    there = with_variances(prepared, np.exp(2.0 * logs))
+    there = with_scatter(prepared, np.exp(2.0 * logs))
     return ErrorAccount(
         "scatter", there, prepared.variance, odds, best - stated + odds, scatter=tuple(uneven)
     )

@@ -69,9 +69,9 @@ def shared_words(
 def shared_errors(prepared: PreparedProblem, expansion: Expansion) -> tuple[Floats, Floats]:
     """Best sizes (q,) of the errors that rows share, in their sd, and their covariance; all numbers free."""
     work, shared = prepared.working(expansion.mean), expansion.shared
-    weight = (work.weight / prepared.sd)[:, np.newaxis]
-    columns, loose = np.hstack([expansion.local, expansion.jacobian]) * weight, expansion.local.shape[1]
-    part = projection(columns, shared * weight, loose)
+    white, loose = prepared.whitening(work), expansion.local.shape[1]
+    columns = white(np.hstack([expansion.local, expansion.jacobian]))
+    part = projection(columns, white(shared), loose)
     below = [work.residual, np.zeros(loose), -expansion.fit.x, np.zeros(shared.shape[1])]
     at = columns.shape[1]
     return part.solve(np.concatenate(below))[at:], part.covariance()[at:, at:]

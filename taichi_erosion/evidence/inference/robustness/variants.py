@@ -168,8 +168,8 @@ def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Floats]]:
 
 def reweighed(fitted: FittedHypotheses, prepared: PreparedProblem) -> FittedHypotheses:
     """All hypotheses with other variances or shared errors, about the fits that they have."""
-    before, scale = fitted.posterior(), (fitted.prepared.sd / prepared.sd)[:, np.newaxis]
-    family = fitted.family.rescaled(scale[:, 0])  # kernels are in sd of the rows
+    before = fitted.posterior()
+    family = fitted.family.rescaled(fitted.prepared.white, prepared.white)
 
     def again(item: FittedHypothesis) -> FittedHypothesis:
         if not item.usable:
