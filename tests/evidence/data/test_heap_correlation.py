@@ -1,0 +1,125 @@
+"""Correlation of rows of one heap: from repeats of a laboratory, from replicates of a model, into covariances."""
+
+import numpy as np
+import pytest
+
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows
+from taichi_erosion.evidence.data.heap_correlation import (
+    HeapCorrelation,
+    heap_correlation,
+    replicates_of,
+    together,
+)
+from taichi_erosion.evidence.data.problem import Measurements, Observable, Problem, Replicates
+
+TRUE = 0.8
+
+
+def table(
+    cells: int, repeats: int, seed: int, rho: float = TRUE, n: float = 1.0, sd: float = np.nan
+) -> Measurements:
+    """Angles and heights of `repeats` heaps at every condition, single ones or means of n."""
+    random = np.random.default_rng(seed)
+    root = np.linalg.cholesky(np.array([[1.0, rho], [rho, 1.0]]))
+    values = random.standard_normal((cells * repeats, 2)) @ root.T / np.sqrt(n)
+    size, at = cells * repeats, np.repeat(np.arange(cells, dtype=float), repeats)
+    return Measurements(
+        observable=("angle",) * size + ("height",) * size,
+        value=np.concatenate([30.0 + at + values[:, 0], 10.0 + at + 0.2 * values[:, 1]]),
+        sd=np.concatenate([np.full(size, sd), np.full(size, 0.2 * sd)]),
+        n=np.full(2 * size, n),
+        group=tuple(f"g{c:g}" for c in at) * 2,
+        unit=("deg",) * size + ("mm",) * size,
+        conditions={"x": np.tile(at, 2)},
+        censored=np.zeros(2 * size, dtype=np.bool_),
+        limit=np.full(2 * size, np.nan),
+        source=("made",) * (2 * size),
+        heap=tuple(f"heap {k}" for k in range(size)) * 2,
+    )
+
+
+def problem_of(measured: Measurements) -> Problem:
+    return Problem(measured, {"height": Observable("height", "log")}, (), (), lambda *_: np.zeros(1))
+
+
+def correlation_of(measured: Measurements, replicates: Replicates | None = None) -> HeapCorrelation | None:
+    return heap_correlation(comparison_rows(problem_of(measured), measured), measured, replicates)
+
+
+def test_repeats_of_a_laboratory_give_their_correlation():
+    found = [correlation_of(table(12, 3, seed)) for seed in range(20)]
+    values = np.array([each.matrix[0, 1] for each in found if each is not None])
+    assert len(values) == 20
+    # 24 degrees of freedom: the sample correlation has an sd of 0.36 / sqrt(24) = 0.07, drawn to 0 by 1 / 25
+    assert abs(values.mean() - TRUE * 24.0 / 25.0) < 3.0 * 0.075 / np.sqrt(20)
+    assert "angle and height of one heap scatter together" in found[0].sentences[0]
+    assert "repeats of the laboratory" in found[0].sentences[0]
+
+
+def test_independent_observables_are_seldom_called_correlated():
+    found = [correlation_of(table(12, 3, seed, rho=0.0)) for seed in range(200)]
+    seen = sum(each is not None for each in found)
+    # lambda <= 1/4 means |r| >= 0.36 of 24 degrees of freedom, p = 0.077: 15.4 of 200, sd 3.8
+    assert 4 <= seen <= 27
+
+
+def test_few_repeats_tell_nothing():
+    assert correlation_of(table(3, 3, 0)) is None
+
+
+def test_means_over_the_same_heaps_are_correlated_as_single_heaps():
+    measured = table(6, 4, 1)
+    rows = comparison_rows(problem_of(measured), measured)
+    correlation = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
+    both = together(rows, correlation).together
+    assert both is not None and rows.size == 12
+    # six rows of angle, then six of height; each pair of means of the same four heaps
+    sd = np.sqrt(rows.variance)
+    wanted = TRUE * np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(6))
+    np.testing.assert_allclose(both / np.outer(sd, sd), wanted, atol=1e-12)
+
+
+def test_means_over_some_common_heaps_are_correlated_less():
+    measured = table(1, 4, 1, sd=1.0)
+    fewer = measured.rows(np.array([0, 1, 2, 3, 4]))  # four angles and the height of the first heap
+    rows = comparison_rows(problem_of(fewer), fewer)
+    both = together(rows, HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))).together
+    # angle: mean of four, height: one of them; cov / (s_a s_b) = rho 1 / sqrt(4 * 1)
+    assert both[0, 1] / np.sqrt(rows.variance[0] * rows.variance[1]) == pytest.approx(TRUE / 2.0)
+
+
+def test_a_tolerance_is_not_scatter_and_censored_rows_stand_alone():
+    measured = table(1, 2, 1, sd=1.0)
+    problem = Problem(
+        measured, {"angle": Observable("angle", sd_numerical=3.0)}, (), (), lambda *_: np.zeros(1)
+    )
+    correlation = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
+    rows = together(comparison_rows(problem, measured), correlation)
+    assert rows.variance[0] == pytest.approx(0.5 + 9.0, rel=0.6)
+    assert rows.together[0, 1] == pytest.approx(
+        TRUE * np.sqrt((rows.variance[0] - 9.0) * rows.variance[1]), rel=1e-9
+    )
+    limits = Measurements(**{**vars(measured), "censored": np.array([True, True, False, False]), "limit": 30.0 * np.ones(4)})
+    assert together(comparison_rows(problem, limits), correlation).together is None
+
+
+def test_replicates_of_a_model_count_as_far_as_its_scatter_goes():
+    measured = table(6, 1, 0, n=4.0, sd=1.0)
+    model = Replicates(("angle", "height"), np.array([0.5, 10.0]), np.array([[1.0, 0.6], [0.6, 1.0]]), 50.0)
+    found = correlation_of(measured, model)
+    # the sd of six cells of four repeats has 18 degrees of freedom: variance of the t distribution 18 / 16
+    assert found.matrix[0, 1] == pytest.approx(0.6 * 0.5 / np.sqrt(18.0 / 16.0), rel=1e-9)
+    assert "replicates of the model" in found.sentences[0]
+
+
+def test_seeds_that_disturb_all_conditions_alike_count_once():
+    measured = table(12, 1, 0, n=4.0, sd=1.0)
+    rows = comparison_rows(problem_of(measured), measured)
+    random = np.random.default_rng(3)
+    kick = random.standard_normal((4, 12))
+    values = np.hstack([kick, TRUE * kick + 0.6 * random.standard_normal((4, 12))])
+    own = replicates_of(rows, values)
+    assert 15.0 < own.freedom <= 36.0  # chance correlations of conditions count as common ones
+    assert own.correlation[0, 1] == pytest.approx(TRUE, abs=0.2)  # sd 0.36 / sqrt(36) = 0.06
+    alike = np.hstack([np.repeat(kick[:, :1], 12, axis=1), np.repeat(kick[:, 1:2], 12, axis=1)])
+    assert replicates_of(rows, alike) is None
