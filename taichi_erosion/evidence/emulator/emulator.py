@@ -6,6 +6,7 @@ hundred runs answers all of them without scatter; its own uncertainty enters eve
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from math import isfinite
 
 import numpy as np
@@ -14,6 +15,7 @@ from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.effect import STRENGTH
 from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.errors import SimulationStopped
+from taichi_erosion.evidence.data.heap_correlation import LEAST_FREEDOM, shrunk
 from taichi_erosion.evidence.data.problem import (
     Candidate,
     Conditions,
@@ -21,6 +23,7 @@ from taichi_erosion.evidence.data.problem import (
     Integers,
     Numbers,
     Observable,
+    Replicates,
     expected_strength,
 )
 from taichi_erosion.evidence.data.transforms import EFFECTS, Axis, axis_position, from_scale, slope, to_scale
@@ -36,6 +39,7 @@ from taichi_erosion.mechanisms.library import dose_position
 
 LEAST_RUNS = 4  # with a value; fewer make no emulator
 LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
+SMOOTH = 0.1  # variance of smooth parts over that of the scatter below which a contrast of runs shows scatter
 Columns = Mapping[str, Floats]
 
 
@@ -130,6 +134,8 @@ class ObservableEmulator:
     inputs: EmulatorInputs
     scale: Observable  # on which its noise is even; the logarithm of anything above 0
     process: GaussianProcess
+    run_sd: float  # of the value of one run, on the comparison scale
+    known: Integers  # runs of its scene that gave a value, in the order of the process
 
 
 @dataclass(frozen=True)
@@ -191,8 +197,49 @@ def fit_emulators(
             raise SimulationStopped(few_values(name, int(good.sum()), results))
         training = Points(points.x[good], points.c[good], points.psi[good])
         process = fit_gaussian_process(training, z[good], inputs.active())
-        found[name] = ObservableEmulator(inputs, scale, process)
+        typical = np.median(values[good], keepdims=True)
+        steepness = float((slope(observables[name], typical) / slope(scale, typical))[0])
+        found[name] = ObservableEmulator(
+            inputs, scale, process, process.scatter * steepness, np.flatnonzero(good)
+        )
     return found
+
+
+def run_replicates(emulators: Mapping[str, ObservableEmulator]) -> Replicates | None:
+    """Scatter of single runs, and its correlation among the observables of one scene.
+
+    None where no two observables are seen to be correlated.
+    """
+    names = tuple(emulators)
+    found, freedom = np.eye(len(names)), np.zeros((len(names),) * 2)
+    for a, b in combinations(range(len(names)), 2):
+        one, other = emulators[names[a]], emulators[names[b]]
+        if one.inputs.scene is other.inputs.scene:
+            found[a, b], freedom[a, b] = scatter_correlation(one, other)
+            found[b, a], freedom[b, a] = found[a, b], freedom[a, b]
+    matrix = shrunk(found, freedom, freedom >= LEAST_FREEDOM, np.eye(len(names)))
+    if np.array_equal(matrix, np.eye(len(names))):
+        return None
+    sd = np.array([each.run_sd for each in emulators.values()])
+    return Replicates(names, sd, matrix, float(freedom.max()))
+
+
+def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> tuple[float, float]:
+    """Correlation of the scatter of runs that gave both values, and its degrees of freedom.
+
+    Of contrasts of runs only those count in which the smooth parts of both observables have less than SMOOTH
+    of the variance of the scatter: the error of an emulator between runs is no scatter.
+    """
+    _, first, second = np.intersect1d(one.known, other.known, return_indices=True)
+    smooth, values = np.zeros((first.size, first.size)), list[Floats]()
+    for process, at in ((one.process, first), (other.process, second)):
+        covariance = process.factor @ process.factor.T
+        smooth += covariance[np.ix_(at, at)] / process.amplitude[-1] ** 2 - np.eye(at.size)
+        values.append((covariance @ process.weights)[at])
+    share, contrasts = np.linalg.eigh(smooth)
+    a, b = (contrasts[:, share < SMOOTH].T @ value for value in values)
+    energy = float((a @ a) * (b @ b))
+    return (float(a @ b) / np.sqrt(energy) if energy > 0.0 else 0.0), float(a.size)
 
 
 def few_values(name: str, count: int, results: Sequence[RunResult]) -> str:

@@ -100,6 +100,11 @@ class GaussianProcess:
         weight = rbf_kernel(at.psi, self.training.psi, LENGTH_MISFIT)
         return np.sqrt(np.maximum(weight @ excess / (RUNS_WITHOUT_MISFIT + weight.sum(axis=1)), 0.0))
 
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of one run."""
+        return float(self.width * self.amplitude[-1])
+
     def leave_one_out(self) -> Floats:
         """Every known value minus its prediction from all others, in standard deviations of that."""
         inverse = linalg.cho_solve((self.factor, True), np.eye(self.weights.size))

@@ -39,6 +39,7 @@ from taichi_erosion.evidence.emulator.emulator import (
     ObservableEmulator,
     condition_scales,
     fit_emulators,
+    run_replicates,
 )
 from taichi_erosion.evidence.emulator.run_faults import run_faults
 from taichi_erosion.evidence.models.load_study import Study
@@ -296,7 +297,11 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     notes = (run_note(requests), *inactive_notes(training), *refused, *emulator_notes(emulators))
     return replace(
         study,
-        problem=replace(emulated_problem(study.problem, Emulator(emulators)), mechanisms=training.mechanisms),
+        problem=replace(
+            emulated_problem(study.problem, Emulator(emulators)),
+            mechanisms=training.mechanisms,
+            replicates=run_replicates(emulators),
+        ),
         notes=(*study.notes, *notes),
         simulations=len({request.key for request in requests}),
         faults=(*study.faults, *faults),

@@ -1,4 +1,4 @@
-"""Correlation of rows of one heap: from repeats of a laboratory, from replicates of a model, into covariances."""
+"""Correlation of rows of one heap, from repeats of a laboratory and from replicates of a model."""
 
 import numpy as np
 import pytest
@@ -72,7 +72,8 @@ def test_means_over_the_same_heaps_are_correlated_as_single_heaps():
     rows = comparison_rows(problem_of(measured), measured)
     correlation = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
     both = together(rows, correlation).together
-    assert both is not None and rows.size == 12
+    assert both is not None
+    assert rows.size == 12
     # six rows of angle, then six of height; each pair of means of the same four heaps
     sd = np.sqrt(rows.variance)
     wanted = TRUE * np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(6))
@@ -99,7 +100,9 @@ def test_a_tolerance_is_not_scatter_and_censored_rows_stand_alone():
     assert rows.together[0, 1] == pytest.approx(
         TRUE * np.sqrt((rows.variance[0] - 9.0) * rows.variance[1]), rel=1e-9
     )
-    limits = Measurements(**{**vars(measured), "censored": np.array([True, True, False, False]), "limit": 30.0 * np.ones(4)})
+    limits = Measurements(
+        **{**vars(measured), "censored": np.array([True, True, False, False]), "limit": 30.0 * np.ones(4)}
+    )
     assert together(comparison_rows(problem, limits), correlation).together is None
 
 

@@ -1,4 +1,4 @@
-"""Rows of one heap: the marginal likelihood against a dense normal density, and nothing new for lone heaps."""
+"""Rows of one heap: marginal likelihoods against dense normal densities, and nothing new for lone heaps."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from scipy import stats
 from taichi_erosion.evidence.data.problem import Candidate, Measurements, Observable, Parameter, Problem
 from taichi_erosion.evidence.inference.map_fit import fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, projected_residual, score
-from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain, kernels
+from taichi_erosion.evidence.inference.model_discrepancy import AMPLITUDES, discrepancy_gain, kernels
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.robustness.error_accounts import linear_evidence
 
@@ -100,8 +100,6 @@ def test_a_discrepancy_gains_what_the_dense_densities_say():
     gain = discrepancy_gain(prepared, expansion, family)
     gap = prepared.rows.z - expansion.mean + expansion.jacobian @ best.x
     back = np.linalg.inv(prepared.white(np.eye(prepared.rows.size)))
-    from taichi_erosion.evidence.inference.model_discrepancy import AMPLITUDES
-
     for k, factor in enumerate(prepared.doubt.factor[:3]):
         # calibrated numbers and shared errors have the prior of the linear rows: theirs over f
         base = prepared.variance * np.eye(gap.size) + prepared.rows.together
@@ -124,7 +122,8 @@ def test_heaps_of_one_row_each_change_no_bit():
     found = []
     for each in (problem, other):
         prepared = calibrated(each)
-        assert prepared.heaps is None and prepared.white.root is None
+        assert prepared.heaps is None
+        assert prepared.white.root is None
         prepared, best, _ = fit_base(prepared, weighted=True)
         found.append(score(prepared, expand(prepared, best)).log_evidence)
     np.testing.assert_array_equal(found[0], found[1])
