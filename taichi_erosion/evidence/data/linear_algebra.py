@@ -92,10 +92,21 @@ class Whitening:
             own = rows * (self.scale if rows.ndim == 1 else self.scale[..., np.newaxis])
         return own if self.root is None else np.asarray(self.root @ own, dtype=np.float64)
 
+    def unmixed(self, white: Floats) -> Floats:
+        """R^1/2 v: of whitened residuals (n, ...) those over the sd of every row alone.
+
+        Of factors of such residuals it makes those of whitened ones.
+        """
+        return white if self.root is None else np.asarray(np.linalg.solve(self.root, white), dtype=np.float64)
+
     def back(self, white: Floats) -> Floats:
         """Rows (n,) out of whitened ones."""
-        own = white if self.root is None else np.linalg.solve(self.root, white)
+        own = self.unmixed(white)
         return np.asarray((own if self.weight is None else own / self.weight) * self.sd, dtype=np.float64)
+
+    def lone(self) -> Floats:
+        """An error of each row alone, whitened: columns (n, n)."""
+        return np.eye(self.sd.size) if self.root is None else self.root
 
     def variance(self, variance: Floats) -> Floats:
         """Variances (n,) of whitened rows whose independent errors have these variances."""

@@ -118,7 +118,8 @@ def stuck_numbers(prepared: PreparedProblem, expansion: Expansion) -> list[str]:
 
 
 def structure_p(left: ProjectedResidual, factor: Floats) -> float:
-    """Chance of as much structure along one kernel factor (n, r)."""
+    """Chance of as much structure of the rows, each over its own sd, along one kernel factor (n, r)."""
+    factor = left.white.unmixed(factor)
     projected = factor.T @ left.free
     return float(quadratic_form_p(float(projected @ projected), factor.T @ left.project(factor)))
 
@@ -129,9 +130,9 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
     found: list[tuple[str, str, float, str, tuple[Stretch, ...]]] = []
     for observable, rows in prepared.by_observable():
         if observable.name not in prepared.levels:
-            level = prepared.white(rows.astype(float)[:, np.newaxis])
+            level = rows.astype(float)[:, np.newaxis] / prepared.sd[:, np.newaxis]
             p = structure_p(left, level / np.linalg.norm(level))
-            sign = 1 if float(level[:, 0] @ left.free) > 0.0 else -1
+            sign = 1 if float(np.sum(left.own[rows] / prepared.sd[rows])) > 0.0 else -1
             whole = (Stretch(sign, None, None),)
             found.append((observable.name, LEVEL_AXIS, p, f"{direction(sign)} as a whole", whole))
         for name, column in prepared.rows.conditions.items():
@@ -141,8 +142,8 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
             values, vectors = np.linalg.eigh(np.exp(-0.5 * squared_distance(axis, LENGTH)))
             factor = np.zeros((prepared.rows.size, axis.size))
             factor[rows] = vectors * np.sqrt(np.maximum(values, 0.0))
-            words = failing_range(name, column[rows], left.free[rows], units)
-            where = failing_stretches(column[rows], left.free[rows])
+            words = failing_range(name, column[rows], left.own[rows], units)
+            where = failing_stretches(column[rows], left.own[rows])
             found.append((observable.name, name, structure_p(left, factor), words, where))
     adjusted = holm([p for _, _, p, *_ in found])
     places = [
@@ -301,7 +302,8 @@ def fitted_errors(prepared: PreparedProblem, expansion: Expansion) -> RowErrors:
     slopes = np.hstack([expansion.local, expansion.jacobian])
     covariance = calibration_covariance(prepared, expansion)
     calibrated = np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0)
-    residual = projected_residual(prepared, expansion).whole
+    left = projected_residual(prepared, expansion)
+    residual = left.white.unmixed(left.whole)
     variance = prepared.variance + model_variance(prepared, expansion)
     return RowErrors(residual, shared_shift(prepared, expansion), calibrated, variance)
 
@@ -369,25 +371,26 @@ def scatter_factor(prepared: PreparedProblem, expansion: Expansion) -> float:
 def worst_row(prepared: PreparedProblem, expansion: Expansion) -> RowMisfit | None:
     """The row without which most of the misfit is gone; None where no row holds `levels.ONE_ROW` of it.
 
-    With row i left out the others keep e_j - M_ji e_i / M_ii, of covariance M_jk - M_ji M_ik / M_ii.
+    With row i left out e - M d (d^T e) / (d^T M d) is left, d an error of that row alone, of covariance
+    M - M d d^T M / (d^T M d).
     """
     left = projected_residual(prepared, expansion)
-    matrix = np.eye(left.whole.size) - left.row_basis @ left.row_basis.T
-    own = np.maximum(np.diag(matrix), 1e-9)
-    falls = left.free**2 / own
+    matrix, lone = np.eye(left.whole.size) - left.row_basis @ left.row_basis.T, left.white.lone()
+    along, moved = lone.T @ left.free, matrix @ lone
+    own = np.maximum(np.einsum("ij,ij->j", lone, moved), 1e-9)
+    falls = along**2 / own
     row, total = int(np.argmax(falls)), float(left.free @ left.free)
     share = min(float(falls[row]) / max(total, 1e-300), 1.0)
     if left.whole.size < 3 or share < ONE_ROW or own[row] < LEAST_OWN:
         return None
-    rest = np.arange(left.whole.size) != row
-    others = left.free[rest] - matrix[rest, row] * left.free[row] / own[row]
-    freed = matrix[np.ix_(rest, rest)] - np.outer(matrix[rest, row], matrix[row, rest]) / own[row]
+    others = left.free - moved[:, row] * along[row] / own[row]
+    freed = matrix - np.outer(moved[:, row], moved[:, row]) / own[row]
     conditions = {name: float(column[row]) for name, column in prepared.rows.conditions.items()}
     return RowMisfit(
         observable=prepared.rows.observables[prepared.rows.which[row]].name,
         conditions=conditions,
         setting=prepared.problem.measurements.table_units.setting_text(conditions),
-        residual_sd=float(left.free[row] / np.sqrt(own[row])),
+        residual_sd=float(along[row] / np.sqrt(own[row])),
         share=share,
         p_without=float(quadratic_form_p(float(others @ others), freed)),
     )
@@ -401,8 +404,10 @@ def row_off(prepared: PreparedProblem, expansions: Sequence[Expansion]) -> RowOf
     found = []
     for expansion in expansions:
         left = projected_residual(prepared, expansion)
-        own = 1.0 - np.sum(left.row_basis**2, axis=1)
-        found.append(np.where(own > LEAST_OWN, left.free / np.sqrt(np.maximum(own, LEAST_OWN)), 0.0))
+        lone = left.white.lone()
+        own = np.sum(lone**2, axis=0) - np.sum((left.row_basis.T @ lone) ** 2, axis=0)
+        along = lone.T @ left.free
+        found.append(np.where(own > LEAST_OWN, along / np.sqrt(np.maximum(own, LEAST_OWN)), 0.0))
     every = np.array(found)
     least = np.where(np.abs(np.sum(np.sign(every), axis=0)) == len(found), np.min(np.abs(every), axis=0), 0.0)
     largest = np.sort(np.append(least, [0.0, 0.0]))[-2:]
@@ -436,8 +441,11 @@ def observable_misfits(
     left, found = projected_residual(prepared, expansion), {}
     for observable, chosen in prepared.by_observable():
         gap = (table.measured - table.predicted)[chosen]
-        count, part, free, whole = gap.size, left.row_basis[chosen], left.free[chosen], left.whole[chosen]
-        p = float(shifted_chi2_p(float(free @ free), projection_traces(part)))
+        count, free, whole = gap.size, left.own[chosen], left.white.unmixed(left.whole)[chosen]
+        if left.white.root is None:
+            p = float(shifted_chi2_p(float(free @ free), projection_traces(left.row_basis[chosen])))
+        else:
+            p = structure_p(left, np.eye(chosen.size)[:, chosen])
         rmse = float(np.sqrt(np.mean(gap**2)))
         found[observable.name] = ObservableMisfit(count, float(whole @ whole), rmse, float(gap.mean()), p)
     return found

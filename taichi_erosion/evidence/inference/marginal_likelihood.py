@@ -116,6 +116,11 @@ class ProjectedResidual:
         """Rows of the basis that belong to measurements (n, p + q)."""
         return self.basis[: self.whole.size]
 
+    @property
+    def own(self) -> Floats:
+        """The same over the sd of every row alone (n,), whatever it is correlated with."""
+        return self.white.unmixed(self.free)
+
     def project(self, columns: Floats) -> Floats:
         """Whitened columns (n, ...) without what calibration can imitate."""
         return columns - self.row_basis @ (self.row_basis.T @ columns)

@@ -1,5 +1,7 @@
 """Goodness of fit: chances against closed forms, and the place of a misfit in words."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -9,13 +11,21 @@ from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference.goodness_of_fit import (
     axis_bins,
+    chi_square,
     failing_range,
     holm,
+    misfit_places,
+    observable_misfits,
     place_sentence,
     projection_traces,
     quadratic_form_p,
+    rows_table,
     run_from,
+    worst_row,
 )
+from taichi_erosion.evidence.inference.map_fit import fit_base
+from taichi_erosion.evidence.inference.marginal_likelihood import expand
+from tests.evidence.one_heap_study import calibrated, heaps
 
 
 def test_a_quadratic_form_of_equal_weights_is_chi_square():
@@ -85,3 +95,43 @@ def test_two_levels_are_judged():
     column, free = np.repeat([1.0, 2.0], 6), np.repeat([-2.0, 2.0], 6)
     words = failing_range("diameter", column, free, TableUnits())
     assert words.startswith("too high at diameter = 1 and too low at diameter = 2")
+
+
+def test_a_misfit_of_one_observable_is_not_told_of_another_one_of_its_heaps():
+    problem = heaps(5)
+    table = problem.measurements
+    bent = table.value + np.where(
+        np.array(table.observable) == "angle", 0.3 * table.conditions["x"] ** 2, 0.0
+    )
+    prepared = calibrated(replace(problem, measurements=replace(table, value=bent)))
+    prepared, best, _ = fit_base(prepared, weighted=True)
+    expansion = expand(prepared, best)
+    places = misfit_places(prepared, expansion)
+    assert min(place.p for place in places if place.observable == "angle") < 1e-6
+    assert min(place.p for place in places if place.observable == "width") > 0.05
+    shown = rows_table(prepared, expansion)
+    own = (shown.measured - shown.predicted - shown.shift) / shown.residual_error
+    np.testing.assert_allclose(shown.residual, own, rtol=1e-6, atol=1e-9)
+    each = observable_misfits(prepared, expansion, shown)
+    assert each["angle"].p < 1e-6
+    assert each["width"].p > 0.05
+    assert each["width"].chi2 == pytest.approx(float(np.sum(shown.residual[prepared.rows.which == 1] ** 2)))
+    errors = prepared.rows.z - expansion.mean
+    covariance = (
+        np.diag(prepared.variance) + prepared.rows.together + prepared.rows.shared @ prepared.rows.shared.T
+    )
+    whole = float(errors @ np.linalg.solve(covariance, errors))
+    assert chi_square(prepared, expansion) <= whole  # without the sizes of shared errors
+
+
+def test_the_row_that_is_off_is_found_beside_its_heap():
+    problem = heaps(6)
+    table, off = problem.measurements, 4
+    value = table.value.copy()
+    value[3 * off : 3 * off + 3] += 0.6  # three heaps of one condition: ten sd of their mean
+    prepared = calibrated(replace(problem, measurements=replace(table, value=value)))
+    prepared, best, _ = fit_base(prepared, weighted=True)
+    found = worst_row(prepared, expand(prepared, best))
+    assert found.observable == "angle"
+    assert found.conditions["x"] == pytest.approx(np.linspace(-1.0, 1.0, 10)[off])
+    assert found.p_without > 0.01

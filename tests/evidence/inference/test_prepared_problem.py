@@ -6,50 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taichi_erosion.evidence.data.problem import Candidate, Measurements, Observable, Parameter, Problem
 from taichi_erosion.evidence.inference.map_fit import fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, projected_residual, score
 from taichi_erosion.evidence.inference.model_discrepancy import AMPLITUDES, discrepancy_gain, kernels
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.inference.robustness.error_accounts import linear_evidence
-
-CELLS, REPEATS, SLOPE_SD = 10, 3, 0.5
-
-
-def model(observable, conditions, parameters, effects, seeds):
-    x = conditions["x"]
-    value = 3.0 + parameters["slope"] * x * (1.0 if observable == "angle" else -0.5)
-    value = value + effects.get("bend", 0.0) * (x**2 if observable == "angle" else 0.3 * x)
-    return np.repeat(value[np.newaxis], seeds.size, axis=0)
-
-
-def heaps(seed: int, rho: float = 0.8, named: bool = True, strength: float = 0.0) -> Problem:
-    """Single heaps at ten conditions, three of each, with two observables whose scatter is correlated."""
-    random = np.random.default_rng(seed)
-    size, x = CELLS * REPEATS, np.repeat(np.linspace(-1.0, 1.0, CELLS), REPEATS)
-    errors = random.standard_normal((size, 2)) @ np.linalg.cholesky([[1.0, rho], [rho, 1.0]]).T
-    acting = {"slope": 0.4}
-    truth = [model(name, {"x": x}, acting, {"bend": strength}, np.zeros(1))[0] for name in ("angle", "width")]
-    table = Measurements(
-        observable=("angle",) * size + ("width",) * size,
-        value=np.concatenate([truth[0] + 0.1 * errors[:, 0], truth[1] + 0.2 * errors[:, 1]]),
-        sd=np.concatenate([np.full(size, 0.1), np.full(size, 0.2)]),
-        n=np.ones(2 * size),
-        group=tuple(f"x{v:.3f}" for v in x) * 2,
-        unit=("1",) * (2 * size),
-        conditions={"x": np.tile(x, 2)},
-        censored=np.zeros(2 * size, dtype=np.bool_),
-        limit=np.full(2 * size, np.nan),
-        source=("made",) * (2 * size),
-        heap=tuple(f"heap {k}" for k in range(size)) * 2 if named else (),
-    )
-    observables = {"angle": Observable("angle", sd_shared=0.15)}
-    numbers = (Parameter("slope", 0.4, 1e-9, 1e9, SLOPE_SD),)
-    return Problem(table, observables, numbers, (Candidate("bend"),), model)
-
-
-def calibrated(problem: Problem) -> PreparedProblem:
-    return fit_base(prepare(problem, problem.measurements, 1))[0]
+from tests.evidence.one_heap_study import calibrated, heaps
 
 
 def dense_covariance(prepared: PreparedProblem, factor: float, jacobian: np.ndarray) -> np.ndarray:

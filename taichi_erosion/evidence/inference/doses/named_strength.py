@@ -68,11 +68,11 @@ def varying_p(prepared: PreparedProblem, named: FittedHypothesis) -> dict[str, f
     if len(named.names) != 1 or not named.usable:
         return {}
     left = projected_residual(prepared, named.expansion)
-    slope = named.expansion.local[:, :1]
+    slope = named.expansion.local[:, :1] * left.white.scale[:, np.newaxis]
     acts, found = slope[:, 0] != 0.0, {}
     for name, values in condition_axes(prepared).items():
         if np.ptp(values[acts]) > 0.0 if acts.any() else False:
-            factor = left.white(slope * low_rank(np.exp(-0.5 * squared_distance(values, LENGTH))))
+            factor = slope * low_rank(np.exp(-0.5 * squared_distance(values, LENGTH)))
             found[name] = structure_p(left, factor)
     return found
 

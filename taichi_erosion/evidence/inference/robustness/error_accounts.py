@@ -250,9 +250,9 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion, off: Sequence[int
             np.zeros(prepared.rows.shared.shape[1]),
         ]
     )
-    free = part.free(below)[: work.residual.size]
-    own = 1.0 - np.sum(part.basis[: work.residual.size] ** 2, axis=1)
-    fall = free**2 / np.maximum(own, 1e-3)
+    free, lone = part.free(below)[: work.residual.size], white.lone()
+    own = np.sum(lone**2, axis=0) - np.sum((part.basis[: work.residual.size].T @ lone) ** 2, axis=0)
+    fall = (lone.T @ free) ** 2 / np.maximum(own, 1e-3)
     fall[list(off)] = -1.0
     return int(np.argmax(fall))
 
