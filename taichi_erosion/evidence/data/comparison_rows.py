@@ -135,8 +135,7 @@ def merged_rows(
     shapes = scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    keys = repeat_keys(table, cell, reach)
-    first, mean, total = weighted_means(z, weight, keys)
+    first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach))
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
@@ -161,9 +160,8 @@ def merged_rows(
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
-        heaps=heap_counts(table, repeats, keys, keys[first]) if any(table.heap) else (),
     )
-    return with_condition_errors(rows, table, first), scatter
+    return with_heaps(with_condition_errors(rows, table, first), table, keys, keys[first]), scatter
 
 
 def heaps_of(parts: Sequence[ComparisonRows]) -> tuple[Mapping[str, float], ...]:
@@ -180,15 +178,17 @@ def heap_keys(table: Measurements) -> list[str]:
     return ["|".join(map(str, each)) if each[0] else "" for each in labels]
 
 
-def heap_counts(
-    table: Measurements, repeats: Floats, keys: np.ndarray, merged: np.ndarray
-) -> tuple[Mapping[str, float], ...]:
-    """Repeats on every heap behind each of the merged rows."""
+def with_heaps(
+    rows: ComparisonRows, table: Measurements, keys: np.ndarray, merged: np.ndarray
+) -> ComparisonRows:
+    """Merged rows with the repeats on every heap behind them; `keys` are equal for rows that are merged."""
+    if not any(table.heap):
+        return rows
     counts: dict[str, dict[str, float]] = {str(key): {} for key in merged}
-    for key, heap, n in zip(keys, heap_keys(table), repeats, strict=True):
+    for key, heap, n in zip(keys, heap_keys(table), table.n, strict=True):
         own = counts[str(key)]
-        own[heap] = own.get(heap, 0.0) + float(n)
-    return tuple(counts.values())
+        own[heap] = own.get(heap, 0.0) + (float(n) if n >= 1.0 else 1.0)
+    return replace(rows, heaps=tuple(counts.values()))
 
 
 def with_condition_errors(rows: ComparisonRows, table: Measurements, first: Integers) -> ComparisonRows:
