@@ -1,4 +1,4 @@
-"""Chances that nulls with correlated observables are called a misfit, or an effect, with and without their heaps.
+"""Chances that nulls with correlated observables look like a misfit or an effect, their heaps told or not.
 
 python -m doe.one_heap.chances --draws 100 --seed 2      writes chances.csv and its table in README.md
 """
