@@ -251,6 +251,9 @@ def candidate_rows(effects: Record) -> Iterator[tuple[str, ...]]:
     """Rows of the table of candidates, in order of probability."""
     for name, found in sorted(effects.items(), key=lambda item: -(item[1]["probability"] or 0.0)):
         interval = f"{number(found['strength_low'])} to {number(found['strength_high'])}"
+        if found["strength"] is None:  # nothing was weighed
+            yield name, found["status"].replace("_", " "), *[MARK_MISSING] * (len(CANDIDATE_COLUMNS) - 2)
+            continue
         status, strength = found["status"].replace("_", " "), number(found["strength"])
         evidence = percent(found["probability"]), number(found["log_bayes_factor"])
         yield (

@@ -12,7 +12,7 @@ from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
 from taichi_erosion.scene.build.air import air_time_step, longest_step
-from taichi_erosion.scene.load import is_air_scene, load_air_scene, summary
+from taichi_erosion.scene.load import is_air_scene, load_air_scene, told
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
 
@@ -33,7 +33,7 @@ def read_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles
     try:
         return with_effects(scene, (*scene_effect_files(scene), *effect_files))
     except BadInput as error:
-        raise BadInput(f"{scene.file}: {error}") from None
+        raise BadInput(*told(scene.file, error.faults)) from None
 
 
 def scene_effect_files(scene: Scene) -> EffectFiles:
@@ -49,9 +49,9 @@ def with_effects(scene: Scene, files: EffectFiles) -> Scene:
 
     library = load_library(files)
     if lines := list(effect_problems(scene, {n: parameter_names(effect) for n, effect in library.items()})):
-        raise BadInput(summary(lines))
+        raise BadInput(*lines)
     if lines := list(range_problems(scene, library)):
-        raise BadInput(summary(lines))
+        raise BadInput(*lines)
     own = {effect_in(file).name: file for file in files}
     used = {name: own[name] for name in sorted(scene.effects) if name in own}
     scene._effect_files = tuple(used.values())

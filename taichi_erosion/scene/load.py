@@ -25,6 +25,7 @@ S = TypeVar("S", Scene, AirScene)
 
 LARGEST_FILE = 4_000_000  # larger than any scene written by people [bytes]
 MOST_TREES = 16  # kept
+MOST_FAULTS = 10  # of a file, told one by one
 HASH_LENGTH = 12  # hexadecimal digits
 NOT_HASHED = {
     "scene": {"title", "notes", "effect_files"},
@@ -140,9 +141,9 @@ def parsed(
         scene._file = name
         lines = list(problems(scene))
     except BadInput as error:
-        raise BadInput(f"{name}: {first_line(error)}") from None
+        raise BadInput(*told(name, error.faults)) from None
     if lines:
-        raise BadInput(f"{name}: {summary(lines)}")
+        raise BadInput(*told(name, lines))
     return scene
 
 
@@ -155,7 +156,7 @@ def validated(kind: type[S], table: dict[str, Any], overrides: Sequence[str]) ->
     try:
         return kind.model_validate(frozen)
     except ValidationError as error:
-        raise BadInput(summary(problem_lines(error, frozen, given))) from None
+        raise BadInput(*problem_lines(error, frozen, given)) from None
     except (OverflowError, RecursionError) as error:
         raise BadInput(f"cannot be used: {first_line(error)}") from None
 
@@ -176,9 +177,11 @@ def with_tuples(value: Any) -> Any:
     return value
 
 
-def summary(lines: Sequence[str]) -> str:
-    """The first problem, and the number of others."""
-    return lines[0] if len(lines) == 1 else f"{lines[0]} (and {len(lines) - 1} more)"
+def told(name: str, lines: Sequence[str]) -> list[str]:
+    """Faults of a file, one line each; of many the first ones and the number of the others."""
+    found = [f"{name}: {line}" for line in lines[:MOST_FAULTS]]
+    others = len(lines) - MOST_FAULTS
+    return [*found, f"{name}: {others} faults more"] if others > 0 else found
 
 
 def first_line(error: Exception) -> str:

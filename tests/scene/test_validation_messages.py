@@ -5,7 +5,9 @@ from typing import Any
 import pytest
 from scene_tables import ABSENT, NUMBERS, changed, complaint, good_table, wrong_places
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import parse_scene
+from taichi_erosion.scene.load import MOST_FAULTS
 
 MISTAKES = list(wrong_places())
 
@@ -68,3 +70,20 @@ def test_several_mistakes_give_the_first_and_their_number():
     table["contact"]["soil-soil"]["friction_sliding"] = -1.0
     table["grains"]["count"] = 0
     assert complaint(table).endswith("lies outside [1, 5e+06] (and 2 more)")
+    with pytest.raises(BadInput) as caught:
+        parse_scene(table, "scenes/bad.toml")
+    assert [fault.split(" = ")[0] for fault in caught.value.faults] == [
+        "scenes/bad.toml: grains.count",
+        "scenes/bad.toml: contact.soil-soil.restitution",
+        "scenes/bad.toml: contact.soil-soil.friction_sliding",
+    ]
+
+
+def test_of_many_mistakes_the_first_are_told_and_the_others_counted():
+    table = good_table()
+    table["stages"] = [{"name": f"stage {k}", "duration_max": -1.0} for k in range(MOST_FAULTS + 2)]
+    with pytest.raises(BadInput) as caught:
+        parse_scene(table, "scenes/bad.toml")
+    assert len(caught.value.faults) == MOST_FAULTS + 1
+    assert caught.value.faults[-1].endswith(" faults more")
+    assert all(fault.startswith("scenes/bad.toml: stages.") for fault in caught.value.faults[:-1])

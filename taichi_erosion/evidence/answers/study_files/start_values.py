@@ -4,6 +4,7 @@ from time import perf_counter
 
 import numpy as np
 
+from taichi_erosion.evidence.answers.closed_form import MODEL
 from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.emulator.plan_cost import span
@@ -32,7 +33,13 @@ def evaluations_sentence(study: Study, quick: bool) -> str:
             model_at_start(study, name, conditions, np.array([seed]))
     seconds = settings * (perf_counter() - begin)
     return (
-        f"{study.model.partition(' ')[0]} answers: mostly below {settings * table.size:,} runs "
+        f"{answering(study)} answers: mostly below {settings * table.size:,} runs "
         f"({settings:,} settings of {counted(table.size, 'row')}), {span(seconds)}; "
         f"{'far fewer where nothing is found; ' if quick else ''}those made before are kept."
     )
+
+
+def answering(study: Study) -> str:
+    """The function that answers a study, in words where it is the program's own."""
+    name = study.model.partition(" ")[0]
+    return "The closed-form model" if name == MODEL else name
