@@ -21,7 +21,6 @@ from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import ClumpTable, Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
-from taichi_erosion.core.transfer import write
 from taichi_erosion.effects import load_library
 from taichi_erosion.run.sanity_checks import MOMENTUM_ERROR
 from taichi_erosion.simulation import (
@@ -43,6 +42,7 @@ ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, 
 ROLLING = Laws(rolling="elastic_plastic")
 GRAINS = 120
 HALF, WHOLE = 0.0025, 0.005  # s
+FEW = 2e-5  # s, two steps
 BLOWING = Laws(rolling="elastic_plastic", drag="two_limits")
 CALM, BLOWN, WIND = 0.002, 0.005, 0.4  # s, s, m s-1: wind begins, run ends, friction velocity
 SUMS = 1e-12  # of the largest value: rounding of sums over grains and cells, amplified by some collisions
@@ -281,14 +281,22 @@ def test_stages_of_more_threads_than_a_device_starts_at_once_give_the_same_bits_
 @pytest.mark.slow
 def test_vulkan_advances_more_list_entries_than_it_starts_threads_at_once():
     """65,535 groups of 128 threads are what the driver in software starts."""
-    numerics = Numerics("vulkan", 1, "f32")
-    (want,) = run([heap(GRAINS, 1)], ROLLING, numerics, HALF)
-    sim = assemble([heap(GRAINS, 1)], ROLLING, numerics)
-    reallocate(sim, replace(sim.capacities, pairs=65_536 * 128))
-    write(sim.world.pairs.label, 0)
-    advance(sim, [HALF])
-    assert force_imbalance(sim, 0) < MOMENTUM_ERROR
-    assert fingerprint(snapshot(sim, 0)) == fingerprint(want)
+    collapsing = assemble([heap(GRAINS, 1)], ROLLING, replace(IN_PARTITIONS, precision="f32"))
+    advance(collapsing, [HALF])
+    state = export_state(collapsing)
+    ends = []
+    for pairs in (None, 65_536 * 128):
+        try:
+            sim = assemble([heap(GRAINS, 1)], ROLLING, Numerics("vulkan", 1, "f32"))
+        except BadInput as missing:
+            pytest.skip(str(missing))
+        reallocate(sim, replace(sim.capacities, pairs=pairs or sim.capacities.pairs))
+        import_state(sim, state)
+        advance(sim, [HALF + FEW])
+        ends.append(snapshot(sim, 0))
+        stop_device()
+    assert ends[0].contacts.sum() > 0
+    assert fingerprint(ends[0]) == fingerprint(ends[1])
 
 
 @devices
