@@ -16,14 +16,20 @@ from pathlib import Path
 from doe.common.cases import Case, perform, read_rows, settings
 from doe.common.command import words
 from doe.wind.blown_sand import BARE
-from doe.wind.run import DIAMETERS, FLUID, SALTATION, fluid_cases, flux_cases
+from doe.wind.run import BEDS, DIAMETERS, FLUID, SALTATION, fluid_cases, flux_cases
 from doe.wind.saturated import Blown
 from doe.wind.saturated import cases as saturated_cases
+from doe.wind.shares import FORCES, words_of
 from taichi_erosion.verification.reference.hopping import Sand
 
 TABLE = Path(__file__).with_name("drag_laws.csv")
 LAW = 'wind.drag="two_limits_hindered"'
 SOIL = "forces"  # group of the published soil
+SETS = (  # of forces beside drag
+    *(tuple(one for one in FORCES if one != other) for other in FORCES),
+    ("near_wall_drag",),
+    ("near_wall_drag", "rotational_drag"),
+)
 
 Named = dict[str, tuple[str, list[Case]]]  # scene and cases of every name
 
@@ -34,8 +40,15 @@ def cases() -> Named:
     for diameter in DIAMETERS:
         blown = Blown(BARE, Sand(diameter), (LAW,))
         named[blown.name] = (SALTATION, list(saturated_cases(blown)))
-    soil = [hindered(case) for case in fluid_cases() if case.group == SOIL]
-    return named | {f"{SOIL}/{case.label}": (FLUID, [case]) for case in soil}
+    soil = [case for case in fluid_cases() if case.group == SOIL] + list(share_cases())
+    return named | {f"{SOIL}/{case.label}": (FLUID, [hindered(case)]) for case in soil}
+
+
+def share_cases() -> Iterator[Case]:
+    """The published soil with other sets of forces, as in `shares.py`."""
+    for effects in SETS:
+        orders = (f"effects.{effect}.strength=1" for effect in effects)
+        yield Case(SOIL, words_of("+".join(effects)), settings(*orders), BEDS)
 
 
 def hindered(case: Case) -> Case:

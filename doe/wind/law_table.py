@@ -1,5 +1,6 @@
 """Flux and impact thresholds of blown sand under two laws of drag beside the measured ones."""
 
+from collections.abc import Mapping
 from math import hypot, isfinite, nan
 
 import numpy as np
@@ -20,8 +21,10 @@ from doe.wind.blown_sand import (
     simulated_thresholds,
 )
 from doe.wind.saturated_sand import saturated_thresholds
+from taichi_erosion.measures.result import Measurement
 from taichi_erosion.report.markdown import markdown_table
 
+FLUID = "threshold_u_star"  # observable of the published soil
 FLUX = "flux"  # group of the winds in which the flux was measured
 LAWS = ("of a grain alone", "among others")
 STRESSES = {
@@ -75,6 +78,26 @@ def impact_law_table(alone: Found, hindered: Found, measured: Table) -> str:
         rows.append((name[1], *values, ratio_cell(first, second)))
     errors = [shown(impact_error(each, measured)) for each in found]
     return markdown_table(header, [*rows, ("rms of ln simulated / measured", *errors, "")])
+
+
+def soil_table(alone: Found, hindered: Found, shares: Mapping[str, Measurement]) -> str:
+    """Fluid thresholds of the published soil under both laws, ± the standard error of the beds.
+
+    `shares` are those under the drag of a grain alone that are told bed by bed, by the forces beside drag.
+    """
+    header = ("forces", *(f"beds, drag {law}" for law in LAWS), *(f"u* [m/s], drag {law}" for law in LAWS))
+    rows = []
+    for name, case in hindered.items():
+        if FLUID not in case:
+            continue
+        row = case[FLUID]
+        told = alone[name][FLUID] if name in alone else shares[name[1]]
+        both = (told.value, told.sd / told.n**0.5), (row.value, row.standard_error)
+        ratio = row.value / told.value
+        error = ratio * hypot(*(error / value for value, error in both))
+        cells = (str(told.n), str(row.n), *(shown(*each) for each in both), shown(ratio, error))
+        rows.append((name[1], *cells))
+    return markdown_table((*header, "among others over alone"), rows)
 
 
 def sand_size(name: tuple[str, str]) -> float:

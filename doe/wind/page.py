@@ -27,7 +27,7 @@ from doe.wind.blown_sand import (
     shown,
     splash_table,
 )
-from doe.wind.law_table import impact_law_table, law_table, stress_table
+from doe.wind.law_table import FLUID, impact_law_table, law_table, soil_table, stress_table
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
@@ -38,7 +38,7 @@ PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.pn
 TABLES = ("flux", "impact", "fluid", "saturated")
 CREYSSELS_SAND = "0.24"  # mm, of saturated.csv: the sand nearest to that of Creyssels et al.
 ALONE = "drag alone"  # the case that others are compared with
-FLUID, ROLLING, PLATE = "threshold_u_star", "rolling_onset", "threshold_wind_speed"
+ROLLING, PLATE = "rolling_onset", "threshold_wind_speed"
 
 
 def half_interval(row: Row) -> float:
@@ -148,11 +148,6 @@ def sand_threshold(impact: Found, sand: str) -> Bracket | None:
     return Bracket(found.value - found.standard_error, found.value + found.standard_error)
 
 
-def of_soil(found: Found) -> Found:
-    """Cases of the published soil."""
-    return {name: case for name, case in found.items() if FLUID in case}
-
-
 def tables(doe: Path) -> dict[str, str]:
     """Tables of the page by name."""
     flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
@@ -171,7 +166,7 @@ def tables(doe: Path) -> dict[str, str]:
         "saturated": saturated_table(steady),
         "flux": flux_table(flux, fluxes),
         "laws": law_table(flux, hindered, fluxes),
-        "law_soil": fluid_table(of_soil(hindered), tunnel),
+        "law_soil": soil_table(fluid, hindered, shares.thresholds()),
         "law_impact": impact_law_table(steady, hindered, thresholds),
         "law_stresses": stress_table(steady, hindered),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),

@@ -181,6 +181,17 @@ def share_table(beds: Sequence[Bed], hold: float) -> str:
     return markdown_table(header, rows)
 
 
+def thresholds() -> dict[str, Measurement]:
+    """Threshold of the beds of every case, by its forces in words."""
+    beds, hold = read_beds(), scene().threshold.hold
+    found = {words_of(name): brackets(beds, name, hold) for name in names()}
+    return {
+        words: pool_beds([bracketed("threshold_u_star", each) for each in case.values()])
+        for words, case in found.items()
+        if case
+    }
+
+
 def words_of(name: str) -> str:
     """Forces of a case in words."""
     effects = [] if name == NONE else name.split("+")

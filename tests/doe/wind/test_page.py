@@ -8,7 +8,8 @@ import pytest
 from doe.common.cases import Row
 from doe.wind import blown_sand
 from doe.wind import page as threshold
-from doe.wind.law_table import impact_law_table, law_table
+from doe.wind.law_table import impact_law_table, law_table, soil_table
+from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
 
 TUNNEL = [
@@ -141,3 +142,24 @@ def test_impact_thresholds_under_two_laws_stand_beside_how_far_both_are_off():
     assert [float(number.split("±")[0]) for number in cells[0][1:]] == pytest.approx([0.2, 0.16, 0.8])
     # 0.16 m/s measured: ln(0.20 / 0.16) and nothing
     assert [float(number) for number in cells[2][1:3]] == pytest.approx([np.log(1.25), 0.0], abs=1e-3)
+
+
+def test_the_soil_under_two_laws_takes_the_other_law_from_either_table():
+    fluid = {
+        ("forces", "all forces"): {
+            threshold.FLUID: row("forces", "all forces", threshold.FLUID, 0.3, 0.02, 4)
+        }
+    }
+    shares = {"all but gusts": Measurement("threshold_u_star", 0.35, 0.02, "m s-1", 4)}
+    hindered = blown_sand.by_case(
+        [
+            row("forces", "all forces", threshold.FLUID, 0.36, 0.02, 4),
+            row("forces", "all but gusts", threshold.FLUID, 0.385, 0.02, 4),
+            row("flux", "0.4", "flux", 0.02, 0.001, 3),
+        ]
+    )
+    lines = soil_table(fluid, hindered, shares).splitlines()[2:]
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+    assert [line[0] for line in cells] == ["all forces", "all but gusts"]
+    # 1.2 with 0.01 / 0.3 and 0.01 / 0.36 as squares; 1.1 with 0.01 / 0.35 and 0.01 / 0.385
+    assert [line[-1] for line in cells] == ["1.200 ± 0.052", "1.100 ± 0.042"]
