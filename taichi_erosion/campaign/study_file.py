@@ -151,7 +151,9 @@ class VaultEntry(Section):
     ranges: dict[Name, tuple[float, float]] = Field(
         default={}, description="whole ranges of a condition, inclusive"
     )
-    sources: tuple[str, ...] = Field(default=(), description="sources that are held out whole, as the table has them")
+    sources: tuple[str, ...] = Field(
+        default=(), description="sources that are held out whole, as the table has them"
+    )
     drawn_from: str | None = Field(
         default=None,
         pattern=r"^[0-9a-f]{64}$",

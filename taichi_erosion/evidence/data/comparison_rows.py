@@ -39,6 +39,7 @@ class ComparisonRows:
     group: tuple[str, ...]
     source: tuple[str, ...]
     slope: Floats  # dz/dy at the measured value
+    stated: Bools  # an sd is stated, for the row or a repeat of it, or the value is censored
     freedom: float  # degrees of freedom behind the noise level
     noise: Mapping[str, ObservableNoise]
     warnings: tuple[str, ...]
@@ -87,6 +88,7 @@ class ComparisonRows:
             group=tuple(self.group[i] for i in index),
             source=tuple(self.source[i] for i in index),
             slope=self.slope[index],
+            stated=self.stated[index],
             condition_sd={name: column[index] for name, column in self.condition_sd.items()},
             heaps=tuple(self.heaps[i] for i in index) if self.heaps else (),
             together=None if self.together is None else self.together[np.ix_(index, index)],
@@ -157,6 +159,7 @@ def merged_rows(
         group=tuple(table.group[i] for i in first),
         source=tuple(table.source[i] for i in first),
         slope=steep,
+        stated=np.isin(keys[first], keys[(table.sd > 0.0) | table.censored]),
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
@@ -292,6 +295,7 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
         group=tuple(group for part in parts for group in part.group),
         source=tuple(source for part in parts for source in part.source),
         slope=np.concatenate([part.slope for part in parts]),
+        stated=np.concatenate([part.stated for part in parts]),
         noise={name: noise for part in parts for name, noise in part.noise.items()},
         warnings=tuple(note for part in parts for note in part.warnings),
         condition_sd={

@@ -5,7 +5,8 @@ Every account replaces the stated errors by others, and all hypotheses are weigh
     source   rows of one source share an error of sd tau, by observable        V + tau_o^2 S_o S_o^T
     batch    the same for rows of one `group`                                  V + tau_o^2 B_o B_o^T
     rows     a few rows have an error of OUTLIER sd beside the stated one
-    scatter  true over stated sd differs between observables or grows along a condition
+    scatter  true over stated sd differs between observables or grows along a condition; or a source that
+             states no sd scatters otherwise than the median row of the others, with which it counts
 
 What an account leaves open (tau, which rows, the growth) is estimated by the marginal likelihood of the
 hypotheses fitted with stated errors, linear about their best fits, and the account pays for the choice:
@@ -25,7 +26,7 @@ from typing import Literal
 import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection
-from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
@@ -44,6 +45,7 @@ MOST_OUTLIERS, SHARE_OUTLIERS = 4, 0.1  # rows that may be off
 FACTORS = (1.5, 2.25, 3.4)  # true over stated sd of one observable
 GROWTHS = (-0.8, -0.4, 0.4, 0.8)  # change of ln sd per sd of a condition
 SCATTER_STEPS = 2  # of the kind above, one on top of the other
+UNSTATED = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # sd of a source that states none over that median
 
 LogLikelihood = Callable[[PreparedProblem], float]
 
@@ -68,6 +70,7 @@ class ErrorAccount:
     rows: tuple[int, ...] = ()  # that are off
     shared: tuple["SharedError", ...] = ()
     scatter: tuple["UnevenScatter", ...] = ()
+    unstated: tuple["UnstatedScatter", ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,15 @@ class UnevenScatter:
     along: bool  # a condition
 
 
+@dataclass(frozen=True)
+class UnstatedScatter:
+    """Scatter of a source that states none, in one observable."""
+
+    observable: str
+    source: str
+    factor: float  # its sd over the median of the stated ones
+
+
 def error_accounts(prepared: PreparedProblem, references: Sequence[Reference]) -> list[ErrorAccount]:
     """Accounts that could change the answer, the most promising first."""
 
@@ -101,6 +113,7 @@ def error_accounts(prepared: PreparedProblem, references: Sequence[Reference]) -
         shared_account(prepared, "batch", prepared.rows.group, likelihood, stated),
         rows_account(prepared, references, likelihood, stated),
         scatter_account(prepared, likelihood, stated),
+        unstated_account(prepared, likelihood, stated),
     ]
     found = [each for each in tried if each is not None and each.gain > -levels.ACCOUNT_BEHIND]
     return sorted(found, key=lambda each: -each.gain)
@@ -292,3 +305,45 @@ def scatter_account(
     return ErrorAccount(
         "scatter", there, prepared.variance, odds, best - stated + odds, scatter=tuple(uneven)
     )
+
+
+def unstated_sources(prepared: PreparedProblem) -> Iterator[tuple[str, str, Bools]]:
+    """Observable, source and rows of every source that states no sd of an observable, while others do."""
+    labels, stated = np.array(prepared.rows.source), prepared.rows.stated
+    for observable, chosen in prepared.by_observable():
+        silent = set(labels[chosen]) - set(labels[chosen & stated])
+        for source in sorted(silent) if np.any(chosen & stated) else ():
+            yield observable.name, str(source), chosen & (labels == source)
+
+
+def unstated_account(
+    prepared: PreparedProblem, likelihood: LogLikelihood, stated: float
+) -> ErrorAccount | None:
+    """Scatter of sources that state none, by observable, in place of the median of the stated ones.
+
+    None where every source states one. Nobody has said that it is that median: both have the same prior.
+    """
+    sources = list(unstated_sources(prepared))
+    if not sources:
+        return None
+    grid, cost = np.array(UNSTATED), 0.0
+    chosen = np.ones(len(sources))
+
+    def there(factors: Floats) -> PreparedProblem:
+        sizes = np.ones(prepared.rows.size)
+        for (*_, rows), factor in zip(sources, factors, strict=True):
+            sizes[rows] = factor**2
+        return with_scatter(prepared, sizes)
+
+    for _ in range(ROUNDS):
+        cost = 0.0
+        for index in range(len(sources)):
+            trials = [np.where(np.arange(chosen.size) == index, factor, chosen) for factor in grid]
+            found = np.array([likelihood(there(trial)) for trial in trials])
+            chosen[index] = float(np.sqrt(np.exp(found - log_sum_exp(found)) @ grid**2))
+            cost += float(log_sum_exp(found)) - log(grid.size) - float(found.max())
+    told = [
+        UnstatedScatter(name, source, float(f)) for (name, source, _), f in zip(sources, chosen, strict=True)
+    ]
+    gain = likelihood(there(chosen)) - stated + cost
+    return ErrorAccount("scatter", there(chosen), prepared.variance, cost, gain, unstated=tuple(told))

@@ -12,7 +12,11 @@ from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
 from taichi_erosion.evidence.inference.pipeline import Analysis
 from taichi_erosion.evidence.inference.posterior import HALF_WIDTH, Posterior, label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.robustness.error_accounts import ErrorAccount, SharedError
+from taichi_erosion.evidence.inference.robustness.error_accounts import (
+    ErrorAccount,
+    SharedError,
+    UnstatedScatter,
+)
 
 LEAST_TAU = 0.3  # of a row's sd, from which a shared error is told
 
@@ -27,7 +31,8 @@ def error_findings(found: Analysis) -> tuple[ErrorFinding, ...]:
     shared = [ErrorFinding(errors.kind, each.observable, line) for each, line in words if line]
     rows = [ErrorFinding("rows", *row_words(found, row)) for row in errors.rows]
     scatter = [ErrorFinding("scatter", *scatter_words(errors))] if errors.scatter else []
-    return *shared, *rows, *scatter
+    unstated = [ErrorFinding("scatter", *unstated_words(errors, prepared, each)) for each in errors.unstated]
+    return *shared, *rows, *scatter, *unstated
 
 
 def observable_of(prepared: PreparedProblem, name: str) -> tuple[Observable, str]:
@@ -121,6 +126,20 @@ def scatter_words(errors: ErrorAccount) -> tuple[str, str]:
     return (
         places.pop() if len(places) == 1 else ""
     ), f"The scatter is not as stated: it {' and '.join(told)}."
+
+
+def unstated_words(
+    errors: ErrorAccount, prepared: PreparedProblem, unstated: UnstatedScatter
+) -> tuple[str, str]:
+    """Observable, and the scatter of a source that states none beside the median of the others."""
+    observable, unit = observable_of(prepared, unstated.observable)
+    own = prepared.rows.which == prepared.rows.observables.index(observable)
+    median = float(np.median(np.sqrt(errors.stated_variance[own & prepared.rows.stated])))
+    size = size_words(observable, unit, unstated.factor * median)
+    return observable.name, (
+        f"{observable.name}: {unstated.source} states no scatter; its rows scatter by about {size}, "
+        f"{unstated.factor:.2g} times the median of the stated ones."
+    )
 
 
 def likeliest_words(posterior: Posterior) -> str:

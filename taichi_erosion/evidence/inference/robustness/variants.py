@@ -2,6 +2,7 @@
 
 The evidence of every hypothesis changes as in its linear expansion about the fit that it has; the smooth
 rival and the chance of the misfit are computed anew. So one variant costs milliseconds and no simulation.
+Where an answer is averaged over accounts of the errors, so is every variant.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,10 +19,11 @@ from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain
 from taichi_erosion.evidence.inference.pipeline import (
     Analysis,
     FittedHypotheses,
+    WeighedAccount,
     enough_for_levels,
     level_share,
 )
-from taichi_erosion.evidence.inference.posterior import Posterior
+from taichi_erosion.evidence.inference.posterior import Posterior, mixed
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, level_shape
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.robustness.error_accounts import (
@@ -35,6 +37,9 @@ SCALES = (0.5, 2.0)  # of the priors of all strengths
 TOLERANCES = (0.0, 2.0)  # of declared tolerances and shared errors
 MOST_GROUPS = 12  # that are left out one by one; of more, those with most rows
 WORST_ROWS = 2  # that are left out one by one
+LEAST_SHARE = 0.01  # probability from which an account of the errors beside the leading one counts
+
+RowSets = list[tuple[str, Bools]]
 
 
 @dataclass(frozen=True)
@@ -63,14 +68,45 @@ def variants(found: Analysis) -> Variants:
     if decision.verdict not in ("present", "group", "outside_library"):
         return Variants(0, 0, ())
     kept, changes = 0, list[str]()
-    tried = list(all_variants(found.fitted))
-    for variant in tried:
-        posterior = variant.posterior()
+    tried = averaged_variants(found)
+    for words, posterior in tried:
         if holds(posterior, decision.verdict, decision.named, decision.group):
             kept += 1
         else:
-            changes.append(f"{becomes(posterior)} {variant.words}")
+            changes.append(f"{becomes(posterior)} {words}")
     return Variants(len(tried), kept, tuple(changes))
+
+
+def averaged_variants(found: Analysis) -> list[tuple[str, Posterior]]:
+    """Every variant in words, with its probabilities averaged over the accounts of the errors that count.
+
+    An account that a variant does not concern keeps its probabilities.
+    """
+    lead = found.fitted
+    sets, variance = list(row_sets(lead)), lead.prepared.rows.variance
+    likely = likely_accounts(found.accounts)
+    beside = [each.account for each in likely if each.account.fitted is not lead]
+    priors = [each.log_weight - each.account.posterior.log_all for each in likely]
+    tables = [
+        {variant.words: variant.posterior() for variant in all_variants(each.fitted, sets, variance)}
+        for each in beside
+    ]
+
+    def averaged(words: str, own: Posterior) -> Posterior:
+        other = iter([table.get(words, at.posterior) for at, table in zip(beside, tables, strict=True)])
+        every = [own if each.account.fitted is lead else next(other) for each in likely]
+        logs = np.array(priors) + [each.log_all for each in every]
+        return mixed(own, every, np.exp(logs - log_sum_exp(logs)))
+
+    tried = all_variants(lead, sets, variance)
+    return [(variant.words, averaged(variant.words, variant.posterior())) for variant in tried]
+
+
+def likely_accounts(accounts: Sequence[WeighedAccount]) -> list[WeighedAccount]:
+    """The accounts of the errors that have a probability of LEAST_SHARE and more."""
+    logs = np.array([each.log_weight for each in accounts])
+    share = np.exp(logs - log_sum_exp(logs)) if logs.size else logs
+    return [each for each, part in zip(accounts, share, strict=True) if part >= LEAST_SHARE]
 
 
 def holds(posterior: Posterior, verdict: str, named: Sequence[str], group: Sequence[str]) -> bool:
@@ -95,8 +131,12 @@ def becomes(posterior: Posterior) -> str:
     return f"{words} ({100 * posterior.probability[top]:.0f} %)"
 
 
-def all_variants(fitted: FittedHypotheses) -> Iterator[Variant]:
-    """Every change that the study allows."""
+def all_variants(fitted: FittedHypotheses, sets: RowSets, variance: Floats) -> Iterator[Variant]:
+    """Every change that the study allows.
+
+    A row that is left out gets GONE times `variance`, the same under every account of the errors, so that
+    their evidences differ by the other rows only.
+    """
     prepared = fitted.prepared
     for scale in SCALES:
         words = f"if all priors of strengths are {scale:g} times as wide"
@@ -105,9 +145,10 @@ def all_variants(fitted: FittedHypotheses) -> Iterator[Variant]:
         for words, other in tolerance_variants(prepared, factor):
             yield Variant(words, reweighed(fitted, other))
         yield from shared_error_variants(fitted, factor)
-    for words, rows in row_sets(fitted):
+    gone = GONE * variance / prepared.rows.variance
+    for words, rows in sets:
         if not levels.too_few_rows(prepared.rows.size - int(rows.sum()), len(prepared.axes)):
-            other = with_variances(prepared, np.where(rows, GONE, 1.0))
+            other = with_variances(prepared, np.where(rows, gone, 1.0))
             yield Variant(words, reweighed(fitted, other))
 
 
@@ -147,7 +188,7 @@ def shared_error_variants(fitted: FittedHypotheses, factor: float) -> Iterator[V
         yield Variant(words, with_column(factor * rows.shared), with_column(level) if asked else None)
 
 
-def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Floats]]:
+def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Bools]]:
     """Rows that are left out: each source, each of the largest groups, and the worst rows."""
     rows = fitted.prepared.rows
     for column, word, most in ((rows.source, "source", None), (rows.group, "group", MOST_GROUPS)):

@@ -1,5 +1,6 @@
 """Errors that nobody stated, against closed forms and against tables in which they were put."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from taichi_erosion.evidence.inference.robustness.error_accounts import (
     Reference,
     error_accounts,
     linear_evidence,
+    unstated_sources,
 )
 from tests.evidence.linear_study import LEVEL_SD, linear_problem, screened
 
@@ -42,6 +44,16 @@ def with_rows_off(problem: Problem, rows: list[int], size: float) -> Problem:
     value = problem.measurements.value.copy()
     value[rows] += size * SD
     return replace(problem, measurements=replace(problem.measurements, value=value))
+
+
+def with_silent_source(problem: Problem, factor: float) -> Problem:
+    """The problem with every other row from laboratory B, which states no sd and scatters by more."""
+    table = problem.measurements
+    second = np.arange(table.size) % 2 == 1
+    more = SD * factor * np.random.default_rng(2).standard_normal(table.size) * second
+    names = tuple("laboratory B" if other else "laboratory A" for other in second)
+    sd = np.where(second, np.nan, table.sd)
+    return replace(problem, measurements=replace(table, value=table.value + more, sd=sd, source=names))
 
 
 def answer(problem: Problem) -> Discovery:
@@ -142,6 +154,33 @@ def test_scatter_that_grows_along_a_condition_is_told():
     (told,) = found.errors
     assert "grows" in told.sentence
     assert "x" in told.sentence
+
+
+@pytest.mark.parametrize("acting", [{}, {"bend": 1.0}], ids=["nothing", "bend"])
+def test_the_scatter_of_a_source_that_states_none_is_found_and_told(acting):
+    problem = with_silent_source(linear_problem(SHAPES, acting, sd=SD, count=COUNT), 10.0)
+    found = answer(problem)
+    assert found.named == tuple(acting)
+    assert found.verdict != "outside_library"
+    (told,) = found.errors
+    factor = re.match(r"y: laboratory B states no scatter; .*, ([\d.]+) times the median", told.sentence)
+    assert factor
+    assert 7.0 < float(factor[1]) < 14.0, "24 rows know their sd of 10 to 15 %, the grid in octaves to 20 %"
+
+
+def test_a_source_without_sd_that_scatters_as_the_others_is_told_of_nothing():
+    found = answer(with_silent_source(linear_problem(SHAPES, {"bend": 1.0}, sd=SD, count=COUNT), 0.0))
+    assert found.named == ("bend",)
+    assert found.errors == ()
+
+
+def test_a_source_that_states_an_sd_of_one_row_states_its_scatter():
+    problem = with_silent_source(linear_problem(SHAPES, {}, sd=SD, count=COUNT), 10.0)
+    sd = problem.measurements.sd.copy()
+    sd[1] = SD
+    prepared, found = screened(replace(problem, measurements=replace(problem.measurements, sd=sd)))
+    assert list(unstated_sources(prepared)) == []
+    assert not any(each.unstated for each in error_accounts(prepared, [Reference(found.base, 0.0)]))
 
 
 def test_a_level_keeps_its_coverage_under_student_errors_once_rows_are_off():

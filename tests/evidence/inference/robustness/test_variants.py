@@ -11,7 +11,16 @@ from taichi_erosion.evidence.data.problem import Observable, Problem
 from taichi_erosion.evidence.inference.pipeline import account, analyse
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.inference.robustness.error_accounts import with_variances
-from taichi_erosion.evidence.inference.robustness.variants import GONE, reweighed, variants, with_prior_scales
+from taichi_erosion.evidence.inference.robustness.variants import (
+    GONE,
+    all_variants,
+    averaged_variants,
+    reweighed,
+    row_sets,
+    variants,
+    with_prior_scales,
+)
+from tests.evidence.inference.robustness.test_error_accounts import COUNT, SD, sharing
 from tests.evidence.linear_study import linear_problem
 
 SHAPES = {"bend": lambda x: x**2, "wave": lambda x: np.sin(3.0 * x)}
@@ -79,3 +88,18 @@ def test_a_shared_error_that_is_not_granted_gives_the_answer_of_the_study_that_d
     assert bare.level_probability > 0.9
     told = variants(found)
     assert not any("is not granted" in words for words in told.changes), told.changes
+
+
+def test_a_group_left_out_of_an_averaged_answer_gives_the_average_of_the_table_without_it():
+    problem = sharing(linear_problem(SHAPES, {"bend": 0.25}, sd=SD, count=COUNT), 1.0, seed=5)
+    found = analyse(prepare(problem, problem.measurements, 1), 1, no_progress)
+    assert 0.1 < found.errors_probability < 0.9, "errors of groups and errors as stated both count"
+    words, left = "without group g1", np.array(problem.measurements.group) != "g1"
+    averaged = dict(averaged_variants(found))[words].inclusion["bend"]
+    lead, sets = found.fitted, list(row_sets(found.fitted))
+    one = {each.words: each for each in all_variants(lead, sets, lead.prepared.rows.variance)}[words]
+    shorter = problem.measurements.rows(left)
+    anew = analyse(prepare(replace(problem, measurements=shorter), shorter, 1), 1, no_progress)
+    wanted = anew.posterior.inclusion["bend"]
+    assert averaged == pytest.approx(wanted, abs=0.005)
+    assert abs(one.posterior().inclusion["bend"] - wanted) > 0.015, "one account alone gives another answer"
