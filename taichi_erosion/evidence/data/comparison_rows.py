@@ -141,9 +141,7 @@ def merged_rows(
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
-    if unknown.any():
-        count = f"{int(unknown.sum())} of {unknown.size}"
-        notes.append(f"{observable.name}: the scatter of {count} rows is not known; they are not used")
+    notes += unknown_notes(observable, unknown)
     shared = np.zeros((first.size, len(observables)))
     shared[:, index] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
@@ -259,6 +257,14 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
     if uncounted:
         notes.append(f"{observable.name}: {uncounted} of {table.size} rows have no n, taken as 1")
     return notes
+
+
+def unknown_notes(observable: Observable, unknown: Bools) -> list[str]:
+    """Sentence about rows of unknown scatter."""
+    if not unknown.any():
+        return []
+    count = f"{int(unknown.sum())} of {unknown.size}"
+    return [f"{observable.name}: the scatter of {count} rows is not known; they are not used"]
 
 
 def noise_budget(variance: Floats, shared: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
