@@ -34,23 +34,16 @@ from taichi_erosion.simulation.stage_times import copy_bandwidth, stage_times
 Precision = Literal["f32", "f64"]
 Size = Literal["quick", "usual", "large"]  # of the cases on a graphics processor
 
-START, WIDE_START = (
-    0.05,
-    0.02,
-)  # s, until contacts last and a funnel flows; of a funnel that would take a minute
+START = 0.05  # s, until contacts last and a funnel flows
+WIDE_START = 0.02  # s, of a funnel that would take a minute
 FUNNELS, WIDE_FUNNEL = (2000, 10_000), 50_000  # grains
 ENSEMBLE, FUNNELS_MANY = 32, 1000  # replicas
-QUICK_ENSEMBLE, QUICK_STEPS = (
-    4,
-    100,
-)  # replicas, and steps of a round, where a driver in software does the work
+QUICK_ENSEMBLE, QUICK_STEPS = 4, 100  # replicas, and steps of a round, where a driver is software
 MILLION_SIDE = 267  # grains along each period of a bed of a million
 ROUNDS = 3  # the median is reported
 TILES = ((1, 1), (5, 1), (10, 5), (10, 10))  # copies along either period: 2,016 to 201,600 grains
-UNTIMED, WIDE_STEPS = (
-    200,
-    200,
-)  # steps before the clock starts, and of a round: contacts settle alike at all sizes
+UNTIMED = 200  # steps before the clock starts: contacts settle alike at all sizes
+WIDE_STEPS = 200  # steps of a round of the wide cases
 
 
 @dataclass(frozen=True)
