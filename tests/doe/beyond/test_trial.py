@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from math import hypot, log
 from typing import Any
 
 import numpy as np
@@ -27,9 +28,13 @@ def trial(tmp_path) -> Trial:
 
 def test_an_answered_case_is_opened_with_its_method(trial):
     row = opened(trial, 0, sealed(trial)[0])
+    truth, problem = json.loads(row["truth"]), pickle.loads(trial.problem(0).read_bytes())
     assert row["method"] == "m"
-    assert json.loads(row["truth"])["kind"] == "null"
-    assert float(row["ratio"]) < 3.0
+    assert truth["kind"] == "null"
+    prior = [
+        log(truth["parameters"][each.path] / each.start) / each.prior_sd_log for each in problem.parameters
+    ]
+    assert float(row["ratio"]) <= 1.001 * hypot(*prior), "at its own numbers a null leaves their prior alone"
 
 
 def test_a_truth_that_was_changed_after_its_seal_is_refused(trial):
