@@ -233,7 +233,7 @@ def scatter_shapes(observable: Observable, value: Floats, steepness: Floats) -> 
     return np.array([absolute, relative] if observable.transform == "identity" else [relative, absolute])
 
 
-def condition_numbers(table: Measurements) -> Floats:
+def condition_numbers(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's set of conditions; equal for repeated rows."""
     if table.size == 0:
         return np.zeros(0)

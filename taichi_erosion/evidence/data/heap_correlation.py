@@ -198,8 +198,7 @@ def valid_correlation(matrix: Floats) -> Floats:
 def replicates_of(rows: ComparisonRows, values: Floats) -> Replicates | None:
     """Scatter of a model's seeds (r, n) at the rows; None where no conditions have two observables."""
     size, seeds = len(rows.observables), values.shape[0]
-    _, cell = np.unique(row_conditions(rows), axis=0, return_inverse=True)
-    cell = cell.ravel()
+    cell = condition_numbers(rows).astype(np.int64)
     gaps = np.full((seeds, int(cell.max(initial=-1)) + 1, size), np.nan)
     gaps[:, cell, rows.which] = values - values.mean(axis=0)
     sd = np.sqrt(
@@ -218,12 +217,6 @@ def replicates_of(rows: ComparisonRows, values: Floats) -> Replicates | None:
         return None
     names = tuple(each.name for each in rows.observables)
     return Replicates(names, sd, shrunk(found, freedom, known, np.eye(size)), float(freedom.max()))
-
-
-def row_conditions(rows: ComparisonRows) -> Floats:
-    """Conditions of the rows (n, conditions), comparable where they are unknown too."""
-    columns = [np.nan_to_num(column, nan=-1.2345e300) for column in rows.conditions.values()]
-    return np.column_stack(columns) if columns else np.zeros((rows.size, 1))
 
 
 def independent_count(gaps: Floats) -> float:

@@ -307,8 +307,7 @@ def reweighted(prepared: PreparedProblem, mean: Floats) -> PreparedProblem:
         z = rows.z[own]
         moved = np.clip(mean[own], z - NEAR * sd, z + NEAR * sd) - z
         factor[own] = np.exp(-2.0 * moved)
-    moved = rows.rescattered(factor)
-    return replace(prepared, rows=moved, variance=prepared.variance + moved.variance - rows.variance)
+    return prepared.with_rows(rows.rescattered(factor))
 
 
 def searched(prepared: PreparedProblem) -> list[Floats]:

@@ -143,6 +143,10 @@ class PreparedProblem:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
         return working(self.white(self.rows.z - mean), self.white_reach)
 
+    def with_rows(self, rows: ComparisonRows) -> "PreparedProblem":
+        """The same with other variances of the laboratory's rows."""
+        return replace(self, rows=rows, variance=self.variance + rows.variance - self.rows.variance)
+
     @property
     def has_model_errors(self) -> bool:
         """Whether values of the model have errors that depend on its setting."""

@@ -16,9 +16,7 @@ from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
 from taichi_erosion.scene.schema.scene import Gravity
 from taichi_erosion.scene.shipped import SCENES
 
-LID = (
-    1.5 * LID_LEAST
-)  # height of the lid in largest diameters: a bed of up to ten, and what hops above it [1]
+LID = 1.5 * LID_LEAST  # height of the lid in largest diameters: a bed of up to ten, and hops above it [1]
 REST = 1.5 * REST_LEAST  # of sqrt(d / g) of the largest grains, at rest for so long before they sleep [1]
 FLATTER = 0.8  # of the smallest measured angle, down to which a heap is large enough for its measure [1]
 USUAL_HEAP, USUAL_SAND = 2e-3, 2.5e-4  # grain diameters where the table states none [m]

@@ -38,7 +38,7 @@ Sharing = tuple[
 ]  # observable, labels, columns (n, labels) of errors of one row's sd
 
 TAUS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # sd of a shared error over the typical sd of a row
-ROUNDS = 2  # in which the tau of every observable is found, the others kept
+ROUNDS = 2  # in which the size of every error is found, the others kept
 LEAST_BATCHES, LEAST_SHARING = 3, 3  # batches of an observable, and rows beyond the first of each
 OUTLIER = 8.0  # sd of the further error of a row that is off, in stated sd
 MOST_OUTLIERS, SHARE_OUTLIERS = 4, 0.1  # rows that may be off
@@ -176,18 +176,9 @@ def shared_account(
     sharing = list(sharing_columns(prepared, kind, labels))
     if not sharing:
         return None
-    chosen, cost, grid = np.zeros(len(sharing)), 0.0, np.array(TAUS)
-    for _ in range(ROUNDS):
-        cost = 0.0
-        for index in range(len(sharing)):
-            found = np.empty(grid.size)
-            for k, tau in enumerate(grid):
-                trial = chosen.tolist()
-                trial[index] = float(tau)
-                found[k] = likelihood(with_taus(prepared, sharing, trial))
-            weight = np.exp(found - log_sum_exp(found))
-            chosen[index] = float(np.sqrt(weight @ grid**2))
-            cost += float(log_sum_exp(found)) - log(grid.size) - float(found.max())
+    chosen, cost = likely_sizes(
+        lambda taus: likelihood(with_taus(prepared, sharing, taus)), np.zeros(len(sharing)), np.array(TAUS)
+    )
     there = with_taus(prepared, sharing, chosen)
     odds = log(levels.ODDS_SOURCE if kind == "source" else levels.ODDS_BATCH) + cost
     shared, first = list[SharedError](), prepared.rows.shared.shape[1]
@@ -199,9 +190,24 @@ def shared_account(
     )
 
 
-def with_taus(
-    prepared: PreparedProblem, sharing: Sequence[Sharing], taus: Sequence[float] | Floats
-) -> PreparedProblem:
+def likely_sizes(likelihood: Callable[[Floats], float], start: Floats, grid: Floats) -> tuple[Floats, float]:
+    """Sizes of several errors (k,), the root of the mean square of each over a grid, and ln of their cost.
+
+    They are found one after the other, ROUNDS times, the others kept. The cost is the mean likelihood over
+    the grid, less the best, of every size in the last round.
+    """
+    chosen, cost = start.copy(), 0.0
+    for _ in range(ROUNDS):
+        cost = 0.0
+        for index in range(chosen.size):
+            trials = [np.where(np.arange(chosen.size) == index, size, chosen) for size in grid]
+            found = np.array([likelihood(trial) for trial in trials])
+            chosen[index] = float(np.sqrt(np.exp(found - log_sum_exp(found)) @ grid**2))
+            cost += float(log_sum_exp(found)) - log(grid.size) - float(found.max())
+    return chosen, cost
+
+
+def with_taus(prepared: PreparedProblem, sharing: Sequence[Sharing], taus: Floats) -> PreparedProblem:
     """The same with shared errors of these sizes."""
     acting = [tau * columns for (*_, columns), tau in zip(sharing, taus, strict=True)]
     shared = np.hstack([prepared.rows.shared, *acting])
@@ -210,16 +216,12 @@ def with_taus(
 
 def with_variances(prepared: PreparedProblem, factor: Floats) -> PreparedProblem:
     """The same with the laboratory's variance of every row times a factor, by errors of its own."""
-    rows = prepared.rows
-    variance = rows.variance * factor
-    total = prepared.variance + variance - rows.variance
-    return replace(prepared, rows=replace(rows, variance=variance), variance=total)
+    return prepared.with_rows(replace(prepared.rows, variance=prepared.rows.variance * factor))
 
 
 def with_scatter(prepared: PreparedProblem, factor: Floats) -> PreparedProblem:
     """The same with all of the laboratory's scatter changed so, correlations kept."""
-    rows = prepared.rows.rescattered(factor)
-    return replace(prepared, rows=rows, variance=prepared.variance + rows.variance - prepared.rows.variance)
+    return prepared.with_rows(prepared.rows.rescattered(factor))
 
 
 def rows_account(
@@ -326,24 +328,19 @@ def unstated_account(
     sources = list(unstated_sources(prepared))
     if not sources:
         return None
-    grid, cost = np.array(UNSTATED), 0.0
-    chosen = np.ones(len(sources))
 
-    def there(factors: Floats) -> PreparedProblem:
+    def scattered(factors: Floats) -> PreparedProblem:
         sizes = np.ones(prepared.rows.size)
         for (*_, rows), factor in zip(sources, factors, strict=True):
             sizes[rows] = factor**2
         return with_scatter(prepared, sizes)
 
-    for _ in range(ROUNDS):
-        cost = 0.0
-        for index in range(len(sources)):
-            trials = [np.where(np.arange(chosen.size) == index, factor, chosen) for factor in grid]
-            found = np.array([likelihood(there(trial)) for trial in trials])
-            chosen[index] = float(np.sqrt(np.exp(found - log_sum_exp(found)) @ grid**2))
-            cost += float(log_sum_exp(found)) - log(grid.size) - float(found.max())
+    chosen, cost = likely_sizes(
+        lambda factors: likelihood(scattered(factors)), np.ones(len(sources)), np.array(UNSTATED)
+    )
+    there = scattered(chosen)
     told = [
         UnstatedScatter(name, source, float(f)) for (name, source, _), f in zip(sources, chosen, strict=True)
     ]
-    gain = likelihood(there(chosen)) - stated + cost
-    return ErrorAccount("scatter", there(chosen), prepared.variance, cost, gain, unstated=tuple(told))
+    gain = likelihood(there) - stated + cost
+    return ErrorAccount("scatter", there, prepared.variance, cost, gain, unstated=tuple(told))

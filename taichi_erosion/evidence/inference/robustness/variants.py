@@ -85,17 +85,20 @@ def averaged_variants(found: Analysis) -> list[tuple[str, Posterior]]:
     lead = found.fitted
     sets, variance = list(row_sets(lead)), lead.prepared.rows.variance
     likely = likely_accounts(found.accounts)
-    beside = [each.account for each in likely if each.account.fitted is not lead]
-    priors = [each.log_weight - each.account.posterior.log_all for each in likely]
-    tables = [
-        {variant.words: variant.posterior() for variant in all_variants(each.fitted, sets, variance)}
-        for each in beside
+    priors = np.array([each.log_weight - each.account.posterior.log_all for each in likely])
+    beside = [
+        {one.words: one.posterior() for one in all_variants(each.account.fitted, sets, variance)}
+        if each.account.fitted is not lead
+        else None
+        for each in likely
     ]
 
     def averaged(words: str, own: Posterior) -> Posterior:
-        other = iter([table.get(words, at.posterior) for at, table in zip(beside, tables, strict=True)])
-        every = [own if each.account.fitted is lead else next(other) for each in likely]
-        logs = np.array(priors) + [each.log_all for each in every]
+        every = [
+            own if table is None else table.get(words, each.account.posterior)
+            for each, table in zip(likely, beside, strict=True)
+        ]
+        logs = priors + np.array([each.log_all for each in every])
         return mixed(own, every, np.exp(logs - log_sum_exp(logs)))
 
     tried = all_variants(lead, sets, variance)
