@@ -12,9 +12,8 @@ same backwards, so that spheres on either side shelter alike.
 Reference: Ladd (1994), J. Fluid Mech. 271, 285 (momentum exchanged where distributions come back).
 """
 
-import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +21,8 @@ from scipy.stats import pearsonr
 
 from doe.bed_wind.column import Blow, Layer, drags_of
 from doe.bed_wind.stokes import CORNERS, OPPOSITE, SHARES, collided, steady, streamed
-from doe.common.cases import parse
 from doe.common.command import words
-from taichi_erosion.core.files import write_atomic
+from doe.common.tables import read_table, write_table
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.threshold import CONFIDENCE
 from taichi_erosion.report.markdown import markdown_table
@@ -152,20 +150,14 @@ def measured(seed: int) -> list[Loaded]:
     return [Loaded(seed, *map(float, row)) for row in zip(*bed.centre.T, loads, *means, strict=True)]
 
 
-def read_table() -> list[Loaded]:
+def read_spheres() -> list[Loaded]:
     """All spheres of the table; none where it has not been made yet."""
-    if not TABLE.exists():
-        return []
-    kinds = {f.name: f.type for f in fields(Loaded)}
-    with TABLE.open(encoding="utf-8", newline="") as file:
-        return [Loaded(**{k: parse(kinds[k], v) for k, v in line.items()}) for line in csv.DictReader(file)]
+    return read_table(TABLE, Loaded) if TABLE.exists() else []
 
 
-def write_table(spheres: Sequence[Loaded]) -> None:
+def write_spheres(spheres: Sequence[Loaded]) -> None:
     """Write all spheres as CSV."""
-    lines = [[f.name for f in fields(Loaded)]]
-    lines += [[f"{cell:.5g}" for cell in asdict(sphere).values()] for sphere in spheres]
-    write_atomic(TABLE, "".join(",".join(line) + "\n" for line in lines).encode())
+    write_table(TABLE, Loaded, spheres, digits=5)
 
 
 def bed_of(spheres: Sequence[Loaded]) -> Spheres:
@@ -248,7 +240,7 @@ def correlation_cell(ratio: Floats, seen: Floats) -> str:
 def main(asked: Sequence[str]) -> None:
     """Simulate the beds that were asked for."""
     for seed in map(int, asked):
-        write_table([*(sphere for sphere in read_table() if sphere.seed != seed), *measured(seed)])
+        write_spheres([*(sphere for sphere in read_spheres() if sphere.seed != seed), *measured(seed)])
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from io import StringIO
 from pathlib import Path
 
 from doe.bed_wind.column import LAYERS, VISCOSITY, Blow, height_of, zero_depth
-from doe.bed_wind.exposure import exposure_table, load_table, read_table, upper_spheres
+from doe.bed_wind.exposure import exposure_table, load_table, read_spheres, upper_spheres
 from doe.bed_wind.stokes import zero_depth as resolved_depth
 from doe.common.command import words
 from taichi_erosion.core.files import write_atomic
@@ -129,7 +129,7 @@ def main(asked: Sequence[str]) -> None:
     for name in asked:
         if name in STEPS:
             STEPS[name]()
-    beds = upper_spheres(read_table())
+    beds = upper_spheres(read_spheres())
     tables = {"zero": zero_table(), "rough": rough_table()}
     tables |= {"loads": load_table(beds), "exposure": exposure_table(beds)}
     PAGE.write_text(fill_tables(PAGE.read_text(encoding="utf-8"), tables), encoding="utf-8")

@@ -4,20 +4,18 @@ Each case is simulated in a process of its own on one thread, by the command tha
 any row can be repeated alone.
 """
 
-import csv
 import json
 import shlex
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
-from io import StringIO
+from dataclasses import dataclass
 from math import nan
 from pathlib import Path
 from typing import Any
 
+from doe.common.tables import read_table, write_table
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
 
 ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
 MEASURED = ROOT / "taichi_erosion" / "effects" / "measured"  # tables that `effects NAME` prints
@@ -137,31 +135,10 @@ def perform(scene: str, cases: Iterable[Case], table: Path) -> None:
 
 
 def write_rows(table: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV; a number that is none is an empty field."""
-    names = [f.name for f in fields(Row)]
-    lines = [names, *([cell(value) for value in asdict(row).values()] for row in rows)]
-    page = StringIO(newline="")
-    csv.writer(page, lineterminator="\n").writerows(lines)
-    write_atomic(table, page.getvalue().encode())
-
-
-def cell(value: object) -> str:
-    """A value as the table holds it."""
-    if isinstance(value, float):
-        return "" if value != value else f"{value:.7g}"
-    return str(value)
+    """Write rows as CSV."""
+    write_table(table, Row, rows)
 
 
 def read_rows(table: Path) -> list[Row]:
     """Rows of a table that `write_rows` wrote."""
-    kinds = {f.name: f.type for f in fields(Row)}
-    with table.open(encoding="utf-8", newline="") as file:
-        return [
-            Row(**{name: parse(kinds[name], text) for name, text in line.items()})
-            for line in csv.DictReader(file)
-        ]
-
-
-def parse(kind: Any, text: str) -> Any:
-    """A cell as its field wants it."""
-    return nan if kind is float and not text else kind(text)
+    return read_table(table, Row)

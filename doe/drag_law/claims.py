@@ -5,16 +5,13 @@ python -m doe.drag_law.claims V39
 python -m doe.drag_law.claims V36/two_limits_hindered ...    under one law
 """
 
-import csv
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
-from io import StringIO
+from dataclasses import dataclass
 from pathlib import Path
 
-from doe.common.cases import parse
 from doe.common.command import words
 from doe.common.method import method_commit
-from taichi_erosion.core.files import write_atomic
+from doe.common.tables import read_table, write_table
 from taichi_erosion.core.setup import DragLaw
 from taichi_erosion.verification.claim import Outcome, as_claim
 from taichi_erosion.verification.wind.saltation import saltation, start_of_motion
@@ -49,24 +46,14 @@ def lines(ident: str, law: DragLaw) -> Iterator[Line]:
 
 def read_lines() -> list[Line]:
     """Claims of the table; none where it has not been made yet."""
-    if not TABLE.exists():
-        return []
-    kinds = {f.name: f.type for f in fields(Line)}
-    with TABLE.open(encoding="utf-8", newline="") as file:
-        return [Line(**{k: parse(kinds[k], v) for k, v in line.items()}) for line in csv.DictReader(file)]
+    return read_table(TABLE, Line) if TABLE.exists() else []
 
 
 def write_lines(found: Sequence[Line]) -> None:
     """Replace the claims of these checks and laws in the table."""
     done = {(line.id, line.law) for line in found}
     kept = [line for line in read_lines() if (line.id, line.law) not in done]
-    text = StringIO(newline="")
-    table = csv.DictWriter(text, [f.name for f in fields(Line)], lineterminator="\n")
-    table.writeheader()
-    for line in sorted([*kept, *found], key=lambda line: (line.id, line.law)):
-        cells = asdict(line).items()
-        table.writerow({name: f"{cell:.7g}" if isinstance(cell, float) else cell for name, cell in cells})
-    write_atomic(TABLE, text.getvalue().encode())
+    write_table(TABLE, Line, sorted([*kept, *found], key=lambda line: (line.id, line.law)))
 
 
 def main(asked: Sequence[str]) -> None:

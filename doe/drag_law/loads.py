@@ -7,20 +7,18 @@ Independent of simulated thresholds: the simulator only lays the beds down, and 
 gust, lift or torque acts.
 """
 
-import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
-from io import StringIO
+from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
 
 import numpy as np
 
 from doe.bed_wind.column import AIR, Blow, Layer, drags_of
-from doe.common.cases import ROOT, parse
+from doe.common.cases import ROOT
 from doe.common.command import words
+from doe.common.tables import read_table, write_table
 from doe.drag_law.claims import ALONE, HINDERED, LAWS
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.report.markdown import markdown_table
@@ -94,22 +92,12 @@ def of(found: Sequence[Load], bed: str, seed: int, law: str) -> Load:
 
 def read_loads() -> list[Load]:
     """Loads of the table; none where it has not been made yet."""
-    if not TABLE.exists():
-        return []
-    kinds = {f.name: f.type for f in fields(Load)}
-    with TABLE.open(encoding="utf-8", newline="") as file:
-        return [Load(**{k: parse(kinds[k], v) for k, v in line.items()}) for line in csv.DictReader(file)]
+    return read_table(TABLE, Load) if TABLE.exists() else []
 
 
 def write_loads(found: Sequence[Load]) -> None:
     """Write the table."""
-    text = StringIO(newline="")
-    table = csv.DictWriter(text, [f.name for f in fields(Load)], lineterminator="\n")
-    table.writeheader()
-    for load in found:
-        cells = asdict(load).items()
-        table.writerow({name: f"{cell:.5g}" if isinstance(cell, float) else cell for name, cell in cells})
-    write_atomic(TABLE, text.getvalue().encode())
+    write_table(TABLE, Load, found, digits=5)
 
 
 if __name__ == "__main__":

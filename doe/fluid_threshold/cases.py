@@ -1,20 +1,18 @@
 """Cases of beds of sand under wind, and the table of their thresholds bed by bed."""
 
-import csv
 import json
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
-from io import StringIO
+from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
 from typing import Any
 
-from doe.common.cases import ROOT, Case, command, parse, settings
+from doe.common.cases import ROOT, Case, command, settings
+from doe.common.tables import read_table, write_table
 from doe.wind.run import size_order
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.verification.reference.hopping import Sand
 
 FOLDER = Path(__file__).parent
@@ -106,10 +104,7 @@ def read_beds() -> list[Bed]:
     """All beds of the table; none where it has not been made yet."""
     if not TABLE.exists():
         return []
-    kinds = {f.name: f.type for f in fields(Bed)}
-    with TABLE.open(encoding="utf-8", newline="") as file:
-        lines = list(csv.DictReader(file))
-    return [Bed(**{name: parse(kinds[name], text) for name, text in line.items()}) for line in lines]
+    return read_table(TABLE, Bed)
 
 
 def write_beds(beds: Sequence[Bed]) -> None:
@@ -120,10 +115,4 @@ def write_beds(beds: Sequence[Bed]) -> None:
         [*(bed for bed in read_beds() if bed.case not in done), *beds],
         key=lambda bed: (order.index(bed.case), bed.seed),
     )
-    text = StringIO(newline="")
-    table = csv.DictWriter(text, [f.name for f in fields(Bed)], lineterminator="\n")
-    table.writeheader()
-    for row in rows:
-        cells = asdict(row).items()
-        table.writerow({name: f"{cell:.7g}" if isinstance(cell, float) else cell for name, cell in cells})
-    write_atomic(TABLE, text.getvalue().encode())
+    write_table(TABLE, Bed, rows)

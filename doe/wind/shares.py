@@ -8,13 +8,11 @@ All cases have the same five beds of `scenes/wind_threshold.toml`, so that the r
 by bed. A case is named by its effects, joined by +; `none` has none of them.
 """
 
-import csv
 import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
-from io import StringIO
+from dataclasses import dataclass
 from itertools import combinations
 from math import exp, isfinite, sqrt
 from pathlib import Path
@@ -23,10 +21,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-from doe.common.cases import ROOT, Case, command, parse, settings
+from doe.common.cases import ROOT, Case, command, settings
 from doe.common.command import words
+from doe.common.tables import read_table, write_table
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import CONFIDENCE, Bracket, bracketed, pool_beds
@@ -116,10 +114,7 @@ def beds_of(name: str, hold: float, document: dict[str, Any], typed: str, commit
 
 def read_beds() -> list[Bed]:
     """All beds of shares.csv."""
-    kinds = {f.name: f.type for f in fields(Bed)}
-    with TABLE.open(encoding="utf-8", newline="") as file:
-        lines = list(csv.DictReader(file))
-    return [Bed(**{name: parse(kinds[name], text) for name, text in line.items()}) for line in lines]
+    return read_table(TABLE, Bed)
 
 
 def write_beds(beds: Sequence[Bed]) -> None:
@@ -128,13 +123,7 @@ def write_beds(beds: Sequence[Bed]) -> None:
     kept = [bed for bed in read_beds() if (bed.case, bed.hold) not in done] if TABLE.exists() else []
     order = names()
     rows = sorted([*kept, *beds], key=lambda bed: (order.index(bed.case), bed.hold, bed.seed))
-    text = StringIO(newline="")
-    table = csv.DictWriter(text, [f.name for f in fields(Bed)], lineterminator="\n")
-    table.writeheader()
-    for row in rows:
-        cells = asdict(row).items()
-        table.writerow({name: f"{cell:.7g}" if isinstance(cell, float) else cell for name, cell in cells})
-    write_atomic(TABLE, text.getvalue().encode())
+    write_table(TABLE, Bed, rows)
 
 
 def brackets(beds: Sequence[Bed], case: str, hold: float) -> dict[int, Bracket]:

@@ -11,7 +11,7 @@ from doe.bed_wind.exposure import (
     exposures,
     load_table,
     mean_forces,
-    read_table,
+    read_spheres,
     resolved_forces,
     upper_spheres,
 )
@@ -56,7 +56,7 @@ def test_a_sphere_is_hidden_across_the_period_and_not_from_afar():
 
 
 def test_the_forces_of_the_table_add_up_to_that_of_the_lid_and_stand_on_the_page():
-    spheres = read_table()
+    spheres = read_spheres()
     for name in ("resolved", "two_limits", "two_limits_hindered"):
         for seed in upper_spheres(spheres):
             forces = [getattr(one, name) for one in spheres if one.seed == seed]
