@@ -15,7 +15,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import HypothesisFit
-from taichi_erosion.evidence.data.heap_correlation import together
+from taichi_erosion.evidence.data.heap_correlation import correlated
 from taichi_erosion.evidence.data.linear_algebra import projection
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem
 from taichi_erosion.evidence.inference.goodness_of_fit import (
@@ -69,7 +69,7 @@ def known_rows(prepared: PreparedProblem, problem: Problem) -> tuple[ComparisonR
         if name in typical:
             variance[row] = np.median(prepared.rows.variance[typical[name]])
             simulated[row] = np.median(prepared.seed_variance[typical[name]]) / prepared.seeds.scoring.size
-    rows = together(replace(rows, variance=np.where(rows.known, rows.variance, variance)), prepared.heaps)
+    rows = correlated(replace(rows, variance=np.where(rows.known, rows.variance, variance)), prepared.heaps)
     return rows.rows(rows.known), simulated[rows.known]
 
 
@@ -131,7 +131,7 @@ def with_held_out(best: HypothesisFit, told: HeldOutPrediction, chosen: Bools) -
     """A hypothesis with its errors on some of the held-out rows: misfit and log score per row, rms, p."""
     held, mean = told.held, np.where(chosen, told.expansion.mean, told.held.rows.z)
     variance = held.variance + np.maximum(np.diag(told.covariance), 0.0)
-    wide = replace(held, variance=variance, rows=replace(held.rows, together=None))
+    wide = replace(held, variance=variance, rows=replace(held.rows, covariance=None))
     work = wide.working(mean)
     calibrated = np.diag(told.covariance) - model_variance(held, told.expansion)
     errors = RowErrors(work.residual, np.zeros(mean.size), np.maximum(calibrated, 0.0), variance)
@@ -139,7 +139,7 @@ def with_held_out(best: HypothesisFit, told: HeldOutPrediction, chosen: Bools) -
     if not chosen.any():
         return replace(best, vault_rows=table)
     scale = work.weight / wide.sd
-    covariance = told.covariance if held.rows.together is None else told.covariance + held.rows.together
+    covariance = told.covariance if held.rows.covariance is None else told.covariance + held.rows.covariance
     correlation = covariance * np.outer(scale, scale)
     np.fill_diagonal(correlation, 1.0)
     names, gap = np.array(table.observable), table.measured - table.predicted

@@ -242,7 +242,7 @@ def design_pool(prepared: PreparedProblem, laboratory: Laboratory) -> DesignPool
         conditions=conditions,
         group=("",) * which.size,
         slope=zero,
-        together=None,
+        covariance=None,
     )
     noise = {index: mean_variance(prepared, int(index), laboratory.repeats) for index, _, _ in parts}
     cost = {i: laboratory.costs.get(prepared.rows.observables[int(i)].name, 1.0) for i, _, _ in parts}

@@ -46,7 +46,7 @@ class ComparisonRows:
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
     condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
     heaps: tuple[Mapping[str, float], ...] = ()  # of each row: heap -> repeats on it; '' where it is unknown
-    together: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
+    covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
 
     @property
     def size(self) -> int:
@@ -67,10 +67,10 @@ class ComparisonRows:
 
     def rescattered(self, factor: Floats) -> "ComparisonRows":
         """The same with the variance of every row times a factor, correlations kept."""
-        together = self.together
-        if together is not None:
-            together = together * np.sqrt(np.outer(factor, factor))
-        return replace(self, variance=self.variance * factor, together=together)
+        covariance = self.covariance
+        if covariance is not None:
+            covariance = covariance * np.sqrt(np.outer(factor, factor))
+        return replace(self, variance=self.variance * factor, covariance=covariance)
 
     def rows(self, chosen: Integers | Bools) -> "ComparisonRows":
         """Some of the rows."""
@@ -91,7 +91,7 @@ class ComparisonRows:
             stated=self.stated[index],
             condition_sd={name: column[index] for name, column in self.condition_sd.items()},
             heaps=tuple(self.heaps[i] for i in index) if self.heaps else (),
-            together=None if self.together is None else self.together[np.ix_(index, index)],
+            covariance=None if self.covariance is None else self.covariance[np.ix_(index, index)],
         )
 
 

@@ -78,7 +78,7 @@ def heap_correlation(
     return HeapCorrelation(names, found, float(np.max(freedom, where=known, initial=0.0)), runs)
 
 
-def together(rows: ComparisonRows, correlation: HeapCorrelation | None) -> ComparisonRows:
+def correlated(rows: ComparisonRows, correlation: HeapCorrelation | None) -> ComparisonRows:
     """Rows with the covariances of those of one heap."""
     if correlation is None:
         return rows
@@ -86,7 +86,7 @@ def together(rows: ComparisonRows, correlation: HeapCorrelation | None) -> Compa
     if not share.any():
         return rows
     sd = np.sqrt(np.nan_to_num(scatter_variance(rows)))
-    return replace(rows, together=share * np.outer(sd, sd))
+    return replace(rows, covariance=share * np.outer(sd, sd))
 
 
 def scatter_variance(rows: ComparisonRows) -> Floats:

@@ -13,9 +13,9 @@ import numpy as np
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import (
     HeapCorrelation,
+    correlated,
     heap_correlation,
     replicates_of,
-    together,
 )
 from taichi_erosion.evidence.data.linear_algebra import Whitening, Working, projection, working
 from taichi_erosion.evidence.data.measurement_noise import NoiseLevelPrior, noise_level_prior
@@ -102,9 +102,9 @@ class PreparedProblem:
     @cached_property
     def correlation(self) -> Floats | None:
         """Correlation (n, n) of the errors of rows, beside errors that they share; None: they have none."""
-        if self.rows.together is None:
+        if self.rows.covariance is None:
             return None
-        return self.rows.together / np.outer(self.sd, self.sd) + np.eye(self.sd.size)
+        return self.rows.covariance / np.outer(self.sd, self.sd) + np.eye(self.sd.size)
 
     @cached_property
     def white(self) -> Whitening:
@@ -299,7 +299,7 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     failed = ~np.isfinite(seed_mean(values))
     replicates = replicates_of(rows, values) if noisy and rows.heaps else problem.replicates
     heaps = heap_correlation(rows, table, replicates)
-    rows = together(rows, heaps)
+    rows = correlated(rows, heaps)
     warnings = [*rows.warnings, *(heaps.sentences if heaps is not None else ())]
     if failed.all() and rows.size:
         warnings.append(f"{NO_VALUE} any condition with the start values")

@@ -50,7 +50,7 @@ class JointRows:
     which: Integers  # (n + m,) observable of each row
     typical: Floats  # (observables,) t
     noise: NoiseLevelPrior = field(repr=False)  # of f
-    together: Floats | None = None  # (n, n) covariance of fitted rows of one heap, diagonal 0; None: none
+    covariance: Floats | None = None  # (n, n) covariance of fitted rows of one heap, diagonal 0; None: none
 
     @property
     def fitted(self) -> int:
@@ -88,7 +88,7 @@ class JointRows:
         """Covariance of the scatter of the fitted rows at one noise factor."""
         whole = np.diag(self.variance)
         return np.asarray(
-            self.noise.factor[factor] ** 2 * (whole if self.together is None else whole + self.together)
+            self.noise.factor[factor] ** 2 * (whole if self.covariance is None else whole + self.covariance)
         )
 
 

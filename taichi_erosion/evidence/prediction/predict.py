@@ -150,7 +150,7 @@ def joint(
     rows = JointRows(
         residual=prepared.whitening(work).back(work.residual) + start[:n],
         variance=(prepared.sd / work.weight) ** 2,
-        together=prepared.rows.together,
+        covariance=prepared.rows.covariance,
         mean=np.nan_to_num(mean[n:]) - start[n:],
         parts={
             "calibration": jacobian,
@@ -195,7 +195,7 @@ def with_new_rows(prepared: PreparedProblem, wanted: Wanted) -> PreparedProblem:
         group=(*rows.group, *([""] * m)),
         source=(*rows.source, *([""] * m)),
         slope=np.append(rows.slope, np.zeros(m)),
-        together=None,
+        covariance=None,
     )
     predictor = prepared.predictor.over(joined.observables, joined.which, joined.conditions)
     return replace(

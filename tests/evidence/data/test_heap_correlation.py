@@ -6,9 +6,9 @@ import pytest
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import (
     HeapCorrelation,
+    correlated,
     heap_correlation,
     replicates_of,
-    together,
 )
 from taichi_erosion.evidence.data.problem import Measurements, Observable, Problem, Replicates
 
@@ -71,7 +71,7 @@ def test_means_over_the_same_heaps_are_correlated_as_single_heaps():
     measured = table(6, 4, 1)
     rows = comparison_rows(problem_of(measured), measured)
     correlation = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
-    both = together(rows, correlation).together
+    both = correlated(rows, correlation).covariance
     assert both is not None
     assert rows.size == 12
     # six rows of angle, then six of height; each pair of means of the same four heaps
@@ -84,7 +84,9 @@ def test_means_over_some_common_heaps_are_correlated_less():
     measured = table(1, 4, 1, sd=1.0)
     fewer = measured.rows(np.array([0, 1, 2, 3, 4]))  # four angles and the height of the first heap
     rows = comparison_rows(problem_of(fewer), fewer)
-    both = together(rows, HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))).together
+    both = correlated(
+        rows, HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
+    ).covariance
     # angle: mean of four, height: one of them; cov / (s_a s_b) = rho 1 / sqrt(4 * 1)
     assert both[0, 1] / np.sqrt(rows.variance[0] * rows.variance[1]) == pytest.approx(TRUE / 2.0)
 
@@ -95,15 +97,15 @@ def test_a_tolerance_is_not_scatter_and_censored_rows_stand_alone():
         measured, {"angle": Observable("angle", sd_numerical=3.0)}, (), (), lambda *_: np.zeros(1)
     )
     correlation = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
-    rows = together(comparison_rows(problem, measured), correlation)
+    rows = correlated(comparison_rows(problem, measured), correlation)
     assert rows.variance[0] == pytest.approx(0.5 + 9.0, rel=0.6)
-    assert rows.together[0, 1] == pytest.approx(
+    assert rows.covariance[0, 1] == pytest.approx(
         TRUE * np.sqrt((rows.variance[0] - 9.0) * rows.variance[1]), rel=1e-9
     )
     limits = Measurements(
         **{**vars(measured), "censored": np.array([True, True, False, False]), "limit": 30.0 * np.ones(4)}
     )
-    assert together(comparison_rows(problem, limits), correlation).together is None
+    assert correlated(comparison_rows(problem, limits), correlation).covariance is None
 
 
 def test_replicates_of_a_model_count_as_far_as_its_scatter_goes():

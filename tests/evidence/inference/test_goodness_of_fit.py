@@ -118,7 +118,7 @@ def test_a_misfit_of_one_observable_is_not_told_of_another_one_of_its_heaps():
     assert each["width"].chi2 == pytest.approx(float(np.sum(shown.residual[prepared.rows.which == 1] ** 2)))
     errors = prepared.rows.z - expansion.mean
     covariance = (
-        np.diag(prepared.variance) + prepared.rows.together + prepared.rows.shared @ prepared.rows.shared.T
+        np.diag(prepared.variance) + prepared.rows.covariance + prepared.rows.shared @ prepared.rows.shared.T
     )
     whole = float(errors @ np.linalg.solve(covariance, errors))
     assert chi_square(prepared, expansion) <= whole  # without the sizes of shared errors

@@ -17,7 +17,7 @@ from tests.evidence.one_heap_study import calibrated, heaps
 def dense_covariance(prepared: PreparedProblem, factor: float, jacobian: np.ndarray) -> np.ndarray:
     """f^2 V of the scatter, whole, with the prior of the slope and the shared errors as covariances."""
     rows = prepared.rows
-    scatter = np.diag(prepared.variance) + rows.together
+    scatter = np.diag(prepared.variance) + rows.covariance
     return factor**2 * scatter + rows.shared @ rows.shared.T + jacobian @ jacobian.T
 
 
@@ -64,7 +64,7 @@ def test_a_discrepancy_gains_what_the_dense_densities_say():
     back = np.linalg.inv(prepared.white(np.eye(prepared.rows.size)))
     for k, factor in enumerate(prepared.doubt.factor[:3]):
         # calibrated numbers and shared errors have the prior of the linear rows: theirs over f
-        base = prepared.variance * np.eye(gap.size) + prepared.rows.together
+        base = prepared.variance * np.eye(gap.size) + prepared.rows.covariance
         others = prepared.rows.shared @ prepared.rows.shared.T + expansion.jacobian @ expansion.jacobian.T
         logs = []
         for vectors, values in zip(family.vectors, family.values, strict=True):
@@ -95,7 +95,7 @@ def test_whitened_rows_add_up_to_the_misfit_of_the_joint_scatter():
     prepared = calibrated(heaps(4))
     gap = np.random.default_rng(0).standard_normal(prepared.rows.size)
     white = prepared.white(gap)
-    covariance = np.diag(prepared.variance) + prepared.rows.together
+    covariance = np.diag(prepared.variance) + prepared.rows.covariance
     assert float(white @ white) == pytest.approx(float(gap @ np.linalg.solve(covariance, gap)), rel=1e-10)
     np.testing.assert_allclose(prepared.white.back(white), gap, rtol=1e-9, atol=1e-12)
     assert prepared.log_correlation == pytest.approx(
