@@ -19,7 +19,7 @@ from taichi_erosion.core.ti import ti
 real = ti.f64
 
 EDGE = 0.9900000095367432  # of the speed aloft at which a layer ends [1]; the f32 next to 0.99
-FLOOR, LID = SIDES.index("z_low"), SIDES.index("z_high")
+FLOOR = SIDES.index("z_low")
 
 
 @ti.func

@@ -23,7 +23,6 @@ Lenth (1989), Technometrics 31, 469, eq. (1)-(4).
 
 from dataclasses import dataclass, replace
 from math import inf, nan
-from typing import Literal
 
 import numpy as np
 from scipy import stats
@@ -31,8 +30,6 @@ from scipy import stats
 from taichi_erosion.experiments.design_table import SAME_POINT, Floats, replicate_groups
 from taichi_erosion.experiments.fit import EXACT, Fit, block_sum
 from taichi_erosion.experiments.terms import Term, model_matrix, parents, term_name
-
-ErrorSource = Literal["residual", "pure error"]
 
 
 @dataclass(frozen=True)
@@ -80,13 +77,9 @@ def replicate_error(fit: Fit) -> PureError:
     return PureError(float(np.sum((fit.values - means[groups]) ** 2)), int(len(groups) - len(counts)))
 
 
-def anova(fit: Fit, error: ErrorSource = "residual") -> list[Row]:
-    """The table: block, model, terms, residual, lack of fit, pure error, total.
-
-    Terms are tested against the residual, or against the pure error where lack of fit is part of the former.
-    """
-    pure = replicate_error(fit)
-    against = (pure.mean_square, pure.df) if error == "pure error" else (fit.ms_error, fit.df_error)
+def anova(fit: Fit) -> list[Row]:
+    """The table: block, model, terms, residual, lack of fit, pure error, total; terms against residuals."""
+    pure, against = replicate_error(fit), (fit.ms_error, fit.df_error)
     total = float(np.sum((fit.values - fit.values.mean()) ** 2))
     blocks = block_sum(fit)
     block_df = len(np.unique(fit.blocks)) - 1
@@ -159,34 +152,33 @@ class Reduction:
     removed: tuple[tuple[str, float], ...]
 
 
-def reduced(fit: Fit, stay: float = STAY, error: ErrorSource = "residual") -> Reduction:
-    """Backward elimination down to terms with p <= `stay` and their parents."""
+def reduced(fit: Fit) -> Reduction:
+    """Backward elimination down to terms with p <= STAY and their parents."""
     removed: list[tuple[str, float]] = []
     names = [factor.path for factor in fit.factors]
-    while (worst := least_significant(fit, error)) is not None and worst[1] > stay:
+    while (worst := least_significant(fit)) is not None and worst[1] > STAY:
         removed.append((term_name(worst[0], names), worst[1]))
         fit = replace(fit, terms=tuple(term for term in fit.terms if term != worst[0]))
     return Reduction(fit, tuple(removed))
 
 
-def least_significant(fit: Fit, error: ErrorSource) -> tuple[Term, float] | None:
+def least_significant(fit: Fit) -> tuple[Term, float] | None:
     """The removable term of the largest p value, and that value; None where no term may leave."""
     needed = set[Term]().union(*(parents(term) for term in fit.terms))
-    p = p_values(fit, replicate_error(fit), error)
+    p = p_values(fit)
     removable = [(term, float(value)) for term, value in zip(fit.terms, p, strict=True) if term not in needed]
     return max(removable, key=lambda pair: pair[1], default=None)
 
 
-def p_values(fit: Fit, pure: PureError, error: ErrorSource) -> np.ndarray:
+def p_values(fit: Fit) -> np.ndarray:
     """The p value of every term.
 
     A saturated model has no error: there its terms compete by size, and the smallest counts as p = 1.
     """
     sums = term_sums(fit)
-    mean_square, df = (pure.mean_square, pure.df) if error == "pure error" else (fit.ms_error, fit.df_error)
-    if not df:
+    if not fit.df_error:
         return sums.min() / np.maximum(sums, np.finfo(float).tiny)
-    return stats.f.sf(sums / mean_square, 1, df)
+    return stats.f.sf(sums / fit.ms_error, 1, fit.df_error)
 
 
 CONFIDENCE = 0.95  # [1]

@@ -68,17 +68,15 @@ def sample(values: Sequence[float]) -> Sample:
     return Sample(float(known.mean()), float(known.std(ddof=1)), len(known))
 
 
-def confirm(
-    values: Sequence[float], wanted: Sample | float, resolve: float | None = None, pooled: bool = False
-) -> Confirmation:
-    """Test fresh runs against a number or a measurement; `resolve` is the difference that would matter.
+def confirm(values: Sequence[float], wanted: Sample | float, pooled: bool = False) -> Confirmation:
+    """Test fresh runs against a number or a measurement.
 
-    Left out, it is the standard deviation of a single measurement, or of a run where that is exact. `pooled`
-    takes both spreads for one (Student) instead of two (Welch).
+    The difference that would matter is the standard deviation of a single measurement, or of a run where that
+    is exact. `pooled` takes both spreads for one (Student) instead of two (Welch).
     """
     runs = sample(values)
     goal = wanted if isinstance(wanted, Sample) else Sample(float(wanted))
-    matter = resolve if resolve is not None else (goal.sd or runs.sd)
+    matter = goal.sd or runs.sd
     spread, df = pooled_error(runs, goal) if pooled else welch_error(runs, goal)
     difference = runs.mean - goal.mean
     t = difference / spread if spread > 0.0 else nan

@@ -188,11 +188,6 @@ def design_text(design: Design) -> str:
     return text.getvalue()
 
 
-def write_design(design: Design, path: Path) -> None:
-    """Write the table to a file."""
-    path.write_text(design_text(design), encoding="utf-8")
-
-
 def read_columns(path: Path) -> dict[str, list[str]]:
     """Cells of a CSV table by heading; raises BadInput."""
     try:
@@ -234,7 +229,7 @@ def as_number(text: str) -> float:
 
 
 def read_design(path: Path) -> Design:
-    """The design of a table that `write_design` wrote; raises BadInput with file, row and column."""
+    """The design of a table of `design_text`; raises BadInput with file, row and column."""
     columns = read_columns(path)
     if tuple(columns)[:4] != FIXED or not columns["run"]:
         raise BadInput(f"{path}: not a design; its first columns must be {', '.join(FIXED)}")

@@ -123,10 +123,10 @@ class Fit:
         count = 1 + len(self.terms)
         return np.asarray(self.results.normalized_cov_params)[:count, :count]
 
-    def interval(self, coded: ArrayLike, runs: float = np.inf, confidence: float = 0.95) -> Floats:
-        """Interval for the mean of `runs` new runs at coded points (infinite: the true mean), [points, 2]."""
-        variance = self.ms_error * (self.leverage(coded) + 1.0 / runs)
-        reach = stats.t.ppf(0.5 + 0.5 * confidence, self.df_error) * np.sqrt(variance)
+    def interval(self, coded: ArrayLike) -> Floats:
+        """Interval of 95 % for the true mean at coded points, [points, 2]."""
+        variance = self.ms_error * self.leverage(coded)
+        reach = stats.t.ppf(0.975, self.df_error) * np.sqrt(variance)
         centre = self.predict(coded)
         return np.column_stack([centre - reach, centre + reach])
 

@@ -93,11 +93,11 @@ def join(parts: list[tuple[Floats, Integers]]) -> tuple[Floats, Integers]:
     return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(triangles).astype(np.int32)
 
 
-def section(wall: WallMesh, depth: float = 0.0) -> Floats:
-    """Cut of a wall by the vertical plane y = depth: line segments (x, z) of both ends, [k, 2, 2] m."""
+def section(wall: WallMesh) -> Floats:
+    """Cut of a wall by the vertical plane y = 0: line segments (x, z) of both ends, [k, 2, 2] m."""
     start = wall.vertices[wall.triangles]
     end = np.roll(start, -1, axis=1)
-    crosses = (start[..., 1] >= depth) != (end[..., 1] >= depth)  # none or two edges of a triangle
+    crosses = (start[..., 1] >= 0.0) != (end[..., 1] >= 0.0)  # none or two edges of a triangle
     start, end = start[crosses], end[crosses]
-    share = (depth - start[:, 1:2]) / (end[:, 1:2] - start[:, 1:2])
+    share = -start[:, 1:2] / (end[:, 1:2] - start[:, 1:2])
     return (start + share * (end - start))[:, [0, 2]].reshape(-1, 2, 2)

@@ -1,6 +1,5 @@
 """Style, panels and pictures of every page's figures."""
 
-import base64
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,11 +19,10 @@ from numpy.typing import NDArray
 
 from taichi_erosion.report.svg import inline_svg
 
-Record = Mapping[str, Any]
 Floats = NDArray[np.float64]
 
 DOTS_PER_INCH = 150
-INK, SOFT, FINE, PAPER = "#1c2227", "#5b6670", "#d9dde1", "#fdfefe"
+INK, SOFT, PAPER = "#1c2227", "#5b6670", "#fdfefe"
 BEFORE, AFTER, CONTROL, OTHER = "#b4553d", "#1f4e79", "#8a93a0", "#4c8a6a"
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -102,11 +100,6 @@ def raster(drawn: Picture) -> bytes:
     page = io.BytesIO()
     drawn.figure.savefig(page, format="png", dpi=DOTS_PER_INCH)
     return page.getvalue()
-
-
-def data_address(content: bytes, media_type: str) -> str:
-    """Content of a file as data address."""
-    return f"data:{media_type};base64," + base64.b64encode(content).decode()
 
 
 def panels(

@@ -1,10 +1,7 @@
 """Words of a laboratory for observables, conditions, effects and numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
-Record = Mapping[str, Any]
 
 
 @dataclass(frozen=True)

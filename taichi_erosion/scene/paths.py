@@ -66,11 +66,6 @@ def write_schema(path: str | Path) -> None:
     Path(path).write_text(schema_text(), encoding="utf-8")
 
 
-def is_schema(path: Path) -> bool:
-    """Whether a file holds a schema of scene files."""
-    return path.is_file() and TITLE in path.read_text(encoding="utf-8", errors="replace")
-
-
 def scene_paths(scene: Scene) -> list[str]:
     """Dotted paths of all entries of a scene, defaults included."""
     return sorted(leaves(resolved(scene), ""))

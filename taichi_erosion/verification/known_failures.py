@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from taichi_erosion.verification.claim import Claim
 
-PAGE = "docs/verification.md, What does not pass, and why"
-
 
 @dataclass(frozen=True)
 class KnownFailure:

@@ -9,7 +9,7 @@ import pytest
 from taichi_erosion.campaign.request import scene_request
 from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import main
-from taichi_erosion.experiments.design_table import read_design, write_design
+from taichi_erosion.experiments.design_table import design_text, read_design
 
 ROOT = Path(__file__).parents[2]
 STUDY = Path("doe") / "first_calibration.toml"
@@ -37,7 +37,8 @@ def test_asking_for_the_design_again_keeps_the_responses_of_its_runs(tree: Path,
     table = tree / "doe" / "first_calibration" / "screen.csv"
     planned = read_design(table)
     assert not planned.responses
-    write_design(planned.with_responses(radius_90=np.arange(len(planned), dtype=float)), table)
+    answered = planned.with_responses(radius_90=np.arange(len(planned), dtype=float))
+    table.write_text(design_text(answered), encoding="utf-8")
     kept = table.read_bytes()
     assert main(words) == 0
     assert table.read_bytes() == kept

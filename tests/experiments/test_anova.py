@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
-from textbook import central_composite, chemical_yield, full_factorial, smell, tool_life, unit_factors
+from textbook import central_composite, chemical_yield, full_factorial, tool_life, unit_factors
 
 from taichi_erosion.experiments import design
 from taichi_erosion.experiments.anova import (
@@ -14,7 +14,6 @@ from taichi_erosion.experiments.anova import (
     effects,
     lenth_limits,
     reduced,
-    replicate_error,
 )
 from taichi_erosion.experiments.design_table import arranged
 from taichi_erosion.experiments.fit import Fit, fit_model
@@ -23,8 +22,8 @@ from taichi_erosion.experiments.terms import model_terms, parents
 FULL = (*model_terms(3, "interactions"), (1, 1, 1))
 
 
-def rows_of(fit: Fit, **words) -> dict[str, Row]:
-    return {row.source: row for row in anova(fit, **words)}
+def rows_of(fit: Fit) -> dict[str, Row]:
+    return {row.source: row for row in anova(fit)}
 
 
 def printed(value: float, digits: int) -> object:
@@ -99,14 +98,6 @@ def test_curvature_is_the_difference_of_the_means_tested_without_itself():
 
 def test_a_design_without_centre_says_nothing_about_curvature():
     assert curvature(fit_model(tool_life(), "life", FULL)) is None
-
-
-def test_terms_can_be_tested_against_the_pure_error():
-    fit = fit_model(smell(), "odour", "quadratic")
-    row = rows_of(fit, error="pure error")["T"]
-    pure = replicate_error(fit)
-    assert row.f == pytest.approx(row.sum_of_squares / pure.mean_square)
-    assert row.p == pytest.approx(float(stats.f.sf(row.f, 1, pure.df)))
 
 
 def test_equal_replicates_give_an_infinite_f_and_no_division_by_zero():

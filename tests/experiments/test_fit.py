@@ -31,8 +31,8 @@ from taichi_erosion.experiments.terms import model_matrix, model_terms
 FULL = (*model_terms(3, "interactions"), (1, 1, 1))
 
 
-def rows_of(fit: Fit, **words) -> dict[str, Row]:
-    return {row.source: row for row in anova(fit, **words)}
+def rows_of(fit: Fit) -> dict[str, Row]:
+    return {row.source: row for row in anova(fit)}
 
 
 def printed(value: float, digits: int) -> object:

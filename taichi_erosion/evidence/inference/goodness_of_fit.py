@@ -86,23 +86,18 @@ def projection_traces(basis: Floats) -> tuple[float, float, float]:
     return size - first, size - 2.0 * first + second, size - 3.0 * (first - second) - third
 
 
-def misfit_p(prepared: PreparedProblem, expansion: Expansion, released: bool = False) -> float:
+def misfit_p(prepared: PreparedProblem, expansion: Expansion) -> float:
     """Probability that a complete model would leave as much, calibration and shared errors accounted for.
 
-    |M e|^2 over all stacked rows has n degrees of freedom when the truth is drawn from the prior. With
-    `released`, numbers at an end of their range may leave it.
+    |M e|^2 over all stacked rows has n degrees of freedom when the truth is drawn from the prior.
     """
-    return float(misfit_p_by_noise(prepared, expansion, np.ones(1), released)[0])
+    return float(misfit_p_by_noise(prepared, expansion, np.ones(1))[0])
 
 
-def misfit_p_by_noise(
-    prepared: PreparedProblem, expansion: Expansion, factors: Floats, released: bool = False
-) -> Floats:
+def misfit_p_by_noise(prepared: PreparedProblem, expansion: Expansion, factors: Floats) -> Floats:
     """The same where the scatter is `factors` times as large as stated."""
-    left = projected_residual(prepared, expansion, released)
-    value = float(left.free @ left.free)
-    if not released:
-        value += max(left.promised - promise_limit(prepared), 0.0)
+    left = projected_residual(prepared, expansion)
+    value = float(left.free @ left.free) + max(left.promised - promise_limit(prepared), 0.0)
     return shifted_chi2_p(value / factors**2, projection_traces(left.row_basis))
 
 

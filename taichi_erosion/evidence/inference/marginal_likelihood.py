@@ -131,13 +131,10 @@ class ProjectedResidual:
         return (below - self.basis @ (self.basis.T @ below)).T
 
 
-def projected_residual(
-    prepared: PreparedProblem, expansion: Expansion, released: bool = False
-) -> ProjectedResidual:
+def projected_residual(prepared: PreparedProblem, expansion: Expansion) -> ProjectedResidual:
     """Residual of one hypothesis; strengths of its effects are fitted without a prior.
 
-    What ends at a bound and would leave its range cannot move, and so removes no misfit (active set); with
-    `released` it may, which tells whether the range is what the misfit comes from.
+    What ends at a bound and would leave its range cannot move, and so removes no misfit (active set).
     """
     work = prepared.working(expansion.mean)
     white, loose = prepared.whitening(work), expansion.local.shape[1]
@@ -145,9 +142,7 @@ def projected_residual(
     shared = white(expansion.shared)
     x = np.concatenate([np.zeros(loose), expansion.fit.x])
     below = stack(work.residual, x, shared.shape[1])
-    stuck = (
-        np.zeros(x.size, dtype=np.bool_) if released else outward(prepared, expansion, columns, shared, below)
-    )
+    stuck = outward(prepared, expansion, columns, shared, below)
     columns[:, stuck] = 0.0
     part, alone = projection(columns, shared, loose), projection(columns[:, :0], shared)
     size = work.residual.size

@@ -108,7 +108,7 @@ def choices_of_one() -> tuple[list[Choice], Floats]:
     return [(0.0, LENGTHS[0]), *found], np.append(np.log(NOTHING), prior)
 
 
-def sampled_states(rows: JointRows, seed: int, sweeps: int = SWEEPS) -> dict[State, float]:
+def sampled_states(rows: JointRows, seed: int) -> dict[State, float]:
     """Discrepancies and noise factors with their posterior shares, by Gibbs sampling."""
     random, known = np.random.default_rng(seed), {}
     options, prior = choices_of_one()
@@ -126,7 +126,7 @@ def sampled_states(rows: JointRows, seed: int, sweeps: int = SWEEPS) -> dict[Sta
     choices = [options[0]] * rows.typical.size
     factor = int(np.argmin(np.abs(np.log(rows.noise.factor))))
     counts: dict[State, float] = {}
-    for sweep in range(BURN_IN + sweeps):
+    for sweep in range(BURN_IN + SWEEPS):
         for index in np.unique(rows.which[: rows.fitted]):
             states = [((*choices[:index], each, *choices[index + 1 :]), factor) for each in options]
             choices[index] = options[drawn(prior + log_weights(states))]
@@ -134,7 +134,7 @@ def sampled_states(rows: JointRows, seed: int, sweeps: int = SWEEPS) -> dict[Sta
         factor = drawn(rows.noise.log_weight + log_weights(states))
         if sweep >= BURN_IN:
             state = tuple(choices), factor
-            counts[state] = counts.get(state, 0.0) + 1.0 / sweeps
+            counts[state] = counts.get(state, 0.0) + 1.0 / SWEEPS
     return counts
 
 
