@@ -41,12 +41,12 @@ def effect_actions(prepared: PreparedProblem, best: Fit) -> dict[str, EffectActi
     found = {}
     for moved in moved_rows(prepared, best):
         row = int(np.nanargmax(np.abs(moved.acting - moved.without) / prepared.sd))
-        observable = prepared.rows.observables[prepared.rows.which[row]]
+        observable = prepared.rows.observable_at(row)
         before, after = (
             float(from_scale(observable, each[[row]])[0]) for each in (moved.without, moved.acting)
         )
-        conditions = {name: float(column[row]) for name, column in prepared.rows.conditions.items()}
-        found[moved.effect] = EffectAction(observable.name, conditions, before, after)
+        at = prepared.rows.conditions_at(row)
+        found[moved.effect] = EffectAction(observable.name, at, before, after)
     return found
 
 

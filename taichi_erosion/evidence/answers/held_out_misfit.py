@@ -86,7 +86,7 @@ def held_out_prediction(
     moving = ~projected_residual(prepared, expansion).stuck
     widths = [prepared.candidate(name, best.beyond).prior_scale for name in best.names]
     unit = np.concatenate([widths, np.ones(len(prepared.axes))]) * moving
-    slopes = np.hstack([expansion.local, expansion.jacobian]) * unit
+    slopes = expansion.slopes * unit
     columns = white(expansion.shared)
     part, sizes = projection(white(slopes), columns), projection(columns[:, :0], columns)
     found = sizes.solve(np.concatenate([work.residual, np.zeros(expansion.shared.shape[1])]))

@@ -99,7 +99,7 @@ def path_at(
     if mechanism is not None:
         return dose_path(there, mechanism, x)
     kind, _, name = finding.name.partition(OF)
-    observable = next(each for each in prepared.rows.observables if each.name == name)
+    observable = prepared.rows.observable(name)
     bare = dose_path(there, Mechanism("", 0.0, 0.0), x)
     return instrument_path(there, bare, kind, observable, reading_size(prepared, observable))
 

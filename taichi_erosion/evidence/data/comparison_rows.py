@@ -65,6 +65,22 @@ class ComparisonRows:
         """Rows whose noise is known."""
         return np.isfinite(self.variance)
 
+    def observable(self, name: str) -> Observable:
+        """An observable by its name."""
+        return next(each for each in self.observables if each.name == name)
+
+    def rows_of(self, observable: Observable) -> Bools:
+        """Mask of the rows of an observable."""
+        return self.which == self.observables.index(observable)
+
+    def observable_at(self, row: int) -> Observable:
+        """Observable of one row."""
+        return self.observables[self.which[row]]
+
+    def conditions_at(self, row: int) -> dict[str, float]:
+        """Conditions of one row."""
+        return {name: float(column[row]) for name, column in self.conditions.items()}
+
     def rescattered(self, factor: Floats) -> "ComparisonRows":
         """The same with the variance of every row times a factor, correlations kept."""
         covariance = self.covariance

@@ -39,7 +39,7 @@ def fold_scores(prepared: PreparedProblem, expansion: Expansion, folds: Integers
     """Log score of every fold, predicted from the others."""
     work = prepared.working(expansion.mean)
     white = prepared.whitening(work)
-    design = white(np.hstack([expansion.local, expansion.jacobian, expansion.shared]))
+    design = white(np.hstack([expansion.slopes, expansion.shared]))
     loose, count = expansion.local.shape[1], len(prepared.axes)
     prior = np.ones(design.shape[1])
     own = [prepared.candidate(name, expansion.fit.beyond) for name in expansion.fit.names]

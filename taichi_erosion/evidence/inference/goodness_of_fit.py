@@ -264,7 +264,7 @@ def place_sentence(observable: str, axis: str, words: str, p: float) -> str:
 def calibration_covariance(prepared: PreparedProblem, expansion: Expansion) -> Floats:
     """Covariance of strengths, then calibrated numbers in prior sd, as the rows leave them uncertain."""
     white = prepared.whitening(prepared.working(expansion.mean))
-    slopes = np.hstack([expansion.local, expansion.jacobian])
+    slopes = expansion.slopes
     part = projection(white(slopes), white(expansion.shared), expansion.local.shape[1])
     return part.covariance()[: slopes.shape[1], : slopes.shape[1]]
 
@@ -294,7 +294,7 @@ def fitted_errors(prepared: PreparedProblem, expansion: Expansion) -> RowErrors:
     What calibration leaves uncertain is no error of theirs: they lie as near as it brings them, for which p
     and the degrees of freedom account.
     """
-    slopes = np.hstack([expansion.local, expansion.jacobian])
+    slopes = expansion.slopes
     covariance = calibration_covariance(prepared, expansion)
     calibrated = np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0)
     left = projected_residual(prepared, expansion)
@@ -380,9 +380,9 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion) -> RowMisfit | No
         return None
     others = left.free - moved[:, row] * along[row] / own[row]
     freed = matrix - np.outer(moved[:, row], moved[:, row]) / own[row]
-    conditions = {name: float(column[row]) for name, column in prepared.rows.conditions.items()}
+    conditions = prepared.rows.conditions_at(row)
     return RowMisfit(
-        observable=prepared.rows.observables[prepared.rows.which[row]].name,
+        observable=prepared.rows.observable_at(row).name,
         conditions=conditions,
         setting=prepared.problem.measurements.table_units.setting_text(conditions),
         residual_sd=float(along[row] / np.sqrt(own[row])),
@@ -409,9 +409,9 @@ def row_off(prepared: PreparedProblem, expansions: Sequence[Expansion]) -> RowOf
     if largest[1] < max(ROW_OFF, ROW_ALONE * largest[0]):
         return None
     row = int(np.argmax(least))
-    conditions = {name: float(column[row]) for name, column in prepared.rows.conditions.items()}
+    conditions = prepared.rows.conditions_at(row)
     return RowOff(
-        observable=prepared.rows.observables[prepared.rows.which[row]].name,
+        observable=prepared.rows.observable_at(row).name,
         setting=prepared.problem.measurements.table_units.setting_text(conditions),
         source=prepared.rows.source[row],
         residual_sd=float(np.copysign(least[row], every[0, row])),

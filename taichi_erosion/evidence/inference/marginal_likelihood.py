@@ -74,6 +74,27 @@ class Expansion:
         """Whether the model works at the best fit."""
         return bool(np.all(np.isfinite(self.mean)))
 
+    @property
+    def slopes(self) -> Floats:
+        """Derivative of the mean (n, effects + p) along every strength, then every calibrated number."""
+        return np.hstack([self.local, self.jacobian])
+
+    @property
+    def log_prior(self) -> Floats:
+        """Ln prior (columns,) of all strengths side by side."""
+        prior = np.zeros(1)
+        for path in self.paths:
+            prior = np.add.outer(prior, path.log_prior).ravel()
+        return prior
+
+    @property
+    def cell_widths(self) -> Floats:
+        """Width (columns,) of the cell about all strengths side by side."""
+        width = np.ones(1)
+        for path in self.paths:
+            width = np.multiply.outer(width, cell_width(path.grid)).ravel()
+        return width
+
 
 @dataclass(frozen=True)
 class StrengthLikelihood:
@@ -138,7 +159,7 @@ def projected_residual(prepared: PreparedProblem, expansion: Expansion) -> Proje
     """
     work = prepared.working(expansion.mean)
     white, loose = prepared.whitening(work), expansion.local.shape[1]
-    columns = white(np.hstack([expansion.local, expansion.jacobian]))
+    columns = white(expansion.slopes)
     shared = white(expansion.shared)
     x = np.concatenate([np.zeros(loose), expansion.fit.x])
     below = stack(work.residual, x, shared.shape[1])
@@ -313,17 +334,16 @@ def columns_of(prepared: PreparedProblem, expansion: Expansion) -> StrengthColum
     """Changes of the mean, calibrated numbers and ln prior weights over all strengths of a hypothesis."""
     fit, x = expansion.fit, expansion.fit.x
     change, shift, size = np.zeros((1, expansion.mean.size)), np.zeros((1, x.size)), 1
-    prior, penalty, centre = np.zeros(1), np.zeros(1), 0
+    penalty, centre = np.zeros(1), 0
     for name, path, psi in zip(fit.names, expansion.paths, fit.psi, strict=True):
         scale = max(prepared.candidate(name, fit.beyond).prior_scale, 1e-9)
         size *= path.grid.size
         change = (change[:, np.newaxis] + path.change).reshape(size, -1)
         shift = (shift[:, np.newaxis] + path.shift).reshape(size, x.size)
-        prior = np.add.outer(prior, path.log_prior).ravel()
         penalty = np.add.outer(penalty, (path.grid / scale) ** 2).ravel()
         centre = centre * path.grid.size + int(np.argmin(np.abs(path.grid - psi)))
     start = np.clip(x + shift, prepared.low, prepared.high)
-    return StrengthColumns(change.T, start.T, prior, penalty, centre)
+    return StrengthColumns(change.T, start.T, expansion.log_prior, penalty, centre)
 
 
 @dataclass(frozen=True)

@@ -194,7 +194,7 @@ def linear_rows(prepared: PreparedProblem, expansion: Expansion) -> LinearRows:
     work, fit = prepared.working(expansion.mean), expansion.fit
     stuck = projected_residual(prepared, expansion).stuck
     white = prepared.whitening(work)
-    columns = white(np.hstack([expansion.local, expansion.jacobian]))
+    columns = white(expansion.slopes)
     columns[:, stuck] = 0.0
     columns = np.hstack([columns, white(expansion.shared)])
     strengths, away = expansion.local.shape[1], np.zeros(columns.shape[1])

@@ -114,11 +114,8 @@ def mixed(first: Posterior, each: Sequence[Posterior], weight: Floats) -> Poster
 
 def joint_weight(prepared: PreparedProblem, scored: ScoredHypothesis, with_prior: bool) -> Floats:
     """Weights (noise factors, columns of strengths), summing to 1."""
-    prior, width = np.zeros(1), np.ones(1)
-    for path in scored.expansion.paths:
-        prior = np.add.outer(prior, path.log_prior).ravel()
-        width = np.multiply.outer(width, cell_width(path.grid)).ravel()
-    shift = prior if with_prior else np.log(np.maximum(width, 1e-300))
+    expansion = scored.expansion
+    shift = expansion.log_prior if with_prior else np.log(np.maximum(expansion.cell_widths, 1e-300))
     weight = np.array([each.log_likelihood + shift for each in scored.likelihoods])
     weight += prepared.doubt.log_weight[:, np.newaxis]
     return np.exp(weight - log_sum_exp(weight))
@@ -167,8 +164,8 @@ def level_shifts(prepared: PreparedProblem, scored: ScoredHypothesis) -> tuple[L
 def level_shift(prepared: PreparedProblem, index: int, levels_off: Floats, probability: float) -> LevelShift:
     """One level in words, from its value and the ends of its interval, in prior sd."""
     name = prepared.levels[index]
-    observable = next(each for each in prepared.rows.observables if each.name == name)
-    own = prepared.rows.which == prepared.rows.observables.index(observable)
+    observable = prepared.rows.observable(name)
+    own = prepared.rows.rows_of(observable)
     value, low, high = levels_off * float(np.max(prepared.rows.shared[own, index]))
     kind: Literal["factor", "offset"] = "offset" if observable.transform == "identity" else "factor"
     if kind == "offset":

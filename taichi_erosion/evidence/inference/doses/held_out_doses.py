@@ -37,8 +37,7 @@ def held_out_doses(
         strength, sd = strength_of(held, path, own, covariance)
         unit = float(doses[number])
         if np.isfinite(sd) and unit != 0.0:
-            at = {name: float(column[row]) for name, column in held.rows.conditions.items()}
-            acting = best.acting()[law.name]
+            at, acting = held.rows.conditions_at(int(row)), best.acting()[law.name]
             found.append(DoseEstimate(at, strength * unit, sd * abs(unit), acting * unit))
     return tuple(found)
 

@@ -152,7 +152,7 @@ def first_paths(fitted: FittedHypotheses) -> list[DosePath]:
 
 def reading_size(prepared: PreparedProblem, observable: Observable) -> float:
     """Median size of the readings of one observable, in its unit: the scale of an offset."""
-    chosen = prepared.rows.which == prepared.rows.observables.index(observable)
+    chosen = prepared.rows.rows_of(observable)
     return float(np.median(np.abs(from_scale(observable, prepared.rows.z[chosen]))))
 
 
@@ -161,7 +161,7 @@ def instrument_path(
 ) -> DosePath:
     """Path of the gain or the offset of one observable, from its bare values; `size`: scale of an offset."""
     low, high = INSTRUMENT_DOSES[kind]
-    chosen = prepared.rows.which == prepared.rows.observables.index(observable)
+    chosen = prepared.rows.rows_of(observable)
     values = from_scale(observable, bare.bare[chosen])
     doses, changes = [], []
     for dose in dose_nodes(Mechanism(kind, low, high)):
@@ -335,10 +335,7 @@ def law_and_doses(
     sd = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     estimates = [
         DoseEstimate(
-            {name: float(column[row]) for name, column in prepared.rows.conditions.items()},
-            float(fit.doses[k]),
-            float(sd[k]),
-            float(by_law[row]),
+            prepared.rows.conditions_at(int(row)), float(fit.doses[k]), float(sd[k]), float(by_law[row])
         )
         for k, row in enumerate(sets.first)
     ]

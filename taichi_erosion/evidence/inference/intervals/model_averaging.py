@@ -30,13 +30,7 @@ from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.intervals.mixtures import (
-    Mixture,
-    Tabulated,
-    cell_width,
-    joined,
-    tabulated,
-)
+from taichi_erosion.evidence.inference.intervals.mixtures import Mixture, Tabulated, joined, tabulated
 from taichi_erosion.evidence.inference.model_discrepancy import (
     AMPLITUDES,
     PINNED,
@@ -213,17 +207,13 @@ def grid_part(each: WeighedHypothesis, factors: Integers, weight: Floats) -> Par
     """Strengths on their grid, and calibrated numbers at every node of it."""
     scored, names = each.item.scored, each.names
     found = [scored.likelihoods[int(k)] for k in factors]
-    prior, width = np.zeros(1), np.ones(1)
-    for path in scored.expansion.paths:
-        prior = np.add.outer(prior, path.log_prior).ravel()
-        width = np.multiply.outer(width, cell_width(path.grid)).ravel()
     logs = np.array([likelihood.log_likelihood for likelihood in found])
 
     def share(weighed: Floats) -> Floats:
         whole = np.exp(weighed - log_sum_exp(weighed, axis=1)[:, np.newaxis])
         return whole * weight[:, np.newaxis]
 
-    flat, own = share(logs + np.log(width)), share(logs + prior)
+    flat, own = share(logs + np.log(scored.expansion.cell_widths)), share(logs + scored.expansion.log_prior)
     table = flat.sum(axis=0).reshape([path.grid.size for path in scored.expansion.paths])
     strengths = tuple(
         tabulated(path.grid, table.sum(axis=tuple(k for k in range(len(names)) if k != index)))

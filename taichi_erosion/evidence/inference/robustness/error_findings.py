@@ -39,7 +39,7 @@ def observable_of(prepared: PreparedProblem, name: str) -> tuple[Observable, str
     """An observable and the unit of its rows."""
     table = prepared.problem.measurements
     unit = next((u for n, u in zip(table.observable, table.unit, strict=True) if n == name), "")
-    return next(each for each in prepared.rows.observables if each.name == name), unit
+    return prepared.rows.observable(name), unit
 
 
 def shared_words(
@@ -47,8 +47,7 @@ def shared_words(
 ) -> str:
     """The two sources that differ most, or the sd of a batch; nothing of sources that hardly differ."""
     observable, unit = observable_of(prepared, shared.observable)
-    own = prepared.rows.which == prepared.rows.observables.index(observable)
-    typical = float(np.median(prepared.sd[own]))
+    typical = float(np.median(prepared.sd[prepared.rows.rows_of(observable)]))
     if errors.kind == "batch":
         size = size_words(observable, unit, shared.tau * typical)
         return (
@@ -75,7 +74,7 @@ def shared_errors(prepared: PreparedProblem, expansion: Expansion) -> tuple[Floa
     """Best sizes (q,) of the errors that rows share, in their sd, and their covariance; all numbers free."""
     work, shared = prepared.working(expansion.mean), expansion.shared
     white, loose = prepared.whitening(work), expansion.local.shape[1]
-    columns = white(np.hstack([expansion.local, expansion.jacobian]))
+    columns = white(expansion.slopes)
     part = projection(columns, white(shared), loose)
     below = [work.residual, np.zeros(loose), -expansion.fit.x, np.zeros(shared.shape[1])]
     at = columns.shape[1]
@@ -105,7 +104,7 @@ def row_words(found: Analysis, row: int) -> tuple[str, str]:
     likely = [each for each in tried if chance.get(label(each.names), 0.0) > levels.PLAUSIBLE]
     gaps = [(rows.z[row] - each.expansion.mean[row]) / plain for each in likely or [found.final]]
     gap = float(min(gaps, key=abs))
-    name = rows.observables[rows.which[row]].name
+    name = rows.observable_at(row).name
     at = ", ".join(f"{key} = {column[row]:.3g}" for key, column in rows.conditions.items())
     way = "above" if gap > 0.0 else "below"
     return name, (
@@ -133,8 +132,8 @@ def unstated_words(
 ) -> tuple[str, str]:
     """Observable, and the scatter of a source that states none beside the median of the others."""
     observable, unit = observable_of(prepared, unstated.observable)
-    own = prepared.rows.which == prepared.rows.observables.index(observable)
-    median = float(np.median(np.sqrt(errors.stated_variance[own & prepared.rows.stated])))
+    own = prepared.rows.rows_of(observable) & prepared.rows.stated
+    median = float(np.median(np.sqrt(errors.stated_variance[own])))
     size = size_words(observable, unit, unstated.factor * median)
     return observable.name, (
         f"{observable.name}: {unstated.source} states no scatter; its rows scatter by about {size}, "

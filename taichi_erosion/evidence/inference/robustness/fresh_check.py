@@ -240,7 +240,7 @@ def gap_of(prepared: PreparedProblem, tests: Mapping[str, GapTest]) -> EmulatorG
     if not tests:
         return None
     name, worst = min(tests.items(), key=lambda item: item[1].p)
-    at = {key: float(column[worst.row]) for key, column in prepared.rows.conditions.items()}
+    at = prepared.rows.conditions_at(worst.row)
     known = {key: value for key, value in at.items() if np.isfinite(value)}
     told = (worst.emulated, worst.emulated_sd, worst.simulated, worst.simulated_sd)
     return EmulatorGap(name, known, *told, p=min(len(tests) * worst.p, 1.0))
