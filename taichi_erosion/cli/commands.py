@@ -363,8 +363,8 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Check the verification table: claim, got, want, tolerance; exit code 1 for an unknown failure."""
+    from taichi_erosion.verification.claims import is_known, news
     from taichi_erosion.verification.claims import verify as verify_claims
-    from taichi_erosion.verification.known_failures import is_known, news
 
     claims = verify_claims(tuple(ids or ()), on_claim=print_claim)
     document = {"claims": [asdict(claim) | {"known_failure": is_known(claim)} for claim in claims]}

@@ -4,9 +4,8 @@ Each prints its sentences first, then a table, then the limits of the result.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -86,7 +85,7 @@ def compare(
     """Calibrate the model, and show where it still disagrees with the measurements."""
     from taichi_erosion.evidence.answers.commands import compare_study
 
-    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
+    options = options_of(budget, seed, own, workers, arch, decomposition)
     answer("comparing", lambda progress: compare_study(study, progress, options), print_comparison, as_json)
 
 
@@ -104,7 +103,7 @@ def discover(
     """Find the missing effect: present, excluded, not testable, or not in the list."""
     from taichi_erosion.evidence.answers.commands import discover_study
 
-    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
+    options = options_of(budget, seed, own, workers, arch, decomposition)
     answer("discovering", lambda progress: discover_study(study, progress, options), print_discovery, as_json)
 
 
@@ -124,7 +123,7 @@ def adopt(
     """Add one or more effects, calibrate again, and show the error on held-out measurements."""
     from taichi_erosion.evidence.answers.commands import adopt_study
 
-    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
+    options = options_of(budget, seed, own, workers, arch, decomposition)
 
     def compute(progress: Progress) -> dict[str, Any]:
         return adopt_study(study, effects, progress, options, force)
@@ -146,7 +145,7 @@ def next_(
     """Find the cheapest experiments that tell the named explanation from its rivals."""
     from taichi_erosion.evidence.answers.commands import next_study
 
-    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
+    options = options_of(budget, seed, own, workers, arch, decomposition)
     answer("planning", lambda progress: next_study(study, progress, options), print_experiments, as_json)
 
 
@@ -163,16 +162,9 @@ def report(source: ReportSource, to: PageFile = None, force: Force = False, as_j
         typer.echo(next_steps.after_report(page), err=True)
 
 
-@dataclass(frozen=True)
-class Runs:
-    """Where the command line has runs made."""
-
-    workers: int | None
-    arch: Literal["auto", "cpu", "cuda", "vulkan"] | None
-    decomposition: Literal["partitions", "grains"] | None
-
-
-def options_of(budget: str | None, seed: int | None, own: list[Path] | None, runs: Runs) -> "StudyOptions":
+def options_of(
+    budget: Budget, seed: Seed, own: EffectFiles, workers: Workers, arch: Arch, decomposition: Decomposition
+) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
@@ -180,7 +172,9 @@ def options_of(budget: str | None, seed: int | None, own: list[Path] | None, run
         "seed": seed,
         "effect_files": tuple(own or ()),
         "announce": announce,
-        **vars(runs),
+        "workers": workers,
+        "arch": arch,
+        "decomposition": decomposition,
     }
     if budget is None or budget in ("quick", "full"):
         return StudyOptions(budget=cast(Any, budget), **stated)

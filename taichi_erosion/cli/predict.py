@@ -11,7 +11,6 @@ import typer
 from taichi_erosion.cli import output
 from taichi_erosion.cli.evidence import (
     Budget,
-    Runs,
     Seed,
     StudyFile,
     Workers,
@@ -72,7 +71,7 @@ def predict(
     from taichi_erosion.core.files import write_atomic
     from taichi_erosion.evidence.prediction.commands import predict_study
 
-    options = options_of(budget, seed, own, Runs(workers, arch, decomposition))
+    options = options_of(budget, seed, own, workers, arch, decomposition)
     with interruptible("predicting", KEPT) as progress:
         document = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
     if out is not None:

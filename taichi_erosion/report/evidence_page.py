@@ -18,11 +18,10 @@ from taichi_erosion.evidence.answers.words.agreement import (
 )
 from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
 from taichi_erosion.evidence.data.number_words import heading
-from taichi_erosion.evidence.inference.verdict_levels import PLAUSIBLE, fails
+from taichi_erosion.evidence.inference.verdict_levels import ABSORBED, PLAUSIBLE, STABLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import figure_style, study_figures
-from taichi_erosion.report.conclusion_limits import limits
 from taichi_erosion.report.evidence_results import CONTROLS, Document, Layer, Results, layers, stored_results
 from taichi_erosion.report.figure_style import Picture
 from taichi_erosion.report.html import made, number, render
@@ -30,7 +29,7 @@ from taichi_erosion.report.lead import LEVEL, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.report.pictures import answers as answers_drawn
 from taichi_erosion.report.pictures.doses import draw_doses
-from taichi_erosion.report.plain_words import effect_words, words_of
+from taichi_erosion.report.plain_words import effect_words, listed, words_of
 from taichi_erosion.report.strength_words import strength_words
 from taichi_erosion.report.study_figures import Panel
 
@@ -41,6 +40,10 @@ STATUSES = {"present": "present", "excluded": "excluded", "not_testable": "not t
 ANSWERS = ("comparison", "discovery", "adoption", "prediction")  # that the template reads
 BEYOND = "What acts like the missing effect"
 TIMES = {0: "has not been opened", 1: "was opened once"}
+UNDECLARED_NUMERICS = (
+    "Numerics: the study declares no tolerance for box, time step and grain number. A smooth numerical error "
+    "of the model would look like a missing effect."
+)
 
 
 def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
@@ -304,6 +307,50 @@ def vault_sentences(found: Results) -> Iterator[str]:
         return
     opened = max(document.get("vault", {}).get("opened", 0) for document in found.by_command.values())
     yield f"The vault {TIMES.get(opened, f'was opened {opened} times')}."
+
+
+def limits(found: Results) -> Iterator[str]:
+    """What could change the conclusion."""
+    discovery, adoption = found.discovery, found.adoption
+    noise = (discovery or found.comparison or {}).get("noise", {}).get("observables", {})
+    if unrepeated := ", ".join(name for name, budget in noise.items() if budget["repeats"] < 1):
+        yield f"Repeats: the scatter of {unrepeated} is stated, not checked. A larger one lowers misfits."
+    if noise and not any(budget["numerical"] for budget in noise.values()):
+        yield UNDECLARED_NUMERICS
+    if discovery:
+        yield from limits_of_names(discovery)
+        yield from limits_of_runs(discovery)
+    if adoption and adoption["vault"]["opened"] > 1:
+        yield "Vault: it was opened more than once. Its rows are no longer unseen data."
+    for command in found.outdated:
+        yield f"Table: the answer of `{command}` rests on another version of the table and is left out."
+
+
+def limits_of_names(discovery: Document) -> Iterator[str]:
+    """Limits of the named effects."""
+    effects = discovery["effects"]
+    hidden = [effect_words(name) for name, effect in effects.items() if effect["status"] == "not_testable"]
+    unnamed = [name for name in hidden if name not in map(effect_words, discovery["group"])]
+    if unnamed:
+        yield f"Not testable: these measurements cannot show {listed(unnamed)}, even if present."
+    for name in dict.fromkeys((*discovery["named"], *discovery["group"])):
+        if (effects.get(name, {}).get("absorption") or 0.0) > ABSORBED:
+            parameter = discovery["absorbed_by"].get(name, "a calibrated parameter")
+            yield f"Absorption: {parameter} can imitate most of {effect_words(name)}. Measure it separately."
+    if len(discovery["group"]) > 1:
+        group = listed([effect_words(name) for name in discovery["group"]])
+        yield f"Group: these measurements cannot separate {group}."
+
+
+def limits_of_runs(discovery: Document) -> Iterator[str]:
+    """Limits of the runs behind the named effects."""
+    if discovery["decoy_rank"] == 1:
+        yield "Decoy: an artificial effect fits best. The shortlist of effects is not reliable."
+    stability = discovery["stability"]
+    if stability is not None and stability < STABLE:
+        yield f"Seeds: {100.0 * stability:.0f} % of the repeats with other seeds name the same effect first."
+    if discovery["failures"]:
+        yield f"Failures: {discovery['failures']} model values could not be computed and are left out."
 
 
 def experiments(found: Results) -> Sequence[Document]:

@@ -11,8 +11,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.verification import claims as ladder
 from taichi_erosion.verification.claim import Claim, Outcome, as_claim
-from taichi_erosion.verification.claims import CHECKS, verify
-from taichi_erosion.verification.known_failures import KNOWN, is_known, news
+from taichi_erosion.verification.claims import CHECKS, KNOWN, is_known, news, verify
 
 SLOW = {
     f"V{k}" for k in (11, 14, 15, 16, 17, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 31, 32, 33, 34, 36, 38, 39)

@@ -12,11 +12,12 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import documents
 from taichi_erosion.evidence.answers.adopt import adopt, judged
 from taichi_erosion.evidence.answers.compare import compare
-from taichi_erosion.evidence.answers.discover import Answer
-from taichi_erosion.evidence.answers.documents import Command, Document
+from taichi_erosion.evidence.answers.discover import Answer, record_of
+from taichi_erosion.evidence.answers.documents import Command, Document, discovery_sentences
 from taichi_erosion.evidence.answers.mechanism_experiments import mechanism_experiments
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
 from taichi_erosion.evidence.answers.rounds import (
+    FreshTest,
     Question,
     adoption_points,
     answered,
@@ -39,7 +40,7 @@ from taichi_erosion.evidence.answers.set_up import (
     source_faults,
     table_faults,
 )
-from taichi_erosion.evidence.answers.tested_answer import tested
+from taichi_erosion.evidence.answers.words.fresh_runs import fresh_words
 from taichi_erosion.evidence.data.findings import (
     Adoption,
     Comparison,
@@ -50,6 +51,15 @@ from taichi_erosion.evidence.data.findings import (
 )
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
+from taichi_erosion.evidence.data.transforms import split_setting
+from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.inference.pipeline import Analysis
+from taichi_erosion.evidence.inference.robustness.fresh_check import (
+    after_check,
+    can_be_tested,
+    contenders,
+    fresh_check,
+)
 from taichi_erosion.evidence.models.adopted_files import refuse_foreign_files, write_adopted_files
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, StudyOptions, load_study
 
@@ -120,6 +130,34 @@ def vault_of(study: Study, found: Discovery) -> Document:
         return {}
     vault = adopted["vault"]
     return {"vault": vault} if set(vault["effects"]) == set(found.named) else {}
+
+
+def tested(found: Answer, fresh: FreshTest, progress: Progress) -> tuple[Answer, frozenset[str]]:
+    """An answer that names effects with the outcome of fresh runs, unstable where these contradict it.
+
+    Beside it the keys of these runs.
+    """
+    if found.analysis is None or not can_be_tested(found.analysis):
+        return found, frozenset()
+    check, keys = fresh_check(found.analysis, fresh.simulator.simulate, progress)
+    analysis, record = after_check(found.analysis, check), found.record
+    if check.outcome == "contradicted":
+        record = replace(record_of(analysis, found.beyond, record.seed), faults=record.faults)
+        check = replace(check, more_runs=fresh.schedule(points_of(found.analysis)))
+    units = analysis.fitted.prepared.problem.measurements.table_units
+    check = replace(check, sentence=fresh_words(check, units))
+    record = replace(record, stability=analysis.stability, fresh_runs=check)
+    record = replace(record, sentences=discovery_sentences(record))
+    return replace(found, record=record, analysis=analysis), keys
+
+
+def points_of(found: Analysis) -> list[RefinementPoint]:
+    """The explanations that were tested."""
+    points = []
+    for item in (found.final, *(each for each, _ in contenders(found))):
+        parameters, adopted = split_setting(found.fitted.prepared.axes, item.fit.x)
+        points.append(refinement_point(parameters, {**adopted, **item.fit.acting()}))
+    return points
 
 
 def adopt_study(

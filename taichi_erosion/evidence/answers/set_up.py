@@ -18,7 +18,7 @@ from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.findings import Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Problem, Progress
-from taichi_erosion.evidence.data.tables.source_table import source_changed
+from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
 from taichi_erosion.evidence.inference.prepared_problem import NO_VALUE
 from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL, fails, least_rows, too_few_rows
 from taichi_erosion.evidence.models.load_study import Study, first_study

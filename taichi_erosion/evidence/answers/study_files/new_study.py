@@ -3,6 +3,7 @@
 What the table does not say is asked; every question has a guess, which counts where nobody is asked.
 """
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
@@ -31,11 +32,9 @@ from taichi_erosion.evidence.data.physical_ranges import (
     place_range,
 )
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview, TableWishes, understood
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview, TableWishes, understood, upright
 from taichi_erosion.evidence.data.tables.laboratory_table import tidy_name
-from taichi_erosion.evidence.data.tables.orientation import upright
-from taichi_erosion.evidence.data.tables.source_table import relative_path, source_digest
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells, source_digest
 from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table, is_tidy, pointed, tidy_table
 from taichi_erosion.evidence.data.tables.vocabulary import (
     DIAMETER,
@@ -76,7 +75,10 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
         text, scenes = closed_form.study(measured, names, places), {}
     else:
         text, scenes = named_apart(*scene_study(measured, names, places, wishes, interview), table.stem)
-    origin = {"made_from": relative_path(table, folder), "made_from_digest": source_digest(table)}
+    origin = {
+        "made_from": Path(os.path.relpath(table, folder)).as_posix(),
+        "made_from_digest": source_digest(table),
+    }
     text = replace(text, title=table.stem, assumed=tuple(interview.assumed), **origin)
     files = StudyFiles(folder, table.stem, text, tidy, scenes)
     if earlier is None:

@@ -10,6 +10,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ WESTERN = frozenset("°µ±²³·–—…„“”‘’«»×½¼€§ÄÖÜä
 CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb18030", "big5", "shift_jis"]
 WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
 MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # of an encoding
+DIGITS = 16  # of the digest
 
 
 @dataclass(frozen=True)
@@ -363,3 +365,17 @@ def cell_text(value: Any, mark: str) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.12g}".replace(".", mark)
     return str(value)
+
+
+def source_digest(table: Path) -> str:
+    """Digest of the cells by which a laboratory's table is known again; empty where it is unreadable."""
+    try:
+        rows = read_cells(table, table.name, []).rows
+    except BadInput:
+        return ""
+    return sha256(repr([cells for _, cells in rows]).encode()).hexdigest()[:DIGITS]
+
+
+def source_changed(table: Path, digest: str) -> bool:
+    """Whether a table is there and has other cells than those of a digest."""
+    return table.is_file() and source_digest(table) != digest

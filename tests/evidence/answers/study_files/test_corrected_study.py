@@ -14,7 +14,7 @@ from taichi_erosion.evidence.answers.commands import open_study
 from taichi_erosion.evidence.answers.set_up import source_faults
 from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
 from taichi_erosion.evidence.data.held_out_rows import COUNTER
-from taichi_erosion.evidence.data.tables.source_table import source_digest
+from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
 from taichi_erosion.evidence.models.load_study import load_study
 
 HEAD = "Sample;diameter [um];moisture [%];threshold friction velocity [cm/s];SD;n\n"
