@@ -143,7 +143,8 @@ def record_of(found: Analysis, beyond: Mapping[str, Any], seed: int) -> Discover
         **unlisted_fields(found),
         **beyond,
     )
-    return replace(record, sentences=discovery_sentences(record))
+    # variants have evaluated the model too
+    return replace(record, runs=prepared.predictor.cost.runs, sentences=discovery_sentences(record))
 
 
 def number_fields(found: Analysis, whole: Average) -> dict[str, Any]:

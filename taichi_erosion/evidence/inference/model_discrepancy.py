@@ -24,7 +24,7 @@ from math import log
 import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import Whitening, log_sum_exp
-from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, projected_residual
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import standard_axis
@@ -54,13 +54,15 @@ class Kernels:
         """Number of kernels."""
         return int(self.values.shape[0])
 
-    def rescaled(self, before: Whitening, now: Whitening) -> "Kernels":
-        """The same for rows with another whitening."""
+    def rescaled(self, before: Whitening, now: Whitening, kept: Bools | None = None) -> "Kernels":
+        """The same for rows with another whitening, or for those of them that are kept."""
         roots = self.vectors * np.sqrt(self.values)[:, np.newaxis]
+        chosen = np.ones(before.sd.size, dtype=np.bool_) if kept is None else kept
         if before.root is None and now.root is None:
-            roots = roots * (before.sd / now.sd)[:, np.newaxis]
+            roots = roots[:, chosen] * (before.sd[chosen] / now.sd)[:, np.newaxis]
         else:
-            roots = now(np.eye(now.sd.size)) @ np.linalg.inv(before(np.eye(before.sd.size))) @ roots
+            plain = np.linalg.inv(before(np.eye(before.sd.size))) @ roots
+            roots = now(np.eye(now.sd.size)) @ plain[:, chosen]
         return spectra(roots @ np.swapaxes(roots, 1, 2))
 
 

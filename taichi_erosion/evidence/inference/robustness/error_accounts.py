@@ -25,7 +25,7 @@ from typing import Literal
 
 import numpy as np
 
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection
+from taichi_erosion.evidence.data.linear_algebra import Projection, log_sum_exp, projection
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
@@ -137,18 +137,28 @@ def evidence_by_factor(prepared: PreparedProblem, expansion: Expansion) -> Float
 
     The noise factor f scales rows and prior alike. Censored rows stand as ordinary ones in their weights.
     """
-    fit, rows = expansion.fit, prepared.rows
-    scales = np.array([max(prepared.candidate(name).prior_scale, 1e-9) for name in fit.names])
-    work = prepared.working(expansion.mean)
-    white = prepared.whitening(work)
-    columns = white(np.hstack([expansion.local * scales, expansion.jacobian]))
-    part = projection(columns, white(rows.shared))
-    start = np.concatenate([fit.psi / scales, fit.x])
-    below = np.concatenate([work.residual, -start, np.zeros(rows.shared.shape[1])])
-    free, plain = part.free(below), ~rows.censored
+    part, below = stacked_fit(prepared, expansion)
+    free, plain = part.free(below), ~prepared.rows.censored
     misfit, factor = float(free @ free), prepared.doubt.factor
     volume = float(np.sum(np.log(prepared.sd[plain]))) + prepared.log_correlation + 0.5 * part.log_determinant
     return -plain.sum() * np.log(factor) - 0.5 * misfit / factor**2 - volume
+
+
+def stacked_fit(prepared: PreparedProblem, expansion: Expansion) -> tuple[Projection, Floats]:
+    """Columns D of strengths, in units of their prior, of numbers and of shared errors; e+ at the fit."""
+    fit, rows = expansion.fit, prepared.rows
+    scales = strength_scales(prepared, expansion)
+    work = prepared.working(expansion.mean)
+    white = prepared.whitening(work)
+    columns = white(np.hstack([expansion.local * scales, expansion.jacobian]))
+    start = np.concatenate([fit.psi / scales, fit.x])
+    below = np.concatenate([work.residual, -start, np.zeros(rows.shared.shape[1])])
+    return projection(columns, white(rows.shared)), below
+
+
+def strength_scales(prepared: PreparedProblem, expansion: Expansion) -> Floats:
+    """Prior scale of every strength of a hypothesis."""
+    return np.array([max(prepared.candidate(name).prior_scale, 1e-9) for name in expansion.fit.names])
 
 
 def sharing_columns(prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...]) -> Iterator[Sharing]:

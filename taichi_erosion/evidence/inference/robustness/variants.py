@@ -1,8 +1,8 @@
-"""What an answer hangs on: hypotheses weighed again with other tolerances, priors and rows, no refits.
+"""What an answer hangs on: hypotheses weighed again with other tolerances, priors and rows.
 
-The evidence of every hypothesis changes as in its linear expansion about the fit that it has; the smooth
-rival and the chance of the misfit are computed anew. So one variant costs milliseconds and no simulation.
-Where an answer is averaged over accounts of the errors, so is every variant.
+The evidence of every hypothesis changes as in its linear expansion about the fit that it has, and hypotheses
+that such a step misleads are fitted again (`reweighing.py`); the smooth rival and the chance of the misfit
+are computed anew. Where an answer is averaged over accounts of the errors, so is every variant.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,8 +14,7 @@ from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Variants
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis, columns_of, log_prior
-from taichi_erosion.evidence.inference.model_discrepancy import discrepancy_gain
+from taichi_erosion.evidence.inference.marginal_likelihood import columns_of, log_prior
 from taichi_erosion.evidence.inference.pipeline import (
     Analysis,
     FittedHypotheses,
@@ -26,13 +25,9 @@ from taichi_erosion.evidence.inference.pipeline import (
 from taichi_erosion.evidence.inference.posterior import Posterior, mixed
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, level_shape
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
-from taichi_erosion.evidence.inference.robustness.error_accounts import (
-    evidence_by_factor,
-    with_variances,
-    worst_row,
-)
+from taichi_erosion.evidence.inference.robustness.error_accounts import with_variances, worst_row
+from taichi_erosion.evidence.inference.robustness.reweighing import reweighed, without_rows
 
-GONE = 1e8  # factor on the variance of a row that is left out
 SCALES = (0.5, 2.0)  # of the priors of all strengths
 TOLERANCES = (0.0, 2.0)  # of declared tolerances and shared errors
 MOST_GROUPS = 12  # that are left out one by one; of more, those with most rows
@@ -83,11 +78,11 @@ def averaged_variants(found: Analysis) -> list[tuple[str, Posterior]]:
     An account that a variant does not concern keeps its probabilities.
     """
     lead = found.fitted
-    sets, variance = list(row_sets(lead)), lead.prepared.rows.variance
+    sets = list(row_sets(lead))
     likely = likely_accounts(found.accounts)
     priors = np.array([each.log_weight - each.account.posterior.log_all for each in likely])
     beside = [
-        {one.words: one.posterior() for one in all_variants(each.account.fitted, sets, variance)}
+        {one.words: one.posterior() for one in all_variants(each.account.fitted, sets)}
         if each.account.fitted is not lead
         else None
         for each in likely
@@ -101,7 +96,7 @@ def averaged_variants(found: Analysis) -> list[tuple[str, Posterior]]:
         logs = priors + np.array([each.log_all for each in every])
         return mixed(own, every, np.exp(logs - log_sum_exp(logs)))
 
-    tried = all_variants(lead, sets, variance)
+    tried = all_variants(lead, sets)
     return [(variant.words, averaged(variant.words, variant.posterior())) for variant in tried]
 
 
@@ -134,12 +129,8 @@ def becomes(posterior: Posterior) -> str:
     return f"{words} ({100 * posterior.probability[top]:.0f} %)"
 
 
-def all_variants(fitted: FittedHypotheses, sets: RowSets, variance: Floats) -> Iterator[Variant]:
-    """Every change that the study allows.
-
-    A row that is left out gets GONE times `variance`, the same under every account of the errors, so that
-    their evidences differ by the other rows only.
-    """
+def all_variants(fitted: FittedHypotheses, sets: RowSets) -> Iterator[Variant]:
+    """Every change that the study allows."""
     prepared = fitted.prepared
     for scale in SCALES:
         words = f"if all priors of strengths are {scale:g} times as wide"
@@ -148,11 +139,9 @@ def all_variants(fitted: FittedHypotheses, sets: RowSets, variance: Floats) -> I
         for words, other in tolerance_variants(prepared, factor):
             yield Variant(words, reweighed(fitted, other))
         yield from shared_error_variants(fitted, factor)
-    gone = GONE * variance / prepared.rows.variance
     for words, rows in sets:
         if not levels.too_few_rows(prepared.rows.size - int(rows.sum()), len(prepared.axes)):
-            other = with_variances(prepared, np.where(rows, gone, 1.0))
-            yield Variant(words, reweighed(fitted, other))
+            yield Variant(words, without_rows(fitted, rows))
 
 
 def tolerance_variants(prepared: PreparedProblem, factor: float) -> Iterator[tuple[str, PreparedProblem]]:
@@ -208,27 +197,6 @@ def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Bools]]:
             f"without the row of {rows.observables[rows.which[row]].name} at {at}",
             np.arange(rows.size) == row,
         )
-
-
-def reweighed(fitted: FittedHypotheses, prepared: PreparedProblem) -> FittedHypotheses:
-    """All hypotheses with other variances or shared errors, about the fits that they have."""
-    before = fitted.posterior()
-    family = fitted.family.rescaled(fitted.prepared.white, prepared.white)
-
-    def again(item: FittedHypothesis) -> FittedHypothesis:
-        if not item.usable:
-            return item
-        own = item.expansion.shared[:, fitted.prepared.rows.shared.shape[1] :]
-        expansion = replace(item.expansion, shared=np.hstack([prepared.rows.shared, own]))
-        change = evidence_by_factor(prepared, expansion) - evidence_by_factor(fitted.prepared, item.expansion)
-        scored = ScoredHypothesis(expansion, item.scored.likelihoods, item.scored.log_evidence + change)
-        likely = not item.names or before.inclusion.get(item.names[0], 0.0) > levels.REPORTED_RIVAL
-        rival = likely and len(item.names) < 2  # a remainder beside an unlikely effect is the one beside none
-        gain = discrepancy_gain(prepared, expansion, family) if rival else np.full(item.gain.size, -np.inf)
-        return FittedHypothesis(scored, gain)
-
-    refits = [again(item) for item in fitted.refits]
-    return replace(fitted, prepared=prepared, base=again(fitted.base), refits=refits, family=family)
 
 
 def with_prior_scales(fitted: FittedHypotheses, factor: float) -> FittedHypotheses:

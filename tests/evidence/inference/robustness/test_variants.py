@@ -10,12 +10,10 @@ from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.problem import Observable, Problem
 from taichi_erosion.evidence.inference.pipeline import account, analyse
 from taichi_erosion.evidence.inference.prepared_problem import prepare
-from taichi_erosion.evidence.inference.robustness.error_accounts import with_variances
+from taichi_erosion.evidence.inference.robustness.reweighing import without_rows
 from taichi_erosion.evidence.inference.robustness.variants import (
-    GONE,
     all_variants,
     averaged_variants,
-    reweighed,
     row_sets,
     variants,
     with_prior_scales,
@@ -36,7 +34,7 @@ def test_a_row_left_out_gives_the_probabilities_of_the_table_without_it():
     prepared = prepare(problem, problem.measurements, 1)
     whole = account(prepared, 1, no_progress)
     rows = np.arange(36) == 35
-    cheap = reweighed(whole.fitted, with_variances(whole.fitted.prepared, np.where(rows, GONE, 1.0)))
+    cheap = without_rows(whole.fitted, rows)
     shorter = replace(problem, measurements=problem.measurements.rows(~rows))
     anew = account(prepare(shorter, shorter.measurements, 1), 1, no_progress)
     one, other = cheap.posterior().probability, anew.posterior.probability
@@ -97,7 +95,7 @@ def test_a_group_left_out_of_an_averaged_answer_gives_the_average_of_the_table_w
     words, left = "without group g1", np.array(problem.measurements.group) != "g1"
     averaged = dict(averaged_variants(found))[words].inclusion["bend"]
     lead, sets = found.fitted, list(row_sets(found.fitted))
-    one = {each.words: each for each in all_variants(lead, sets, lead.prepared.rows.variance)}[words]
+    one = {each.words: each for each in all_variants(lead, sets)}[words]
     shorter = problem.measurements.rows(left)
     anew = analyse(prepare(replace(problem, measurements=shorter), shorter, 1), 1, no_progress)
     wanted = anew.posterior.inclusion["bend"]
