@@ -15,10 +15,9 @@ import typer
 
 from doe.beyond.page import publish
 from doe.beyond.solve import solve_file
-from doe.beyond.trial import FOLDER, Trial, seal, sealed, write_results
+from doe.beyond.trial import FOLDER, seal, sealed, sealed_set, write_results
 from doe.common.method import method_commit
 
-NOWHERE = Path("/nonexistent")  # folder of truths for a step that must not read them
 SHARES = (0.4, 0.4, 0.2)  # outside the list, nothing missing, listed
 Secret = Annotated[Path, typer.Argument(help="Folder of truths, outside the tree.")]
 program = typer.Typer(add_completion=False)
@@ -27,14 +26,14 @@ program = typer.Typer(add_completion=False)
 @program.command()
 def draw(name: str, secret: Secret, cases: int = 500) -> None:
     """Draw a set of cases; commit its digests before it is solved."""
-    seal(Trial(name, secret), cases, SHARES)
+    seal(sealed_set(name, secret), cases, SHARES)
 
 
 @program.command()
 def solve(name: str, seconds: float = float("inf")) -> None:
     """Answer problems in their order, which is that of independent draws, until the time is over."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    trial, method, start = Trial(name, NOWHERE), method_commit(), monotonic()
+    trial, method, start = sealed_set(name), method_commit(), monotonic()
     for number in sealed(trial):
         if monotonic() - start > seconds:
             break
@@ -45,7 +44,7 @@ def solve(name: str, seconds: float = float("inf")) -> None:
 @program.command()
 def score(name: str, secret: Secret) -> None:
     """Compare the answers with the truths."""
-    write_results(Trial(name, secret))
+    write_results(sealed_set(name, secret))
     page()
 
 

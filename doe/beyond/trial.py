@@ -7,7 +7,7 @@ import csv
 import io
 import json
 import pickle
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
 from secrets import randbits
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from doe.beyond.cases import OBSERVABLES, Shares, Truth, draw, exact
+from doe.common.sealed_set import NOWHERE, SealedSet
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.inference.map_fit import fit_base
@@ -25,38 +26,17 @@ FOLDER = Path(__file__).parent
 WORK = FOLDER.parent / "beyond-results"  # problems and answers
 COLUMNS = ("number", "sha256", "method", "seed", "truth", "ratio", "answer")
 SEED_BITS = 128
+DIGITS = 4  # of a case in the names of files
 
 
-@dataclass(frozen=True)
-class Trial:
-    """A named set of cases and where its parts lie."""
-
-    name: str
-    secret: Path  # folder of truths, that the solver is not given
-    work: Path = WORK
-    tables: Path = FOLDER
-
-    def problem(self, number: int) -> Path:
-        return self.work / self.name / "problems" / f"{number:04d}.pickle"
-
-    def answer(self, number: int) -> Path:
-        return self.work / self.name / "answers" / f"{number:04d}.json"
-
-    def truth(self, number: int) -> Path:
-        return self.secret / self.name / f"{number:04d}.json"
-
-    def seals(self) -> Path:
-        """Digests of all truths, to be committed before the first answer."""
-        return self.tables / "seals" / f"{self.name}.csv"
-
-    def results(self) -> Path:
-        return self.tables / "results" / f"{self.name}.csv"
+def sealed_set(name: str, secret: Path = NOWHERE) -> SealedSet:
+    """A set of this study by its name."""
+    return SealedSet(name, secret, WORK, FOLDER, DIGITS)
 
 
-def seal(trial: Trial, count: int, shares: Shares) -> None:
+def seal(trial: SealedSet, count: int, shares: Shares) -> None:
     """Draw the cases; write problems, truths and digests; a set is drawn once."""
-    if trial.seals().exists():
-        raise FileExistsError(f"{trial.seals()}: this set is sealed already")
+    trial.refuse_sealed()
     for path in (trial.problem(0), trial.answer(0), trial.truth(0), trial.seals()):
         path.parent.mkdir(parents=True, exist_ok=True)
     lines = []
@@ -70,18 +50,15 @@ def seal(trial: Trial, count: int, shares: Shares) -> None:
     write_atomic(trial.seals(), ("\n".join(lines) + "\n").encode())
 
 
-def sealed(trial: Trial) -> dict[int, str]:
+def sealed(trial: SealedSet) -> dict[int, str]:
     """Digests as they were written before the first answer."""
     lines = (line.split(",") for line in trial.seals().read_text(encoding="utf-8").split())
     return {int(number): digest for number, digest in lines}
 
 
-def opened(trial: Trial, number: int, digest: str) -> dict[str, str]:
+def opened(trial: SealedSet, number: int, digest: str) -> dict[str, str]:
     """Row of one answered case; raises ValueError where its truth is not the one that was sealed."""
-    text = trial.truth(number).read_text(encoding="utf-8")
-    if sha256(text.encode()).hexdigest() != digest:
-        raise ValueError(f"{trial.name}, case {number}: the truth is not the one that was sealed")
-    told = json.loads(text)
+    told = trial.opened_truth(number, digest)
     answer: dict[str, Any] = json.loads(trial.answer(number).read_text(encoding="utf-8"))
     problem: Problem = pickle.loads(trial.problem(number).read_bytes())
     return {
@@ -107,7 +84,7 @@ def ratio(problem: Problem, truth: Truth) -> float:
     return float(np.sqrt(max(best.misfit, 0.0)))
 
 
-def write_results(trial: Trial) -> None:
+def write_results(trial: SealedSet) -> None:
     """The table of all answered cases."""
     page = io.StringIO()
     writer = csv.DictWriter(page, list[str](COLUMNS), lineterminator="\n")

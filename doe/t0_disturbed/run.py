@@ -18,10 +18,9 @@ import typer
 from doe.common.method import method_commit
 from doe.sealed.solve import solve_file
 from doe.t0_disturbed.page import publish
-from doe.t0_disturbed.trial import FOLDER, Trial, seal, sealed, write_results
+from doe.t0_disturbed.trial import FOLDER, seal, sealed, sealed_set, write_results
 
 TOLD = 50  # cases from one line of progress to the next
-NOWHERE = Path("/nonexistent")  # folder of truths for a step that must not read them
 Secret = Annotated[Path, typer.Option(help="Folder of truths, outside the tree.")]
 program = typer.Typer(add_completion=False)
 
@@ -29,18 +28,18 @@ program = typer.Typer(add_completion=False)
 @program.command("seal")
 def draw(name: str, secret: Secret, cases: int = 300, nulls: float = 0.45) -> None:
     """Draw a set of cases; commit its digests before it is solved."""
-    seal(Trial(name, secret), cases, nulls)
+    seal(sealed_set(name, secret), cases, nulls)
 
 
 @program.command()
 def solve(name: str, processes: int = 1, method: str = "", with_vault: bool = False) -> None:
     """Answer every problem that this commit has not answered yet."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read by the processes when they start
-    trial, method = Trial(name, NOWHERE), method or method_commit()
+    trial, method = sealed_set(name), method or method_commit()
     numbers = list(sealed(trial))
-    trial.answer(method, 0).parent.mkdir(parents=True, exist_ok=True)
+    trial.answer(0, method).parent.mkdir(parents=True, exist_ok=True)
     problems = [trial.problem(k) for k in numbers]
-    answers = [trial.answer(method, k) for k in numbers]
+    answers = [trial.answer(k, method) for k in numbers]
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         steps = pool.map(solve_file, problems, answers, repeat(with_vault), chunksize=5)
         for done, _ in enumerate(steps, 1):
@@ -51,7 +50,7 @@ def solve(name: str, processes: int = 1, method: str = "", with_vault: bool = Fa
 @program.command("open")
 def unseal(name: str, secret: Secret, method: str = "") -> None:
     """Compare the answers of a commit with the truths."""
-    write_results(Trial(name, secret), method or method_commit())
+    write_results(sealed_set(name, secret), method or method_commit())
     page()
 
 

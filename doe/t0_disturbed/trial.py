@@ -13,6 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 from secrets import token_hex
 
+from doe.common.sealed_set import NOWHERE, SealedSet
 from doe.sealed.oracle import Difficulty, difficulty
 from doe.sealed.solve import Outcome, answer_of, outcome_of
 from doe.sealed.trial import rounded
@@ -23,38 +24,17 @@ from taichi_erosion.core.files import write_atomic
 FOLDER = Path(__file__).parent
 WORK = FOLDER.parent / "t0-results" / "disturbed"  # problems and answers
 COLUMNS = ("number", "sha256", "method", "truth", "difficulty", "answer")
+DIGITS = 5  # of a case in the names of files
 
 
-@dataclass(frozen=True)
-class Trial:
-    """A named set of cases and where its parts lie."""
-
-    name: str
-    secret: Path  # folder of truths, that the solver is not given
-    work: Path = WORK
-    tables: Path = FOLDER
-
-    def problem(self, number: int) -> Path:
-        return self.work / self.name / "problems" / f"{number:05d}.pickle"
-
-    def answer(self, method: str, number: int) -> Path:
-        return self.work / self.name / method / f"{number:05d}.json"
-
-    def truth(self, number: int) -> Path:
-        return self.secret / self.name / f"{number:05d}.json"
-
-    def seals(self) -> Path:
-        """Digests of all truths, to be committed before the first answer."""
-        return self.tables / "seals" / f"{self.name}.csv"
-
-    def results(self) -> Path:
-        return self.tables / "results" / f"{self.name}.csv"
+def sealed_set(name: str, secret: Path = NOWHERE) -> SealedSet:
+    """A set of this study by its name."""
+    return SealedSet(name, secret, WORK, FOLDER, DIGITS)
 
 
-def seal(trial: Trial, count: int, nulls: float) -> None:
+def seal(trial: SealedSet, count: int, nulls: float) -> None:
     """Draw the cases with a fresh salt; write problems, truths and digests; a set is drawn once."""
-    if trial.seals().exists():
-        raise FileExistsError(f"{trial.seals()}: this set is sealed already")
+    trial.refuse_sealed()
     salt = token_hex(16)
     for path in (trial.problem(0), trial.truth(0), trial.seals()):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -71,23 +51,20 @@ def seal(trial: Trial, count: int, nulls: float) -> None:
     write_atomic(trial.seals(), ("\n".join(lines) + "\n").encode())
 
 
-def sealed(trial: Trial) -> dict[int, str]:
+def sealed(trial: SealedSet) -> dict[int, str]:
     """Digests as they were written before the first answer."""
     with trial.seals().open(encoding="utf-8", newline="") as file:
         return {int(row["number"]): row["sha256"] for row in csv.DictReader(file)}
 
 
-def opened(trial: Trial, method: str) -> list[dict[str, str]]:
+def opened(trial: SealedSet, method: str) -> list[dict[str, str]]:
     """Rows of all cases that one method answered: truth, checked against its seal, difficulty, answer."""
     rows = []
     for number, digest in sealed(trial).items():
-        answer = trial.answer(method, number)
+        answer = trial.answer(number, method)
         if not answer.exists():
             continue
-        text = trial.truth(number).read_text(encoding="utf-8")
-        if sha256(text.encode()).hexdigest() != digest:
-            raise ValueError(f"{trial.name}, case {number}: the truth is not the one that was sealed")
-        found = json.loads(text)
+        found = trial.opened_truth(number, digest)
         rows.append(
             {
                 "number": str(number),
@@ -101,7 +78,7 @@ def opened(trial: Trial, method: str) -> list[dict[str, str]]:
     return rows
 
 
-def write_results(trial: Trial, method: str) -> None:
+def write_results(trial: SealedSet, method: str) -> None:
     """The table of one method in place of its earlier rows."""
     kept = [row for row in read_results(trial.results()) if row["method"] != method]
     page = io.StringIO()

@@ -10,7 +10,8 @@ import pytest
 from scipy import stats
 
 from doe.beyond.page import Opened, median, met_by_bound, metric_table
-from doe.beyond.trial import Trial, opened, seal, sealed
+from doe.beyond.trial import DIGITS, opened, seal, sealed
+from doe.common.sealed_set import SealedSet
 from doe.sealed.score import share
 from taichi_erosion.core.files import write_atomic
 
@@ -19,8 +20,8 @@ SILENT: dict[str, Any] = {"method": "m", "verdict": "none_detected", "named": []
 
 
 @pytest.fixture
-def trial(tmp_path) -> Trial:
-    made = Trial("few", tmp_path / "secret", tmp_path / "work", tmp_path / "tables")
+def trial(tmp_path) -> SealedSet:
+    made = SealedSet("few", tmp_path / "secret", tmp_path / "work", tmp_path / "tables", DIGITS)
     seal(made, 2, NULLS)
     write_atomic(made.answer(0), json.dumps(SILENT).encode())
     return made

@@ -5,11 +5,12 @@ import pickle
 
 import pytest
 
+from doe.common.sealed_set import SealedSet
 from doe.sealed.oracle import Difficulty
 from doe.sealed.solve import Outcome
 from doe.t0_disturbed.laboratory import DisturbedTruth
 from doe.t0_disturbed.page import metric_table
-from doe.t0_disturbed.trial import Judged, Trial, opened, seal
+from doe.t0_disturbed.trial import DIGITS, Judged, opened, seal
 from taichi_erosion.core.files import write_atomic
 
 NOTHING = (float("nan"),) * 3
@@ -20,12 +21,12 @@ def answered(number: int, verdict: str = "none_detected", named: tuple[str, ...]
 
 
 @pytest.fixture
-def trial(tmp_path) -> Trial:
-    made = Trial("few", tmp_path / "secret", tmp_path / "work", tmp_path / "tables")
+def trial(tmp_path) -> SealedSet:
+    made = SealedSet("few", tmp_path / "secret", tmp_path / "work", tmp_path / "tables", DIGITS)
     seal(made, 2, 1.0)
     text = json.dumps(vars(answered(0))).encode()
-    made.answer("m", 0).parent.mkdir(parents=True)
-    write_atomic(made.answer("m", 0), text)
+    made.answer(0, "m").parent.mkdir(parents=True)
+    write_atomic(made.answer(0, "m"), text)
     return made
 
 
