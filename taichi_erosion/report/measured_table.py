@@ -15,7 +15,7 @@ from taichi_erosion.evidence.data.measured import (
     refuse_absent,
     used_conditions,
 )
-from taichi_erosion.evidence.data.number_words import heading
+from taichi_erosion.evidence.data.number_words import heading, plain, with_unit
 from taichi_erosion.evidence.data.tables.tidy_table import Row
 from taichi_erosion.evidence.models.column_units import place_units
 
@@ -36,6 +36,13 @@ class Condition:
     def shown(self, value: float | None) -> float:
         """Value in the unit of the table; NaN for one that was not written down."""
         return nan if value is None else (value - self.origin) / self.factor
+
+    def words(self, value: float | None) -> str:
+        """`moisture 1.5 %`."""
+        name = self.name.replace("_", " ")
+        if value is None:
+            return f"{name} not stated"
+        return f"{name} {with_unit(plain(self.shown(value)), self.unit)}"
 
     @property
     def label(self) -> str:

@@ -13,10 +13,10 @@ from typing import Any
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.number_words import plain, short, with_unit
+from taichi_erosion.evidence.data.number_words import short, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.report.evidence_results import Document, Results
-from taichi_erosion.report.measured_table import Condition, MeasuredTable
+from taichi_erosion.report.measured_table import MeasuredTable
 from taichi_erosion.report.plain_words import words_of
 
 GRAVITY = 9.81  # m s-2
@@ -70,18 +70,10 @@ def action_words(action: Document | None, table: MeasuredTable, units: TableUnit
     ends = (short(units.value(name, action[key]) or 0.0) for key in ("without", "acting"))
     change = with_unit(f"from {' to '.join(ends)}", units.value_unit(name))
     at = [
-        condition_text(table.condition(key), value)
-        for key, value in action["conditions"].items()
-        if value is not None
+        table.condition(key).words(value) for key, value in action["conditions"].items() if value is not None
     ]
     where = f" at {', '.join(at)}" if at else ""
     return f"it {verb} the {words_of(name).noun} {change}{where}, where it does most"
-
-
-def condition_text(condition: Condition, value: float) -> str:
-    """`diameter 0.075 mm`."""
-    name = condition.name.replace("_", " ")
-    return f"{name} {with_unit(plain(condition.shown(value)), condition.unit)}"
 
 
 def force_words(found: Results, file: StudyFile, strengths: Mapping[str, float]) -> dict[str, str]:
@@ -119,7 +111,7 @@ def typical_grains(found: Results, file: StudyFile) -> Grains | None:
         for path in (part.strip() for part in condition.path.split(",")):
             section, _, name = path.rpartition(".")
             if section == "conditions" and middle is not None:
-                conditions[name], words[name] = middle, condition_text(condition, middle)
+                conditions[name], words[name] = middle, condition.words(middle)
             elif section.startswith("grains.size") and middle is not None:
                 radius = 0.5 * middle
     density = scene.materials[scene.grains.material].density

@@ -179,16 +179,8 @@ def interval_ends(rows: Record, end: str) -> Sequence[float | None]:
 def series_of(panel: Panel, rows: Record, place: int) -> str:
     """The other conditions of a row in words."""
     return ", ".join(
-        value_words(panel.table.condition(name), rows["conditions"][name][place]) for name in panel.others
+        panel.table.condition(name).words(rows["conditions"][name][place]) for name in panel.others
     )
-
-
-def value_words(condition: Condition, value: float | None) -> str:
-    """`moisture 1.5 %`."""
-    name = condition.name.replace("_", " ")
-    if value is None:
-        return f"{name} not stated"
-    return f"{name} {with_unit(plain(condition.shown(value)), condition.unit)}"
 
 
 def draw_first(panel: Panel, width: float) -> Figure:
@@ -389,7 +381,7 @@ def row_text(panel: Panel, kind: str, rows: Record, place: int) -> str:
         words = f"measured: between {short(float(low), 3)} and {with_unit(short(float(high), 3), unit)}"
     lines = [words + (" (held out)" if kind == "held" else "")]
     lines += [
-        value_words(panel.table.condition(name), column[place])
+        panel.table.condition(name).words(column[place])
         for name, column in rows["conditions"].items()
         if column[place] is not None
     ]

@@ -115,10 +115,7 @@ def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
     """
     for option in options(schema, node):
         within = option.get("properties", {})
-        named = option.get("additionalProperties") or next(
-            iter(option.get("patternProperties", {}).values()), None
-        )
-        if isinstance(named, dict):
+        if (named := named_section(option)) is not None:
             yield "  names of your own, each a section with"
             yield from (f"  {line}" for line in lines_below(schema, named))
         for name, entry in within.items():
@@ -134,14 +131,17 @@ def descend(schema: dict[str, Any], node: dict[str, Any], key: str) -> dict[str,
         within = option.get("properties", {})
         if key in within:
             return within[key]
-        below = option.get("additionalProperties") or next(
-            iter(option.get("patternProperties", {}).values()), None
-        )
-        if isinstance(below, dict):
+        if (below := named_section(option)) is not None:
             return below
         if key.isdigit() and "items" in option:
             return option["items"]
     return None
+
+
+def named_section(node: dict[str, Any]) -> dict[str, Any] | None:
+    """Schema of the sections of a table under names of the user's own; None where there are none."""
+    tables = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
+    return next((table for table in tables if isinstance(table, dict)), None)
 
 
 def entry_names(schema: dict[str, Any], node: dict[str, Any]) -> list[str]:
@@ -208,8 +208,7 @@ def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Ite
     """Every option of an entry below one option of a section, a table or a list."""
     found: Any = node.get("properties", {}).get(key)
     if found is None and not key.isdigit():
-        tables = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
-        found = next((table for table in tables if isinstance(table, dict)), None)
+        found = named_section(node)
     if found is None and key.isdigit():
         components = node.get("prefixItems", ())
         found = components[int(key)] if int(key) < len(components) else node.get("items")

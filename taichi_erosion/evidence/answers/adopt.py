@@ -58,7 +58,7 @@ def adopt(
     `others` were named with them and are not adopted: what the model does with all of them is fitted too.
     """
     start = perf_counter()
-    order = [candidate.name for candidate in problem.candidates]
+    order = problem.candidate_names
     if missing := [name for name in effects if name not in order]:
         raise BadInput(f"adopt: {missing[0]} is not among the candidates")
     chosen, every = (tuple(sorted(names, key=order.index)) for names in (effects, {*effects, *others}))

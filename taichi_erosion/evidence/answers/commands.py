@@ -111,7 +111,7 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
             "discover",
             answer,
             lambda found: discovery_points(found.record),
-            names_of(study),
+            study.problem.candidate_names,
             ahead=bool(study.file.laboratory.ranges),
             required=lambda found: required_points(found.record),
             beyond=lambda found: asks_mechanisms(found.record),
@@ -173,7 +173,7 @@ def adopt_study(
     """
     start = perf_counter()
     with open_study(path, options) as study:
-        names, seed = names_of(study), study.file.study.seed
+        names, seed = study.problem.candidate_names, study.file.study.seed
         effects = known_effects(effects, names, path)
         refuse_foreign_files(study, effects, force)
         others = named_beside(study, effects)
@@ -219,14 +219,12 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     """The experiments that would decide."""
     start = perf_counter()
     with open_study(path, options) as study:
-        seed, budget = study.file.study.seed, last_budget(study)
+        seed, budget, names = study.file.study.seed, last_budget(study), study.problem.candidate_names
 
         def answer(ready: Study, progress: Progress) -> Discovery:
             return with_experiments(ready, discovery(ready, seed, progress).record)
 
-        question = Question(
-            "next", answer, discovery_points, names_of(study), ahead=True, beyond=asks_mechanisms
-        )
+        question = Question("next", answer, discovery_points, names, ahead=True, beyond=asks_mechanisms)
         found, ready = answered(study, budget, question, progress)
         experiments = documents.plain([asdict(each) for each in found.next_experiments])
         document = {"next_experiments": experiments, "sentence": runs_first(study) + found.next_sentence}
@@ -265,11 +263,6 @@ def first_cost(earlier: Document | None, document: Document) -> Document:
         return {}
     known = [key for key in COST if earlier.get(key) is not None and document.get(key) is not None]
     return {key: max(earlier[key], document[key]) for key in known}
-
-
-def names_of(study: Study) -> list[str]:
-    """Candidates of a study."""
-    return [candidate.name for candidate in study.problem.candidates]
 
 
 def with_experiments(study: Study, found: Discovery) -> Discovery:

@@ -37,15 +37,14 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
     p_free = nan if freed is None else goodness_of_fit.misfit_p(placed[0], placed[1].expansion)
     table = goodness_of_fit.rows_table(prepared, base.expansion)
     misfits = goodness_of_fit.observable_misfits(prepared, base.expansion, table)
+    chi2 = goodness_of_fit.chi_square(prepared, base.expansion) if known else nan
     if not known:
         misfits = {name: replace(misfit, chi2=nan, p=nan) for name, misfit in misfits.items()}
     return Comparison(
         observables=misfits,
         where=goodness_of_fit.misfit_places(placed[0], placed[1].expansion),
-        chi2=goodness_of_fit.chi_square(prepared, base.expansion) if known else nan,
-        chi2_per_row=goodness_of_fit.chi_square(prepared, base.expansion) / prepared.rows.size
-        if known
-        else nan,
+        chi2=chi2,
+        chi2_per_row=chi2 / max(prepared.rows.size, 1),
         dof=goodness_of_fit.freedom(marginal_likelihood.projected_residual(prepared, base.expansion)),
         p=goodness_of_fit.misfit_p(prepared, base.expansion) if known else nan,
         noise=goodness_of_fit.noise_table(prepared, known=known),

@@ -223,7 +223,7 @@ def with_beyond(found: Analysis) -> tuple[Analysis, dict[str, Any]]:
 def nameless_discovery(problem: Problem, seed: int, progress: Progress) -> Discovery:
     """The record where nothing may be named: only where the model fails."""
     prepared, base, known = calibrated_base(problem, seed, progress)
-    names = [candidate.name for candidate in problem.candidates]
+    names = problem.candidate_names
     record = Discovery(
         **shared_fields(prepared, base, base, seed),
         parameters=estimates_alone(prepared, base)[1],
@@ -246,13 +246,14 @@ def shared_fields(
 ) -> dict[str, Any]:
     """Fields that do not depend on what is named, from the bare model and the recalibrated one."""
     n = max(prepared.rows.size, 1)
+    before, after = (goodness_of_fit.chi_square(prepared, each.expansion) for each in (base, final))
     return {
         "calibrated": len(prepared.axes),
         "calibrated_with": final.expansion.fit.names,
-        "chi2_before": goodness_of_fit.chi_square(prepared, base.expansion),
-        "chi2_after": goodness_of_fit.chi_square(prepared, final.expansion),
-        "chi2_per_row_before": goodness_of_fit.chi_square(prepared, base.expansion) / n,
-        "chi2_per_row_after": goodness_of_fit.chi_square(prepared, final.expansion) / n,
+        "chi2_before": before,
+        "chi2_after": after,
+        "chi2_per_row_before": before / n,
+        "chi2_per_row_after": after / n,
         "n": prepared.rows.size,
         "vault": VaultErrors(prepared.problem.vault.opened),
         "rows_before": goodness_of_fit.rows_table(prepared, base.expansion),

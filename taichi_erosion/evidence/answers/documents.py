@@ -26,6 +26,7 @@ from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,
+    SILENT,
     Adoption,
     Discovery,
     HypothesisFit,
@@ -139,7 +140,7 @@ def verdict_sentence(found: Discovery) -> str:
             f"{counted(found.calibrated, 'number')} {'is' if found.calibrated == 1 else 'are'} calibrated; "
             f"nothing is named. Could be hiding: {', '.join(found.effects)}."
         )
-    if found.verdict in ("none_detected", "not_testable"):
+    if found.verdict in SILENT:
         return silence_sentence(found)
     if found.verdict == "outside_library":
         return (
@@ -281,7 +282,7 @@ def rival_sentence(found: Discovery) -> str:
         return "No other explanation is left with a probability worth naming."
     called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}
     called = called.get(rival, " with ".join(rival.split("+")))
-    silent = found.verdict in ("none_detected", "not_testable")
+    silent = found.verdict in SILENT
     if silent and others[rival] > found.probabilities[NONE]:
         return (
             f"The likeliest explanation is {called} (probability {others[rival]:.2g}, against "
@@ -297,7 +298,7 @@ def rival_sentence(found: Discovery) -> str:
 
 def told(found: Discovery, key: str) -> bool:
     """Whether the verdict contains an explanation; a group contains every combination of its members."""
-    if found.verdict in ("none_detected", "not_testable"):
+    if found.verdict in SILENT:
         return key == NONE
     if found.verdict == "outside_library":
         return key == OUTSIDE
@@ -404,7 +405,7 @@ def study_document(study: Study) -> Document:
         "digest": study.digest[:12],
         "seed": study.file.study.seed,
         "adopted": list(study.file.adopted),
-        "candidates": [candidate.name for candidate in study.problem.candidates],
+        "candidates": study.problem.candidate_names,
         "units": dict(zip(table.observable, table.unit, strict=True)),
         KEY: table.table_units.record(),
         "notes": list(study.notes),

@@ -65,7 +65,7 @@ def known_rows(prepared: PreparedProblem, problem: Problem) -> tuple[ComparisonR
     rows = comparison_rows(problem, problem.hidden())
     typical = {each.name: chosen for each, chosen in prepared.by_observable()}
     variance, simulated = np.full(rows.size, np.nan), np.zeros(rows.size)
-    for row, name in enumerate(rows.observables[index].name for index in rows.which):
+    for row, name in enumerate(rows.names):
         if name in typical:
             variance[row] = np.median(prepared.rows.variance[typical[name]])
             simulated[row] = np.median(prepared.seed_variance[typical[name]]) / prepared.seeds.scoring.size

@@ -30,6 +30,7 @@ from scipy.stats import qmc
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.findings import (
     OUTSIDE,
+    SILENT,
     Discovery,
     Experiment,
     PlausibleHypothesis,
@@ -185,7 +186,7 @@ def rival_hypotheses(prepared: PreparedProblem, found: Discovery) -> list[Plausi
     bare = next((each for each in live if not each.names), None)
     have = {name for each in live for name in each.names}
     live = sorted(live, key=lambda each: -each.probability)[:MOST_RIVALS]
-    silent = found.verdict in ("none_detected", "not_testable")
+    silent = found.verdict in SILENT
     for name, effect in found.effects.items():
         if bare is not None and silent and effect.status == "not_testable" and name not in have:
             hidden = {**bare.strengths, name: expected_strength(prepared.candidate(name))}
@@ -462,16 +463,14 @@ def decision_chance(pool: DesignPool, rivals: list[RivalPrediction], chosen: lis
 
 def experiment(pool: DesignPool, rivals: list[RivalPrediction], at: int, chance: float) -> Experiment:
     """One proposal in the laboratory's words."""
-    observable = pool.rows.observables[int(pool.rows.which[at])]
+    observable = pool.rows.observable_at(at)
     predictions = {}
     for rival in by_weight_and_gap(pool, rivals, at):
         middle = float(from_scale(observable, rival.mean[[at]])[0])
         steep = float(slope(observable, np.array([middle]))[0])
         sd = float(np.sqrt(rival.root[at] @ rival.root[at] + pool.variance[at]))
         predictions[rival.name] = (middle, sd / steep if steep > 0.0 else float("nan"))
-    conditions = {
-        n: float(column[at]) for n, column in pool.rows.conditions.items() if np.isfinite(column[at])
-    }
+    conditions = {n: value for n, value in pool.rows.conditions_at(at).items() if np.isfinite(value)}
     setting = pool.units.setting_text(conditions)
     expected = list(predictions.items())[:TOLD]
     told = ", ".join(

@@ -65,6 +65,11 @@ class ComparisonRows:
         """Rows whose noise is known."""
         return np.isfinite(self.variance)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Observable of every row by its name."""
+        return tuple(self.observables[index].name for index in self.which)
+
     def observable(self, name: str) -> Observable:
         """An observable by its name."""
         return next(each for each in self.observables if each.name == name)
@@ -72,6 +77,11 @@ class ComparisonRows:
     def rows_of(self, observable: Observable) -> Bools:
         """Mask of the rows of an observable."""
         return self.which == self.observables.index(observable)
+
+    def index_of(self, names: Sequence[str]) -> Integers:
+        """Index of the observable of every name."""
+        place = {observable.name: index for index, observable in enumerate(self.observables)}
+        return np.array([place[name] for name in names], dtype=np.int64)
 
     def observable_at(self, row: int) -> Observable:
         """Observable of one row."""

@@ -17,19 +17,8 @@ Verdict = Literal["present", "group", "none_detected", "outside_library", "not_t
 Status = Literal["present", "excluded", "not_testable"]
 HighKind = Literal["interval_90", "limit_95"]  # upper end of a 90 % interval, or of what 95 % lie below
 Limit = Literal["", "below", "above", "between"]
+SILENT = ("none_detected", "not_testable")  # verdicts that name nothing because nothing is seen
 NONE, OUTSIDE = "none", "outside_library"  # keys of probabilities beside effects and pairs "a+b"
-FIGURES = (
-    "measured",
-    "measured_sd",
-    "predicted",
-    "predicted_sd",
-    "residual",
-    "residual_error",
-    "model_sd",
-    "shift",
-)  # columns of `Rows`
-
-
 FaultKind = Literal[
     *("too_small", "not_converged", "no_value", "failed_runs", "unit", "offset", "at_bound"),
     *("too_few_rows", "repeats", "source_changed"),
@@ -124,10 +113,17 @@ class Rows:
         """Some rows of the table."""
         kept = np.flatnonzero(chosen)
         return Rows(
-            tuple(self.observable[i] for i in kept),
-            tuple(self.group[i] for i in kept),
-            {name: column[kept] for name, column in self.conditions.items()},
-            *(getattr(self, name)[kept] for name in FIGURES),
+            observable=tuple(self.observable[i] for i in kept),
+            group=tuple(self.group[i] for i in kept),
+            conditions={name: column[kept] for name, column in self.conditions.items()},
+            measured=self.measured[kept],
+            measured_sd=self.measured_sd[kept],
+            predicted=self.predicted[kept],
+            predicted_sd=self.predicted_sd[kept],
+            residual=self.residual[kept],
+            residual_error=self.residual_error[kept],
+            model_sd=self.model_sd[kept],
+            shift=self.shift[kept],
             limit=tuple(self.limit[i] for i in kept) if self.limit else (),
             low=tuple(self.low[i] for i in kept) if self.low else (),
             high=tuple(self.high[i] for i in kept) if self.high else (),
@@ -461,9 +457,7 @@ class HypothesisFit:
     vault_rows: Rows | None
     actions: Mapping[str, EffectAction] = field(default_factory=dict)  # of its effects
     correlations: tuple[Correlation, ...] = ()
-    vault_p: float = (
-        nan  # of as large a `vault_chi2_per_row` if the model is adequate; NaN with an empty vault
-    )
+    vault_p: float = nan  # of as large a `vault_chi2_per_row` if the model is adequate
     vault_log_score: float = nan  # per held-out row: ln of the density that was predicted for its value
 
 

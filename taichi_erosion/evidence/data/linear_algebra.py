@@ -108,6 +108,11 @@ class Whitening:
         """An error of each row alone, whitened: columns (n, n)."""
         return np.eye(self.sd.size) if self.root is None else self.root
 
+    def lone_squares(self, basis: Floats) -> Floats:
+        """Squared lengths (n,) of these columns without their parts along an orthonormal basis (n, d)."""
+        lone = self.lone()
+        return np.sum(lone**2, axis=0) - np.sum((basis.T @ lone) ** 2, axis=0)
+
     def variance(self, variance: Floats) -> Floats:
         """Variances (n,) of whitened rows whose independent errors have these variances."""
         own = variance * self.scale**2

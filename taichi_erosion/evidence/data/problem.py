@@ -233,6 +233,11 @@ class Problem:
     mechanisms: tuple[Mechanism, ...] = ()  # places that the model declares
     replicates: Replicates | None = None  # of a model whose values have no scatter any more: an emulator
 
+    @property
+    def candidate_names(self) -> list[str]:
+        """Names of the candidates, in the order of the study."""
+        return [candidate.name for candidate in self.candidates]
+
     def visible(self) -> Measurements:
         """The rows outside the vault."""
         keep = np.ones(self.measurements.size, dtype=np.bool_)

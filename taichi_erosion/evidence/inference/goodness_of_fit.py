@@ -325,7 +325,7 @@ def rows_table(prepared: PreparedProblem, expansion: Expansion, errors: RowError
     shared = np.sum(rows.shared[:, len(prepared.levels) :] ** 2, axis=1)  # a free level is no error bar
     simulated = np.maximum(prepared.variance - rows.variance + model_variance(prepared, expansion), 0.0)
     return Rows(
-        observable=tuple(rows.observables[i].name for i in rows.which),
+        observable=rows.names,
         group=rows.group,
         conditions=rows.conditions,
         measured=measured,
@@ -399,9 +399,7 @@ def row_off(prepared: PreparedProblem, expansions: Sequence[Expansion]) -> RowOf
     found = []
     for expansion in expansions:
         left = projected_residual(prepared, expansion)
-        lone = left.white.lone()
-        own = np.sum(lone**2, axis=0) - np.sum((left.row_basis.T @ lone) ** 2, axis=0)
-        along = lone.T @ left.free
+        own, along = left.white.lone_squares(left.row_basis), left.white.lone().T @ left.free
         found.append(np.where(own > LEAST_OWN, along / np.sqrt(np.maximum(own, LEAST_OWN)), 0.0))
     every = np.array(found)
     least = np.where(np.abs(np.sum(np.sign(every), axis=0)) == len(found), np.min(np.abs(every), axis=0), 0.0)

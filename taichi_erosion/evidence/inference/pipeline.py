@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import expit, logit
 
-from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, MisfitPlace
+from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, SILENT, MisfitPlace
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference import refit
@@ -178,7 +178,7 @@ def confirmed_analysis(prepared: PreparedProblem, seed: int, progress: Progress)
     again. Runs that were made already are not made again.
     """
     found = analyse(prepared, seed, progress)
-    if not prepared.quick or found.decision.verdict in ("none_detected", "not_testable"):
+    if not prepared.quick or found.decision.verdict in SILENT:
         return found
     problem = replace(prepared.problem, budget=replace(prepared.problem.budget, name="full"))
     full, made = prepare(problem, problem.visible(), seed), prepared.predictor

@@ -217,7 +217,7 @@ def parameter_estimates(prepared: PreparedProblem, scored: ScoredHypothesis) -> 
     mean = np.einsum("fc,fpc->p", weight, centres)
     second = np.einsum("fc,fpc->p", weight, centres**2) + np.einsum("fc,fp->p", weight, variances)
     sd = np.sqrt(np.maximum(second - mean**2, 0.0))
-    absent = {candidate.name for candidate in prepared.problem.candidates} - set(scored.expansion.fit.names)
+    absent = set(prepared.problem.candidate_names) - set(scored.expansion.fit.names)
     found = {}
     for j, axis in enumerate(prepared.axes):
         if effect_of(axis.name) not in absent:

@@ -120,7 +120,7 @@ def predict(
 
 def answerable(prepared: PreparedProblem, wanted: Wanted) -> tuple[Wanted, list[str]]:
     """The rows whose observable has a known scatter, and a sentence about every other observable."""
-    known = {prepared.rows.observables[k].name for k in prepared.rows.which}
+    known = set(prepared.rows.names)
     lost = [name for name in dict.fromkeys(wanted.observable) if name not in known]
     kept = np.array([name in known for name in wanted.observable], dtype=np.bool_)
     rows = Wanted(
@@ -177,8 +177,7 @@ def errors_of_conditions(prepared: PreparedProblem, fit: Fit, size: int) -> dict
 def with_new_rows(prepared: PreparedProblem, wanted: Wanted) -> PreparedProblem:
     """The prepared problem with rows without a value below its own."""
     rows = prepared.rows
-    index = {observable.name: k for k, observable in enumerate(rows.observables)}
-    which = np.array([index[name] for name in wanted.observable], dtype=np.int64)
+    which = rows.index_of(wanted.observable)
     m = which.size
     joined = replace(
         rows,
@@ -235,8 +234,7 @@ def predicted_rows(
     prepared: PreparedProblem, wanted: Wanted, found: JointPrediction, mean: Floats
 ) -> list[PredictedRow]:
     """Predictions in the units of the observables."""
-    index = [observable.name for observable in prepared.rows.observables]
-    which = np.array([index.index(name) for name in wanted.observable], dtype=np.int64)
+    which = prepared.rows.index_of(wanted.observable)
     simulated, tolerance = simulated_variance(prepared, which), tolerance_variance(prepared, which)
     whole = found.whole.widened(simulated + tolerance)
     scatter = np.array([repeat_variance(prepared, int(k)) for k in which])
@@ -330,10 +328,8 @@ def held_out_check(
     prepared: PreparedProblem, base: ScoredHypothesis, held: PreparedProblem, seed: int
 ) -> PredictiveCheck:
     """Held-out rows inside their intervals; censored ones are left out."""
-    names = tuple(held.rows.observables[k].name for k in held.rows.which)
-    found, mean = joint(prepared, base, Wanted(names, held.rows.conditions), seed)
-    index = [observable.name for observable in prepared.rows.observables]
-    which = np.array([index.index(name) for name in names], dtype=np.int64)
+    found, mean = joint(prepared, base, Wanted(held.rows.names, held.rows.conditions), seed)
+    which = prepared.rows.index_of(held.rows.names)
     fit, error = base.expansion.fit, found.factor[:, np.newaxis] ** 2 * held.rows.variance
     own = errors_of_conditions(held, fit, held.rows.size).get("conditions", np.zeros((held.rows.size, 0)))
     error = error + np.sum(own**2, axis=1)

@@ -21,7 +21,7 @@ from taichi_erosion.report.figure_style import (
     single,
 )
 from taichi_erosion.report.measured_table import Condition, MeasuredTable
-from taichi_erosion.report.study_figures import HALF_WIDTH, value_words
+from taichi_erosion.report.study_figures import HALF_WIDTH
 
 Record = Mapping[str, Any]
 
@@ -152,8 +152,6 @@ def dose_text(dose: Record, table: MeasuredTable, kind: str) -> str:
     lines = [f"asked for: {short(dose['dose'], 3)}{error}{kind}"]
     lines += [f"law: {short(dose['law'], 3)}"] if dose["law"] is not None else []
     lines += [
-        value_words(table.condition(name), value)
-        for name, value in dose["conditions"].items()
-        if value is not None
+        table.condition(name).words(value) for name, value in dose["conditions"].items() if value is not None
     ]
     return "\n".join(lines)

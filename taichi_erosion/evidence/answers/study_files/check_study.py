@@ -136,7 +136,7 @@ def study_document(study: Study, table: Table) -> Document:
         "observables": {name: measurements.observable.count(name) for name in file.observables},
         "conditions": {name: told_range(table, name) for name in file.conditions},
         "parameters": [parameter.path for parameter in study.problem.parameters],
-        "candidates": [candidate.name for candidate in study.problem.candidates],
+        "candidates": study.problem.candidate_names,
         "notes": [*(fault.sentence for fault in faults), *study.notes],
         "cost": study_cost(study),
     }
@@ -180,7 +180,7 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
 
 def study_cost(study: Study) -> dict[str, Any]:
     """Cost of a discovery with all candidates, by the size of its plan."""
-    effects = [candidate.name for candidate in study.problem.candidates]
+    effects = study.problem.candidate_names
     found: dict[str, Any] = {}
     for name in PLANS:
         planned = initial_training_runs(study, effects, name)

@@ -61,7 +61,7 @@ def tidy_cells(cells: Cells, columns: Sequence[Column], choices: Choices, faults
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measured value")
     heading = (cells.rows[0][0], (*FORMAT, *headings, "source"))
-    return Cells(cells.file, (heading, *rows), False, cells.form, ",")
+    return Cells(cells.file, (heading, *rows), False, cells.form)
 
 
 def copy_faults(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:

@@ -42,7 +42,6 @@ class Cells:
     rows: tuple[tuple[int, tuple[str, ...]], ...]  # row in the file from 1, cells; the heading first
     decimal_comma: bool = False
     form: str = ""  # how the file was read, in words
-    separator: str = ""  # of a text
 
     @property
     def heading(self) -> tuple[str, ...]:
@@ -73,7 +72,7 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
     form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     parts, again = one_table(rows)
     lines = with_blank_headings(parts)
-    return Cells(name, tuple(rectangular(lines, name, separator, faults)), comma, form + again, separator)
+    return Cells(name, tuple(rectangular(lines, name, separator, faults)), comma, form + again)
 
 
 def file_bytes(path: Path, name: str) -> bytes:

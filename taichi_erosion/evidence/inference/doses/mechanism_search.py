@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from scipy import interpolate
 
-from taichi_erosion.evidence.data.findings import Verdict
+from taichi_erosion.evidence.data.findings import SILENT, Verdict
 from taichi_erosion.evidence.data.mechanism_findings import (
     GAIN,
     OF,
@@ -115,7 +115,7 @@ class Chances(Protocol):
 
 def missing(verdict: Verdict, found: Chances) -> bool:
     """Whether the list explains a misfit with nothing, so that mechanisms are asked."""
-    silent = verdict in ("none_detected", "not_testable") and levels.fails(found.p_misfit)
+    silent = verdict in SILENT and levels.fails(found.p_misfit)
     return verdict == "outside_library" or (silent and not found.range_suffices)
 
 

@@ -169,7 +169,7 @@ def correlations(prepared: PreparedProblem, expansion: Expansion) -> tuple[Corre
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     names = [*expansion.fit.names, *(axis.name for axis in prepared.axes)]
     table = covariance / np.outer(sd, sd)
-    absent = {candidate.name for candidate in prepared.problem.candidates} - set(expansion.fit.names)
+    absent = set(prepared.problem.candidate_names) - set(expansion.fit.names)
     pairs = combinations([k for k, name in enumerate(names) if effect_of(name) not in absent], 2)
     return tuple(Correlation(names[i], names[j], float(table[i, j])) for i, j in pairs)
 

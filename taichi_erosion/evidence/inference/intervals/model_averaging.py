@@ -124,7 +124,7 @@ class Average:
         """Distribution of one calibrated number, in prior sd; that of an effect's own where it acts."""
         axis = self.prepared.axes[index]
         owner = effect_of(axis.name)
-        listed = {candidate.name for candidate in self.prepared.problem.candidates}
+        listed = set(self.prepared.problem.candidate_names)
         own = [each for each in self.parts if owner not in listed or owner in each.names]
         if not own:
             return None

@@ -265,7 +265,7 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion, off: Sequence[int
     """The row without which a hypothesis, its numbers and strengths refitted, loses most of its misfit."""
     work = prepared.working(expansion.mean)
     white = prepared.whitening(work)
-    columns = white(np.hstack([expansion.local, expansion.jacobian]))
+    columns = white(expansion.slopes)
     part = projection(columns, white(prepared.rows.shared), expansion.local.shape[1])
     below = np.concatenate(
         [
@@ -275,9 +275,8 @@ def worst_row(prepared: PreparedProblem, expansion: Expansion, off: Sequence[int
             np.zeros(prepared.rows.shared.shape[1]),
         ]
     )
-    free, lone = part.free(below)[: work.residual.size], white.lone()
-    own = np.sum(lone**2, axis=0) - np.sum((part.basis[: work.residual.size].T @ lone) ** 2, axis=0)
-    fall = (lone.T @ free) ** 2 / np.maximum(own, 1e-3)
+    free, own = part.free(below)[: part.size], white.lone_squares(part.basis[: part.size])
+    fall = (white.lone().T @ free) ** 2 / np.maximum(own, 1e-3)
     fall[list(off)] = -1.0
     return int(np.argmax(fall))
 

@@ -47,7 +47,7 @@ class Search:
 
     def sorted(self, names: Sequence[str]) -> Names:
         """Names in the order of the candidates."""
-        order = [candidate.name for candidate in self.prepared.problem.candidates]
+        order = self.prepared.problem.candidate_names
         return tuple(sorted(names, key=order.index))
 
     def of_size(self, size: int) -> list[FittedHypothesis]:

@@ -24,7 +24,7 @@ def row(k: int, **cells: str) -> tuple[str, ...]:
 
 
 def table(*rows: tuple[str, ...], head: tuple[str, ...] = HEAD) -> Cells:
-    return Cells("t.csv", tuple(enumerate((head, *rows), 1)), separator=",")
+    return Cells("t.csv", tuple(enumerate((head, *rows), 1)))
 
 
 BEFORE = table(*(row(k) for k in range(12)))
