@@ -1,6 +1,9 @@
 """Two observables of one experiment with correlated scatter, in closed form: answers with and without it.
 
-python -m doe.one_heap.run --nulls 120 --singles 40 --seed 1      writes results.csv, the table of README.md
+    python -m doe.one_heap.run --nulls 120 --singles 40 --correlation 0.8
+    python -m doe.one_heap.run --nulls 120 --singles 0 --correlation -0.8 --correlation 0
+
+Each writes its answers into results.csv, beside those of other correlations, and the table of README.md.
 """
 
 import csv
@@ -9,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from time import process_time
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -46,7 +50,6 @@ CANDIDATES = (
 )
 CELLS, REPEATS = 16, 3
 SCATTER = (0.03, 0.1)  # sd of ln of threshold and of flux, of single runs
-CORRELATIONS = (0.8, 0.0)
 PRIOR_SD = 0.2  # of ln of a calibrated number
 STRENGTH = (0.5, 3.0)  # log-uniform
 
@@ -64,6 +67,8 @@ class Draw:
 class Outcome:
     """What was said of one table."""
 
+    seed: int
+    method: str  # commit
     correlation: float
     effect: str
     number: int
@@ -137,18 +142,31 @@ def table_of(at: Conditions, values: Sequence[Floats]) -> Measurements:
     )
 
 
-def outcome(case: Draw, number: int, correlation: float, told: bool) -> Outcome:
+@dataclass(frozen=True)
+class Case:
+    """Which table is drawn."""
+
+    seed: int
+    method: str  # commit
+    correlation: float
+    number: int
+    acts: bool  # an effect acts
+
+
+def outcome(asked: Case, case: Draw, told: bool) -> Outcome:
     """What `discover` says."""
     problem = case.problem
     if not told:
         problem = replace(problem, measurements=replace(problem.measurements, heap=()))
     start = process_time()
-    found = discover(problem, number, problem.budget, no_progress)
+    found = discover(problem, asked.number, problem.budget, no_progress)
     fits = [(found.parameters[name], value) for name, value in case.parameters.items()]
     return Outcome(
-        correlation,
+        asked.seed,
+        asked.method,
+        asked.correlation,
         "+".join(case.effects),
-        number,
+        asked.number,
         told,
         found.verdict,
         "+".join(found.named),
@@ -170,28 +188,46 @@ def strength_inside(found: Discovery, case: Draw) -> str:
     return ""
 
 
-def main(nulls: int = 120, singles: int = 40, seed: int = 1) -> None:
+def main(
+    correlation: Annotated[list[float], typer.Option()], nulls: int = 120, singles: int = 40, seed: int = 1
+) -> None:
     """Draw, answer twice, count; what is there so far is written after every table."""
-    results, method = list[Outcome](), method_commit()
+    method = method_commit()
+    results = [each for each in known() if each.correlation not in correlation]
     plan = [
-        (r, k, acts) for r in CORRELATIONS for acts, n in ((False, nulls), (True, singles)) for k in range(n)
+        Case(seed, method, r, k, acts)
+        for acts, n in ((False, nulls), (True, singles))
+        for k in range(n)
+        for r in correlation
     ]
     with threadpool_limits(1, user_api="blas"):
-        for correlation, number, acts in plan:
-            case = draw(seed, number, correlation, acts)
-            results += [outcome(case, number, correlation, told) for told in (False, True)]
-            write(results, seed, method)
+        for asked in plan:
+            case = draw(asked.seed, asked.number, asked.correlation, asked.acts)
+            results += [outcome(asked, case, told) for told in (False, True)]
+            write(results)
 
 
-def write(results: Sequence[Outcome], seed: int, method: str) -> None:
+def known() -> list[Outcome]:
+    """Answers that stand in the table already."""
+    with (FOLDER / "results.csv").open(encoding="utf-8", newline="") as file:
+        return [
+            Outcome(**{f.name: read_cell(f.type, row[f.name]) for f in fields(Outcome)})
+            for row in csv.DictReader(file)
+        ]
+
+
+def read_cell(kind: Any, text: str) -> Any:
+    """A cell as its column has it."""
+    return text == "True" if kind is bool else kind(text)
+
+
+def write(results: Sequence[Outcome]) -> None:
     """Results and the table of the page."""
     page = io.StringIO()
     writer = csv.writer(page, lineterminator="\n")
-    names = [field.name for field in fields(Outcome)]
-    writer.writerow(["seed", "method", *names])
+    writer.writerow([field.name for field in fields(Outcome)])
     for each in results:
-        cells = [f"{v:.4g}" if isinstance(v, float) else v for v in vars(each).values()]
-        writer.writerow([seed, method, *cells])
+        writer.writerow([f"{v:.4g}" if isinstance(v, float) else v for v in vars(each).values()])
     write_atomic(FOLDER / "results.csv", page.getvalue().encode())
     readme = FOLDER / "README.md"
     head = readme.read_text(encoding="utf-8").partition(MARK)[0]
@@ -205,7 +241,7 @@ def table(results: Sequence[Outcome]) -> list[str]:
         "| named wrongly | intervals of numbers | of named strengths | width of intervals |",
         "| --: | :-- | --: | --: | --: | --: | --: | --: | --: |",
     ]
-    for correlation in CORRELATIONS:
+    for correlation in sorted({each.correlation for each in results}, reverse=True):
         for told in (False, True):
             own = [e for e in results if e.correlation == correlation and e.told is told]
             nulls, singles = [e for e in own if not e.effect], [e for e in own if e.effect]
