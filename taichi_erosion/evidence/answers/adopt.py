@@ -21,6 +21,7 @@ from taichi_erosion.evidence.answers.held_out_misfit import (
     held_out_prediction,
     held_out_problem,
     on_common_rows,
+    with_silent_sources,
 )
 from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
@@ -72,6 +73,9 @@ def adopt(
     wrong = [() if name is None else (name,) for name in controls(prepared, screened, every, seed)]
     sets = (chosen, *wrong, every if every != chosen else ())
     fits, doses = fitted_sets(ready, held, sets, progress)
+    told, silent = with_silent_sources(prepared, [fit[1] for fit in fits if fit and fit[1]])
+    again = iter(told)
+    fits = [fit and (fit[0], next(again) if fit[1] else None) for fit in fits]
     bare, added, best_wrong, random_wrong, with_all = on_common_rows(fits)
     assert bare is not None
     assert added is not None
@@ -85,6 +89,7 @@ def adopt(
         held_out=held.rows.size if held else 0,
         where=misfit_places(prepared, screened.base),
         doses=doses,
+        silent=tuple(silent),
         vault_opened=problem.vault.opened + (1 if held else 0),
         runs=prepared.predictor.cost.runs + (held.predictor.cost.runs if held else 0),
         wall_s=perf_counter() - start,

@@ -332,7 +332,9 @@ def adoption_sentence(found: Adoption) -> str:
     judged = found.with_all or added
     if found.contradicted:
         words += f" What was held out does not bear {' and '.join(judged.effects)} out{wider(base, judged)}."
-    return words + adequacy_sentence(judged) + control_sentence(found) + missing_sentence(found)
+    adequate = "" if found.silent and not levels.fails(judged.vault_p) else adequacy_sentence(judged)
+    silent = "".join(f" {each}" for each in found.silent)
+    return words + adequate + control_sentence(found) + missing_sentence(found) + silent
 
 
 def wider(base: HypothesisFit, judged: HypothesisFit) -> str:

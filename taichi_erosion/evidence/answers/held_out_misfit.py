@@ -6,9 +6,15 @@ with V the variance of the measured mean, of the declared tolerance and of the s
 of a row along strengths, calibrated numbers and errors that rows share, and C the covariance in which the
 visible rows leave these; errors of the model itself come with the calibrated hypothesis. The e_i are
 correlated by C, and on one heap by its scatter; p is the chance of as large a sum with these correlations.
+
+A source that states no scatter, while others do, has f^2 times the V that its rows would get from others:
+
+    p(f | rows) = p(f) sum_h p(visible rows of it | h, f) N(z - m_h; 0, f^2 V + G C G^T),    f^-2 -> E[f^-2]
+
+over all hypotheses h that are compared, so that all have the same errors, with ln f uniform over SCATTERS.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +22,8 @@ import numpy as np
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.findings import HypothesisFit
 from taichi_erosion.evidence.data.heap_correlation import correlated
-from taichi_erosion.evidence.data.linear_algebra import projection
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection
+from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem
 from taichi_erosion.evidence.inference.goodness_of_fit import (
     RowErrors,
@@ -26,7 +33,15 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
 )
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, projected_residual, slopes_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor
+from taichi_erosion.evidence.inference.robustness.error_accounts import (
+    UNSTATED,
+    linear_evidence,
+    with_scatter,
+)
+from taichi_erosion.evidence.inference.robustness.error_findings import observable_of, size_words
 from taichi_erosion.evidence.models.condition_errors import condition_errors
+
+SCATTERS = np.geomspace(UNSTATED[0], UNSTATED[-1], 29)  # sd of a source that states none over that of others
 
 
 @dataclass(frozen=True)
@@ -35,6 +50,7 @@ class HeldOutPrediction:
 
     held: PreparedProblem
     expansion: Expansion  # with the means of the held-out rows, shared errors at their best; NaN without one
+    fitted: Expansion  # of the visible rows
     covariance: Floats  # (m, m), of these means: by calibration, shared errors and errors of the model
 
 
@@ -104,7 +120,7 @@ def held_out_prediction(
         jacobian=there[:, len(best.names) :],
         local=there[:, : len(best.names)],
     )
-    return HeldOutPrediction(held, told, covariance)
+    return HeldOutPrediction(held, told, expansion, covariance)
 
 
 def shared_columns(prepared: PreparedProblem, held: PreparedProblem, count: int) -> tuple[Floats, Floats]:
@@ -125,6 +141,80 @@ def shared_columns(prepared: PreparedProblem, held: PreparedProblem, count: int)
         else:
             unseen[rows, index] = size[rows]
     return shared, unseen
+
+
+@dataclass(frozen=True)
+class SilentSource:
+    """A source that states no scatter of an observable, while others do."""
+
+    observable: str
+    source: str
+    held: Bools  # (m,), its held-out rows
+    visible: Bools  # (n,), its visible rows
+
+
+def silent_sources(prepared: PreparedProblem, held: PreparedProblem) -> Iterator[SilentSource]:
+    """Every such source among the held-out rows."""
+    there, here = np.array(held.rows.source), np.array(prepared.rows.source)
+    known = {each.name: own for each, own in prepared.by_observable()}
+    for observable, chosen in held.by_observable():
+        own = known.get(observable.name)
+        for source in np.unique(there[chosen]) if own is not None else ():
+            rows, visible = chosen & (there == source), own & (here == source)
+            stated = np.any(held.rows.stated[rows]) or np.any(prepared.rows.stated[visible])
+            if not stated and np.any(prepared.rows.stated[own]):
+                yield SilentSource(observable.name, str(source), rows, visible)
+
+
+def with_silent_sources(
+    prepared: PreparedProblem, told: Sequence[HeldOutPrediction]
+) -> tuple[list[HeldOutPrediction], list[str]]:
+    """All hypotheses with the scatter of held-out sources that state none, and sentences about it."""
+    if not told:
+        return [], []
+    held, sentences, size = told[0].held, list[str](), np.ones(told[0].held.rows.size)
+    for each in silent_sources(prepared, held):
+        table = np.array([scatter_evidence(prepared, one, each) for one in told])
+        weight = np.exp(log_sum_exp(table, axis=0) - log_sum_exp(table))
+        size[each.held] = 1.0 / float(weight @ SCATTERS**-2.0)
+        sentences.append(silent_words(prepared, held, each, float(np.sqrt(size[each.held][0]))))
+    held = held.with_rows(held.rows.rescattered(size))
+    return [replace(one, held=held) for one in told], sentences
+
+
+def scatter_evidence(prepared: PreparedProblem, told: HeldOutPrediction, silent: SilentSource) -> Floats:
+    """Ln likelihood of every size of SCATTERS under one hypothesis, of visible and held-out rows."""
+    held, mean = told.held, told.expansion.mean
+    rows = np.flatnonzero(silent.held & ~held.rows.censored & np.isfinite(mean))
+    at, gap = np.ix_(rows, rows), (held.rows.z - mean)[rows]
+    scatter = np.diag(held.rows.variance[rows])
+    if held.rows.covariance is not None:
+        scatter = scatter + held.rows.covariance[at]
+    rest = told.covariance[at] + np.diag((held.variance - held.rows.variance)[rows])
+    found = []
+    for factor in SCATTERS:
+        sizes = np.where(silent.visible, factor**2, 1.0)
+        seen = linear_evidence(with_scatter(prepared, sizes), told.fitted) if silent.visible.any() else 0.0
+        covariance = factor**2 * scatter + rest
+        volume = float(np.linalg.slogdet(covariance)[1])
+        found.append(seen - 0.5 * (volume + float(gap @ np.linalg.solve(covariance, gap))))
+    return np.array(found)
+
+
+def silent_words(
+    prepared: PreparedProblem, held: PreparedProblem, silent: SilentSource, factor: float
+) -> str:
+    """What the held-out rows of such a source count with, and what they can show."""
+    observable, unit = observable_of(prepared, silent.observable)
+    size = size_words(observable, unit, factor * float(np.sqrt(np.median(held.rows.variance[silent.held]))))
+    count = int(silent.held.sum())
+    words = f"{silent.observable}: {silent.source} states no scatter; its {counted(count, 'held-out row')} "
+    words += (
+        f"{'counts' if count == 1 else 'count'} with {size}, {factor:.2g} times what the others suggest, "
+    )
+    if silent.visible.any():
+        return f"{words}estimated from its fitted and held-out rows."
+    return f"{words}estimated from these rows: they compare models, and cannot show that one is adequate."
 
 
 def with_held_out(best: HypothesisFit, told: HeldOutPrediction, chosen: Bools) -> HypothesisFit:
