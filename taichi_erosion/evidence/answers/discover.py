@@ -38,8 +38,9 @@ from taichi_erosion.evidence.inference.cross_validation import ScoreGain
 from taichi_erosion.evidence.inference.doses.mechanism_search import (
     after_challenge,
     beyond_list,
-    challenged,
+    challenge,
     missing,
+    named,
 )
 from taichi_erosion.evidence.inference.doses.named_strength import nearest_trend, strength_trend
 from taichi_erosion.evidence.inference.familywise_test import power
@@ -205,16 +206,15 @@ def stated_row_off(found: Analysis) -> RowOff | None:
 def with_beyond(found: Analysis) -> tuple[Analysis, dict[str, Any]]:
     """Mechanisms, where the model has places for them and the list explains a misfit badly; the answer then.
 
-    What is named is weighed against them where it leaves a misfit, or its strength would have to vary.
+    What is named is weighed against them too.
     """
     verdict, prepared = found.decision.verdict, found.fitted.prepared
     trend = strength_trend(prepared, found.final)
     if verdict == "outside_library":
         trend = nearest_trend(prepared, found.fitted.refits)
-    doubtful = challenged(verdict, found, trend)
-    if not (missing(verdict, found) or doubtful) or not found.fitted.prepared.problem.mechanisms:
+    if not (missing(verdict, found) or named(verdict)) or not prepared.problem.mechanisms:
         return found, {"trend": trend}
-    beyond = beyond_list(found.fitted, found.final if doubtful else None)
+    beyond = challenge(found) if named(verdict) else beyond_list(found.fitted)
     found = after_challenge(found, beyond)
     told = replace(beyond, sentences=mechanism_sentences(beyond))
     return found, {"beyond": told, "trend": None if beyond.withdrawn else trend}

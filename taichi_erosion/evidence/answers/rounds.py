@@ -21,7 +21,7 @@ from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_co
 from taichi_erosion.evidence.emulator.mechanism_runs import fits_budget, with_mechanisms
 from taichi_erosion.evidence.emulator.plan_cost import plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
-from taichi_erosion.evidence.inference.doses.mechanism_search import challenged, missing
+from taichi_erosion.evidence.inference.doses.mechanism_search import doubtful, missing
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.scene.load import file_text
@@ -253,7 +253,7 @@ def required_points(found: Discovery) -> Points:
 
 def asks_mechanisms(found: Discovery) -> bool:
     """Whether the answer has to stand beside mechanisms, or to be found among them."""
-    return missing(found.verdict, found) or challenged(found.verdict, found, found.trend)
+    return missing(found.verdict, found) or doubtful(found.verdict, found, found.trend)
 
 
 def adoption_points(found: Adoption) -> Points:

@@ -119,12 +119,12 @@ def again(prepared: PreparedProblem, path: DosePath, fit: DoseFit) -> DoseFit:
 
 def dose_evidence(prepared: PreparedProblem, path: DosePath, fit: DoseFit) -> DoseEvidence:
     """Evidence of one mechanism from its best doses, all kernels and amplitudes alike likely beforehand."""
-    sets, own = condition_sets(prepared), (fit.prior.axis, fit.prior.length, fit.amplitude)
+    sets = condition_sets(prepared)
     asked = [
         (prior, amplitude)
         for prior in dose_priors(prepared, sets)
         for amplitude in AMPLITUDES
-        if (prior.axis, prior.length, amplitude) != own
+        if (prior.axis, prior.length, amplitude) != fit.chosen
     ]
     searches = dose_searches(prepared, path, sets, asked)
     fits = [fit, *searches.fits(searches.run(searches.beside([fit] * searches.size), BESIDE_STEPS))]

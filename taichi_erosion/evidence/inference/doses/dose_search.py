@@ -61,6 +61,11 @@ class DoseFit:
         """Number of calibrated numbers and shared errors, whose columns come before those of the doses."""
         return self.theta.size - self.prior.factor.shape[1]
 
+    @property
+    def chosen(self) -> tuple[str, float, float]:
+        """Condition and length of the kernel, and the amplitude."""
+        return self.prior.axis, self.prior.length, self.amplitude
+
     @cached_property
     def covariance(self) -> Floats:
         """Covariance of the doses (j, j), calibrated numbers and shared errors integrated out."""

@@ -4,12 +4,12 @@ A mechanism explains a misfit if it is likely enough against the bare model and 
 discrepancy of every observable, leaves no misfit, and one dose in each set of conditions serves all
 observables. Instruments take part: a gain and an offset of every observable, which need no further runs.
 
-An effect that is named stands beside them where its strength would have to vary, or a misfit is left: one
-that is likelier by `levels.MECHANISM_ODDS` withdraws the name, others that explain as much are told.
+An effect that is named stands beside them too: one that is likelier by `levels.MECHANISM_ODDS` withdraws the
+name, others that explain as much are told.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import nan
 from typing import Protocol
 
 import numpy as np
@@ -52,16 +52,25 @@ from taichi_erosion.evidence.inference.doses.dose_path import (
 )
 from taichi_erosion.evidence.inference.doses.dose_search import DoseFit
 from taichi_erosion.evidence.inference.doses.law_fit import LawRows, rows_about
-from taichi_erosion.evidence.inference.pipeline import Analysis, FittedHypotheses
+from taichi_erosion.evidence.inference.pipeline import Account, Analysis, FittedHypotheses
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.verdict import Decision
 from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
 
 INSTRUMENT_DOSES = {GAIN: (-0.9, 4.0), OFFSET: (-2.0, 2.0)}
 ROUNDS = 10  # in which a path is made anew where the calibrated numbers have moved
 STILL = 0.05  # move below which it stays, in prior sd
+CHOICES = 3  # of kernel and amplitude from one start
+IN_REACH, FAR_BEHIND = 0.5, 5.0  # of the best ln Bayes factor at first doses; ln behind that share of it
+
+
+@dataclass(frozen=True)
+class NamedRival:
+    """Named effects, against which mechanisms are weighed."""
+
+    names: tuple[str, ...]
+    log_bayes: float  # against the bare model that mechanisms are weighed against
 
 
 @dataclass(frozen=True)
@@ -73,33 +82,33 @@ class Weighed:
     finding: MechanismFinding
 
 
-def beyond_list(fitted: FittedHypotheses, named: FittedHypothesis | None = None) -> BeyondList:
+def beyond_list(fitted: FittedHypotheses, name: NamedRival | None = None) -> BeyondList:
     """Mechanisms, doses and law for one prepared problem whose misfit no listed effect explains.
 
-    With a named hypothesis, which competes, the group holds those that are not less likely by a factor of
+    With named effects, which compete, the group holds those that are not less likely by a factor of
     `levels.MECHANISM_ODDS`.
     """
     prepared = fitted.prepared
     free = discrepancy_log_bayes(fitted)
-    weighed = [weigh(prepared, path, free) for path in first_paths(fitted)]
+    weighed = weighed_mechanisms(fitted, free, -np.inf if name is None else name.log_bayes)
     weighed.sort(key=lambda item: (not item.finding.explains, -item.log_bayes))
     top = weighed[0].log_bayes
     findings = tuple(
         replace(item.finding, odds=float(np.exp(np.clip(top - item.log_bayes, -50.0, 50.0))))
         for item in weighed
     )
-    behind = 0.0 if named is None else named_gain(fitted, named) - top  # ln odds of the name
+    behind = 0.0 if name is None else name.log_bayes - top  # ln odds of the name
     kept = levels.MECHANISM_ODDS * np.exp(min(-behind, 0.0))
     group = tuple(f.name for f in findings if f.explains and f.odds <= kept)
     law, doses = law_and_doses(prepared, weighed[0].evidence) if group else (None, ())
     listed, names = listed_log_bayes(fitted)
     verdict = "none" if not group else "mechanism" if len(group) == 1 else "group"
     found = BeyondList(verdict, findings, group, free, listed, names, doses, law)
-    if named is None:
+    if name is None:
         return found
     withdrawn = bool(group) and behind < -np.log(levels.MECHANISM_ODDS)
     odds = float(np.exp(np.clip(-behind, -50.0, 50.0)))
-    return replace(found, named=named.names, named_odds=odds, withdrawn=withdrawn)
+    return replace(found, named=name.names, named_odds=odds, withdrawn=withdrawn)
 
 
 class Chances(Protocol):
@@ -119,24 +128,62 @@ def missing(verdict: Verdict, found: Chances) -> bool:
     return verdict == "outside_library" or (silent and not found.range_suffices)
 
 
-def challenged(verdict: Verdict, found: Chances, trend: StrengthTrend | None) -> bool:
-    """Whether an answer that names effects has to stand beside mechanisms."""
-    doubtful = trend is not None or found.p_misfit_after < levels.CHALLENGE_LEVEL
-    return verdict in ("present", "group") and doubtful
+def doubtful(verdict: Verdict, found: Chances, trend: StrengthTrend | None) -> bool:
+    """Whether an answer that names effects is worth runs along the doses of mechanisms."""
+    return named(verdict) and (trend is not None or found.p_misfit_after < levels.CHALLENGE_LEVEL)
+
+
+def named(verdict: Verdict) -> bool:
+    """Whether an answer names effects, which then stand beside mechanisms where these have values."""
+    return verdict in ("present", "group")
+
+
+def challenge(found: Analysis) -> BeyondList:
+    """Mechanisms beside the effects that an answer names.
+
+    Where the names rest on other errors than stated, mechanisms with the errors as stated come first: these
+    errors were estimated so that the list explains the rows, and have their price in the odds.
+    """
+    if found.stated is not None:
+        beyond = beyond_list(found.stated.fitted, named_rival(found, found.stated.fitted))
+        if beyond.group:
+            return beyond
+    return beyond_list(found.fitted, named_rival(found, found.fitted))
+
+
+def named_rival(found: Analysis, fitted: FittedHypotheses) -> NamedRival:
+    """The named effects with the errors of the answer, against the bare model with those of some fits."""
+    own = averaged(found.fitted.prepared, found.final.scored.log_evidence)
+    if fitted is not found.fitted and found.errors is not None:
+        own += found.errors.log_odds
+    return NamedRival(found.final.names, own - averaged(fitted.prepared, fitted.base.scored.log_evidence))
 
 
 def after_challenge(found: Analysis, beyond: BeyondList) -> Analysis:
-    """The answer, its names withdrawn where a mechanism is far likelier."""
+    """The answer, its names withdrawn where a mechanism is far likelier; the errors are then as stated."""
     if not beyond.withdrawn:
         return found
-    decision, base = Decision("outside_library"), found.fitted.base
-    return replace(found, decision=decision, final=base, p_misfit_after=found.p_misfit)
+    if found.stated is not None:
+        found = with_stated_errors(found, found.stated)
+    base = found.fitted.base
+    return replace(found, decision=Decision("outside_library"), final=base, p_misfit_after=found.p_misfit)
 
 
-def named_gain(fitted: FittedHypotheses, named: FittedHypothesis) -> float:
-    """Ln Bayes factor of named effects against the bare model."""
-    bare, own = (averaged(fitted.prepared, item.scored.log_evidence) for item in (fitted.base, named))
-    return own - bare
+def with_stated_errors(found: Analysis, stated: Account) -> Analysis:
+    """An answer on the account of the errors as stated."""
+    return replace(
+        found,
+        fitted=stated.fitted,
+        test=stated.test,
+        posterior=stated.posterior,
+        p_misfit=stated.p_misfit,
+        p_misfit_stated=nan,
+        places=stated.places,
+        errors=None,
+        errors_probability=0.0,
+        stated=None,
+        accounts=tuple(each for each in found.accounts if each.kind == "stated"),
+    )
 
 
 def first_paths(fitted: FittedHypotheses) -> list[DosePath]:
@@ -180,19 +227,30 @@ def instrument_path(
     return DosePath(name, bare.x, bare.bare, bare.jacobian, None, *ends, curve)
 
 
-def weigh(prepared: PreparedProblem, path: DosePath, free: float) -> Weighed:
-    """Evidence of one mechanism, from the best fit of the bare model and from the prior mean."""
-    bare = prepared.with_model_errors(path.x, {})
-    nothing = averaged(prepared, bare_log_evidence(bare, path))
+def weighed_mechanisms(fitted: FittedHypotheses, free: float, named: float) -> list[Weighed]:
+    """Evidence of all mechanisms; those that are far behind at first doses are not fitted further."""
+    prepared = fitted.prepared
     declared = {mechanism.name: mechanism for mechanism in prepared.problem.mechanisms}
-    starts = [path]
-    if path.name in declared and np.max(np.abs(path.x - prepared.prior_mean), initial=0.0) > FARTHEST:
-        other = dose_path(prepared, declared[path.name], prepared.prior_mean)
-        if usable(other):
-            starts.append(other)
-    best = settled(prepared, starts, declared.get(path.name))
-    gain = averaged(prepared, best.log_evidence) - nothing
-    return Weighed(best, gain, finding_of(prepared, best, gain, free))
+    begun = [started(prepared, path, declared.get(path.name)) for path in first_paths(fitted)]
+    nothing = [bare_evidence(prepared, start.path) for start in begun]
+    gains = [
+        averaged(prepared, start.fit.log_evidence) - bare for start, bare in zip(begun, nothing, strict=True)
+    ]
+    least = IN_REACH * max(*gains, named) - FAR_BEHIND
+    found = []
+    for start, bare, gain in zip(begun, nothing, gains, strict=True):
+        if gain < least:
+            evidence = dose_evidence(start.prepared, start.path, start.fit)
+        else:
+            evidence = settled(prepared, start, declared.get(start.path.name))
+        own = averaged(prepared, evidence.log_evidence) - bare
+        found.append(Weighed(evidence, own, finding_of(prepared, evidence, own, free)))
+    return found
+
+
+def bare_evidence(prepared: PreparedProblem, path: DosePath) -> float:
+    """Ln evidence without any dose, on the calibrated numbers of a path."""
+    return averaged(prepared, bare_log_evidence(prepared.with_model_errors(path.x, {}), path))
 
 
 @dataclass(frozen=True)
@@ -218,15 +276,32 @@ class SettledFit:
         return SettledFit(self.prepared, path, again(self.prepared, path, self.fit))
 
 
-def settled(
-    prepared: PreparedProblem, starts: Sequence[DosePath], mechanism: Mechanism | None
-) -> DoseEvidence:
-    """Evidence of a mechanism from the best of some starts."""
-    fits = [settled_fit(started(prepared, path, mechanism), mechanism) for path in starts]
-    best = max(fits, key=lambda each: averaged(prepared, each.fit.log_evidence))
-    if mechanism is not None:
-        best = settled_fit(best.exact(mechanism), mechanism)
-    return dose_evidence(best.prepared, best.path, best.fit)
+def settled(prepared: PreparedProblem, start: SettledFit, mechanism: Mechanism | None) -> DoseEvidence:
+    """Evidence of a mechanism, the better one from two starts: the bare model's best fit, the prior mean.
+
+    Both are brought to their ends before they are compared. Where rows pass a threshold the misfit has
+    several minima along the calibrated numbers, and moved paths tell little of their depths.
+    """
+    found = [finished(start, mechanism)]
+    x = prepared.prior_mean
+    if mechanism is not None and np.max(np.abs(start.path.x - x), initial=0.0) > FARTHEST:
+        other = dose_path(prepared, mechanism, x)
+        if usable(other):
+            found.append(finished(started(prepared, other, mechanism), mechanism))
+    return max(found, key=lambda each: averaged(prepared, each.log_evidence))
+
+
+def finished(found: SettledFit, mechanism: Mechanism | None) -> DoseEvidence:
+    """Evidence from one start, kernel and amplitude chosen anew where the calibrated numbers have moved."""
+    found = settled_fit(found, mechanism)
+    for _ in range(CHOICES):
+        if mechanism is not None:
+            found = settled_fit(found.exact(mechanism), mechanism)
+        evidence = dose_evidence(found.prepared, found.path, found.fit)
+        if mechanism is None or evidence.best.chosen == found.fit.chosen:
+            break
+        found = replace(found, fit=evidence.best)
+    return evidence
 
 
 def started(prepared: PreparedProblem, path: DosePath, mechanism: Mechanism | None) -> SettledFit:
