@@ -28,9 +28,11 @@ from taichi_erosion.evidence.inference.doses.dose_inference import LEVEL, DoseEv
 from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_path
 from taichi_erosion.evidence.inference.doses.mechanism_search import (
     OF,
+    finished,
+    from_prior_mean,
     instrument_path,
     reading_size,
-    settled,
+    started,
 )
 from taichi_erosion.evidence.inference.map_fit import fit_base
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
@@ -78,7 +80,9 @@ def mechanism_rival(
     path = path_at(prepared, prepared, mechanism, finding, x)
     if path.curve is None:
         return None
-    evidence = settled(prepared, [path], mechanism)
+    evidence = finished(started(prepared, path, mechanism), mechanism)
+    if mechanism is not None:
+        evidence = from_prior_mean(prepared, evidence, mechanism)
     there = replace(prepared, rows=pool.rows, predictor=pool.predictor, variance=np.ones(pool.rows.size))
     ahead = path_at(prepared, there, mechanism, finding, evidence.path.x)
     if ahead.curve is None:

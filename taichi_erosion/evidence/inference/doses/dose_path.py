@@ -200,8 +200,8 @@ def bent_slopes(
     flat = forward_slopes(prepared, predictor, x, {})
     asked, table = np.zeros(0, dtype=np.int64), np.zeros((0, *flat.shape))
     limit = TOLERANCE * prepared.sd[:, np.newaxis] / FARTHEST
-    for step in halved_steps(doses.size):
-        new = np.setdiff1d(np.append(np.arange(0, doses.size, step), doses.size - 1), asked)
+    for places in halved_gaps(doses.size):
+        new = np.setdiff1d(places, asked)
         acting = [forward_slopes(prepared, predictor, x, {mechanism.name: float(doses[k])}) for k in new]
         found = np.array(acting).reshape(-1, *flat.shape) - flat
         near = asked.size > 1 and bool(
@@ -214,10 +214,12 @@ def bent_slopes(
     return interpolate.PchipInterpolator(doses[asked], table, axis=0) if table.any() else None
 
 
-def halved_steps(size: int) -> list[int]:
-    """Steps through so many places, each half of the one before: the ends and the middle first."""
-    first = max(size // 2, 1)
-    return [max(first >> k, 1) for k in range(first.bit_length())]
+def halved_gaps(size: int) -> list[Integers]:
+    """Places among so many, the ends and the middle first, then half as far apart, until all."""
+    found = [np.arange(size)]
+    for k in range(1, (size - 1).bit_length()):
+        found.insert(k - 1, np.round(np.linspace(0, size - 1, 2**k + 1)).astype(np.int64))
+    return found
 
 
 def dose_nodes(mechanism: Mechanism) -> Floats:

@@ -26,7 +26,7 @@ from taichi_erosion.evidence.data.mechanism_findings import (
     MechanismFinding,
     StrengthTrend,
 )
-from taichi_erosion.evidence.data.problem import Floats, Mechanism, Observable
+from taichi_erosion.evidence.data.problem import Floats, Integers, Mechanism, Observable
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.doses.dose_inference import (
@@ -62,7 +62,8 @@ INSTRUMENT_DOSES = {GAIN: (-0.9, 4.0), OFFSET: (-2.0, 2.0)}
 ROUNDS = 10  # in which a path is made anew where the calibrated numbers have moved
 STILL = 0.05  # move below which it stays, in prior sd
 CHOICES = 3  # of kernel and amplitude from one start
-IN_REACH, FAR_BEHIND = 0.5, 5.0  # of the best ln Bayes factor at first doses; ln behind that share of it
+IN_REACH, CLOSE = 0.5, 0.75  # of the best ln Bayes factor: worth a fit to its end, from a second start too
+SLACK = 8.0  # ln behind such a share, within which a mechanism still is
 
 
 @dataclass(frozen=True)
@@ -228,24 +229,34 @@ def instrument_path(
 
 
 def weighed_mechanisms(fitted: FittedHypotheses, free: float, named: float) -> list[Weighed]:
-    """Evidence of all mechanisms; those that are far behind at first doses are not fitted further."""
+    """Evidence of all mechanisms, less exact of those that are far behind the best or the named effects.
+
+    First doses at the bare model's best fit; these brought to their end; the same from the prior mean.
+    """
     prepared = fitted.prepared
     declared = {mechanism.name: mechanism for mechanism in prepared.problem.mechanisms}
     begun = [started(prepared, path, declared.get(path.name)) for path in first_paths(fitted)]
     nothing = [bare_evidence(prepared, start.path) for start in begun]
-    gains = [
-        averaged(prepared, start.fit.log_evidence) - bare for start, bare in zip(begun, nothing, strict=True)
+    found = [dose_evidence(start.prepared, start.path, start.fit) for start in begun]
+
+    def gains() -> Floats:
+        logs = [averaged(prepared, each.log_evidence) for each in found]
+        return np.array(logs) - np.array(nothing)
+
+    for k in near_the_best(gains(), named, IN_REACH):
+        found[k] = finished(begun[k], declared.get(begun[k].path.name))
+    for k in near_the_best(gains(), named, CLOSE):
+        mechanism = declared.get(begun[k].path.name)
+        found[k] = found[k] if mechanism is None else from_prior_mean(prepared, found[k], mechanism)
+    return [
+        Weighed(each, float(gain), finding_of(prepared, each, float(gain), free))
+        for each, gain in zip(found, gains(), strict=True)
     ]
-    least = IN_REACH * max(*gains, named) - FAR_BEHIND
-    found = []
-    for start, bare, gain in zip(begun, nothing, gains, strict=True):
-        if gain < least:
-            evidence = dose_evidence(start.prepared, start.path, start.fit)
-        else:
-            evidence = settled(prepared, start, declared.get(start.path.name))
-        own = averaged(prepared, evidence.log_evidence) - bare
-        found.append(Weighed(evidence, own, finding_of(prepared, evidence, own, free)))
-    return found
+
+
+def near_the_best(gains: Floats, named: float, share: float) -> Integers:
+    """Mechanisms whose ln Bayes factor is such a share of the best, or of the named effects'."""
+    return np.flatnonzero(gains >= share * max(float(gains.max()), named) - SLACK)
 
 
 def bare_evidence(prepared: PreparedProblem, path: DosePath) -> float:
@@ -276,19 +287,20 @@ class SettledFit:
         return SettledFit(self.prepared, path, again(self.prepared, path, self.fit))
 
 
-def settled(prepared: PreparedProblem, start: SettledFit, mechanism: Mechanism | None) -> DoseEvidence:
-    """Evidence of a mechanism, the better one from two starts: the bare model's best fit, the prior mean.
+def from_prior_mean(prepared: PreparedProblem, found: DoseEvidence, mechanism: Mechanism) -> DoseEvidence:
+    """The better of the evidence found, from the bare model's best fit, and that from the prior mean.
 
-    Both are brought to their ends before they are compared. Where rows pass a threshold the misfit has
+    Both are brought to their ends before they are compared: where rows pass a threshold the misfit has
     several minima along the calibrated numbers, and moved paths tell little of their depths.
     """
-    found = [finished(start, mechanism)]
     x = prepared.prior_mean
-    if mechanism is not None and np.max(np.abs(start.path.x - x), initial=0.0) > FARTHEST:
-        other = dose_path(prepared, mechanism, x)
-        if usable(other):
-            found.append(finished(started(prepared, other, mechanism), mechanism))
-    return max(found, key=lambda each: averaged(prepared, each.log_evidence))
+    if np.max(np.abs(found.path.x - x), initial=0.0) <= FARTHEST:
+        return found
+    path = dose_path(prepared, mechanism, x)
+    if not usable(path):
+        return found
+    other = finished(started(prepared, path, mechanism), mechanism)
+    return max(found, other, key=lambda each: averaged(prepared, each.log_evidence))
 
 
 def finished(found: SettledFit, mechanism: Mechanism | None) -> DoseEvidence:

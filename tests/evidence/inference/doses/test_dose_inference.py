@@ -1,5 +1,7 @@
 """Doses of mechanisms against closed forms: a model linear in the dose has an exact marginal likelihood."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,13 @@ from taichi_erosion.evidence.inference.doses.dose_inference import (
     left_p,
     one_dose_p,
 )
-from taichi_erosion.evidence.inference.doses.dose_path import dose_nodes, dose_path
+from taichi_erosion.evidence.inference.doses.dose_path import (
+    FARTHEST,
+    TOLERANCE,
+    dose_nodes,
+    dose_path,
+    halved_gaps,
+)
 from taichi_erosion.evidence.inference.doses.dose_search import dose_searches
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
@@ -128,6 +136,40 @@ def test_doses_at_which_the_model_is_asked_hold_both_ends_and_nothing():
     assert np.min(np.abs(nodes)) == 0.0
     assert np.all(np.diff(nodes) > 0.0)
     assert dose_nodes(Mechanism("m", 0.0, 1.0))[0] == 0.0
+
+
+def bent_problem(bend: float) -> PreparedProblem:
+    """The same, with a slope along the level of 1 + 0.1 d + bend d^4 at a dose d."""
+    problem = linear_problem(same(DOSES))
+
+    def model(observable, conditions, parameters, effects, seeds):
+        dose = effects.get("pull", 0.0)
+        value = parameters["level"] * (1.0 + 0.1 * dose + bend * dose**4) + WEIGHTS[observable] * dose
+        return np.repeat(np.full((1, conditions["c"].size), value), len(seeds), axis=0)
+
+    return prepare(replace(problem, model=model), problem.measurements, 1)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.01])
+def test_slopes_along_calibrated_numbers_are_asked_until_a_curve_predicts_them(bend):
+    prepared = bent_problem(bend)
+    doses = np.linspace(-4.0, 4.0, 33)
+    path = dose_path(prepared, PULL, np.array([0.3]), near=doses)
+    exact = 1.0 + 0.1 * doses + bend * doses**4
+    for dose, slope in zip(doses, exact, strict=True):
+        found, _ = path.slopes(np.full(2 * SETS, dose))
+        np.testing.assert_allclose(found[:, 0], slope, atol=TOLERANCE * SD / FARTHEST)
+    assert path.steeper is not None
+    asked = path.steeper.x.size
+    assert asked <= 5 if bend == 0.0 else asked > 5
+
+
+def test_gaps_are_halved_until_every_place_is_asked():
+    assert [places.tolist() for places in halved_gaps(5)] == [[0, 2, 4], [0, 1, 2, 3, 4]]
+    assert [places.tolist() for places in halved_gaps(2)] == [[0, 1]]
+    found = halved_gaps(20)
+    assert all(set(a) <= set(b) for a, b in zip(found[:-1], found[1:], strict=True))
+    assert [places.size for places in found] == [3, 5, 9, 17, 20]
 
 
 def test_a_dose_beyond_its_range_changes_the_mean_less_and_less():

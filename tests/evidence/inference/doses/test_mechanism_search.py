@@ -11,6 +11,8 @@ from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.answers.mechanism_experiments import mechanism_experiments
 from taichi_erosion.evidence.data.findings import Discovery
 from taichi_erosion.evidence.data.problem import Candidate, Laboratory, Problem
+from taichi_erosion.evidence.inference import verdict_levels as levels
+from taichi_erosion.evidence.inference.doses.mechanism_search import near_the_best
 from taichi_erosion.evidence.models import reduced, reduced_places
 
 WET = Truth("outside", "rolling_friction", "moisture", "power", 5.0, 0.7, dict(reduced.PARAMETERS))
@@ -28,11 +30,10 @@ def problem_of(truth: Truth, seed: int = 5) -> Problem:
     }
     bare, _ = draw(5, 0)
     table = measured(generator, truth, conditions, 0.7)
-    places = tuple(each for each in bare.mechanisms if each.name in PLACES)
     return replace(
         bare,
         measurements=table,
-        mechanisms=places,
+        mechanisms=tuple(each for each in bare.mechanisms if each.name in PLACES),
         candidates=(Candidate("liquid_bridge"), Candidate("gusts")),
         vault=replace(bare.vault, rows=np.zeros(0, dtype=np.int64)),
     )
@@ -115,7 +116,32 @@ def test_a_listed_effect_of_its_own_law_has_one_strength():
     problem = problem_of(truth)
     found = discover(problem, 1, problem.budget, no_progress)
     assert (found.verdict, list(found.named), found.trend) == ("present", ["liquid_bridge"], None)
-    assert found.beyond is None
+    assert found.beyond is not None
+    assert (found.beyond.group, found.beyond.withdrawn) == ((), False)
+    assert found.beyond.named_odds < 1.0 / levels.MECHANISM_ODDS
+    assert any("better than liquid_bridge" in sentence for sentence in found.sentences)
+
+
+OPENED = 0xE082A3A315FB766664E214EE777AA1E0  # of case 286 of the set `fourth` of doe/beyond
+
+
+def test_errors_that_nobody_stated_do_not_hold_a_name_against_a_mechanism():
+    """Four rows that count as off let `liquid_bridge` explain a weight that grows with moisture."""
+    problem, truth = draw(OPENED, shares=(0.4, 0.4, 0.2))
+    places = tuple(each for each in problem.mechanisms if each.name in ("grain_weight", "drag"))
+    found = discover(replace(problem, mechanisms=places), 286, problem.budget, no_progress)
+    assert (truth.name, found.verdict, found.named) == ("grain_weight", "outside_library", ())
+    assert (found.errors_probability, found.p_misfit_after) == (0.0, found.p_misfit)
+    assert found.beyond is not None
+    assert (found.beyond.group, found.beyond.named) == (("grain_weight",), ("liquid_bridge",))
+    assert found.beyond.withdrawn
+
+
+def test_mechanisms_are_fitted_on_where_they_come_near_the_best_or_the_name():
+    gains = np.array([100.0, 60.0, 45.0, 10.0])
+    assert near_the_best(gains, -np.inf, 0.5).tolist() == [0, 1, 2]
+    assert near_the_best(gains, 200.0, 0.5).tolist() == [0]
+    assert near_the_best(np.array([4.0, -3.0]), 6.0, 0.75).tolist() == [0, 1]
 
 
 @pytest.mark.slow
