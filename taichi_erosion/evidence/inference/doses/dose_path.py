@@ -217,7 +217,7 @@ def bent_slopes(
 def halved_gaps(size: int) -> list[Integers]:
     """Places among so many, the ends and the middle first, then half as far apart, until all."""
     found = [np.arange(size)]
-    for k in range(1, (size - 1).bit_length()):
+    for k in range(1, (size - 2).bit_length()):
         found.insert(k - 1, np.round(np.linspace(0, size - 1, 2**k + 1)).astype(np.int64))
     return found
 

@@ -1,6 +1,7 @@
 """Doses of mechanisms against closed forms: a model linear in the dose has an exact marginal likelihood."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -168,7 +169,7 @@ def test_gaps_are_halved_until_every_place_is_asked():
     assert [places.tolist() for places in halved_gaps(5)] == [[0, 2, 4], [0, 1, 2, 3, 4]]
     assert [places.tolist() for places in halved_gaps(2)] == [[0, 1]]
     found = halved_gaps(20)
-    assert all(set(a) <= set(b) for a, b in zip(found[:-1], found[1:], strict=True))
+    assert all(set(a) <= set(b) for a, b in pairwise(found))
     assert [places.size for places in found] == [3, 5, 9, 17, 20]
 
 
