@@ -61,7 +61,7 @@ from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
 INSTRUMENT_DOSES = {GAIN: (-0.9, 4.0), OFFSET: (-2.0, 2.0)}
 ROUNDS = 10  # in which a path is made anew where the calibrated numbers have moved
 STILL = 0.05  # move below which it stays, in prior sd
-CHOICES = 3  # of kernel and amplitude from one start
+CHOICES = 2  # of another kernel and amplitude from one start
 IN_REACH, CLOSE = 0.5, 0.75  # of the best ln Bayes factor: worth a fit to its end, from a second start too
 SLACK = 8.0  # ln behind such a share, within which a mechanism still is
 
@@ -246,8 +246,9 @@ def weighed_mechanisms(fitted: FittedHypotheses, free: float, named: float) -> l
     for k in near_the_best(gains(), named, IN_REACH):
         found[k] = finished(begun[k], declared.get(begun[k].path.name))
     for k in near_the_best(gains(), named, CLOSE):
-        mechanism = declared.get(begun[k].path.name)
-        found[k] = found[k] if mechanism is None else from_prior_mean(prepared, found[k], mechanism)
+        path = begun[k].path
+        if path.name in declared and np.max(np.abs(path.x - prepared.prior_mean), initial=0.0) > FARTHEST:
+            found[k] = from_prior_mean(prepared, found[k], declared[path.name])
     return [
         Weighed(each, float(gain), finding_of(prepared, each, float(gain), free))
         for each, gain in zip(found, gains(), strict=True)
@@ -293,10 +294,7 @@ def from_prior_mean(prepared: PreparedProblem, found: DoseEvidence, mechanism: M
     Both are brought to their ends before they are compared: where rows pass a threshold the misfit has
     several minima along the calibrated numbers, and moved paths tell little of their depths.
     """
-    x = prepared.prior_mean
-    if np.max(np.abs(found.path.x - x), initial=0.0) <= FARTHEST:
-        return found
-    path = dose_path(prepared, mechanism, x)
+    path = dose_path(prepared, mechanism, prepared.prior_mean)
     if not usable(path):
         return found
     other = finished(started(prepared, path, mechanism), mechanism)
@@ -306,14 +304,21 @@ def from_prior_mean(prepared: PreparedProblem, found: DoseEvidence, mechanism: M
 def finished(found: SettledFit, mechanism: Mechanism | None) -> DoseEvidence:
     """Evidence from one start, kernel and amplitude chosen anew where the calibrated numbers have moved."""
     found = settled_fit(found, mechanism)
+    if mechanism is None:
+        return dose_evidence(found.prepared, found.path, found.fit)
+    evidence = exact_evidence(found, mechanism)
     for _ in range(CHOICES):
-        if mechanism is not None:
-            found = settled_fit(found.exact(mechanism), mechanism)
-        evidence = dose_evidence(found.prepared, found.path, found.fit)
-        if mechanism is None or evidence.best.chosen == found.fit.chosen:
+        if evidence.best.chosen == found.fit.chosen:
             break
-        found = replace(found, fit=evidence.best)
+        found = replace(found, path=evidence.path, fit=evidence.best)
+        evidence = exact_evidence(found, mechanism)
     return evidence
+
+
+def exact_evidence(found: SettledFit, mechanism: Mechanism) -> DoseEvidence:
+    """Evidence of all kernels and amplitudes, on a path that is exact about the best doses of one."""
+    found = settled_fit(found.exact(mechanism), mechanism)
+    return dose_evidence(found.prepared, found.path, found.fit)
 
 
 def started(prepared: PreparedProblem, path: DosePath, mechanism: Mechanism | None) -> SettledFit:
