@@ -54,9 +54,42 @@ def height_for(rows: float) -> float:
 def grains_for(rows: float, angle: float) -> int:
     """Grains that suffice for a heap of this angle [deg] with so many rows, to two digits, rounded up."""
     slope = tan(radians(max(angle, LEAST_ANGLE) if isfinite(angle) else USUAL_ANGLE))
-    count = HEAP_FACTOR * height_for(rows) ** 3 / slope**2
+    return two_digits_up(HEAP_FACTOR * height_for(rows) ** 3 / slope**2)
+
+
+def two_digits_up(count: float) -> int:
+    """A number of grains with two digits, rounded up."""
     unit = 10 ** (int(log10(count)) - 1)
     return ceil(count / unit) * unit
+
+
+def enough_grains(wanted: float, rows: float, grains: int, angle: float) -> int:
+    """Grains for `wanted` rows, more than there are in a heap of `rows` rows.
+
+    Those of a heap of this angle [deg]; where the heap has as many and is flatter, those of its own shape.
+    """
+    estimate = grains_for(wanted, angle)
+    return (
+        estimate
+        if estimate > grains
+        else two_digits_up(grains * (height_for(wanted) / height_for(rows)) ** 3)
+    )
+
+
+def settled_rows(poured: bool) -> float:
+    """Rows up to which the angle of a heap changes with its size [1]."""
+    return POURED_ROWS if poured else COLUMN_ROWS
+
+
+def small_heap_advice(rows: float, grains: int, poured: bool, angle: float) -> str:
+    """How many grains a heap needs that is too small for its angle [deg], in words."""
+    least = enough_grains(LEAST_ROWS, rows, grains, angle)
+    settled = settled_rows(poured)
+    return (
+        f"{rows:.1f} rows of grains on its flank, {LEAST_ROWS:g} are needed; use at least {least:,} grains "
+        f"({grains:,} now); the angle goes on changing up to {settled:g} rows, "
+        f"{enough_grains(settled, rows, grains, angle):,} grains"
+    )
 
 
 def heap_shortfalls(
@@ -64,17 +97,17 @@ def heap_shortfalls(
 ) -> Iterator[Shortfall]:
     """Shortfalls of an angle of repose; `angle` [deg] is the one to be reached, NaN where it is unknown."""
     wanted = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
-    settled = POURED_ROWS if poured else COLUMN_ROWS
-    small = rows < LEAST_ROWS
-    enough = max(grains_for(POURED_LEAST if small else settled, wanted), grains + 1)
-    told = f"{rows:.1f} rows of grains on its flank"
-    advice = f"use at least {enough:,} grains ({grains:,} now)"
-    if small:
-        words = f"the heap is too small for its angle: {told}, {LEAST_ROWS:g} are needed; {advice}"
+    settled = settled_rows(poured)
+    if rows < LEAST_ROWS:
+        words = f"the heap is too small for its angle: {small_heap_advice(rows, grains, poured, wanted)}"
+        enough = enough_grains(LEAST_ROWS, rows, grains, wanted)
         yield Shortfall("small_heap", words, rows, LEAST_ROWS, True, enough)
     elif rows < settled:
-        moving = POURED_TEXT if poured else COLUMN_TEXT
-        words = f"the angle has not converged: {told}, and {moving}; {advice}"
+        enough = enough_grains(settled, rows, grains, wanted)
+        words = (
+            f"the angle has not converged: {rows:.1f} rows of grains on its flank, and "
+            f"{POURED_TEXT if poured else COLUMN_TEXT}; use at least {enough:,} grains ({grains:,} now)"
+        )
         yield Shortfall("growing_angle", words, rows, settled, False, enough)
 
 

@@ -94,14 +94,37 @@ def test_a_heap_is_told_its_size_by_its_rows_and_by_how_it_was_made():
     assert flags(shortfalls.heap_shortfalls(12.0, 40_000, True, 33.5, 36.0)) == []
 
 
-def test_the_advice_is_for_the_measured_angle_and_always_more_grains():
-    (known,) = shortfalls.heap_shortfalls(1.4, 1000, True, 33.5, 3.6)
-    (unknown,) = shortfalls.heap_shortfalls(1.4, 1000, True, nan, nan)
-    assert known.grains == shortfalls.grains_for(shortfalls.POURED_LEAST, 33.5)
-    assert unknown.grains == shortfalls.grains_for(shortfalls.POURED_LEAST, shortfalls.USUAL_ANGLE)
-    assert f"use at least {known.grains:,} grains (1,000 now)" in known.sentence
-    (steep,) = shortfalls.heap_shortfalls(2.9, 90_000, False, 60.0, 60.0)
-    assert steep.grains == 90_001
+@pytest.mark.parametrize("poured", [True, False])
+def test_the_advice_is_for_the_rows_that_are_told_and_for_the_measured_angle(poured):
+    (known,) = shortfalls.heap_shortfalls(1.4, 500, poured, 33.5, 3.6)
+    (unknown,) = shortfalls.heap_shortfalls(1.4, 500, poured, nan, nan)
+    assert known.needed == shortfalls.LEAST_ROWS
+    assert known.grains == shortfalls.grains_for(shortfalls.LEAST_ROWS, 33.5)
+    assert unknown.grains == shortfalls.grains_for(shortfalls.LEAST_ROWS, shortfalls.USUAL_ANGLE)
+    rows = shortfalls.POURED_ROWS if poured else shortfalls.COLUMN_ROWS
+    assert known.sentence.endswith(
+        f"3 are needed; use at least {known.grains:,} grains (500 now); the angle goes on changing up to "
+        f"{rows:g} rows, {shortfalls.grains_for(rows, 33.5):,} grains"
+    )
+
+
+def test_a_heap_flatter_than_its_angle_is_advised_the_grains_of_its_own_shape():
+    (flat,) = shortfalls.heap_shortfalls(2.0, 90_000, False, 60.0, 60.0)
+    assert shortfalls.flank_rows(shortfalls.height_for(2.0), 1.0) == pytest.approx(2.0)
+    larger = (shortfalls.height_for(3.0) / shortfalls.height_for(2.0)) ** 3
+    assert 90_000 * larger <= flat.grains <= 1.1 * 90_000 * larger  # two digits, rounded up
+
+
+def test_heaps_of_the_tables_with_the_advised_grains_have_the_rows_that_were_lacking():
+    checked = 0
+    for heaps, poured in ((FUNNELS, True), (COLUMNS, False)):
+        for heap in heaps:
+            found = shortfalls.heap_shortfalls(heap["rows"], heap["grains"], poured, nan, heap["angle"])
+            for lacking in found:
+                larger = [h for h in heaps if h["soil"] == heap["soil"] and h["grains"] >= lacking.grains]
+                checked += len(larger)
+                assert all(each["rows"] >= lacking.needed for each in larger), lacking
+    assert checked >= 3
 
 
 def test_few_hops_are_told_and_no_hop_is_no_transport():

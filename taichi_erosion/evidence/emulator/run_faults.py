@@ -74,22 +74,25 @@ def shortfall_fault(
     middle = sorted(found, key=lambda each: each["found"])[(len(found) - 1) // 2]
     sentence, blocks = f"{name}: {middle['sentence']}", bool(middle["blocks"])
     if middle["flag"] == "small_heap":
-        sentence = f"{name}: {small_heap_words(study, scene, name, values)}"
+        sentence = f"{name}: {small_heap_words(study, scene, name, values, middle['found'])}"
     return SetUpFault("too_small" if blocks else "not_converged", name, sentence, blocks)
 
 
-def small_heap_words(study: Study, scene: StudyScene, name: str, values: Floats) -> str:
-    """Simulated and measured angles, and how many grains are enough for the flattest measured one."""
+def small_heap_words(study: Study, scene: StudyScene, name: str, values: Floats, rows: float) -> str:
+    """Simulated and measured angles, and how many grains are enough for the flattest measured one.
+
+    `rows`: of grains on the flank of the simulated heap.
+    """
     table, measure = study.problem.visible(), scene.simulator.measures[name]
     chosen = np.array([each == name for each in table.observable]) & ~table.censored
     wanted, got = table.value[chosen], values[np.isfinite(values)]
     flattest = float(wanted.min()) if wanted.size and measure.unit == "deg" else nan
-    count = scene.simulator.scene(measure.scene, ()).grains.count
-    enough = max(shortfalls.grains_for(shortfalls.POURED_LEAST, flattest), count + 1)
+    simulated_scene = scene.simulator.scene(measure.scene, ())
+    count, poured = simulated_scene.grains.count, simulated_scene.fill.law == "pour"
     simulated = f"{median(got):.3g} {measure.unit} simulated" if got.size else "no angle simulated"
     return (
-        f"the heap is too small for its angle: {simulated} against {interval(wanted)} measured; "
-        f"use at least {enough:,} grains ({count:,} now)"
+        f"the heap is too small for its angle: {simulated} against {interval(wanted)} measured, "
+        f"{shortfalls.small_heap_advice(rows, count, poured, flattest)}"
     )
 
 

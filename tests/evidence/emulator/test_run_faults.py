@@ -78,12 +78,13 @@ def ask(tmp_path, monkeypatch, capsys):
 
 def test_a_heap_that_is_too_small_is_told_before_any_effect(ask):
     found = ask("small", "discover")
-    enough = shortfalls.grains_for(shortfalls.POURED_LEAST, min(MEASURED))
+    advice = shortfalls.small_heap_advice(LACKING["found"], 1800, False, min(MEASURED))
     told = re.sub(r"3\.6\d", "3.6", found["set_up"][0])
     assert told == (
-        "angle_of_repose: the heap is too small for its angle: 3.6 deg simulated against 31 to 43 measured; "
-        f"use at least {max(enough, 1801):,} grains (1,800 now)"
+        "angle_of_repose: the heap is too small for its angle: 3.6 deg simulated against 31 to 43 measured, "
+        f"{advice}"
     )
+    assert "1.2 rows of grains on its flank, 3 are needed" in advice
     assert (found["verdict"], found["named"]) == ("not_testable", [])
     assert found["sentences"][0] == "Nothing is named: the set-up comes first."
     assert {effect["status"] for effect in found["effects"].values()} == {"not_testable"}

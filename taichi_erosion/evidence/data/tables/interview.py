@@ -15,7 +15,14 @@ from typing import Literal
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import likely_units, place_range
 from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, CellNumber, read_cell
-from taichi_erosion.evidence.data.tables.column_roles import Column, Told, column_roles, with_partners
+from taichi_erosion.evidence.data.tables.column_roles import (
+    Column,
+    Told,
+    column_roles,
+    stated_names,
+    with_partners,
+)
+from taichi_erosion.evidence.data.tables.cross_table import cross_table_faults
 from taichi_erosion.evidence.data.tables.headings import read_heading, stated_unit
 from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
@@ -92,8 +99,13 @@ class TableWishes:
 def understood(
     cells: Cells, wishes: TableWishes, interview: Interview, faults: Faults
 ) -> tuple[Cells, list[Column]]:
-    """The tidy table and the columns that it was made of; what is wrong is added to `faults`."""
+    """The tidy table and the columns that it was made of; what is wrong is added to `faults`.
+
+    Raises BadInput for a cross table, of which no column means what its heading says.
+    """
     columns = column_roles(cells, wishes.told, faults)
+    if crossed := list(cross_table_faults(cells, columns, stated_names(cells, wishes.told, []))):
+        raise BadInput(*crossed)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview(lambda _, guess: guess)
     measured = any(column.role == "observable" for column in columns)
