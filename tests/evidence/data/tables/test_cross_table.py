@@ -1,4 +1,4 @@
-"""Cross tables are refused; repeats side by side, sieve fractions and winds at heights are no cross tables."""
+"""Cross tables are refused; repeats side by side, sieve fractions and winds at heights are none."""
 
 import pytest
 
