@@ -10,10 +10,12 @@ from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.api.runs import PathLike
 from taichi_erosion.api.wording import in_python, python_words
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.number_words import heading
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.models.load_study import StudyOptions
     from taichi_erosion.report.figure_style import Figure
 
@@ -21,17 +23,22 @@ Document = Mapping[str, Any]
 Progress = Callable[[str, float], None]  # (words, share done [1])
 
 
-def row_frame(rows: Document | None, units: Mapping[str, str]) -> "pd.DataFrame":
-    """Measured and modelled values, one row of measurements a row; empty without rows."""
+def row_frame(rows: Document | None, units: "TableUnits") -> "pd.DataFrame":
+    """Measured and modelled values in the units of the table, one row of measurements a row.
+
+    The headings of conditions have their units; without rows the table is empty.
+    """
     if not rows:
         return frame([])
-    columns = {
-        key: rows[key] for key in ("observable", "measured", "measured_sd", "predicted", "predicted_sd")
-    }
-    columns |= rows["conditions"]
-    table = frame(dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True))
-    table.insert(1, "unit", [units.get(name, "1") for name in table["observable"]])
-    return table
+    names = rows["observable"]
+    columns = {"observable": names, "unit": [units.value_unit(name) or "1" for name in names]}
+    for key in ("measured", "measured_sd", "predicted", "predicted_sd"):
+        columns[key] = [units.value(name, number) for name, number in zip(names, rows[key], strict=True)]
+    for name, numbers in rows["conditions"].items():
+        columns[heading(name, units.condition_unit(name))] = [
+            None if number is None else units.condition(name, number) for number in numbers
+        ]
+    return frame(dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True))
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,7 +61,14 @@ class Result:
     @property
     def table(self) -> "pd.DataFrame":
         """Main table of the answer."""
-        return row_frame(self.document.get("rows"), self.document["units"])
+        return row_frame(self.document.get("rows"), self.units)
+
+    @property
+    def units(self) -> "TableUnits":
+        """Units in which the study's table has values and conditions."""
+        from taichi_erosion.evidence.data.table_units import TableUnits
+
+        return TableUnits.of(self.document)
 
     def figure(self) -> "Figure":
         """First figure of the study's page: measured values and the model before and after."""
@@ -88,8 +102,15 @@ class ComparisonResult(Result):
 
     @property
     def misfit(self) -> "pd.DataFrame":
-        """Misfit of every observable."""
-        rows = ({"observable": name, **each} for name, each in self.document["observables"].items())
+        """Misfit of every observable; `rmse` and `bias` in the unit of the table."""
+        units = self.units
+        rows = (
+            {
+                **{"observable": name, "unit": units.value_unit(name) or "1", **each},
+                **{key: units.value(name, each[key]) for key in ("rmse", "bias")},
+            }
+            for name, each in self.document["observables"].items()
+        )
         return frame(rows).set_index("observable")
 
 
@@ -141,11 +162,17 @@ class AdoptionResult(Result):
 
     @property
     def table(self) -> "pd.DataFrame":
-        """chi2 per row of every model."""
+        """chi2 per row of every model, and the error of the held-out rows in the units of the table."""
         labels = {"base": "before", "added": "after", "with_all": "with all that was named"}
         labels |= {"best_wrong": "control: best other effect", "random_wrong": "control: drawn at random"}
         rows = (
             {"model": label, "fitted": fit["chi2_per_row"], "held_out": fit["vault_chi2_per_row"]}
+            | {
+                f"rmse of held-out {heading(name, self.units.value_unit(name))}": self.units.value(
+                    name, error
+                )
+                for name, error in (fit["vault_rmse"] or {}).items()
+            }
             for key, label in labels.items()
             if (fit := self.document.get(key))
         )

@@ -15,13 +15,21 @@ def wet(tmp_path_factory) -> te.Study:
     return te.new_study(TABLE, tmp_path_factory.mktemp("wet") / "sand", closed_form=True)
 
 
-def test_a_comparison_has_the_rows_of_the_table_with_their_units(wet):
+def test_a_comparison_has_the_rows_of_the_table_in_its_units(wet):
     comparison = wet.compare()
-    assert len(comparison.table) == comparison.document["rows_visible"] == 18
-    assert set(comparison.table["unit"]) == {"m/s"}
+    table = comparison.table
+    assert len(table) == comparison.document["rows_visible"] == 18
+    assert set(table["unit"]) == {"cm/s"}
+    first = table.iloc[0]
+    assert (first["measured"], first["diameter [µm]"], first["moisture [%]"]) == pytest.approx(
+        (13.9, 90.0, 0.0)
+    )
+    assert table["moisture [%]"].max() == pytest.approx(1.2)
     assert comparison.p < 1e-6
     assert "too high" in comparison.sentences[0]
-    assert comparison.misfit.loc["threshold_u_star", "n"] == 18
+    assert comparison.misfit.loc["threshold_u_star", ["n", "unit"]].to_list() == [18, "cm/s"]
+    off = table["measured"] - table["predicted"]
+    assert comparison.misfit.loc["threshold_u_star", "rmse"] == pytest.approx((off**2).mean() ** 0.5)
 
 
 def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the_error(wet):
@@ -29,6 +37,9 @@ def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the
     assert discovery.named == [discovery.effects.index[0]] == ["liquid_bridge"]
     adoption = wet.adopt("liquid_bridge")
     assert adoption.table.loc["after", "held_out"] < 0.1 * adoption.table.loc["before", "held_out"]
+    error = adoption.table["rmse of held-out threshold_u_star [cm/s]"]
+    assert error["after"] < 0.2 * error["before"]
+    assert error["before"] > 1.0, "cm/s, not m/s"
     assert adoption.files[0].is_file()
     assert adoption.figure().axes
     assert "liquid_bridge" in discovery._repr_html_()
