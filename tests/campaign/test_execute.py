@@ -84,6 +84,14 @@ def test_one_worker_holds_the_device(tmp_path, monkeypatch):
     assert (started, looked) == ([1], [{"vulkan"}])
 
 
+def test_no_worker_starts_where_all_runs_are_kept(tmp_path, monkeypatch):
+    wanted, ledger = stand_in.requests(tmp_path, count=3, pause=0.0), open_ledger(tmp_path)
+    first = execution.execute(wanted, ledger, workers=1, function=stand_in.FUNCTION)
+    monkeypatch.setattr(execution, "start_pool", None)  # whoever starts workers fails
+    assert execution.execute(wanted, ledger, workers=1, function=stand_in.FUNCTION) == first
+    close_ledger(ledger)
+
+
 def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
     if has_cuda():
         pytest.skip("there is such a device")

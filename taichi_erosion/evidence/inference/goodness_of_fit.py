@@ -129,7 +129,7 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
             p = structure_p(left, level / np.linalg.norm(level))
             sign = 1 if float(np.sum(left.own[rows] / prepared.sd[rows])) > 0.0 else -1
             whole = (Stretch(sign, None, None),)
-            found.append((observable.name, LEVEL_AXIS, p, f"{direction(sign)} as a whole", whole))
+            found.append((observable.name, LEVEL_AXIS, p, f"{direction(sign)} on average", whole))
         for name, column in prepared.rows.conditions.items():
             axis = standard_axis(column[rows])
             if axis is None:

@@ -53,8 +53,8 @@ def test_an_axis_of_few_values_is_told_by_the_value_where_the_model_fails():
 
 def test_a_place_that_does_not_fail_is_told_as_none():
     assert place_sentence("angle", "size", "too low", 0.02) == "angle: no misfit seen along size (p = 0.02)"
-    assert place_sentence("angle", "level", "too low as a whole", 1e-20) == (
-        "angle: the model is too low as a whole (p < 1e-16)"
+    assert place_sentence("angle", "level", "too low on average", 1e-20) == (
+        "angle: the model is too low on average (p < 1e-16)"
     )
 
 

@@ -153,7 +153,7 @@ def remarked(number: Estimate, moved: float, share: float, names: tuple[str, ...
     """The estimate with what its prior and its way from the bare model say of it."""
     words = []
     if share >= levels.UNIDENTIFIED:
-        words.append("not identified by these measurements: the interval is about that of its prior")
+        words.append("not identified by these measurements: the interval is about as wide as its prior")
     if abs(moved) >= levels.EFFECTIVE:
         entered = "when " + " and ".join(names) + " entered"
         words.append(f"moved by {abs(moved):.2g} prior sd {entered}: read it as an effective number")
