@@ -4,6 +4,7 @@ Each prints its sentences first, then a table, then the limits of the result.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -86,7 +87,12 @@ def compare(
     from taichi_erosion.evidence.answers.commands import compare_study
 
     options = options_of(budget, seed, own, workers, arch, decomposition)
-    answer("comparing", lambda progress: compare_study(study, progress, options), print_comparison, as_json)
+    answer(
+        "comparing",
+        lambda progress: compare_study(study, progress, options),
+        partial(print_comparison, own=own),
+        as_json,
+    )
 
 
 @app.command(**help_of("discover"))
@@ -104,7 +110,12 @@ def discover(
     from taichi_erosion.evidence.answers.commands import discover_study
 
     options = options_of(budget, seed, own, workers, arch, decomposition)
-    answer("discovering", lambda progress: discover_study(study, progress, options), print_discovery, as_json)
+    answer(
+        "discovering",
+        lambda progress: discover_study(study, progress, options),
+        partial(print_discovery, own=own),
+        as_json,
+    )
 
 
 @app.command(**help_of("adopt"))
@@ -128,7 +139,7 @@ def adopt(
     def compute(progress: Progress) -> dict[str, Any]:
         return adopt_study(study, effects, progress, options, force)
 
-    answer("adopting", compute, print_adoption, as_json)
+    answer("adopting", compute, partial(print_adoption, own=own), as_json)
 
 
 @app.command("next", **help_of("next"))
@@ -146,7 +157,12 @@ def next_(
     from taichi_erosion.evidence.answers.commands import next_study
 
     options = options_of(budget, seed, own, workers, arch, decomposition)
-    answer("planning", lambda progress: next_study(study, progress, options), print_experiments, as_json)
+    answer(
+        "planning",
+        lambda progress: next_study(study, progress, options),
+        partial(print_experiments, own=own),
+        as_json,
+    )
 
 
 @app.command(**help_of("report"))
@@ -197,7 +213,7 @@ def answer(
     output.print_result(without_rows(document) if as_json else document, as_json, print_text)
 
 
-def print_comparison(document: Record) -> None:
+def print_comparison(document: Record, own: Sequence[Path] | None = None) -> None:
     """Print whether the model agrees, where it fails, and the misfit of every observable."""
     print_lines(document["set_up"], "set-up: ")
     typer.echo(agreement(document))
@@ -223,10 +239,10 @@ def print_comparison(document: Record) -> None:
     print_parameters(document["parameters"])
     print_correlations(document["correlations"])
     print_limits(document)
-    print_lines(next_steps.after_comparison(document))
+    print_lines(next_steps.after_comparison(document, next_steps.effect_options(own)))
 
 
-def print_discovery(document: Record) -> None:
+def print_discovery(document: Record, own: Sequence[Path] | None = None) -> None:
     """Print the verdict, the table of candidates, and the limits of the result."""
     print_lines(document["set_up"], "set-up: ")
     print_lines(document["sentences"])
@@ -238,7 +254,7 @@ def print_discovery(document: Record) -> None:
     print_lines((clue["sentence"] for clue in document["clues"]), "clue: ")
     print_lines((experiment["sentence"] for experiment in document["next_experiments"]), "next: ")
     print_limits(document)
-    print_lines(next_steps.after_discovery(document))
+    print_lines(next_steps.after_discovery(document, next_steps.effect_options(own)))
 
 
 def candidate_rows(effects: Record) -> Iterator[tuple[str, ...]]:
@@ -261,7 +277,7 @@ def candidate_rows(effects: Record) -> Iterator[tuple[str, ...]]:
         )
 
 
-def print_adoption(document: Record) -> None:
+def print_adoption(document: Record, own: Sequence[Path] | None = None) -> None:
     """Print the error before and after adoption, with two control effects."""
     print_lines(document["set_up"], "set-up: ")
     typer.echo(document["sentence"])
@@ -275,7 +291,7 @@ def print_adoption(document: Record) -> None:
     for file in document["files"]:
         typer.echo(f"written: {file}")
     typer.echo(cost(document))
-    print_lines(next_steps.after_adoption(document))
+    print_lines(next_steps.after_adoption(document, next_steps.effect_options(own)))
 
 
 def print_errors(document: Record) -> None:
@@ -311,7 +327,7 @@ def listed(fit: Record) -> str:
     return ", ".join(fit["effects"])
 
 
-def print_experiments(document: Record) -> None:
+def print_experiments(document: Record, own: Sequence[Path] | None = None) -> None:
     """Print experiments in order of information per cost."""
     print_lines(document["set_up"], "set-up: ")
     experiments = document["next_experiments"]
@@ -319,7 +335,7 @@ def print_experiments(document: Record) -> None:
     for rank, experiment in enumerate(experiments, 1):
         typer.echo(f"{rank}. {experiment['sentence']}")
     print_lines(document["notes"], "note: ")
-    print_lines(next_steps.after_next(document))
+    print_lines(next_steps.after_next(document, next_steps.effect_options(own)))
 
 
 def print_parameters(parameters: Record) -> None:

@@ -2,7 +2,7 @@
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import hypot, isfinite, sqrt
 from pathlib import Path
 from typing import Any
@@ -141,23 +141,28 @@ def lacks_rows(document: Record) -> bool:
     return {fault["kind"] for fault in document.get("faults", ()) if fault["blocks"]} == {"too_few_rows"}
 
 
-def while_it_waits(document: Record) -> str:
+def effect_options(files: Sequence[Path] | None) -> str:
+    """Options that name the effect files of a command again, for the command that comes next."""
+    return "".join(f" --effect {file}" for file in files or ())
+
+
+def while_it_waits(document: Record, options: str) -> str:
     """What to do before a verdict on physics."""
     if lacks_rows(document):
-        return f"`{program()} next {document['study']}` proposes the measurements that tell most."
+        return f"`{program()} next {document['study']}{options}` proposes the measurements that tell most."
     return SETTLE
 
 
-def after_comparison(document: Record) -> Iterator[str]:
-    """Next steps after a comparison."""
+def after_comparison(document: Record, options: str = "") -> Iterator[str]:
+    """Next steps after a comparison; `options` are those that the next command needs too."""
     study = document["study"]
     if waits(document):
-        yield while_it_waits(document)
+        yield while_it_waits(document, options)
         return
     if document["p"] is None:
         yield "With sd or repeats in the table the size of the misfit can be judged."
     elif fails(document["p"]) or any(fails(place["p"]) for place in document["where"]):
-        yield f"`{program()} discover {study}` asks which effect is missing."
+        yield f"`{program()} discover {study}{options}` asks which effect is missing."
     elif is_untested(document):
         yield "Measurements at other conditions would test the model."
     else:
@@ -165,16 +170,18 @@ def after_comparison(document: Record) -> Iterator[str]:
     yield f"`{program()} report {study}` draws model and measurements on one page."
 
 
-def after_discovery(document: Record) -> Iterator[str]:
+def after_discovery(document: Record, options: str = "") -> Iterator[str]:
     """Next steps after a discovery, by its verdict."""
     study, verdict, named = document["study"], document["verdict"], document["named"]
     if waits(document):
-        yield while_it_waits(document)
+        yield while_it_waits(document, options)
         return
     if document.get("row_off"):
         yield check_row(document["row_off"])
     if verdict in ("present", "group") and named:
-        words = f"`{program()} adopt {study} {' '.join(named)}` adds {' and '.join(named)} and tests it"
+        words = (
+            f"`{program()} adopt {study} {' '.join(named)}{options}` adds {' and '.join(named)} and tests it"
+        )
         held = document["rows_hidden"]
         yield f"{words} on {held} held-out rows." if held else f"{words}; no row is held out."
     if verdict == "outside_library":
@@ -183,18 +190,18 @@ def after_discovery(document: Record) -> Iterator[str]:
         law_of = "`" if law is None else f" --from-discovery {results}`, with the law above"
         yield f"An effect of your own may explain it: `{program()} effects new NAME{law_of}."
     if verdict == "unstable":
-        yield more_runs(study, document.get("fresh_runs"))
-    yield f"`{program()} next {study}` proposes the measurements that would decide."
+        yield more_runs(study, options, document.get("fresh_runs"))
+    yield f"`{program()} next {study}{options}` proposes the measurements that would decide."
     yield f"`{program()} report {study}` makes the page."
 
 
-def more_runs(study: str, fresh: Record | None) -> str:
+def more_runs(study: str, options: str, fresh: Record | None) -> str:
     """How an answer that changes with the runs of the model is decided."""
     if not fresh:
-        return f"More seeds decide: `{program()} discover {study} --budget full`."
+        return f"More seeds decide: `{program()} discover {study}{options} --budget full`."
     if fresh["more_runs"]:
         words = f"makes {fresh['more_runs']} runs more about these explanations, and tests the answer anew"
-        return f"`{program()} discover {study}` {words}."
+        return f"`{program()} discover {study}{options}` {words}."
     return f"The budget has no room for more runs: raise `runs` under [budget] of {study}."
 
 
@@ -208,7 +215,7 @@ def check_row(row: Record) -> str:
     return f"Check one row first: {words} under every explanation."
 
 
-def after_adoption(document: Record) -> Iterator[str]:
+def after_adoption(document: Record, options: str = "") -> Iterator[str]:
     """What the held-out rows said, and the study to go on with."""
     before, after, new = (
         document["base"]["vault_chi2_per_row"],
@@ -222,20 +229,20 @@ def after_adoption(document: Record) -> Iterator[str]:
         yield f"The error falls on {rows}."
     else:
         yield f"The {rows} do not support it: go on with the old study."
-        yield f"`{program()} next {document['study']}` proposes the measurements that would decide."
+        yield f"`{program()} next {document['study']}{options}` proposes the measurements that would decide."
         return
     yield f"`{program()} compare {new}` shows what is left."
     yield f"`{program()} report {document['study']}` makes the page."
 
 
-def after_next(document: Record) -> Iterator[str]:
+def after_next(document: Record, options: str = "") -> Iterator[str]:
     """What to do with proposed experiments."""
     table, study = document["measurements"], document["study"]
     if document["next_experiments"] and table.endswith(TIDY):
         yield f"Add the new rows to the table of which {table} was made, give `{program()} study new` on it"
-        yield f"with the same options again, then `{program()} discover {study}`."
+        yield f"with the same options again, then `{program()} discover {study}{options}`."
     elif document["next_experiments"]:
-        yield f"Add the new rows to {table}, and give `{program()} discover {study}` again."
+        yield f"Add the new rows to {table}, and give `{program()} discover {study}{options}` again."
 
 
 def after_calibration(document: Record) -> Iterator[str]:

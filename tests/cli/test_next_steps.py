@@ -11,6 +11,7 @@ from taichi_erosion.cli.next_steps import (
     after_discovery,
     after_next,
     after_run,
+    effect_options,
     studies_of,
 )
 
@@ -87,6 +88,27 @@ def test_a_discovery_leads_on_by_its_verdict():
     silent = list(after_discovery(found | {"verdict": "none_detected", "named": []}))
     assert not any("adopt" in line for line in silent)
     assert any("next a.toml" in line for line in silent)
+
+
+def test_the_next_command_names_the_effect_files_again():
+    options = effect_options([Path("roots.py"), Path("pores.py")])
+    assert effect_options(None) == effect_options([]) == ""
+    found = {"study": "a.toml", "verdict": "present", "named": ["x"], "rows_hidden": 5, "clues": []}
+    lines = [
+        *after_discovery(found, options),
+        *after_discovery(found | {"verdict": "unstable", "named": []}, options),
+        *after_comparison(COMPARED | {"p": 1e-6}, options),
+        *after_adoption(adoption(40.0, 38.0), options),
+        *after_next({"study": "a.toml", "measurements": "a.csv", "next_experiments": [{}]}, options),
+    ]
+    told = [
+        line for line in lines if any(f"/erosion {word}" in line for word in ("adopt", "discover", "next"))
+    ]
+    assert len(told) == 7
+    assert all("a.toml" in line and " --effect roots.py --effect pores.py" in line for line in told)
+    assert next(after_discovery(found, options)).startswith(
+        "`./erosion adopt a.toml x --effect roots.py --effect pores.py` adds x"
+    )
 
 
 def adoption(before: float | None, after: float | None, opened: int = 1) -> dict:

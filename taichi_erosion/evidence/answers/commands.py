@@ -189,7 +189,7 @@ def adopt_study(
             count = record_opening(study.results, study.drawn_from, "+".join(effects))
         written = write_adopted_files(study, found, force)
         document = documents.adopt_document(found, count, [str(file) for file in written])
-        faults = (*ready.faults, *bound_faults(study, found.base.parameters))
+        faults = (*ready.faults, *bound_faults(study, found.added.parameters))
         document |= {"faults": documents.plain([asdict(each) for each in faults])}
         if not documents.ladder(study.results, study.digest[:12]):
             documents.extend_ladder(study.results, rung(study, (), found.base))

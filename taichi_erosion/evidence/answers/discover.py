@@ -29,6 +29,7 @@ from taichi_erosion.evidence.data.findings import (
     Status,
     VaultErrors,
 )
+from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Budget, Candidate, Problem, Progress, expected_strength
 from taichi_erosion.evidence.data.transforms import split_setting
 from taichi_erosion.evidence.inference import goodness_of_fit
@@ -441,7 +442,7 @@ def bound_warnings(found: Analysis) -> list[str]:
     """Calibrated numbers of the bare model that end at a bound of their range."""
     estimates = parameter_estimates(found.fitted.prepared, found.fitted.base.scored)
     return [
-        f"{path}: the calibration of the bare model ends at the bound of its range ({number.value:.3g})"
+        f"{path}: the calibration of the bare model ends at the bound of its range ({plain(number.value)})"
         for path, number in estimates.items()
         if number.at_bound
     ]

@@ -23,6 +23,7 @@ from taichi_erosion.evidence.answers.words.agreement import row_sentences
 from taichi_erosion.evidence.answers.words.effect_sets import set_sentences
 from taichi_erosion.evidence.answers.words.fresh_runs import unstable_words
 from taichi_erosion.evidence.answers.words.held_out import refuted
+from taichi_erosion.evidence.data import number_words
 from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,
@@ -289,10 +290,12 @@ def rival_sentence(found: Discovery) -> str:
             f"{found.probabilities[NONE]:.2g} that nothing is missing), which is not enough to name it."
         )
     weak = sum(effect.status == "not_testable" for effect in found.effects.values())
+    best = f"The next best explanation is {called} (probability {others[rival]:.2g})"
+    if not weak:
+        return f"{best}."
     return (
-        f"The next best explanation is {called} (probability {others[rival]:.2g}); {weak} of "
-        f"{len(found.effects)} candidates are not testable with these measurements, and data that test them "
-        "could change the conclusion."
+        f"{best}; {weak} of {len(found.effects)} candidates are not testable with these measurements, and "
+        "data that test them could change the conclusion."
     )
 
 
@@ -311,24 +314,25 @@ def adoption_sentence(found: Adoption) -> str:
     """Errors of the held-out rows before and after, with the controls."""
     effect, base, added = " and ".join(found.effect.split("+")), found.base, found.added
     if isnan(added.vault_chi2_per_row):
-        change = f"from {base.chi2_per_row:.3g} to {added.chi2_per_row:.3g}"
+        change = f"from {number_words.plain(base.chi2_per_row)} to {number_words.plain(added.chi2_per_row)}"
         return (
             f"With {effect} the misfit per fitted row goes {change}; no row was held out, so nothing is "
             f"proved.{missing_sentence(found)}"
         )
-    change = f"from {base.vault_chi2_per_row:.3g} to {added.vault_chi2_per_row:.3g}"
+    before, after = (number_words.plain(fit.vault_chi2_per_row) for fit in (base, added))
+    change = f"from {before} to {after}"
     words = f"With {effect} the misfit per held-out row goes {change}"
     controls = ((found.best_wrong, "the best other candidate"), (found.random_wrong, "a random one"))
     told = [
-        f"{fit.vault_chi2_per_row:.3g} with {what} ({fit.effects[0]})"
+        f"{number_words.plain(fit.vault_chi2_per_row)} with {what} ({fit.effects[0]})"
         for fit, what in controls
         if fit is not None
     ]
     words += f"; for comparison {', '.join(told)}." if told else "."
     if found.with_all is not None:
         names = " and ".join(found.with_all.effects)
-        after = found.with_all.vault_chi2_per_row
-        words += f" With all that was named ({names}) it goes to {after:.3g}: adopt these together."
+        after = number_words.plain(found.with_all.vault_chi2_per_row)
+        words += f" With all that was named ({names}) it goes to {after}: adopt these together."
     judged = found.with_all or added
     if found.contradicted:
         words += f" What was held out does not bear {' and '.join(judged.effects)} out{wider(base, judged)}."

@@ -279,8 +279,8 @@ def bound_faults(study: Study, parameters: Mapping[str, Estimate]) -> Iterator[S
         if number.at_bound:
             bound = min(ranges.get(path, ()), key=lambda end: abs(end - number.value), default=number.value)
             words = (
-                f"{path}: its calibration ends at the bound of its range ({bound:.3g}); the answer holds for "
-                "this bound: widen the range, or ask what the number stands in for"
+                f"{path}: its calibration ends at the bound of its range ({plain(bound)}); the answer holds "
+                "for this bound: widen the range, or ask what the number stands in for"
             )
             yield SetUpFault("at_bound", path, words, False)
 

@@ -182,7 +182,7 @@ def shared_error_variants(fitted: FittedHypotheses, factor: float) -> Iterator[V
 
 def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Bools]]:
     """Rows that are left out: each source, each of the largest groups, and the worst rows."""
-    rows = fitted.prepared.rows
+    rows, units = fitted.prepared.rows, fitted.prepared.problem.measurements.table_units
     for column, word, most in ((rows.source, "source", None), (rows.group, "group", MOST_GROUPS)):
         labels = np.array(column)
         names, counts = np.unique(labels, return_counts=True)
@@ -192,7 +192,7 @@ def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Bools]]:
     for _ in range(WORST_ROWS):
         row = worst_row(fitted.prepared, fitted.base.expansion, off)
         off.append(row)
-        at = ", ".join(f"{name} = {column[row]:.3g}" for name, column in rows.conditions.items())
+        at = units.setting_text({name: float(column[row]) for name, column in rows.conditions.items()})
         yield (
             f"without the row of {rows.observables[rows.which[row]].name} at {at}",
             np.arange(rows.size) == row,

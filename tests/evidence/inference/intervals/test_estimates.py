@@ -44,7 +44,9 @@ def test_a_number_that_the_rows_say_nothing_of_is_not_identified():
         prepared, best, _ = bare(problem)
         (number,) = estimates_alone(prepared, score(prepared, expand(prepared, best)))[1].values()
         assert (number.prior_share > levels.UNIDENTIFIED) is told
-        assert ("not identified by these measurements: the interval is about as wide as" in number.remark) is told
+        assert (
+            "not identified by these measurements: the interval is about as wide as" in number.remark
+        ) is told
 
 
 def test_a_number_that_an_effect_moved_is_read_as_effective():
