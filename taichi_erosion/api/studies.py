@@ -90,10 +90,11 @@ class ComparisonResult(Result):
 
     @property
     def found(self) -> list[str]:
+        from taichi_erosion.evidence.answers.words.agreement import NO_MISFIT
         from taichi_erosion.evidence.inference.verdict_levels import fails
 
         failing = [place["sentence"] for place in self.document["where"] if fails(place["p"])]
-        return failing or ["No significant misfit in any observable or along any condition."]
+        return failing or [NO_MISFIT]
 
     @property
     def p(self) -> float | None:

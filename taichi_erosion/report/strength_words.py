@@ -114,7 +114,7 @@ def typical_grains(found: Results, file: StudyFile) -> Grains | None:
                 conditions[name], words[name] = middle, condition.words(middle)
             elif section.startswith("grains.size") and middle is not None:
                 radius = 0.5 * middle
-    density = scene.materials[scene.grains.material].density
+    density = scene.grain_material.density
     given = scene.conditions.model_dump(exclude_none=True)
     stated = {name: value for name, value in given.items() if isinstance(value, float)}
     return Grains(radius, 4.0 / 3.0 * pi * radius**3 * density, stated | conditions, words, scene)

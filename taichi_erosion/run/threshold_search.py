@@ -101,7 +101,7 @@ def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> Th
 def weight_velocity(scene: Scene) -> float:
     """sqrt((s - 1) g d) of the scene's grains [m s-1], the velocity that friction velocities scale with."""
     assert scene.wind is not None
-    diameter, density = nominal_diameter(scene.grains.size), scene.materials[scene.grains.material].density
+    diameter, density = nominal_diameter(scene.grains.size), scene.grain_material.density
     return sqrt((density / scene.wind.density - 1.0) * scene.gravity.magnitude * diameter)
 
 

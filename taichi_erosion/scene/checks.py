@@ -99,7 +99,7 @@ def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
 
 def exchange_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     """Exchanges come before drag has changed a velocity: Stokes' response time is rho_p d^2 / (18 mu)."""
-    density = scene.materials[scene.grains.material].density
+    density = scene.grain_material.density
     smallest = size_range(scene.grains.size)[0]
     response = density * smallest**2 / (18.0 * wind.viscosity * wind.density)
     interval = wind.look_steps * limits.time_step(scene)
@@ -225,7 +225,7 @@ def check_numbers(scene: Scene) -> Iterator[str]:
     steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
     if steps > MOST_STEPS:
         yield f"stages: {steps:.2g} steps of {limits.time_step(scene):.2g} s; soften grains or shorten stages"
-    material, radius = scene.materials[scene.grains.material], limits.smallest_radius(scene)
+    material, radius = scene.grain_material, limits.smallest_radius(scene)
     young, speed = young_effective(material, material), limits.expected_speed(scene)
     overlap = limits.impact_overlap(0.5 * limits.smallest_mass(scene), 0.5 * radius, young, speed) / radius
     if overlap > scene.run.overlap_limit:

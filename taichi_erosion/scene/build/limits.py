@@ -162,7 +162,7 @@ def smallest_radius(scene: Scene) -> float:
 
 def grain_rayleigh_time(scene: Scene) -> float:
     """Rayleigh time of the smallest contact sphere [s]; walls do not vibrate."""
-    material = scene.materials[scene.grains.material]
+    material = scene.grain_material
     return rayleigh_time(
         smallest_radius(scene), material.density, shear_modulus(material), material.poisson_ratio
     )
@@ -210,7 +210,7 @@ def wall_speeds(scene: Scene) -> list[float]:
 
 def smallest_mass(scene: Scene) -> float:
     """Mass of the smallest contact sphere [kg]."""
-    return scene.materials[scene.grains.material].density * 4.0 / 3.0 * pi * smallest_radius(scene) ** 3
+    return scene.grain_material.density * 4.0 / 3.0 * pi * smallest_radius(scene) ** 3
 
 
 def limits(scene: Scene) -> Limits:
@@ -219,7 +219,7 @@ def limits(scene: Scene) -> Limits:
     rayleigh = grain_rayleigh_time(scene)
     if speed == 0.0:
         return Limits(rayleigh, None, None, None)
-    material = scene.materials[scene.grains.material]
+    material = scene.grain_material
     young = young_effective(material, material)
     hertz = HERTZ_SHARE * impact_duration(0.5 * smallest_mass(scene), 0.5 * radius, young, speed)
     return Limits(rayleigh, hertz, neck_limit(scene, radius, speed), SPEED_SHARE * radius / speed)
@@ -231,7 +231,7 @@ def neck_limit(scene: Scene, radius: float, speed: float) -> float | None:
     dt = 0.1 * 1.19055 L^2 / (R* v),  L = (pi gamma R*^2 / E*)^(1/3);  R* = R/2 between grains, R at a wall.
     """
     grain = scene.grains.material
-    walls = {wall.material for wall in scene.geometry.values()}
+    walls = scene.wall_materials
     times = []
     for other in materials_used(scene) if scene.laws.normal == "jkr" else []:
         contact = scene.contact_of(grain, other)

@@ -32,7 +32,7 @@ def build_setup(scene: Scene, seed: int) -> Setup:
     start = initial_bodies(scene, seed, reach_over_diameter(scene.grains))
     names = materials_used(scene)
     material = names.index(scene.grains.material)
-    density = scene.materials[scene.grains.material].density
+    density = scene.grain_material.density
     clumps = clump_table(scene, seed, start, body, density) if body else None
     grains = (
         clump_spheres(start, body, clumps, material) if body and clumps else spheres(start, density, material)

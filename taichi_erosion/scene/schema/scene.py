@@ -210,6 +210,16 @@ class Scene(SceneFile):
     record: Record = Record()
     effects: dict[Name, dict[Name, float]] = Field({}, description="optional physics: parameters by effect")
 
+    @property
+    def grain_material(self) -> Material:
+        """Material of the grains."""
+        return self.materials[self.grains.material]
+
+    @property
+    def wall_materials(self) -> set[str]:
+        """Names of the materials of all walls."""
+        return {wall.material for wall in self.geometry.values()}
+
     def contact_of(self, a: str, b: str) -> Contact | None:
         """Parameters of a pair of materials, in whichever order the scene names it."""
         return self.contact.get(f"{a}-{b}") or self.contact.get(f"{b}-{a}")
@@ -249,7 +259,7 @@ def material_problems(scene: Scene) -> Iterator[str]:
 def contact_problems(scene: Scene) -> Iterator[str]:
     """Pairs of materials that are missing, doubled or without effect."""
     grain = scene.grains.material
-    for name in sorted({grain} | {wall.material for wall in scene.geometry.values()}):
+    for name in sorted({grain} | scene.wall_materials):
         if scene.contact_of(grain, name) is None:
             yield f"contact.{grain}-{name} is missing"
     for pair, contact in scene.contact.items():
@@ -261,7 +271,7 @@ def contact_problems(scene: Scene) -> Iterator[str]:
         )
         if contact.rolling_radius == "grain" and pair != f"{grain}-{grain}":
             yield f"contact.{pair}.rolling_radius: at a wall both radii are the same; leave it out"
-        if contact.rolling_radius == "grain" and grain in {wall.material for wall in scene.geometry.values()}:
+        if contact.rolling_radius == "grain" and grain in scene.wall_materials:
             yield f"contact.{pair}.rolling_radius: a wall has the grains' material; give it one of its own"
         if contact.surface_energy > 0.0 and scene.laws.normal == "hertz":
             energy = contact.surface_energy
