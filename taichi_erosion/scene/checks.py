@@ -220,7 +220,7 @@ def check_meshes(scene: Scene) -> Iterator[str]:
 
 
 def check_numbers(scene: Scene) -> Iterator[str]:
-    """Time step and stiffness are sane."""
+    """Time step and stiffness are within their limits."""
     limits.refuse_unsafe_step(scene)
     steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
     if steps > MOST_STEPS:

@@ -159,7 +159,7 @@ def stops(name: str, fault: Failure | None, reasons: tuple[Status, ...], precisi
 
 
 def not_a_number(precision: Precision) -> Outcome:
-    """A surface energy that is NaN is refused at the door or stops the run."""
+    """A surface energy that is NaN is refused when it is read, or stops the run."""
     setup = healthy()
     energy = np.full_like(setup.contacts.surface_energy, nan)
     try:

@@ -25,7 +25,6 @@ from taichi_erosion.evidence.answers.held_out_misfit import (
 )
 from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.mechanism_findings import DoseEstimate
 from taichi_erosion.evidence.data.problem import Problem, Progress, expected_strength
 from taichi_erosion.evidence.inference.doses.held_out_doses import held_out_doses
@@ -160,7 +159,7 @@ def log_evidence(account: BareAccount, names: tuple[str, ...]) -> float:
     """Ln evidence of the model with some effects, or of the bare one where that is larger."""
     prepared, best = account.prepared, added_fit(account.prepared, account.screened, names)
     scores = [score(prepared, expansion) for expansion in (account.screened.base, expand(prepared, best))]
-    return max(float(log_sum_exp(prepared.doubt.log_weight + each.log_evidence)) for each in scores)
+    return max(prepared.doubt.averaged(each.log_evidence) for each in scores)
 
 
 def controls(

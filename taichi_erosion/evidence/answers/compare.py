@@ -7,7 +7,6 @@ from time import perf_counter
 import numpy as np
 
 from taichi_erosion.evidence.data.findings import Comparison
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.measurement_noise import unchecked_noise_sentence
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Progress
 from taichi_erosion.evidence.data.transforms import slope, to_scale
@@ -73,8 +72,8 @@ def levels_freed(
         return None
     free, best = fit_free_levels(prepared, base.expansion.mean)
     scored = marginal_likelihood.score(free, marginal_likelihood.expand(free, best))
-    totals = [log_sum_exp(prepared.doubt.log_weight + each.log_evidence) for each in (base, scored)]
-    return (free, scored) if level_share(*map(float, totals)) > levels.LEVEL_ODDS else None
+    totals = [prepared.doubt.averaged(each.log_evidence) for each in (base, scored)]
+    return (free, scored) if level_share(*totals) > levels.LEVEL_ODDS else None
 
 
 def calibrated_base(

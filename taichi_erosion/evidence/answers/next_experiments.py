@@ -210,7 +210,7 @@ def acting(
 def weighted(rivals: list[RivalPrediction]) -> list[RivalPrediction]:
     """Those with a value everywhere, with weights that sum to 1; alike where the leader has won already.
 
-    The chance of deciding then is that of an open race, not the probability that the leader had before.
+    The chance of deciding then is that between equal weights, not the probability that the leader had before.
     """
     rivals = [rival for rival in rivals if np.all(np.isfinite(rival.mean))]
     floored = np.maximum([rival.weight for rival in rivals], LEAST_WEIGHT)

@@ -193,7 +193,7 @@ def unit_faults(
 ) -> Iterator[SetUpFault]:
     """A unit that would explain a factor between measured and modelled values.
 
-    The factor is looked for at the start values, since calibration may have swallowed it; it counts where
+    The factor is looked for at the start values, since calibration may have absorbed it; it counts where
     calibration has not explained the rows, or has strained a number to explain them.
     """
     both = chosen & np.isfinite(start) & (start > 0.0) & (rows.measured > 0.0)

@@ -339,7 +339,7 @@ class Proposals:
     """Answer of `next`: experiments, best first, or why there are none."""
 
     experiments: tuple[Experiment, ...]
-    explanations: Mapping[str, float]  # live explanations with their weights in the race
+    explanations: Mapping[str, float]  # live explanations with their weights
     sentence: str  # what the experiments decide together
 
 

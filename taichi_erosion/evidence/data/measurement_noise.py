@@ -181,6 +181,10 @@ class NoiseLevelPrior:
     factor: Floats
     log_weight: Floats
 
+    def averaged(self, log_evidence: Floats) -> float:
+        """Ln evidence averaged over the factor."""
+        return float(log_sum_exp(self.log_weight + log_evidence))
+
 
 def noise_level_prior(freedom: float) -> NoiseLevelPrior:
     """Prior of the factor on the noise level, given the degrees of freedom that measure it.

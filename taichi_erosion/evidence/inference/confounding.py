@@ -19,7 +19,7 @@ def separations(
 
     For straight paths this is |g_a| sin phi_ab; an effect and its opposite are no twins: strengths are >= 0.
     """
-    resolved = [s for s in screened.signatures if s.resolved]
+    resolved = screened.resolved
     distance = np.zeros((len(resolved), len(resolved)))
     for i, first in enumerate(resolved):
         strength = strengths.get(first.name, expected_strength(prepared.candidate(first.name)))

@@ -79,7 +79,7 @@ def step_down(observed: Floats, drawn: Floats) -> Floats:
 def max_threshold(screened: Screen, noise: Floats) -> float:
     """Quantile of the largest projected residual [sd] that chance exceeds at FAMILYWISE_LEVEL."""
     units = []
-    for signature in (each for each in screened.signatures if each.resolved):
+    for signature in screened.resolved:
         norms = np.linalg.norm(signature.free, axis=1)
         at = int(np.argmax(norms))
         units.append(signature.free[at] / norms[at])
@@ -102,7 +102,7 @@ def decoy_rank(
     that names are being given to noise, or to something that no candidate describes.
     """
     axes, which = condition_axes(prepared), prepared.rows.which
-    norms = [s.norm for s in screened.signatures if s.resolved]
+    norms = [s.norm for s in screened.resolved]
     if not axes or not norms:
         return observed.size + 1
     position = np.column_stack(list(axes.values()))

@@ -275,8 +275,7 @@ def references(stated: Account) -> list[Reference]:
     count = max(len(fitted.screened.signatures), 1)
 
     def total(item: FittedHypothesis) -> float:
-        doubt = fitted.prepared.doubt.log_weight
-        return log_prior_of(item.names, False, count) + float(log_sum_exp(doubt + item.scored.log_evidence))
+        return log_prior_of(item.names, False, count) + refit.total_evidence(fitted.prepared, item)
 
     usable = sorted((each for each in fitted.refits if each.usable), key=total, reverse=True)
     chosen = [fitted.base, *usable[:REFERENCES]]
@@ -294,7 +293,7 @@ def with_ranges(found: Analysis, leading: Account) -> Analysis:
     prepared, base = fitted.prepared.with_wide_ranges(), fitted.base.fit
     best = fit(prepared, (), [base.x, prepared.prior_mean])
     wide = score(prepared, expand(prepared, best))
-    evidence = np.log(levels.PRIOR_RANGE) + log_sum_exp(prepared.doubt.log_weight + wide.log_evidence)
+    evidence = np.log(levels.PRIOR_RANGE) + prepared.doubt.averaged(wide.log_evidence)
     suffices = not levels.fails(misfit_p(prepared, wide.expansion)) and evidence > leading.posterior.log_total
     if not suffices:
         return found
@@ -322,7 +321,7 @@ def settled(stated: Account, free: PreparedProblem, best: Fit) -> bool:
     if levels.fails(misfit_p(stated.fitted.prepared, done[top].expansion)):
         return False
     bare = score(free, expand(free, best)).log_evidence
-    alone = float(np.log(levels.PRIOR_NONE) + log_sum_exp(free.doubt.log_weight + bare))
+    alone = float(np.log(levels.PRIOR_NONE) + free.doubt.averaged(bare))
     return alone < stated.posterior.log_total - levels.SETTLED_BEHIND
 
 

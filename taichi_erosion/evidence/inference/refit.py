@@ -60,9 +60,14 @@ def scored_expansion(prepared: PreparedProblem, expansion: Expansion, family: Ke
     return FittedHypothesis(score(prepared, expansion), discrepancy_gain(prepared, expansion, family))
 
 
+def scored_fit(prepared: PreparedProblem, best: Fit, family: Kernels) -> FittedHypothesis:
+    """Evidence of a fit about its best numbers and strengths."""
+    return scored_expansion(prepared, expand(prepared, best), family)
+
+
 def total_evidence(prepared: PreparedProblem, item: FittedHypothesis) -> float:
     """Ln evidence of a hypothesis, noise factors averaged."""
-    return float(log_sum_exp(prepared.doubt.log_weight + item.scored.log_evidence))
+    return prepared.doubt.averaged(item.scored.log_evidence)
 
 
 def shortlist(prepared: PreparedProblem, screened: Screen, test: FamilywiseTest) -> list[str]:
@@ -90,9 +95,9 @@ def fit_singles(
         best = fit(prepared, (name,), [np.append(base.x, strength)])
         if best.misfit > base.misfit:  # a fit is no worse than the bare model, its own case at strength 0
             best = fit(prepared, (name,), [np.append(base.x, 0.0)])
-        singles[name] = scored_expansion(prepared, expand(prepared, best), family)
+        singles[name] = scored_fit(prepared, best, family)
     if not prepared.quick and none_fits(prepared, list(singles.values())):
-        for name in (s.name for s in screened.signatures if s.resolved):
+        for name in (signature.name for signature in screened.resolved):
             progress(f"refitting with {name} from the prior mean", 0.6)
             start = np.append(prepared.prior_mean, expected_strength(prepared.candidate(name)))
             improve(prepared, singles, name, [start], family)
@@ -103,11 +108,7 @@ def fit_singles(
 
 def misleading(screened: Screen, items: list[FittedHypothesis]) -> bool:
     """Whether a refit took away another misfit than the screen told, by what would dismiss an effect."""
-    told = {
-        s.name: float(np.max(s.fall(screened.residual), initial=0.0))
-        for s in screened.signatures
-        if s.resolved
-    }
+    told = {s.name: float(np.max(s.fall(screened.residual), initial=0.0)) for s in screened.resolved}
     found = {item.names[0]: screened.base.fit.misfit - item.fit.misfit for item in items}
     return any(abs(told[name] - fall) > 2.0 * WITHIN for name, fall in found.items() if name in told)
 
@@ -120,14 +121,14 @@ def fit_all(
     progress: Progress,
 ) -> None:
     """Fits of all effects after a misleading screen; those that are better and not far behind are weighed."""
-    for name in (s.name for s in screened.signatures if s.resolved):
+    for name in (signature.name for signature in screened.resolved):
         progress(f"refitting with {name} from the prior mean", 0.6)
         start = np.append(prepared.prior_mean, expected_strength(prepared.candidate(name)))
         best = fit(prepared, (name,), [start], STEPS)
         least = min((item.fit.misfit for item in singles.values()), default=np.inf)
         known = singles[name].fit.misfit if name in singles else least + 2.0 * WITHIN
         if best.misfit < known - GOOD_ENOUGH:
-            singles[name] = scored_expansion(prepared, expand(prepared, best), family)
+            singles[name] = scored_fit(prepared, best, family)
 
 
 def none_fits(prepared: PreparedProblem, items: list[FittedHypothesis]) -> bool:
@@ -144,7 +145,7 @@ def fit_from_other_starts(
 ) -> list[FittedHypothesis]:
     """The better fits of all singles, from the leader's calibration and from the bare model's."""
     singles = {item.names[0]: item for item in found if not item.fit.beyond}
-    for name in (s.name for s in screened.signatures if s.resolved):
+    for name in (signature.name for signature in screened.resolved):
         progress(f"refitting with {name} from another start", 0.6)
         unit = expected_strength(prepared.candidate(name))
         fits = (each.fit for each in singles.values())
@@ -165,7 +166,7 @@ def improve(
     """The fit of one effect from further starts, kept where it is better."""
     best = fit(prepared, (name,), starts)
     if name not in singles or best.misfit < singles[name].fit.misfit - GOOD_ENOUGH:
-        singles[name] = scored_expansion(prepared, expand(prepared, best), family)
+        singles[name] = scored_fit(prepared, best, family)
 
 
 def hypotheses(

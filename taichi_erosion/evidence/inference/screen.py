@@ -1,6 +1,6 @@
 """Score screen: the signature of each candidate against the residual of a fitted hypothesis, without refits.
 
-Signatures have finite strength: infinitesimal ones drown in replicate noise. What calibration can imitate is
+Signatures have finite strength: infinitesimal ones are below replicate noise. What calibration can imitate is
 projected out, and the rest is compared with the residual along the whole path of strengths.
 """
 
@@ -83,6 +83,11 @@ class Screen:
     def residual(self) -> Floats:
         """Projected residual (n + p + q,)."""
         return self.left.stacked
+
+    @property
+    def resolved(self) -> list[Signature]:
+        """Signatures of which there is more than replicate noise."""
+        return [signature for signature in self.signatures if signature.resolved]
 
     def signature(self, name: str) -> Signature:
         return next(signature for signature in self.signatures if signature.name == name)

@@ -21,7 +21,7 @@ from taichi_erosion.evidence.models.simulator import dotted_paths
 def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[str]:
     """Impossible values of a table, and columns whose unit seems mistaken, one line each.
 
-    A model function may count as it likes: of its table only impossible values with a stated unit are told.
+    A model function may count in any unit: of its table only impossible values with a stated unit are told.
     """
     scenes = [readable_table(folder / e.scene) for e in file.observables.values() if e.scene is not None]
     for name, paths in file.conditions.items():

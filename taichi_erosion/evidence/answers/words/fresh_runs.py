@@ -1,4 +1,4 @@
-"""Words on fresh runs: whether new simulations bear an answer out, and what to do where they do not."""
+"""Words on fresh runs: whether new simulations confirm an answer, and what to do where they do not."""
 
 from math import exp, inf
 

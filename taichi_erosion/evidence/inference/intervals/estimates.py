@@ -101,7 +101,7 @@ def parted(h: Hypothesis, item: FittedHypothesis) -> tuple[Floats, Floats]:
     """Ln weights of an explanation without and with a discrepancy.
 
     What the measurements reject counts for something outside the list that it resembles: for a discrepancy.
-    Sets of several effects have none in the race; within their weight it has its share here.
+    Sets of several effects are weighed without one; within their weight it has its share here.
     """
     weight, nothing = h.log_prior + h.log_evidence, np.full(h.log_evidence.size, -np.inf)
     if h.outside or (h.rejected and np.all(item.gain > -np.inf)):

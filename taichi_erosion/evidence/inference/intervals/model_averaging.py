@@ -2,13 +2,13 @@
 
     p(t | y) = sum_h P(h | y) p(t | h, y)
 
-over the sets of effects, the accounts of the errors and the factors of the noise, each with its probability
-in the race, and within each of them over
+over the sets of effects, the accounts of the errors and the factors of the noise, each with its posterior
+probability, and within each of them over
 
     a smooth discrepancy of every kernel and amplitude: with it calibrated numbers are less certain, since a
     part of what they explain may be discrepancy;
     levels: an instrument, or the code, that is off at all conditions alike, which a calibrated number
-    imitates. Where the race has not asked for them they have their prior PRIOR_LEVEL and every width of
+    imitates. Where they were not weighed before they have their prior PRIOR_LEVEL and every width of
     LEVEL_WIDTHS alike; the rows decide as far as they can.
 
 Every part is normal about the fit of its hypothesis (`model_discrepancy.LinearRows`), but for strengths

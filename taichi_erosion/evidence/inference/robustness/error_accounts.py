@@ -1,4 +1,4 @@
-"""Errors that nobody stated, as explanations in the race: of sources, of batches, of rows, of the scatter.
+"""Errors that nobody stated, as explanations beside effects: of sources, of batches, of rows, of the scatter.
 
 Every account replaces the stated errors by others, and all hypotheses are weighed on it anew:
 
@@ -9,7 +9,7 @@ Every account replaces the stated errors by others, and all hypotheses are weigh
              states no sd scatters otherwise than the median row of the others, with which it counts
 
 What an account leaves open (tau, which rows, the growth) is estimated by the marginal likelihood of the
-hypotheses fitted with stated errors, linear about their best fits, and the account pays for the choice:
+hypotheses fitted with stated errors, linear about their best fits, and the choice has its cost:
 ln of the mean likelihood over the grid, less that of the best. tau^2 is its posterior mean, so that
 few batches do not count as none.
 
@@ -127,7 +127,7 @@ def reference_evidence(prepared: PreparedProblem, references: Sequence[Reference
 
 def linear_evidence(prepared: PreparedProblem, expansion: Expansion) -> float:
     """Ln marginal likelihood of a hypothesis about its best fit, averaged over the noise factors."""
-    return float(log_sum_exp(prepared.doubt.log_weight + evidence_by_factor(prepared, expansion)))
+    return prepared.doubt.averaged(evidence_by_factor(prepared, expansion))
 
 
 def evidence_by_factor(prepared: PreparedProblem, expansion: Expansion) -> Floats:

@@ -95,7 +95,7 @@ def difference_words(observable: Observable, unit: str, value: float, spread: fl
 
 
 def row_words(found: Analysis, row: int) -> tuple[str, str]:
-    """Observable and sentence of a row that no plausible explanation likes."""
+    """Observable and sentence of a row that lies far from every plausible explanation."""
     rows, errors = found.fitted.prepared.rows, found.errors
     assert errors is not None
     plain = np.sqrt(errors.stated_variance[row])

@@ -23,7 +23,6 @@ from taichi_erosion.evidence.data.fresh_findings import (
     Outcome,
     Role,
 )
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, slope
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, GapTest, Request, Setting
@@ -180,7 +179,7 @@ def log_total(
     """Ln of prior times marginal likelihood, with another mean where an expansion is given."""
     evidence = item.scored.log_evidence if expansion is None else score(prepared, expansion).log_evidence
     prior = log_prior_of(item.names, False, count) + (log(levels.PRIOR_BEYOND) if item.fit.beyond else 0.0)
-    return prior + float(log_sum_exp(prepared.doubt.log_weight + evidence))
+    return prior + prepared.doubt.averaged(evidence)
 
 
 def with_runs(prepared: PreparedProblem, item: FittedHypothesis, mean: Floats, columns: Floats) -> Expansion:

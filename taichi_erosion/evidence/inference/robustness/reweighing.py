@@ -21,12 +21,12 @@ from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Bools, Floats, expected_strength
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.map_fit import Objective, deviance, fit
-from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, ScoredHypothesis, expand
+from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, ScoredHypothesis
 from taichi_erosion.evidence.inference.model_discrepancy import Kernels, discrepancy_gain
 from taichi_erosion.evidence.inference.pipeline import FittedHypotheses
 from taichi_erosion.evidence.inference.posterior import log_prior_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_expansion
+from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_fit
 from taichi_erosion.evidence.inference.robustness.error_accounts import (
     evidence_by_factor,
     stacked_fit,
@@ -204,5 +204,5 @@ def settled(change: Change, item: FittedHypothesis, step: LinearStep) -> FittedH
     expected = [expected_strength(prepared.candidate(name)) for name in best.names]
     starts = [step.end if at_end < at_start else step.start, np.append(prepared.prior_mean, expected)]
     again = fit(prepared, best.names, starts, beyond=best.beyond)
-    found = scored_expansion(prepared, expand(prepared, again), change.family)
+    found = scored_fit(prepared, again, change.family)
     return found if found.usable else item

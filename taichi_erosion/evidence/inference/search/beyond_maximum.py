@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from taichi_erosion.evidence.inference.map_fit import Fit, fit
-from taichi_erosion.evidence.inference.marginal_likelihood import BOUND, Expansion, expand, projected_residual
+from taichi_erosion.evidence.inference.marginal_likelihood import BOUND, Expansion, projected_residual
 from taichi_erosion.evidence.inference.model_discrepancy import Kernels
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_expansion
+from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_fit
 
 FALL = 6.0  # of the misfit that the wider range must bring: what its prior costs, twice ln 20
 
@@ -23,7 +23,7 @@ def with_stronger(
 ) -> list[FittedHypothesis]:
     """Fits beyond the list of those hypotheses that end at a largest strength and would go on."""
     wide = [stronger_fit(prepared, item.expansion) for item in items if item.usable]
-    return [scored_expansion(prepared, expand(prepared, best), family) for best in wide if best is not None]
+    return [scored_fit(prepared, best, family) for best in wide if best is not None]
 
 
 def stronger_fit(prepared: PreparedProblem, expansion: Expansion) -> Fit | None:

@@ -18,10 +18,9 @@ from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.goodness_of_fit import misfit_p
 from taichi_erosion.evidence.inference.map_fit import GOOD_ENOUGH, Fit, fit
-from taichi_erosion.evidence.inference.marginal_likelihood import expand
 from taichi_erosion.evidence.inference.model_discrepancy import Kernels
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.refit import GAIN, WITHIN, FittedHypothesis, scored_expansion
+from taichi_erosion.evidence.inference.refit import GAIN, WITHIN, FittedHypothesis, scored_fit
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
 
@@ -127,16 +126,14 @@ def weigh(search: Search, size: int) -> None:
     for best in own:
         known = search.found.get(best.names)
         if best.misfit < least + BEHIND and (known is None or known.fit.misfit > best.misfit):
-            item = scored_expansion(search.prepared, expand(search.prepared, best), search.family)
+            item = scored_fit(search.prepared, best, search.family)
             search.found.update(leading([item, *with_stronger(search.prepared, [item], search.family)]))
 
 
 def further_effects(search: Search, item: FittedHypothesis, without: str = "", most: int = FURTHER) -> None:
     """Sets of one more effect out of the screen of what a set leaves, strongest first."""
     rest = search.screen_on(item)
-    gains = [
-        (float(s.log_bayes(rest.residual)), s) for s in rest.signatures if s.resolved and s.name != without
-    ]
+    gains = [(float(s.log_bayes(rest.residual)), s) for s in rest.resolved if s.name != without]
     gains = sorted((each for each in gains if each[0] > GAIN), key=lambda each: -each[0])
     for gain, signature in gains[:most]:
         if gain < gains[0][0] - WITHIN:
@@ -172,7 +169,7 @@ def left_out(search: Search, item: FittedHypothesis, name: str) -> FittedHypothe
     known = search.found.get(names)
     if known is None or best.misfit < known.fit.misfit - GOOD_ENOUGH:
         search.fits[names] = best
-        search.found[names] = scored_expansion(search.prepared, expand(search.prepared, best), search.family)
+        search.found[names] = scored_fit(search.prepared, best, search.family)
         search.screens.pop(names, None)
     return search.found[names]
 
@@ -207,7 +204,7 @@ def pair_screen(screened: Screen) -> dict[Names, tuple[float, Floats]]:
 
     D(a, b) = D_a + D_b - 2 g_a g_b for effects that act independently on the comparison scale.
     """
-    resolved = [(s, s.fall(screened.residual)) for s in screened.signatures if s.resolved]
+    resolved = [(s, s.fall(screened.residual)) for s in screened.resolved]
     results: dict[Names, tuple[float, Floats]] = {}
     for (first, one), (second, other) in combinations(resolved, 2):
         fall = one[:, np.newaxis] + other[np.newaxis, :] - 2.0 * first.free @ second.free.T

@@ -107,13 +107,12 @@ def estimates(
 def suggestions(search: Search, item: FittedHypothesis, on_top: Screen) -> dict[Names, Suggestion]:
     """Every other effect on top of a fitted set."""
     found = {}
-    for each in on_top.signatures:
-        if each.resolved:
-            strengths = {**item.fit.acting(), each.name: each.likely_strength(on_top.residual)}
-            names = search.sorted(tuple(strengths))
-            start = np.concatenate([item.fit.x, [strengths[name] for name in names]])
-            gain = float(each.log_bayes(on_top.residual))
-            found[names] = Suggestion(gain, start, item.fit.beyond)
+    for each in on_top.resolved:
+        strengths = {**item.fit.acting(), each.name: each.likely_strength(on_top.residual)}
+        names = search.sorted(tuple(strengths))
+        start = np.concatenate([item.fit.x, [strengths[name] for name in names]])
+        gain = float(each.log_bayes(on_top.residual))
+        found[names] = Suggestion(gain, start, item.fit.beyond)
     return found
 
 

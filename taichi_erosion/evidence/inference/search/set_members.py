@@ -108,6 +108,6 @@ def member_test(search: Search, item: FittedHypothesis, name: str, factors: Floa
     on_top = search.screen_on(rest)
     gain = total_evidence(prepared, item) - total_evidence(prepared, rest)
     noise = null_residuals(prepared, on_top, factors, np.random.default_rng(seed))
-    drawn = [each.log_bayes(noise) for each in on_top.signatures if each.resolved]
+    drawn = [each.log_bayes(noise) for each in on_top.resolved]
     most = np.max(drawn, axis=0) if drawn else np.zeros(factors.size)
     return MemberTest(name, rest.names, gain, float((1.0 + np.sum(most >= gain)) / (1.0 + factors.size)))

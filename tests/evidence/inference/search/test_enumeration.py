@@ -5,11 +5,10 @@ import pytest
 
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.inference.map_fit import fit
-from taichi_erosion.evidence.inference.marginal_likelihood import expand
 from taichi_erosion.evidence.inference.pipeline import FittedHypotheses, analyse
 from taichi_erosion.evidence.inference.posterior import log_prior_of
 from taichi_erosion.evidence.inference.prepared_problem import prepare
-from taichi_erosion.evidence.inference.refit import scored_expansion, total_evidence
+from taichi_erosion.evidence.inference.refit import scored_fit, total_evidence
 from taichi_erosion.evidence.inference.search.enumeration import (
     complete,
     log_joint_of,
@@ -34,7 +33,7 @@ def test_the_estimate_of_a_set_is_close_to_its_fit(fitted):
     assert likely
     for each in likely:
         best = fit(search.prepared, each.names, [each.start])
-        item = scored_expansion(search.prepared, expand(search.prepared, best), search.family)
+        item = scored_fit(search.prepared, best, search.family)
         exact = total_evidence(search.prepared, item) + log_prior_of(each.names, False, len(SHAPES))
         assert each.log_joint == pytest.approx(exact, abs=1.0)
 

@@ -9,10 +9,9 @@ from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.map_fit import fit
-from taichi_erosion.evidence.inference.marginal_likelihood import expand
 from taichi_erosion.evidence.inference.pipeline import FittedHypotheses, analyse
 from taichi_erosion.evidence.inference.prepared_problem import prepare
-from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_expansion, total_evidence
+from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_fit, total_evidence
 from taichi_erosion.evidence.inference.search.set_members import member_test, needed_decision
 from taichi_erosion.evidence.inference.verdict import Decision
 from tests.evidence.inference.search.test_effect_sets import SHAPES, THREE
@@ -32,7 +31,7 @@ def with_set(fitted: FittedHypotheses, names: tuple[str, ...]) -> FittedHypothes
     if names not in search.found:
         start = np.concatenate([fitted.base.fit.x, np.full(len(names), 0.5)])
         best = fit(search.prepared, names, [start])
-        search.found[names] = scored_expansion(search.prepared, expand(search.prepared, best), search.family)
+        search.found[names] = scored_fit(search.prepared, best, search.family)
     return search.found[names]
 
 
