@@ -11,6 +11,7 @@ from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.next_steps import TIDY
 from taichi_erosion.cli.output import AsJson, EffectFiles, Record, print_table
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.number_words import plain
 
 study = typer.Typer(help="Make a study of a table, or validate one.", no_args_is_help=True)
 
@@ -191,5 +192,5 @@ def print_content(document: Record) -> None:
 def cost_line(name: str, cost: Record) -> str:
     """What an answer costs, in one line."""
     minutes = cost.get("core_minutes")
-    cores = "" if minutes is None else f" ({minutes:.0f} core-minutes)"
+    cores = "" if minutes is None else f" ({plain(minutes)} core-minutes)"
     return f"cost with --budget {name}: {cost['sentence'].rstrip('.')}{cores}"

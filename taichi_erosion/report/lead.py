@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from taichi_erosion.evidence.answers.words.agreement import is_untested, row_sentences, untested_sentence
 from taichi_erosion.evidence.answers.words.held_out import open_words, unseen_words
-from taichi_erosion.evidence.data.number_words import short, with_unit
+from taichi_erosion.evidence.data.number_words import counted, short, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.inference.verdict_levels import fails
 from taichi_erosion.report.evidence_results import Document, Results
@@ -116,7 +116,10 @@ def error_sentence(adoption: Document, units: TableUnits) -> str:
         )
     count = len((base["vault_rows"] or {"observable": ()})["observable"])
     unseen = unseen_words(adoption["vault"]["opened"])
-    seen = f"{count} measurement{'s' if count != 1 else ''} {unseen}"
+    rows, words = adoption["rows_hidden"], counted(count, "measurement")
+    if rows > count:
+        words = f"{counted(count, 'measured mean')} of {rows} rows"
+    seen = f"{words} {unseen}"
     left = open_words(adoption)
     end = f"; {left}." if left else "."
     return f"With {names} the error on {seen} {change_words(base, added, units)}{end}"

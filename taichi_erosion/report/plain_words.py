@@ -78,10 +78,10 @@ def condition_words(name: str, path: str) -> ConditionWords:
             return CONDITIONS[key]
     plain = name.replace("_", " ")
     return ConditionWords(
-        f"Samples with a {plain} up to {{high}}",
-        f"Samples with a {plain} from {{low}}",
-        f"Samples with a {plain} between {{low}} and {{high}}",
-        f"Samples with a {plain} of {{}}",
+        f"Samples with {plain} up to {{high}}",
+        f"Samples with {plain} from {{low}}",
+        f"Samples with {plain} between {{low}} and {{high}}",
+        f"Samples with {plain} of {{}}",
     )
 
 

@@ -19,6 +19,7 @@ import pytest
 
 from taichi_erosion.cli import commands
 from taichi_erosion.cli.main import main
+from taichi_erosion.cli.study import cost_line
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
 
@@ -389,3 +390,9 @@ def test_device_of_designed_runs_arrives_as_an_entry_of_the_study(room):
     (((path, until, stated, _), words),) = calls
     assert (path, until, words) == (Path("study.toml"), "run", {"force": False})
     assert stated == {"arch": "vulkan", "workers": 2}
+
+
+def test_the_cost_of_a_small_study_is_no_zero():
+    cost = {"sentence": "42 runs to make: at most about 45 s on 1 process.", "core_minutes": 0.743}
+    assert cost_line("quick", cost).endswith("at most about 45 s on 1 process (0.743 core-minutes)")
+    assert cost_line("full", {"sentence": "No run."}) == "cost with --budget full: No run"

@@ -44,7 +44,8 @@ def test_the_first_screen_says_where_the_model_fails(stages):
 
 def test_after_an_adoption_the_first_screen_says_how_far_the_error_falls(stages):
     words = first_screen(stages["adopt"])
-    assert "With liquid bridge the error on 10 measurements that no fit has seen falls: " in words
+    seen = "10 measured means of 30 rows that no fit has seen"
+    assert f"With liquid bridge the error on {seen} falls: " in words
     assert 'data-layer="held"' in words
     assert 'data-layer="held"' not in stages["discover"].read_text("utf-8"), "the vault is closed"
 

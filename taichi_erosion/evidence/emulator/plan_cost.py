@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil
 
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import WORTH_A_START, RunRequest
@@ -72,13 +73,19 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
         first=len(left),
         later=rounds * size,
         rounds=rounds,
-        first_s=second * sum(request.work for request in left) + (START if left else 0.0),
-        round_s=second * mean * size + START,
+        first_s=second * sum(request.work for request in left)
+        + starts_s(len({request.group for request in left}), workers),
+        round_s=second * mean * size + starts_s(points * len(training.scenes), workers),
         answer_s=ANSWER * len(wanted),
         workers=min(workers, max(len(left), size, 1)),
         fresh=fresh,
         fresh_s=second * mean * fresh + START if fresh else 0.0,
     )
+
+
+def starts_s(groups: int, workers: int) -> float:
+    """Seconds that the starts of ensembles take: runs of each group need one of their own."""
+    return START * ceil(groups / workers)
 
 
 def pace(wanted: dict[str, RunRequest], done: dict[str, float]) -> float:
