@@ -189,18 +189,24 @@ def fill_cell_ghosts(
 
 
 @ti.func
-def serial_cell_ghosts(air: ti.template(), values_out: ti.template(), r):
-    """Ghosts of a cell quantity of one replica without outlets, on one thread."""
+def serial_cell_ghosts(air: ti.template(), quantities_out: ti.template(), r):
+    """Ghosts of several cell quantities of one replica without outlets, on one thread.
+
+    All quantities share three loops: the compiler's time grows with the square of the number of loops.
+    """
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
     for j in range(ny):
         for k in range(nz):
-            fill_cell_ghosts_across(air, values_out, 1, 0, r, j, k)
+            for values_out in ti.static(quantities_out):
+                fill_cell_ghosts_across(air, values_out, 1, 0, r, j, k)
     for i in range(-1, nx + 1):
         for k in range(nz):
-            fill_cell_ghosts_across(air, values_out, 1, 1, r, i, k)
+            for values_out in ti.static(quantities_out):
+                fill_cell_ghosts_across(air, values_out, 1, 1, r, i, k)
     for i in range(-1, nx + 1):
         for j in range(-1, ny + 1):
-            fill_cell_ghosts_z(air, values_out, 1, r, i, j)
+            for values_out in ti.static(quantities_out):
+                fill_cell_ghosts_z(air, values_out, 1, r, i, j)
 
 
 @ti.func

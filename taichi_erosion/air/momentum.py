@@ -158,12 +158,11 @@ def face_value(air: ti.template(), r, low, axis: ti.template(), direction: ti.te
     first, last = values[r, low[0], low[1], low[2]], values[r, high[0], high[1], high[2]]
     value = 0.5 * (first + last)
     if ti.static(air.model.advection == "limited"):
+        upwind, downwind, beyond = last, first, high + step
         if speed > 0.0:
-            behind = far_upwind_velocity(air, r, low - step, axis, direction)
-            value = first + van_leer(first - behind, last - first)
-        else:
-            behind = far_upwind_velocity(air, r, high + step, axis, direction)
-            value = last + van_leer(last - behind, first - last)
+            upwind, downwind, beyond = first, last, low - step
+        behind = far_upwind_velocity(air, r, beyond, axis, direction)
+        value = upwind + van_leer(upwind - behind, downwind - upwind)
     return value
 
 

@@ -161,11 +161,10 @@ def stage_weights(air: ti.template(), number):
 @ti.func
 def open_step(air_out: ti.template(), r):
     """Ghosts from the state of the grid, and a zero exchange budget."""
-    for values_out in ti.static(
-        (air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force)
-    ):
-        serial_cell_ghosts(air_out, values_out, r)
-    serial_cell_ghosts(air_out, air_out.pressure, r)
+    void, coefficient, force = ti.static(
+        air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force
+    )
+    serial_cell_ghosts(air_out, ti.static((void, coefficient, force, air_out.pressure)), r)
     serial_velocity_ghosts(air_out, r)
     serial_columns(reset_exchange, air_out, r)
     air_out.mass_residual[r] = 0.0
@@ -178,8 +177,7 @@ def predict_stage(air_out: ti.template(), r, stage):
         open_step(air_out, r)
     if ti.static(air_out.model.closure != "none"):
         serial_columns(set_eddy_viscosity, air_out, r)
-        serial_cell_ghosts(air_out, air_out.eddy_cell, r)
-        serial_cell_ghosts(air_out, air_out.eddy_face, r)
+        serial_cell_ghosts(air_out, ti.static((air_out.eddy_cell, air_out.eddy_face)), r)
     serial_columns(set_explicit_rates, air_out, r)
     share, now, before = stage_weights(air_out, stage)
     for axis in ti.static(range(3)):
@@ -206,7 +204,7 @@ def correct_stage(air_out: ti.template(), r, stage):
     share, _, _ = stage_weights(air_out, stage)
     serial_stage_columns(correct_column, air_out, r, share)
     serial_velocity_ghosts(air_out, r)
-    serial_cell_ghosts(air_out, air_out.pressure, r)
+    serial_cell_ghosts(air_out, ti.static((air_out.pressure,)), r)
     serial_stage_columns(add_stage_exchange, air_out, r, share)
     if stage == ti.static(len(STAGES[air_out.model.scheme]) - 1):
         serial_columns(store_void_fraction, air_out, r)
