@@ -23,7 +23,7 @@ from taichi_erosion.simulation import (
 )
 
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
-HALF, WHOLE = 0.002, 0.004  # s
+HALF, WHOLE = 0.001, 0.002  # s
 WIND = 0.3  # m s-1, friction velocity
 TURNOVERS = 0.1
 

@@ -245,6 +245,7 @@ def clumps(bodies: int, seed: int) -> Setup:
 
 
 @devices
+@pytest.mark.slow
 def test_heaps_of_clumps_move_as_in_partitions_and_repeat_their_bits(numerics):
     ensemble = [clumps(40, 1), clumps(25, 2)]
     want = run(ensemble, ROLLING, IN_PARTITIONS, WHOLE)
@@ -314,6 +315,7 @@ def test_a_number_that_is_none_stops_its_replica_by_name(numerics):
     assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
 
 
+@pytest.mark.slow
 def test_a_resumed_run_lists_that_grow_and_a_look_at_its_forces_change_no_bit():
     sim = assemble([heap(GRAINS, 1)], ROLLING, replace(ON_CPU, precision="f32"))
     reallocate(sim, replace(sim.capacities, pairs=160, wall_pairs=64))  # the heap wants more
@@ -330,6 +332,7 @@ def test_a_resumed_run_lists_that_grow_and_a_look_at_its_forces_change_no_bit():
     assert fingerprint(snapshot(sim, 0)) == end
 
 
+@pytest.mark.slow
 def test_a_replica_gives_the_same_bits_alone_and_in_company():
     (alone,) = run([heap(GRAINS, 1)], ROLLING, ON_CPU, HALF)
     company = run([heap(GRAINS // 2, 3), heap(GRAINS, 1)], ROLLING, ON_CPU, HALF)

@@ -1,6 +1,6 @@
 """Statistics of the discovery on sealed cases of the closed-form model, and changes that must not change it.
 
-The 3000 cases behind the published table are solved by doe/t0/run.py; here 100 others keep watch. Their
+The 3000 cases behind the published table are solved by doe/t0/run.py; here 50 others keep watch. Their
 bounds lie three binomial sd beyond the targets, so that chance alone seldom breaks them.
 """
 
@@ -22,7 +22,7 @@ from doe.sealed.trial import Trial, marked, opened, seal, sealed
 from taichi_erosion.evidence.data.problem import Candidate, Problem
 
 FAMILY = 5000  # of the cases watched here
-COUNT = 100
+COUNT = 50
 MOST_FALSE = 0.04  # of cases, named for what does not act; t0: 7 of 1393 nulls, 13 of 3000 cases
 SINGLE, NULL = (7, 15), (7, 4)  # family and number of a case with one strong effect, and of one without
 
@@ -69,20 +69,20 @@ def of_kind(cases: list[Marked], kind: str) -> list[Marked]:
 
 def test_nothing_is_named_where_nothing_is_missing(cases):
     nulls = of_kind(cases, "null")
-    assert len(nulls) > 40
+    assert len(nulls) > 15
     assert sum(bool(case.told) for case in nulls) <= MOST_FALSE * len(nulls)
 
 
 def test_hardly_any_name_is_false(cases):
     named = [case for case in cases if case.told]
     false = [case for case in named if not case.told & set(case.truth.effects)]
-    assert len(named) > 20
+    assert len(named) > 10
     assert len(false) <= MOST_FALSE * len(cases)
 
 
 def test_a_strong_distinct_effect_ranks_first(cases):
     strong = [c for c in of_kind(cases, "single") if c.hard.ratio >= STRONG and c.hard.separation >= 3.0]
-    assert len(strong) > 5
+    assert len(strong) > 2
     assert sum(is_top(case) for case in strong) >= below(0.97, len(strong))
 
 

@@ -221,7 +221,7 @@ def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked
 RANGES = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n"
 
 
-@pytest.mark.parametrize("most", [24, 60])
+@pytest.mark.parametrize("most", [24, pytest.param(60, marks=pytest.mark.slow)])
 def test_no_command_and_not_all_of_them_together_pass_the_budget(tmp_path, asked, most):
     path = str(write(tmp_path, 1.5, text=f"{STUDY}{RANGES}[budget]\nruns = {most}\n"))
     for words in (["compare"], ["discover"], ["adopt", "rolling_resistance"], ["next"]):
