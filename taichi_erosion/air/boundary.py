@@ -189,20 +189,27 @@ def fill_cell_ghosts(
 
 
 @ti.func
+def fill_several_across(
+    air: ti.template(), quantities_out: ti.template(), across: ti.template(), r, other, k
+):
+    """Ghosts of several cell quantities beyond the sides along x or y (`across`), without outlets."""
+    for values_out in ti.static(quantities_out):
+        fill_cell_ghosts_across(air, values_out, 1, across, r, other, k)
+
+
+@ti.func
 def serial_cell_ghosts(air: ti.template(), quantities_out: ti.template(), r):
     """Ghosts of several cell quantities of one replica without outlets, on one thread.
 
-    All quantities share three loops: the compiler's time grows with the square of the number of loops.
+    All quantities share three loops: the compiler takes much longer over more loops.
     """
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
     for j in range(ny):
         for k in range(nz):
-            for values_out in ti.static(quantities_out):
-                fill_cell_ghosts_across(air, values_out, 1, 0, r, j, k)
+            fill_several_across(air, quantities_out, 0, r, j, k)
     for i in range(-1, nx + 1):
         for k in range(nz):
-            for values_out in ti.static(quantities_out):
-                fill_cell_ghosts_across(air, values_out, 1, 1, r, i, k)
+            fill_several_across(air, quantities_out, 1, r, i, k)
     for i in range(-1, nx + 1):
         for j in range(-1, ny + 1):
             for values_out in ti.static(quantities_out):
