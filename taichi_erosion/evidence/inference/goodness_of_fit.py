@@ -119,15 +119,28 @@ def structure_p(left: ProjectedResidual, factor: Floats) -> float:
     return float(quadratic_form_p(float(projected @ projected), factor.T @ left.project(factor)))
 
 
+def told_residual(prepared: PreparedProblem, expansion: Expansion, left: ProjectedResidual) -> Floats:
+    """Residual over its sd by which places of a misfit are told, with errors that rows share at their best.
+
+    Beside a number that ends at its bound it is that of the fit as it stands, which figures show: errors that
+    rows share, such as those of an emulator far outside its runs, would do what the number cannot.
+    """
+    if not left.stuck.any():
+        return left.own
+    rows = prepared.rows
+    return np.where(rows.censored, left.own, (rows.z - expansion.mean) / prepared.sd)
+
+
 def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[MisfitPlace, ...]:
     """Every observable as a whole and along each condition, worst first, with its adjusted chance."""
     left, units = projected_residual(prepared, expansion), prepared.problem.measurements.table_units
+    own = told_residual(prepared, expansion, left)
     found: list[tuple[str, str, float, str, tuple[Stretch, ...]]] = []
     for observable, rows in prepared.by_observable():
         if observable.name not in prepared.levels:
             level = rows.astype(float)[:, np.newaxis] / prepared.sd[:, np.newaxis]
             p = structure_p(left, level / np.linalg.norm(level))
-            sign = 1 if float(np.sum(left.own[rows] / prepared.sd[rows])) > 0.0 else -1
+            sign = 1 if float(np.sum(own[rows] / prepared.sd[rows])) > 0.0 else -1
             whole = (Stretch(sign, None, None),)
             found.append((observable.name, LEVEL_AXIS, p, f"{direction(sign)} on average", whole))
         for name, column in prepared.rows.conditions.items():
@@ -137,8 +150,8 @@ def misfit_places(prepared: PreparedProblem, expansion: Expansion) -> tuple[Misf
             values, vectors = np.linalg.eigh(np.exp(-0.5 * squared_distance(axis, LENGTH)))
             factor = np.zeros((prepared.rows.size, axis.size))
             factor[rows] = vectors * np.sqrt(np.maximum(values, 0.0))
-            words = failing_range(name, column[rows], left.own[rows], units)
-            where = failing_stretches(column[rows], left.own[rows])
+            words = failing_range(name, column[rows], own[rows], units)
+            where = failing_stretches(column[rows], own[rows])
             found.append((observable.name, name, structure_p(left, factor), words, where))
     adjusted = holm([p for _, _, p, *_ in found])
     places = [

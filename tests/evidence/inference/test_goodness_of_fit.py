@@ -1,6 +1,8 @@
 """Goodness of fit: chances against closed forms, and the place of a misfit in words."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
     quadratic_form_p,
     rows_table,
     run_from,
+    told_residual,
     worst_row,
 )
 from taichi_erosion.evidence.inference.map_fit import fit_base
@@ -39,6 +42,17 @@ def test_powers_of_what_calibration_leaves_have_the_traces_of_the_whole_matrix()
     matrix = np.eye(7) - basis @ basis.T
     powers = [np.trace(np.linalg.matrix_power(matrix, k)) for k in (1, 2, 3)]
     assert projection_traces(basis) == pytest.approx(tuple(powers))
+
+
+def test_beside_a_number_at_its_bound_places_are_told_as_figures_show_them():
+    rows = SimpleNamespace(z=np.array([2.0, 1.0, 0.5]), censored=np.array([False, False, True]))
+    prepared: Any = SimpleNamespace(rows=rows, sd=np.array([0.5, 0.5, 0.5]))
+    expansion: Any = SimpleNamespace(mean=np.array([1.0, 2.0, 2.0]))
+    shifted = np.array([4.0, 1.0, 0.0])  # by an error that the rows share
+    free: Any = SimpleNamespace(own=shifted, stuck=np.array([False]))
+    stuck: Any = SimpleNamespace(own=shifted, stuck=np.array([True]))
+    assert told_residual(prepared, expansion, free).tolist() == shifted.tolist()
+    assert told_residual(prepared, expansion, stuck).tolist() == [2.0, -2.0, 0.0]
 
 
 def test_holm_multiplies_by_the_tests_that_are_left():
