@@ -48,6 +48,8 @@ class Projection:
 
 def projection(jacobian: Floats, shared: Floats, loose: int = 0) -> Projection:
     """Projection for whitened columns; the first `loose` columns have no prior (strengths of effects)."""
+    if not jacobian.shape[1] + shared.shape[1]:
+        return Projection(np.zeros((jacobian.shape[0], 0)), np.zeros((0, 0)), jacobian.shape[0])
     columns = np.hstack([jacobian, shared])
     prior = np.eye(columns.shape[1])
     prior[:loose] *= 1e-6  # keeps the triangle regular when a signature vanishes
@@ -158,6 +160,8 @@ def working(residual: Floats, reach: Floats | Bools) -> Working:
 
 def censored_terms(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
     """Ln probability, score and curvature of censored values; both ends in the lower tail by symmetry."""
+    if np.all(np.isinf(reach)):
+        return one_sided_terms(u, np.where(reach > 0.0, -1.0, 1.0))
     low = np.where(reach == np.inf, u, np.where(reach == -np.inf, -np.inf, u - np.abs(reach)))
     high = np.where(reach == np.inf, np.inf, np.where(reach == -np.inf, u, u + np.abs(reach)))
     flip = low + high > 0.0
@@ -172,6 +176,15 @@ def censored_terms(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
     return log_share, np.where(flip, -score, score), curvature
 
 
+def one_sided_terms(u: Floats, sign: Floats) -> tuple[Floats, Floats, Floats]:
+    """The same where every value is only below its limit (sign 1) or above it (-1): P = Phi(sign u)."""
+    b = sign * u
+    log_share = special.log_ndtr(b)
+    score = np.exp(-0.5 * b**2 - 0.5 * np.log(2.0 * np.pi) - log_share)
+    ends = np.where(np.isfinite(b), b, 0.0) * score
+    return log_share, sign * score, np.clip(score**2 + ends, 1e-12, 1.0)
+
+
 def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:
     """Ln of the share of a posterior within bounds, number by number, for columns of centres (p, c)."""
     upper, lower = (high - centre) / sd, (low - centre) / sd
@@ -184,6 +197,8 @@ def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:
 
 def log_sum_exp(values: Floats, axis: int | None = None) -> Floats:
     """Ln sum exp without overflow; plain and fast for the small tables used here."""
+    if axis is None and np.isfinite(largest := values.max()):
+        return np.asarray(np.log(np.sum(np.exp(values - largest))) + largest)
     top = np.max(values, axis=axis, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):

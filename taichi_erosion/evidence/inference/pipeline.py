@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import nan
 from typing import Literal
 
@@ -33,6 +34,7 @@ from taichi_erosion.evidence.inference.robustness.error_accounts import (
     ErrorAccount,
     Reference,
     error_accounts,
+    evidence_by_factor,
     reference_evidence,
 )
 from taichi_erosion.evidence.inference.screen import Screen, screen
@@ -71,9 +73,21 @@ class FittedHypotheses:
         """Every explanation with its evidence."""
         return refit.hypotheses(self.prepared, self.base, self.screened, self.ranking, self.refits)
 
+    @cached_property
     def posterior(self) -> Posterior:
         """Probabilities of all explanations."""
         return posterior_of(self.prepared, self.listed())
+
+    @cached_property
+    def linear_evidence(self) -> list[Floats]:
+        """Ln evidence by noise factor of the bare model and of all refits, linear about their fits.
+
+        That of a hypothesis whose model fails is as it was scored.
+        """
+        return [
+            evidence_by_factor(self.prepared, item.expansion) if item.usable else item.scored.log_evidence
+            for item in (self.base, *self.refits)
+        ]
 
     def of(self, names: tuple[str, ...]) -> FittedHypothesis:
         """The fit of a set; the bare model where it was not fitted."""
@@ -361,7 +375,7 @@ def account(
     progress("weighing the evidence", 0.9)
     refits = list(search.found.values())
     fitted = FittedHypotheses(prepared, base, screened, ranking, refits, family, search)
-    posterior = fitted.posterior()
+    posterior = fitted.posterior
     test = familywise_test(prepared, screened, noise_draws(prepared, posterior, seed), seed)
     p_misfit, places = misfit_p(prepared, expansion), misfit_places(prepared, expansion)
     return Account(fitted, posterior, test, p_misfit, places, tuple(warnings))
@@ -448,7 +462,7 @@ def seed_stability(fitted: FittedHypotheses, decision: Decision) -> tuple[float,
     scoring = fitted.prepared.seeds.scoring
     agree = against = 0
     for seeds in (scoring[: scoring.size // 2], scoring[scoring.size // 2 :]):
-        probability = fitted.rescored(seeds).posterior().probability
+        probability = fitted.rescored(seeds).posterior.probability
         top = max(probability, key=lambda key: probability[key])
         same = bool(decision.accepted & set(top.split("+")))
         agree += same

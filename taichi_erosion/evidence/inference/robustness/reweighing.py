@@ -85,23 +85,25 @@ def shortened(prepared: PreparedProblem, kept: Bools) -> PreparedProblem:
 
 def changed(fitted: FittedHypotheses, change: Change) -> FittedHypotheses:
     """All hypotheses after a change."""
-    inclusion = fitted.posterior().inclusion
-    found = []
-    for item in (fitted.base, *fitted.refits):
+    inclusion = fitted.posterior.inclusion
+    found, old = list[FittedHypothesis](), [fitted.base, *fitted.refits]
+    for item, evidence in zip(old, fitted.linear_evidence, strict=True):
         likely = not item.names or inclusion.get(item.names[0], 0.0) > levels.REPORTED_RIVAL
         rival = likely and len(item.names) < 2  # a remainder beside an unlikely effect is the one beside none
-        found.append(linear(change, item, rival))
-    old = [fitted.base, *fitted.refits]
+        found.append(linear(change, item, evidence, rival))
     base, *refits = trusted(change, old, found, max(len(fitted.screened.signatures), 1))
     return replace(fitted, prepared=change.now, base=base, refits=refits, family=change.family)
 
 
-def linear(change: Change, item: FittedHypothesis, rival: bool) -> FittedHypothesis:
-    """A hypothesis after a change, in its linear expansion; a rival has a remainder beside it."""
-    if not item.usable:
-        return item
+def linear(change: Change, item: FittedHypothesis, before: Floats, rival: bool) -> FittedHypothesis:
+    """A hypothesis after a change, in its linear expansion; a rival has a remainder beside it.
+
+    `before` is its ln evidence in that expansion before the change.
+    """
     expansion = expansion_after(change, item.expansion)
-    more = evidence_by_factor(change.now, expansion) - evidence_by_factor(change.before, item.expansion)
+    if not item.usable:
+        return replace(item, scored=replace(item.scored, expansion=expansion))
+    more = evidence_by_factor(change.now, expansion) - before
     scored = ScoredHypothesis(expansion, item.scored.likelihoods, item.scored.log_evidence + more)
     gain = np.full(item.gain.size, -np.inf)
     return FittedHypothesis(scored, discrepancy_gain(change.now, expansion, change.family) if rival else gain)

@@ -50,8 +50,8 @@ class Variant:
 
         A study that declares no shared error is weighed so too.
         """
-        stated = self.fitted.posterior()
-        other = None if self.freed is None else self.freed.posterior()
+        stated = self.fitted.posterior
+        other = None if self.freed is None else self.freed.posterior
         if other is None or other.probability[OUTSIDE] > levels.LEVEL_ODDS:
             return stated
         return other if level_share(stated.log_total, other.log_total) > levels.LEVEL_ODDS else stated

@@ -89,10 +89,10 @@ def test_a_hypothesis_that_a_linear_step_misleads_is_fitted_again():
 def test_rows_that_are_left_out_say_nothing_on_the_noise():
     whole = fitted(curved_problem({"bend": 3.0}))
     gone = np.arange(COUNT) < COUNT // 2
-    weight = without_rows(whole, gone).posterior().noise_weight
+    weight = without_rows(whole, gone).posterior.noise_weight
     table = curved_problem({"bend": 3.0}).measurements.rows(~gone)
     anew = fitted(replace(curved_problem({"bend": 3.0}), measurements=table))
-    assert weight == pytest.approx(anew.posterior().noise_weight, abs=0.01)
+    assert weight == pytest.approx(anew.posterior.noise_weight, abs=0.01)
 
 
 def test_a_wider_tolerance_gives_the_evidence_of_the_study_that_declares_it():
@@ -103,3 +103,14 @@ def test_a_wider_tolerance_gives_the_evidence_of_the_study_that_declares_it():
     cheap = evidence(reweighed(whole, whole.prepared.with_rows(prepared.rows)))
     anew = evidence(fitted(wide))
     assert cheap[("bend",)] - cheap[()] == pytest.approx(anew[("bend",)] - anew[()], abs=0.1)
+
+
+def test_a_hypothesis_whose_model_fails_stays_without_a_probability():
+    whole = fitted(curved_problem({"bend": 3.0}))
+    failed = whole.of(("rise",))
+    nowhere = replace(failed.expansion, mean=np.full(COUNT, np.nan))
+    scored = replace(failed.scored, expansion=nowhere, likelihoods=(), log_evidence=np.full(10, -np.inf))
+    refits = [replace(each, scored=scored) if each is failed else each for each in whole.refits]
+    left = without_rows(replace(whole, refits=refits), np.arange(COUNT) < 6)
+    assert left.posterior.probability["rise"] == 0.0
+    assert left.posterior.probability["bend"] > 0.9

@@ -37,7 +37,7 @@ def test_a_row_left_out_gives_the_probabilities_of_the_table_without_it():
     cheap = without_rows(whole.fitted, rows)
     shorter = replace(problem, measurements=problem.measurements.rows(~rows))
     anew = account(prepare(shorter, shorter.measurements, 1), 1, no_progress)
-    one, other = cheap.posterior().probability, anew.posterior.probability
+    one, other = cheap.posterior.probability, anew.posterior.probability
     assert abs(whole.posterior.probability["bend"] - other["bend"]) > 0.01, "the row matters"
     assert one["bend"] == pytest.approx(other["bend"], abs=0.02)
     assert one["none"] == pytest.approx(other["none"], abs=0.02)
@@ -50,7 +50,7 @@ def test_wider_priors_give_the_probabilities_of_the_study_that_states_them():
         problem, candidates=tuple(replace(c, prior_scale=2.0 * c.prior_scale) for c in problem.candidates)
     )
     anew = account(prepare(wide, wide.measurements, 1), 1, no_progress)
-    one = with_prior_scales(whole.fitted, 2.0).posterior().probability
+    one = with_prior_scales(whole.fitted, 2.0).posterior.probability
     assert one["bend"] == pytest.approx(anew.posterior.probability["bend"], abs=0.02)
 
 

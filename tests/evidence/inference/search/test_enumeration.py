@@ -54,7 +54,7 @@ def test_a_set_that_was_left_out_is_fitted_after_all(fitted):
 
 
 def test_shares_of_effects_lie_within_that_of_all_sets(fitted):
-    share = unvisited_share(fitted.search, fitted.screened, fitted.base, fitted.posterior().log_all)
+    share = unvisited_share(fitted.search, fitted.screened, fitted.base, fitted.posterior.log_all)
     assert 0.0 < share[""] < 1.0
     assert all(value <= share[""] for value in share.values())
     assert sum(value for name, value in share.items() if name) >= 2.0 * share[""], "sets of two or more"
