@@ -207,8 +207,8 @@ def acting_forces(
 
 
 def adhesion(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:
-    """Kok & Renno (2009): beta d between equal grains, twice that at a plane."""
-    return 2.0 * params.beta * stream.diameter, 0.0
+    """Kok & Renno (2009): beta d for a grain, shared by three contacts in a pocket; a plane pulls twice."""
+    return 2.0 * params.beta * stream.diameter / sqrt(6.0), 0.0
 
 
 def bridge(params: Any, conditions: dict[str, float], mass: float, stream: Stream) -> tuple[float, float]:

@@ -25,8 +25,12 @@ SIDE, GRAINS = 14.0, 784  # of the patch in diameters: four grains on the square
 FIRST = 0.07  # of sqrt((s - 1) g d), from where winds grow [1]
 FORCES = ("near_wall_drag", "rotational_drag", "shear_lift", "turbulent_gusts", "dry_adhesion")
 WITH, HINDERED, BARE = "forces", "hindered", "bare"  # kinds of cases
+WHOLE, LONGER = "whole", "longer"  # as HINDERED, with the adhesion of a whole grain; and watched for longer
+EACH = "effects.dry_adhesion.contacts=1"  # the pull of a whole grain in every contact, as first simulated
 LAW = 'wind.drag="two_limits_hindered"'
 DIAMETERS = (1.0, 0.5, 0.25, 0.15, 0.1)  # mm
+SOME = (1.0, 0.25, 0.1)  # mm, of WHOLE and LONGER
+HOLD = 1.5  # s, in which a bed may start of LONGER; of the others, 0.3 s
 BEDS, FEWER = 5, 3  # of a case
 FINE = 0.2  # mm, below which steps are so short that beds are fewer
 KEPT = 1  # rounds of bisection after the step of six percent
@@ -47,7 +51,8 @@ class Bed:
 
 def names() -> list[str]:
     """All cases, in the order in which they are simulated."""
-    return [f"{kind}/{size:g}" for kind in (HINDERED, WITH, BARE) for size in DIAMETERS]
+    sizes = dict.fromkeys((HINDERED, WITH, BARE), DIAMETERS) | dict.fromkeys((WHOLE, LONGER), SOME)
+    return [f"{kind}/{size:g}" for kind in sizes for size in sizes[kind]]
 
 
 def case_of(name: str) -> Case:
@@ -65,9 +70,11 @@ def case_of(name: str) -> Case:
         f"threshold.first={first:.4g}",
         f"threshold.levels={KEPT}",
         *(f"effects.{effect}.strength=1" for effect in (FORCES if kind != BARE else ())),
-        *((LAW,) if kind == HINDERED else ()),
+        *((EACH,) if kind in (WITH, HINDERED) else ()),
+        *((LAW,) if kind in (HINDERED, WHOLE, LONGER) else ()),
+        *((f"threshold.hold={HOLD:g}",) if kind == LONGER else ()),
     )
-    return Case("fluid", name, settings(*orders), FEWER if float(size) < FINE else BEDS)
+    return Case("fluid", name, settings(*orders), FEWER if float(size) < FINE or kind == LONGER else BEDS)
 
 
 def simulate(name: str) -> list[Bed]:
