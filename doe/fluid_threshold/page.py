@@ -12,7 +12,8 @@ import numpy as np
 import scipy
 
 from doe.common.cases import ROOT
-from doe.fluid_threshold.cases import BARE, FOLDER, HINDERED, MILLI, SIDE, WITH, Bed
+from doe.fluid_threshold.balance import QUESTIONS, SHARES, SIZES, Start, read_starts
+from doe.fluid_threshold.cases import BARE, FOLDER, HINDERED, LONGER, MILLI, SIDE, SOME, WHOLE, WITH, Bed
 from doe.wind.blown_sand import OURS, THEIRS
 from doe.wind.shares import paired_ratio, shown
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
@@ -26,13 +27,15 @@ PICTURE = ROOT / "docs" / "pictures" / "fluid_threshold.png"
 KINDS = {WITH: "drag of a grain alone", HINDERED: "drag among others"}
 VISCOSITY = 1.46e-5  # m2 s-1, of the scene's air
 COHESION = 6e-7  # kg m^0.5 s-2, of Iversen & White
-HOLD, SHARE, LONGER = 0.3, 0.01, 5.0  # s; share of the surface grains; s of a tunnel's watch
+HOLD, SHARE, TUNNEL = 0.3, 0.01, 5.0  # s; share of the surface grains; s of a tunnel's watch
 FLOOR = 1.0  # m2
 
 Found = Mapping[str, Mapping[int, Bracket]]  # brackets by case and seed
 
 
-def iversen_white(diameter: float, density: float = 2650.0, air: float = 1.225) -> float:
+def iversen_white(
+    diameter: float, density: float = 2650.0, air: float = 1.225, cohesion: float = COHESION
+) -> float:
     """Fluid threshold [m s-1] of Iversen & White (1982), fitted to tunnels; diameter in m, densities kg m-3.
 
     u* = A sqrt(s g d), A by ranges of Re* = u* d / nu and with K = 0.006 g cm^0.5 s-2 for cohesion
@@ -41,7 +44,7 @@ def iversen_white(diameter: float, density: float = 2650.0, air: float = 1.225) 
         A = 0.129 f / sqrt(1.928 Re*^0.092 - 1)                Re* < 10
         A = 0.12 f (1 - 0.0858 exp(-0.0617 (Re* - 10)))        else,     f = sqrt(1 + K / (rho_s g d^2.5))
     """
-    factor = sqrt(1.0 + COHESION / (density * GRAVITY * diameter**2.5))
+    factor = sqrt(1.0 + cohesion / (density * GRAVITY * diameter**2.5))
 
     def excess(wind: float) -> float:
         reynolds = wind * diameter / VISCOSITY
@@ -81,7 +84,7 @@ def longer_watch(found: Found, case: str) -> str:
     diameter = MILLI * float(case.split("/")[1])
     area = (SIDE * diameter) ** 2
     patch = Watch(area, HOLD, max(1, int(np.ceil(SHARE * SIDE**2))))
-    asked = Watch(FLOOR, LONGER, round(SHARE * FLOOR / diameter**2))
+    asked = Watch(FLOOR, TUNNEL, round(SHARE * FLOOR / diameter**2))
     return shown(criterion_threshold("threshold", list(found[case].values()), patch, asked))
 
 
@@ -110,10 +113,58 @@ def size_table(found: Found) -> str:
     return markdown_table(header, rows)
 
 
+def changes_table(found: Found) -> str:
+    """Threshold with adhesion shared by the contacts, and with five times the watch, bed by bed."""
+    header = (
+        "d [mm]",
+        "Iversen & White: u* [m/s]",
+        "adhesion in every contact: u* [m/s]",
+        "shared by contacts",
+        "over that, bed by bed",
+        "and 1.5 s in which a bed may start",
+        "over 0.3 s, bed by bed",
+        "difference from the curve",
+    )
+    rows = []
+    for size in sorted(SOME):
+        curve, cases = iversen_white(MILLI * size), [f"{kind}/{size:g}" for kind in (HINDERED, WHOLE, LONGER)]
+        each, whole, longer = (pooled(found, case) for case in cases)
+        beds = [beds_of_sizes(found, case.split("/")[0], [size]) for case in cases]
+        last = longer or whole
+        rows.append((
+            f"{size:g}", f"{curve:.3f}", shown(each) if each else "", shown(whole) if whole else "",
+            ratio_of(beds[1], beds[0]), shown(longer) if longer else "", ratio_of(beds[2], beds[1]),
+            f"{100.0 * (last.value / curve - 1.0):+.0f} %" if last else "",
+        ))  # fmt: skip
+    return markdown_table(header, rows)
+
+
+def balance_table(starts: Sequence[Start]) -> str:
+    """Winds in which shares of the surface grains can tip, and over the curve without its cohesion."""
+    known = {(one.question, one.diameter, one.share): one.wind for one in starts}
+    header = ["what acts", "share of the surface grains", *(f"{size:g} mm: u* [m/s]" for size in SIZES)]
+    plain = [iversen_white(MILLI * size, cohesion=0.0) for size in SIZES]
+    rows = [["Iversen & White", "", *(f"{iversen_white(MILLI * size):.3f}" for size in SIZES)]]
+    rows.append(["the same without cohesion", "", *(f"{wind:.3f}" for wind in plain)])
+    for asked in QUESTIONS if starts else ():
+        for share in SHARES:
+            winds = [known[asked.name, size, share] for size in SIZES]
+            rows.append([asked.name, f"{100.0 * share:g} %", *(f"{wind:.3f}" for wind in winds)])
+            if asked.name == QUESTIONS[0].name:
+                ratios = [f"{wind / bare:.2f}" for wind, bare in zip(winds, plain, strict=True)]
+                rows.append(["over the curve without cohesion", "", *ratios])
+    return markdown_table(header, rows)
+
+
 def ratio_cell(found: Found, sizes: Sequence[float]) -> str:
     """Threshold under the drag of grains among others over that of a grain alone, over beds of both."""
     hindered, alone = (beds_of_sizes(found, kind, sizes) for kind in (HINDERED, WITH))
-    ratio, factor, count = paired_ratio(hindered, alone)
+    return ratio_of(hindered, alone)
+
+
+def ratio_of(above: Mapping[tuple[float, int], Bracket], below: Mapping[tuple[float, int], Bracket]) -> str:
+    """Ratio of thresholds of the same beds with its interval; empty for fewer than two beds."""
+    ratio, factor, count = paired_ratio(above, below)
     return f"{ratio:.2f} ({ratio / factor:.2f} to {ratio * factor:.2f})" if count > 1 else ""
 
 
@@ -153,5 +204,9 @@ def draw(beds: Sequence[Bed], file: Path = PICTURE) -> None:
 def publish(beds: Sequence[Bed], page: Path = PAGE) -> None:
     """Fill the table of the page."""
     found = found_in(beds)
-    tables = {"sizes": size_table(found)}
+    tables = {
+        "sizes": size_table(found),
+        "changes": changes_table(found),
+        "balance": balance_table(read_starts()),
+    }
     page.write_text(fill_tables(page.read_text(encoding="utf-8"), tables), encoding="utf-8")

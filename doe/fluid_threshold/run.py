@@ -6,10 +6,10 @@ python -m doe.fluid_threshold.run --page     only the table of README.md and the
 
 `scenes/wind_threshold.toml` with nearly uniform quartz instead of the published soil: sizes, stiffness and
 patch in diameters, the time until grains sleep with the root of the diameter. `forces` are drag near the
-wall, torque of the shear, lift, gusts and dry adhesion, the pull of a whole grain in every contact; `hindered` has these and the law of drag for grains
-among others, `two_limits_hindered`; `whole` has this law and adhesion at its published size, which the contacts
-of a grain share; `longer` has that and 1.5 s in which a bed may start, in place of 0.3 s; `bare` has drag
-alone. All cases have the same seeds.
+wall, torque of the shear, lift, gusts and dry adhesion, with the pull of a whole grain in every contact;
+`hindered` has these and the law of drag for grains among others, `two_limits_hindered`; `whole` has this law
+and adhesion at its published size, which the contacts of a grain share; `longer` has that and 1.5 s in which
+a bed may start in place of 0.3 s; `bare` has drag alone. All cases have the same seeds.
 """
 
 from collections.abc import Sequence

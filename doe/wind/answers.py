@@ -5,10 +5,11 @@
 with d the diameter [m], s the density of the grains over that of the air [1], A and A_e the simulated numbers
 without an effect and with it at textbook strength, psi_e its strength [1]. Their logarithms are straight in
 ln d between simulated sands. Beyond the sands that were simulated with it an effect does what it does at the
-last of them; adhesion fades there with pull over weight, as d^-2. That light grains need the root of s - 1 is
-what one of them, simulated by itself, confirms within 8 %. Three errors of the laboratory need no run: grains
-of another diameter than their sieve's, of another density than is stated, and a friction velocity that is
-read wrongly.
+last of them; adhesion fades there with pull over weight, as d^-2. Sands with adhesion were simulated with the
+pull of a whole grain in every contact, sqrt(6) times that of `dry_adhesion` at strength 1: psi counts in such
+pulls. That light grains need the root of s - 1 is what one of them, simulated by itself, confirms within 8 %.
+Three errors of the laboratory need no run: grains of another diameter than their sieve's, of another density
+than is stated, and a friction velocity that is read wrongly.
 
 Studies name it: `model = "wind.answers:predict"`. How far the lines through few winds leave the sands open
 is its covariance.
