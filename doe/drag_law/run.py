@@ -14,6 +14,7 @@ from doe.drag_law.claims import LAWS, Line, read_lines
 from doe.drag_law.decide import NEITHER, Judged, becomes_default, judged
 from doe.drag_law.loads import load_table, read_loads
 from doe.drag_law.measures import NORMAL, measures
+from doe.drag_law.tipping import read_tips, tip_table
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 
@@ -93,6 +94,7 @@ def tables() -> dict[str, str]:
         "measures": summary_table(found),
         "rows": row_table(found),
         "loads": load_table(read_loads()),
+        "tipping": tip_table(read_tips()),
         "claims": claim_table(read_lines()),
     }
 

@@ -35,6 +35,11 @@ SOIL = "published soil"
 WINDS = np.geomspace(0.1, 1.2, 8)  # m s-1
 SPAN = 0.19  # diameters beyond a grain, over which its shear is taken
 MOVED = 2  # grains that make a start
+NAMES = ("drag near the wall", "torque of the shear", "lift")
+SETS = {
+    kind: ", ".join(name for name, acts in zip(NAMES, kind, strict=True) if acts) or "none"
+    for kind in product((False, True), repeat=3)
+}
 
 
 @dataclass(frozen=True)
@@ -43,9 +48,7 @@ class Tip:
 
     seed: int
     law: str
-    wall: bool
-    torque: bool
-    lift: bool
+    forces: str  # beside drag and gusts
     wind: float  # m s-1, in which the second grain begins to tip
 
 
@@ -98,7 +101,7 @@ def works(bed: Bed, friction: float, law: str, peak: float) -> dict[tuple[bool, 
     free = 6.0 * np.pi * AIR * VISCOSITY * radius * gust * speed * (1.0 + 0.15 * reynolds**0.687)
     weight = (QUARTZ - AIR) * GRAVITY * 4.0 / 3.0 * np.pi * radius**3
     found = {}
-    for kind in product((False, True), repeat=3):
+    for kind in SETS:
         sides = (
             drag * (near / np.maximum(free, 1e-30) if kind[0] else 1.0),
             torque * kind[1],
@@ -125,9 +128,9 @@ def tips(bed: Bed, seed: int, law: str) -> Iterator[Tip]:
     """The wind of every set of forces over one bed."""
     peak = gust_peak(SHORT, bed.unit)
     found = [works(bed, float(wind), law, peak) for wind in WINDS]
-    for kind in product((False, True), repeat=3):
+    for kind, label in SETS.items():
         second = [float(np.sort(one[kind])[-MOVED]) for one in found]
-        yield Tip(seed, law, *kind, exp(float(np.interp(0.0, second, np.log(WINDS)))))
+        yield Tip(seed, law, label, exp(float(np.interp(0.0, second, np.log(WINDS)))))
 
 
 def all_tips() -> Iterator[Tip]:
@@ -145,11 +148,9 @@ def tip_table(found: Sequence[Tip]) -> str:
     """Geometric means over beds, and their ratio."""
     header = ("forces beside drag and gusts", *(f"{law}: u* [m/s]" for law in LAWS), "ratio, bed by bed")
     rows = []
-    for kind in product((False, True), repeat=3):
-        names = ("drag near the wall", "torque of the shear", "lift")
-        label = ", ".join(name for name, acts in zip(names, kind, strict=True) if acts) or "none"
+    for label in SETS.values():
         winds = [
-            [log(one.wind) for one in found if one.law == law and (one.wall, one.torque, one.lift) == kind]
+            [log(one.wind) for one in found if one.law == law and one.forces == label]
             for law in (ALONE, HINDERED)
         ]
         apart = np.subtract(winds[1], winds[0])
