@@ -113,7 +113,9 @@ def gust_peak(watch: float, diameter: float, seed: int = 1) -> float:
     return float(np.median((sums[wait:] - sums[:-wait]).max(axis=0) / wait))
 
 
-def excess(grains: Sequence[Loose], diameter: float, friction: float, peak: float | None, asked: Question):
+def excess(
+    grains: Sequence[Loose], diameter: float, friction: float, peak: float | None, asked: Question
+) -> Floats:
     """Work of the air less that of what holds, in the easiest rotation of each grain, over its weight [1]."""
     height, radius = (
         diameter * np.array([getattr(g, name) for g in grains]) for name in ("height", "radius")

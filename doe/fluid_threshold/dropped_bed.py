@@ -6,6 +6,7 @@ used. Lengths are in mean diameters; the patch is periodic.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +55,9 @@ def dropped(side: float, seed: int) -> tuple[Floats, Floats]:
     return centres, radii
 
 
-def rolled(lying: Floats, radii: Floats, radius: float, side: float, rng) -> tuple[Floats, float]:
+def rolled(
+    lying: Floats, radii: Floats, radius: float, side: float, rng: np.random.Generator
+) -> tuple[Floats, float]:
     """Place and height at which a sphere comes to rest."""
     place, step = side * rng.random(2), START
     turn = 2.0 * np.pi * np.arange(WAYS) / WAYS
@@ -73,7 +76,7 @@ def rolled(lying: Floats, radii: Floats, radius: float, side: float, rng) -> tup
     return place, float(height)
 
 
-def close_to(lying: Floats, place: Floats, side: float) -> Floats:
+def close_to(lying: Floats, place: Floats, side: float) -> Any:
     """Which spheres can touch one near a place."""
     apart = lying[:, :2] - place
     apart -= side * np.round(apart / side)
