@@ -20,8 +20,12 @@ from taichi_erosion.evidence.data.problem import (
     Measurements,
     Observable,
     Problem,
+    rows_picked,
 )
 from taichi_erosion.evidence.data.transforms import slope, to_scale
+
+ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope", "stated")
+ROW_WISE += ("condition_sd", "heaps")  # fields with one entry for each row, beside shared errors
 
 
 @dataclass(frozen=True)
@@ -102,23 +106,10 @@ class ComparisonRows:
         """Some of the rows."""
         index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         shared = self.shared[index]
-        return replace(
-            self,
-            which=self.which[index],
-            z=self.z[index],
-            variance=self.variance[index],
-            censored=self.censored[index],
-            reach=self.reach[index],
-            shared=shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0],
-            conditions={name: column[index] for name, column in self.conditions.items()},
-            group=tuple(self.group[i] for i in index),
-            source=tuple(self.source[i] for i in index),
-            slope=self.slope[index],
-            stated=self.stated[index],
-            condition_sd={name: column[index] for name, column in self.condition_sd.items()},
-            heaps=tuple(self.heaps[i] for i in index) if self.heaps else (),
-            covariance=None if self.covariance is None else self.covariance[np.ix_(index, index)],
-        )
+        found = rows_picked({name: getattr(self, name) for name in ROW_WISE}, index)
+        found["shared"] = shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0]
+        found["covariance"] = None if self.covariance is None else self.covariance[np.ix_(index, index)]
+        return replace(self, **found)
 
 
 def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:

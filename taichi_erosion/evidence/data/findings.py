@@ -1,13 +1,11 @@
 """Findings of an evidence study: one record per answer. Its document, text and page are rendered from it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nan
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
-from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.data.problem import Bools, Floats, rows_picked
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.data.fresh_findings import FreshCheck
@@ -111,23 +109,7 @@ class Rows:
 
     def select(self, chosen: Bools) -> "Rows":
         """Some rows of the table."""
-        kept = np.flatnonzero(chosen)
-        return Rows(
-            observable=tuple(self.observable[i] for i in kept),
-            group=tuple(self.group[i] for i in kept),
-            conditions={name: column[kept] for name, column in self.conditions.items()},
-            measured=self.measured[kept],
-            measured_sd=self.measured_sd[kept],
-            predicted=self.predicted[kept],
-            predicted_sd=self.predicted_sd[kept],
-            residual=self.residual[kept],
-            residual_error=self.residual_error[kept],
-            model_sd=self.model_sd[kept],
-            shift=self.shift[kept],
-            limit=tuple(self.limit[i] for i in kept) if self.limit else (),
-            low=tuple(self.low[i] for i in kept) if self.low else (),
-            high=tuple(self.high[i] for i in kept) if self.high else (),
-        )
+        return replace(self, **rows_picked(vars(self), chosen))
 
 
 @dataclass(frozen=True)

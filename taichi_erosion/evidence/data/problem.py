@@ -31,6 +31,22 @@ def row_count(conditions: Conditions) -> int:
     return next((column.size for column in conditions.values()), 1)
 
 
+def rows_picked(columns: Mapping[str, Any], chosen: Integers | Bools) -> dict[str, Any]:
+    """Columns restricted to some rows: arrays, tuples, and tables of columns; anything else as it is."""
+    index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
+
+    def picked(column: Any) -> Any:
+        if isinstance(column, np.ndarray):
+            return column[index]
+        if isinstance(column, tuple):
+            return tuple(column[row] for row in index) if column else ()
+        return (
+            {name: picked(each) for name, each in column.items()} if isinstance(column, Mapping) else column
+        )
+
+    return {name: picked(column) for name, column in columns.items()}
+
+
 Record = TypeVar("Record")
 
 
@@ -78,25 +94,7 @@ class Measurements:
 
     def rows(self, chosen: Integers | Bools) -> "Measurements":
         """The table restricted to some rows, in the order given."""
-        index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
-        return Measurements(
-            observable=tuple(self.observable[i] for i in index),
-            value=self.value[index],
-            sd=self.sd[index],
-            n=self.n[index],
-            group=tuple(self.group[i] for i in index),
-            unit=tuple(self.unit[i] for i in index),
-            conditions={name: column[index] for name, column in self.conditions.items()},
-            censored=self.censored[index],
-            limit=self.limit[index],
-            source=tuple(self.source[i] for i in index),
-            table_units=self.table_units,
-            reach=None if self.reach is None else self.reach[index],
-            condition_sd={name: column[index] for name, column in self.condition_sd.items()},
-            condition_set=self.condition_set,
-            drawn=tuple(self.drawn[i] for i in index) if self.drawn else (),
-            heap=tuple(self.heap[i] for i in index) if self.heap else (),
-        )
+        return replace(self, **rows_picked(vars(self), chosen))
 
     @property
     def reaches(self) -> Floats:

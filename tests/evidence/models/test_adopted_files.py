@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.findings import FIGURES, Adoption, Estimate, HypothesisFit, Rows
+from taichi_erosion.evidence.data.findings import Adoption, Estimate, HypothesisFit, Rows
 from taichi_erosion.evidence.data.problem import Candidate
 from taichi_erosion.evidence.models.adopted_files import write_adopted_files
 from taichi_erosion.run.checks import read_scene
@@ -21,7 +21,7 @@ measurements = "heap.csv"  # from March
 [observables.repose_angle]
 scene = "heap.toml"
 """
-NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * len(FIGURES))
+NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 8)
 
 
 def study_in(folder: Path, name: str) -> SimpleNamespace:
