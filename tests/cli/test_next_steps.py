@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.cli import next_steps
+from taichi_erosion.cli.main import main
 from taichi_erosion.cli.next_steps import (
     after_adoption,
     after_comparison,
@@ -142,3 +143,12 @@ def test_proposed_experiments_lead_back_to_the_table():
         next(after_next(document)) == "Add the new rows to a.csv, and give `./erosion discover a.toml` again."
     )
     assert list(after_next(document | {"next_experiments": []})) == []
+
+
+def test_a_new_effect_file_leads_to_its_check(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["effects", "new", "crust_glue"]) == 0
+    assert (
+        "`./erosion effects crust_glue --effect crust_glue.py` shows and checks it."
+        in capsys.readouterr().err
+    )

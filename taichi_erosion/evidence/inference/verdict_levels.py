@@ -58,6 +58,7 @@ UNRESOLVED_NOISE = 0.7  # share of noise in a signature from which it is not use
 NOISE_LIMIT = 0.1  # share of noise in a signature from which more seeds are needed
 
 EFFECTIVE = 0.5  # prior sd by which effects move a number, from which it is read as effective
+NEAR_START = 1.0  # prior sd from its start, within which a number that effects moved back is not effective
 UNIDENTIFIED = 0.9  # share of the interval of its prior, from which a number is not identified
 CORRELATED = 0.9  # correlation of two numbers from which it is told: sd of either given the other below 0.44
 INTERVAL_TAIL = 0.05  # to either side; t0: such intervals hold 0.920 of strengths, 0.889 of parameters

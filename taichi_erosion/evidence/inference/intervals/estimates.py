@@ -137,8 +137,11 @@ def calibrated_numbers(
         if axis.name in found and mixture is not None:
             low, high = (axis_value(axis, end) for end in ends(mixture))
             moved = nan if bare is None else float(final.fit.x[index] - bare[index])
+            returned = bare is not None and abs(final.fit.x[index]) < min(abs(bare[index]), levels.NEAR_START)
             number = spanning(found[axis.name], min(low, high), max(low, high))
-            found[axis.name] = remarked(number, moved, prior_share(axis, mixture), final.names)
+            found[axis.name] = remarked(
+                number, moved, prior_share(axis, mixture), final.names, bool(returned)
+            )
     return found
 
 
@@ -149,14 +152,21 @@ def prior_share(axis: Axis, mixture: Mixture) -> float:
     return float((high - low) / max(most - least, 1e-300))
 
 
-def remarked(number: Estimate, moved: float, share: float, names: tuple[str, ...]) -> Estimate:
-    """The estimate with what its prior and its way from the bare model say of it."""
+def remarked(
+    number: Estimate, moved: float, share: float, names: tuple[str, ...], returned: bool = False
+) -> Estimate:
+    """The estimate with what its prior and its way from the bare model say of it.
+
+    `returned`: effects have moved it back to near its start.
+    """
     words = []
     if share >= levels.UNIDENTIFIED:
         words.append("not identified by these measurements: the interval is about as wide as its prior")
     if abs(moved) >= levels.EFFECTIVE:
         entered = "when " + " and ".join(names) + " entered"
-        words.append(f"moved by {abs(moved):.2g} prior sd {entered}: read it as an effective number")
+        told = "back to near its start: before, it stood in for what was missing"
+        told = f", {told}" if returned else ": read it as an effective number"
+        words.append(f"moved by {abs(moved):.2g} prior sd {entered}{told}")
     return replace(number, moved=moved, prior_share=share, remark="; ".join(words))
 
 

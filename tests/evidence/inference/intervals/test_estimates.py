@@ -53,6 +53,9 @@ def test_a_number_that_an_effect_moved_is_read_as_effective():
     number = Estimate(1.0, 0.9, 1.1, False)
     moved = remarked(number, -0.8, 0.1, ("rise",))
     assert moved.remark == "moved by 0.8 prior sd when rise entered: read it as an effective number"
+    back = remarked(number, -4.0, 0.1, ("rise",), returned=True)
+    way = "moved by 4 prior sd when rise entered, back to near its start"
+    assert back.remark == f"{way}: before, it stood in for what was missing"
     assert remarked(number, 0.2, 0.1, ("rise",)).remark == ""
     assert remarked(number, np.nan, 0.1, ()).remark == ""
 
