@@ -36,13 +36,7 @@ from taichi_erosion.evidence.inference import goodness_of_fit
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.confounding import absorbed_by, confounded_effects
 from taichi_erosion.evidence.inference.cross_validation import ScoreGain
-from taichi_erosion.evidence.inference.doses.mechanism_search import (
-    after_challenge,
-    beyond_list,
-    challenge,
-    missing,
-    named,
-)
+from taichi_erosion.evidence.inference.doses.mechanism_search import beyond_list, challenge, missing, named
 from taichi_erosion.evidence.inference.doses.named_strength import nearest_trend, strength_trend
 from taichi_erosion.evidence.inference.familywise_test import power
 from taichi_erosion.evidence.inference.intervals.estimates import (
@@ -215,8 +209,7 @@ def with_beyond(found: Analysis) -> tuple[Analysis, dict[str, Any]]:
         trend = nearest_trend(prepared, found.fitted.refits)
     if not (missing(verdict, found) or named(verdict)) or not prepared.problem.mechanisms:
         return found, {"trend": trend}
-    beyond = challenge(found) if named(verdict) else beyond_list(found.fitted)
-    found = after_challenge(found, beyond)
+    found, beyond = challenge(found) if named(verdict) else (found, beyond_list(found.fitted))
     told = replace(beyond, sentences=mechanism_sentences(beyond))
     return found, {"beyond": told, "trend": None if beyond.withdrawn else trend}
 

@@ -139,17 +139,20 @@ def named(verdict: Verdict) -> bool:
     return verdict in ("present", "group")
 
 
-def challenge(found: Analysis) -> BeyondList:
-    """Mechanisms beside the effects that an answer names.
+def challenge(found: Analysis) -> tuple[Analysis, BeyondList]:
+    """The answer after mechanisms were weighed against the effects that it names, and these mechanisms.
 
     Where the names rest on other errors than stated, mechanisms with the errors as stated come first: these
     errors were estimated so that the list explains the rows, and have their price in the odds.
     """
     if found.stated is not None:
         beyond = beyond_list(found.stated.fitted, named_rival(found, found.stated.fitted))
+        if beyond.withdrawn:
+            return without_names(with_stated_errors(found, found.stated)), beyond
         if beyond.group:
-            return beyond
-    return beyond_list(found.fitted, named_rival(found, found.fitted))
+            return found, beyond
+    beyond = beyond_list(found.fitted, named_rival(found, found.fitted))
+    return without_names(found) if beyond.withdrawn else found, beyond
 
 
 def named_rival(found: Analysis, fitted: FittedHypotheses) -> NamedRival:
@@ -160,14 +163,10 @@ def named_rival(found: Analysis, fitted: FittedHypotheses) -> NamedRival:
     return NamedRival(found.final.names, own - averaged(fitted.prepared, fitted.base.scored.log_evidence))
 
 
-def after_challenge(found: Analysis, beyond: BeyondList) -> Analysis:
-    """The answer, its names withdrawn where a mechanism is far likelier; the errors are then as stated."""
-    if not beyond.withdrawn:
-        return found
-    if found.stated is not None:
-        found = with_stated_errors(found, found.stated)
-    base = found.fitted.base
-    return replace(found, decision=Decision("outside_library"), final=base, p_misfit_after=found.p_misfit)
+def without_names(found: Analysis) -> Analysis:
+    """The answer where a mechanism is far likelier than what it names."""
+    decision, base = Decision("outside_library"), found.fitted.base
+    return replace(found, decision=decision, final=base, p_misfit_after=found.p_misfit)
 
 
 def with_stated_errors(found: Analysis, stated: Account) -> Analysis:

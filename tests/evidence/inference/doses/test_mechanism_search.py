@@ -125,6 +125,7 @@ def test_a_listed_effect_of_its_own_law_has_one_strength():
 OPENED = 0xE082A3A315FB766664E214EE777AA1E0  # of case 286 of the set `fourth` of doe/beyond
 
 
+@pytest.mark.slow
 def test_errors_that_nobody_stated_do_not_hold_a_name_against_a_mechanism():
     """Four rows that count as off let `liquid_bridge` explain a weight that grows with moisture."""
     problem, truth = draw(OPENED, shares=(0.4, 0.4, 0.2))
