@@ -88,7 +88,7 @@ def adopt(
         held_out=held.rows.size if held else 0,
         where=misfit_places(prepared, screened.base),
         doses=doses,
-        silent=tuple(silent),
+        unstated_scatter=tuple(silent),
         vault_opened=problem.vault.opened + (1 if held else 0),
         runs=prepared.predictor.cost.runs + (held.predictor.cost.runs if held else 0),
         wall_s=perf_counter() - start,

@@ -336,8 +336,10 @@ def adoption_sentence(found: Adoption) -> str:
     judged = found.with_all or added
     if found.contradicted:
         words += f" What was held out does not bear {' and '.join(judged.effects)} out{wider(base, judged)}."
-    adequate = "" if found.silent and not levels.fails(judged.vault_p) else adequacy_sentence(judged)
-    silent = "".join(f" {each}" for each in found.silent)
+    adequate = (
+        "" if found.unstated_scatter and not levels.fails(judged.vault_p) else adequacy_sentence(judged)
+    )
+    silent = "".join(f" {each}" for each in found.unstated_scatter)
     return words + adequate + control_sentence(found) + missing_sentence(found) + silent
 
 

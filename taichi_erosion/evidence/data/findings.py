@@ -458,7 +458,7 @@ class Adoption:
     contradicted: bool = False  # held-out rows fail no less with what was adopted
     doses: tuple["DoseEstimate", ...] = ()  # that held-out rows ask for, of an adopted law of a mechanism
     where: tuple[MisfitPlace, ...] = ()  # of the bare model
-    silent: tuple[str, ...] = ()  # sentences about held-out sources that state no scatter
+    unstated_scatter: tuple[str, ...] = ()  # sentences about held-out sources that state no scatter
     sentence: str = ""
     runs: int = 0
     wall_s: float = nan
