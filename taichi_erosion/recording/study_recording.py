@@ -107,9 +107,12 @@ def run_views(page: StudyPage, focus: Focus) -> "rrb.Container":
 
 
 def common_focus(films: Films) -> Focus:
-    """One camera for all runs, so that heaps can be compared by eye: the largest heap fits."""
+    """One camera for all runs, so that heaps can be compared by eye: the largest heap fits.
+
+    It looks at the foot of the heaps: they are low, no funnel stands above them, and the views are flat.
+    """
     heaps = [blueprint.heap_focus(frames[-1].radius.astype(np.float64)) for frames in films.values()]
-    return max(heaps, key=lambda focus: focus.radius)
+    return Focus((0.0, 0.0, 0.0), max(focus.radius for focus in heaps))
 
 
 def figure_entity(name: str) -> str:

@@ -304,7 +304,7 @@ def test_a_plot_shows_the_branch_of_the_saved_state(session) -> None:
     [
         ("effects.dry_adhesion.beta", "[N m-1] from 0 to 0.1, default 0.00015; source: Shao & Lu (2000)"),
         ("effects.dry_adhesion.strength", "[1] from 0 to 3 where its literature supports it, to 100 at most"),
-        ("effects.dry_adhesion", "entries: strength, beta, range"),
+        ("effects.dry_adhesion", "entries: strength, beta, contacts, range"),
         ("effects", "liquid_bridge"),
         ("laws.friction_cap", "one of thornton, edem"),
     ],

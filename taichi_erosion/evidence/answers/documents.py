@@ -157,7 +157,7 @@ def verdict_sentence(found: Discovery) -> str:
 
 
 def level_sentences(found: Discovery) -> list[str]:
-    """Levels that are off, and whether anything is missing along the conditions of these observables."""
+    """Levels that are off, and whether a misfit is seen along the conditions of these observables."""
     if found.level_probability <= levels.LEVEL_ODDS or found.range_suffices:
         return []
     if not found.levels:
@@ -173,7 +173,7 @@ def level_sentences(found: Discovery) -> list[str]:
         axes = [place for place in own if place.axis != "level"]
         if axes and not any(levels.fails(place.p) for place in axes):
             told.append(
-                f"{shift.observable}: along {', '.join(sorted(p.axis for p in axes))} nothing is missing."
+                f"{shift.observable}: along {', '.join(sorted(p.axis for p in axes))} no misfit is seen."
             )
     return told
 

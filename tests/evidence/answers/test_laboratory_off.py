@@ -26,7 +26,7 @@ def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition()
     assert (shift.observable, shift.kind) == ("angle", "offset")
     assert shift.low < OFFSET < shift.high
     assert found.sentences[0].startswith("angle: measured is 1.6 deg")
-    assert found.sentences[1] == "angle: along diameter, moisture nothing is missing."
+    assert found.sentences[1] == "angle: along diameter, moisture no misfit is seen."
     assert fails(found.p_misfit_stated)
     assert not fails(found.p_misfit)
 

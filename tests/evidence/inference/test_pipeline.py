@@ -47,7 +47,7 @@ def halves(first: dict[str, float], second: dict[str, float], noisy: bool = True
 
     def rescored(seeds):
         probability = first if seeds[0] == 0 else second
-        return SimpleNamespace(posterior=lambda: SimpleNamespace(probability=probability))
+        return SimpleNamespace(posterior=SimpleNamespace(probability=probability))
 
     seeds = SimpleNamespace(scoring=np.arange(8))
     return SimpleNamespace(prepared=SimpleNamespace(noisy=noisy, seeds=seeds), rescored=rescored)

@@ -5,9 +5,9 @@ falls by
 
     F = S(t_0) - S_linear(t_1)
 
-Where a hypothesis fits badly t_1 lies far away, and the model need not keep that promise. What F promises
-beyond the same fall before the change, halved, is the most by which ln evidence can be too large. Where it is
-more than TRUSTED the model is evaluated at t_1, within its ranges. Where it does there what was promised, the
+Where a hypothesis fits badly t_1 lies far away, and the fall in the model may differ from F. Half of the
+excess of F over the same fall before the change is the most by which ln evidence can be too large. Where it
+exceeds TRUSTED the model is evaluated at t_1, within its ranges. Where its misfit falls by F there, the
 expansion moves there; where it does not, the hypothesis is fitted again, from the better of t_0 and t_1 and
 from the prior, and scored. This is done for the likeliest in doubt, until none within BEHIND of the best is
 left. Hypotheses farther behind keep their linear evidence, which may be too small too.
@@ -34,7 +34,7 @@ from taichi_erosion.evidence.inference.robustness.error_accounts import (
 )
 from taichi_erosion.evidence.models.condition_errors import condition_errors
 
-TRUSTED = 1.0  # ln evidence that a linear step may promise, or by which the model may fail it
+TRUSTED = 1.0  # ln evidence that a linear step may add, or by which the model may differ from it
 BEHIND = 8.0  # ln evidence behind the best from which a hypothesis does not count, prior included
 
 
@@ -54,7 +54,7 @@ class LinearStep:
 
     start: Floats  # (p + k,), numbers and strengths at the fit
     end: Floats  # (p + k,), within their ranges
-    fall: float  # of the misfit that it promises
+    fall: float  # of the misfit that it predicts
 
 
 def reweighed(fitted: FittedHypotheses, prepared: PreparedProblem) -> FittedHypotheses:
@@ -155,7 +155,7 @@ def weight(prepared: PreparedProblem, item: FittedHypothesis, count: int) -> flo
 
 
 def doubtful_step(change: Change, old: FittedHypothesis, item: FittedHypothesis) -> LinearStep | None:
-    """The linear step of a hypothesis where it promises more than TRUSTED beyond that before the change."""
+    """The linear step of a hypothesis where it predicts more than TRUSTED beyond that before the change."""
     step = linear_step(change.now, item.expansion)
     if step.fall <= 2.0 * TRUSTED:
         return None
@@ -192,7 +192,7 @@ def misfit(prepared: PreparedProblem, expansion: Expansion, mean: Floats, positi
 
 
 def settled(change: Change, item: FittedHypothesis, step: LinearStep) -> FittedHypothesis:
-    """The hypothesis about where the step ends, if the model keeps its promise there, else fitted again."""
+    """The hypothesis about where the step ends, if the model falls as predicted, else fitted again."""
     prepared, best, expansion = change.now, item.fit, item.expansion
     x, psi = np.split(step.end, [best.x.size])
     there = replace(best, x=x, psi=psi)

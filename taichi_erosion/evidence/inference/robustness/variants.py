@@ -1,7 +1,7 @@
 """What an answer hangs on: hypotheses weighed again with other tolerances, priors and rows.
 
 The evidence of every hypothesis changes as in its linear expansion about the fit that it has, and hypotheses
-that such a step misleads are fitted again (`reweighing.py`); the smooth rival and the chance of the misfit
+for which that does not hold are fitted again (`reweighing.py`); the smooth rival and the chance of the misfit
 are computed anew. Where an answer is averaged over accounts of the errors, so is every variant.
 """
 
