@@ -17,7 +17,7 @@ from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.answers.effect_action import effect_actions
 from taichi_erosion.evidence.answers.held_out_misfit import (
-    HeldOutPrediction,
+    PredictedFit,
     held_out_prediction,
     held_out_problem,
     on_common_rows,
@@ -72,9 +72,7 @@ def adopt(
     wrong = [() if name is None else (name,) for name in controls(prepared, screened, every, seed)]
     sets = (chosen, *wrong, every if every != chosen else ())
     fits, doses = fitted_sets(ready, held, sets, progress)
-    told, silent = with_silent_sources(prepared, [fit[1] for fit in fits if fit and fit[1]])
-    again = iter(told)
-    fits = [fit and (fit[0], next(again) if fit[1] else None) for fit in fits]
+    fits, silent = with_silent_sources(prepared, fits)
     bare, added, best_wrong, random_wrong, with_all = on_common_rows(fits)
     assert bare is not None
     assert added is not None
@@ -119,12 +117,10 @@ class BareAccount:
 
 def fitted_sets(
     ready: BareAccount, held: PreparedProblem | None, sets: Sequence[tuple[str, ...]], progress: Progress
-) -> tuple[list[tuple[HypothesisFit, HeldOutPrediction | None] | None], tuple[DoseEstimate, ...]]:
+) -> tuple[list[PredictedFit | None], tuple[DoseEstimate, ...]]:
     """The bare model and every set of effects on both sides, and the doses of the first set."""
     prepared, doses = ready.prepared, tuple[DoseEstimate, ...]()
-    fits: list[tuple[HypothesisFit, HeldOutPrediction | None] | None] = [
-        evaluated(prepared, ready.base, held, ready.base)
-    ]
+    fits: list[PredictedFit | None] = [evaluated(prepared, ready.base, held, ready.base)]
     for index, names in enumerate(sets):
         progress(f"recalibrating with {' and '.join(names)}", 0.2 * (index + 1))
         best = added_fit(prepared, ready.screened, names) if names else None
@@ -187,9 +183,7 @@ def added_fit(prepared: PreparedProblem, screened: Screen, names: tuple[str, ...
     return stronger_fit(prepared, expand(prepared, best)) or best
 
 
-def evaluated(
-    prepared: PreparedProblem, best: Fit, held: PreparedProblem | None, bare: Fit
-) -> tuple[HypothesisFit, HeldOutPrediction | None]:
+def evaluated(prepared: PreparedProblem, best: Fit, held: PreparedProblem | None, bare: Fit) -> PredictedFit:
     """One hypothesis on the visible rows, and what it says of the held-out ones."""
     expansion = expand(prepared, best)
     strengths, parameters = estimates_alone(prepared, score(prepared, expansion), bare.x)

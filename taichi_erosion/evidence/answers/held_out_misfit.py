@@ -54,6 +54,9 @@ class HeldOutPrediction:
     covariance: Floats  # (m, m), of these means: by calibration, shared errors and errors of the model
 
 
+PredictedFit = tuple[HypothesisFit, HeldOutPrediction | None]  # None: no row is held out
+
+
 def held_out_problem(prepared: PreparedProblem) -> PreparedProblem | None:
     """The held-out rows; a missing variance is that of the visible rows of the same observable.
 
@@ -167,11 +170,12 @@ def silent_sources(prepared: PreparedProblem, held: PreparedProblem) -> Iterator
 
 
 def with_silent_sources(
-    prepared: PreparedProblem, told: Sequence[HeldOutPrediction]
-) -> tuple[list[HeldOutPrediction], list[str]]:
+    prepared: PreparedProblem, fits: Sequence[PredictedFit | None]
+) -> tuple[list[PredictedFit | None], list[str]]:
     """All hypotheses with the scatter of held-out sources that state none, and sentences about it."""
+    told = [fit[1] for fit in fits if fit and fit[1]]
     if not told:
-        return [], []
+        return list(fits), []
     held, sentences, size = told[0].held, list[str](), np.ones(told[0].held.rows.size)
     for each in silent_sources(prepared, held):
         table = np.array([scatter_evidence(prepared, one, each) for one in told])
@@ -179,7 +183,7 @@ def with_silent_sources(
         size[each.held] = 1.0 / float(weight @ SCATTERS**-2.0)
         sentences.append(silent_words(prepared, held, each, float(np.sqrt(size[each.held][0]))))
     held = held.with_rows(held.rows.rescattered(size))
-    return [replace(one, held=held) for one in told], sentences
+    return [fit and (fit[0], fit[1] and replace(fit[1], held=held)) for fit in fits], sentences
 
 
 def scatter_evidence(prepared: PreparedProblem, told: HeldOutPrediction, silent: SilentSource) -> Floats:
@@ -256,9 +260,7 @@ def log_score(wide: PreparedProblem, mean: Floats, chosen: Bools) -> float:
     return -0.5 * part.working(mean[chosen]).deviance - float(np.sum(np.log(part.sd[~rows.censored])))
 
 
-def on_common_rows(
-    fits: Sequence[tuple[HypothesisFit, HeldOutPrediction | None] | None],
-) -> list[HypothesisFit | None]:
+def on_common_rows(fits: Sequence[PredictedFit | None]) -> list[HypothesisFit | None]:
     """All hypotheses with their errors on the held-out rows for which each of them has a value."""
     means = [each[1].expansion.mean for each in fits if each is not None and each[1] is not None]
     if not means:

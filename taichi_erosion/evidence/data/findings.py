@@ -16,6 +16,7 @@ Status = Literal["present", "excluded", "not_testable"]
 HighKind = Literal["interval_90", "limit_95"]  # upper end of a 90 % interval, or of what 95 % lie below
 Limit = Literal["", "below", "above", "between"]
 SILENT = ("none_detected", "not_testable")  # verdicts that name nothing because nothing is seen
+NAMING = ("present", "group")  # verdicts that name effects
 NONE, OUTSIDE = "none", "outside_library"  # keys of probabilities beside effects and pairs "a+b"
 FaultKind = Literal[
     *("too_small", "not_converged", "no_value", "failed_runs", "unit", "offset", "at_bound"),

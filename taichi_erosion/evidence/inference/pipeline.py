@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import expit, logit
 
-from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, SILENT, MisfitPlace
+from taichi_erosion.evidence.data.findings import NAMING, NONE, OUTSIDE, SILENT, MisfitPlace
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.inference import refit
@@ -457,7 +457,7 @@ def seed_stability(fitted: FittedHypotheses, decision: Decision) -> tuple[float,
     NaN where there is no name, or no noise that could change it.
     A half that is more than even on another name makes the verdict unstable.
     """
-    if not fitted.prepared.noisy or decision.verdict not in ("present", "group"):
+    if not fitted.prepared.noisy or decision.verdict not in NAMING:
         return nan, decision
     scoring = fitted.prepared.seeds.scoring
     agree = against = 0

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_erosion.evidence.data.findings import NONE, OUTSIDE, Verdict
+from taichi_erosion.evidence.data.findings import NAMING, NONE, OUTSIDE, Verdict
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.posterior import Posterior, label
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
@@ -59,7 +59,7 @@ def adequate_decision(decision: Decision, posterior: Posterior, p_left: float) -
     Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773, section 3.2.
     """
     unlikely = posterior.named < levels.NAME_ODDS * posterior.probability[OUTSIDE]
-    if decision.verdict in ("present", "group") and levels.fails(p_left) and unlikely:
+    if decision.verdict in NAMING and levels.fails(p_left) and unlikely:
         return Decision("outside_library")
     return decision
 

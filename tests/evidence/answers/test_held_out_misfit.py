@@ -41,6 +41,12 @@ def predicted(problem: Problem, names: tuple[str, ...]):
     return prepared, held_out_prediction(prepared, expand(prepared, best), held)
 
 
+def rescattered(prepared, told):
+    """The prediction with the scatter of silent sources, and the sentences; the fit itself plays no part."""
+    ((_, again),), words = with_silent_sources(prepared, [(None, told)])
+    return again, words
+
+
 def test_the_scatter_of_held_out_rows_has_the_density_of_a_normal_with_what_calibration_leaves():
     prepared, told = predicted(silent_laboratory(), ("bend",))
     (silent,) = silent_sources(prepared, told.held)
@@ -58,7 +64,7 @@ def test_the_precision_is_that_of_the_posterior_of_a_scale():
     """Without calibrated numbers f^-2 has a gamma posterior: E = m / sum (e / s)^2, f uniform in ln f."""
     problem = silent_laboratory(strength=0.0, calibrated=False)
     prepared, told = predicted(problem, ())
-    (again,), _ = with_silent_sources(prepared, [told])
+    again, _ = rescattered(prepared, told)
     unit = (told.held.rows.z - told.expansion.mean) / np.sqrt(told.held.rows.variance)
     factor = again.held.rows.variance / told.held.rows.variance
     assert factor == pytest.approx(np.full(unit.size, np.mean(unit**2)), rel=0.01)
@@ -82,7 +88,7 @@ def test_its_visible_rows_tell_the_scatter_too():
     alone = scatter_evidence(prepared, told, replace(silent, visible=np.zeros(36, dtype=np.bool_)))
     spread = [np.sqrt(np.cov(np.log(SCATTERS), aweights=np.exp(one - one.max()))) for one in (both, alone)]
     assert spread[0] < 0.85 * spread[1], "twice as many rows tell it better by a root of two"
-    _, (words,) = with_silent_sources(prepared, [told])
+    _, (words,) = rescattered(prepared, told)
     assert words.endswith("estimated from its fitted and held-out rows.")
 
 
@@ -91,6 +97,6 @@ def test_sources_that_state_their_scatter_keep_it():
     stated = replace(problem.measurements, sd=np.full(48, SD))
     prepared, told = predicted(replace(problem, measurements=stated), ("bend",))
     assert list(silent_sources(prepared, told.held)) == []
-    (again,), words = with_silent_sources(prepared, [told])
+    again, words = rescattered(prepared, told)
     assert words == []
     assert again.held.variance == pytest.approx(told.held.variance, rel=1e-12)

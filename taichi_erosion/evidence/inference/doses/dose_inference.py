@@ -105,7 +105,7 @@ def first_fit(prepared: PreparedProblem, path: DosePath) -> DoseFit:
     asked = [(prior, amplitude) for prior in priors for amplitude in AMPLITUDES]
     searches = dose_searches(prepared, path, sets, asked)
     theta = searches.run(searches.beside([fit for fit in fits for _ in AMPLITUDES]), 1)
-    chances = [averaged(prepared, fit.log_evidence) for fit in searches.fits(theta)]
+    chances = [prepared.doubt.averaged(fit.log_evidence) for fit in searches.fits(theta)]
     top = np.array([int(np.argmax(chances))])
     best = searches.only(top)
     return best.fits(best.run(theta[top], STEPS))[0]
@@ -128,14 +128,9 @@ def dose_evidence(prepared: PreparedProblem, path: DosePath, fit: DoseFit) -> Do
     ]
     searches = dose_searches(prepared, path, sets, asked)
     fits = [fit, *searches.fits(searches.run(searches.beside([fit] * searches.size), BESIDE_STEPS))]
-    best = max(fits, key=lambda each: averaged(prepared, each.log_evidence))
+    best = max(fits, key=lambda each: prepared.doubt.averaged(each.log_evidence))
     evidence = log_sum_exp(np.array([each.log_evidence for each in fits]), axis=0) - np.log(len(fits))
     return DoseEvidence(path, sets, best, evidence)
-
-
-def averaged(prepared: PreparedProblem, log_evidence: Floats) -> float:
-    """Ln evidence averaged over the factor of the noise."""
-    return float(log_sum_exp(prepared.doubt.log_weight + log_evidence))
 
 
 def free_part(fit: DoseFit) -> tuple[Floats, Floats]:

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from scipy import interpolate
 
-from taichi_erosion.evidence.data.findings import SILENT, Verdict
+from taichi_erosion.evidence.data.findings import NAMING, SILENT, Verdict
 from taichi_erosion.evidence.data.mechanism_findings import (
     GAIN,
     OF,
@@ -32,7 +32,6 @@ from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.doses.dose_inference import (
     DoseEvidence,
     again,
-    averaged,
     bare_log_evidence,
     curvature,
     dose_evidence,
@@ -55,6 +54,7 @@ from taichi_erosion.evidence.inference.doses.law_fit import LawRows, rows_about
 from taichi_erosion.evidence.inference.pipeline import Account, Analysis, FittedHypotheses
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.inference.refit import total_evidence
 from taichi_erosion.evidence.inference.verdict import Decision
 from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
 
@@ -136,7 +136,7 @@ def doubtful(verdict: Verdict, found: Chances, trend: StrengthTrend | None) -> b
 
 def named(verdict: Verdict) -> bool:
     """Whether an answer names effects, which then stand beside mechanisms where these have values."""
-    return verdict in ("present", "group")
+    return verdict in NAMING
 
 
 def challenge(found: Analysis) -> tuple[Analysis, BeyondList]:
@@ -157,10 +157,10 @@ def challenge(found: Analysis) -> tuple[Analysis, BeyondList]:
 
 def named_rival(found: Analysis, fitted: FittedHypotheses) -> NamedRival:
     """The named effects with the errors of the answer, against the bare model with those of some fits."""
-    own = averaged(found.fitted.prepared, found.final.scored.log_evidence)
+    own = total_evidence(found.fitted.prepared, found.final)
     if fitted is not found.fitted and found.errors is not None:
         own += found.errors.log_odds
-    return NamedRival(found.final.names, own - averaged(fitted.prepared, fitted.base.scored.log_evidence))
+    return NamedRival(found.final.names, own - total_evidence(fitted.prepared, fitted.base))
 
 
 def without_names(found: Analysis) -> Analysis:
@@ -239,7 +239,7 @@ def weighed_mechanisms(fitted: FittedHypotheses, free: float, named: float) -> l
     found = [dose_evidence(start.prepared, start.path, start.fit) for start in begun]
 
     def gains() -> Floats:
-        logs = [averaged(prepared, each.log_evidence) for each in found]
+        logs = [prepared.doubt.averaged(each.log_evidence) for each in found]
         return np.array(logs) - np.array(nothing)
 
     for k in near_the_best(gains(), named, IN_REACH):
@@ -261,7 +261,7 @@ def near_the_best(gains: Floats, named: float, share: float) -> Integers:
 
 def bare_evidence(prepared: PreparedProblem, path: DosePath) -> float:
     """Ln evidence without any dose, on the calibrated numbers of a path."""
-    return averaged(prepared, bare_log_evidence(prepared.with_model_errors(path.x, {}), path))
+    return prepared.doubt.averaged(bare_log_evidence(prepared.with_model_errors(path.x, {}), path))
 
 
 @dataclass(frozen=True)
@@ -297,7 +297,7 @@ def from_prior_mean(prepared: PreparedProblem, found: DoseEvidence, mechanism: M
     if not usable(path):
         return found
     other = finished(started(prepared, path, mechanism), mechanism)
-    return max(found, other, key=lambda each: averaged(prepared, each.log_evidence))
+    return max(found, other, key=lambda each: prepared.doubt.averaged(each.log_evidence))
 
 
 def finished(found: SettledFit, mechanism: Mechanism | None) -> DoseEvidence:
@@ -384,18 +384,16 @@ def finding_of(prepared: PreparedProblem, found: DoseEvidence, gain: float, free
 def discrepancy_log_bayes(fitted: FittedHypotheses) -> float:
     """Ln Bayes factor of a free smooth discrepancy of every observable against the bare model."""
     prepared, base = fitted.prepared, fitted.base
-    bare = averaged(prepared, base.scored.log_evidence)
-    return averaged(prepared, base.scored.log_evidence + base.gain) - bare
+    bare = total_evidence(prepared, base)
+    return prepared.doubt.averaged(base.scored.log_evidence + base.gain) - bare
 
 
 def listed_log_bayes(fitted: FittedHypotheses) -> tuple[float, str]:
     """Ln Bayes factor of the best listed effects against the bare model, and their names."""
     prepared = fitted.prepared
-    bare = averaged(prepared, fitted.base.scored.log_evidence)
+    bare = total_evidence(prepared, fitted.base)
     tried = [
-        (averaged(prepared, item.scored.log_evidence) - bare, label(item.names))
-        for item in fitted.refits
-        if item.usable
+        (total_evidence(prepared, item) - bare, label(item.names)) for item in fitted.refits if item.usable
     ]
     return max(tried, default=(-np.inf, ""))
 

@@ -15,6 +15,7 @@ from math import log, nan, sqrt
 
 import numpy as np
 
+from taichi_erosion.evidence.data.findings import NAMING
 from taichi_erosion.evidence.data.fresh_findings import (
     EmulatorGap,
     FreshCheck,
@@ -64,7 +65,7 @@ class Rival:
 
 def can_be_tested(found: Analysis) -> bool:
     """Whether an answer names something that an emulator has found."""
-    return found.decision.verdict in ("present", "group") and bool(found.final.names)
+    return found.decision.verdict in NAMING and bool(found.final.names)
 
 
 def fresh_check(found: Analysis, simulate: Simulate, progress: Progress) -> tuple[FreshCheck, frozenset[str]]:
