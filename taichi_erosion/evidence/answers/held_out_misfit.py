@@ -176,14 +176,24 @@ def with_silent_sources(
     told = [fit[1] for fit in fits if fit and fit[1]]
     if not told:
         return list(fits), []
+    held, sentences = silent_scatter(prepared, told)
+    return [fit and (fit[0], fit[1] and replace(fit[1], held=held)) for fit in fits], sentences
+
+
+def silent_scatter(
+    prepared: PreparedProblem, told: Sequence[HeldOutPrediction]
+) -> tuple[PreparedProblem, list[str]]:
+    """The held-out rows with the scatter of sources that state none, by what hypotheses say of them.
+
+    Comes with a sentence about each of these sources.
+    """
     held, sentences, size = told[0].held, list[str](), np.ones(told[0].held.rows.size)
     for each in silent_sources(prepared, held):
         table = np.array([scatter_evidence(prepared, one, each) for one in told])
         weight = np.exp(log_sum_exp(table, axis=0) - log_sum_exp(table))
         size[each.held] = 1.0 / float(weight @ SCATTERS**-2.0)
         sentences.append(silent_words(prepared, held, each, float(np.sqrt(size[each.held][0]))))
-    held = held.with_rows(held.rows.rescattered(size))
-    return [fit and (fit[0], fit[1] and replace(fit[1], held=held)) for fit in fits], sentences
+    return held.with_rows(held.rows.rescattered(size)), sentences
 
 
 def scatter_evidence(prepared: PreparedProblem, told: HeldOutPrediction, silent: SilentSource) -> Floats:

@@ -8,7 +8,11 @@ import numpy as np
 from scipy import stats
 
 from taichi_erosion.evidence.answers.compare import SEED, calibrated_base, no_progress
-from taichi_erosion.evidence.answers.held_out_misfit import held_out_problem
+from taichi_erosion.evidence.answers.held_out_misfit import (
+    held_out_prediction,
+    held_out_problem,
+    silent_scatter,
+)
 from taichi_erosion.evidence.answers.next_experiments import repeat_variance
 from taichi_erosion.evidence.data.findings import Estimate
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Measurements, Problem, Progress
@@ -74,6 +78,7 @@ class Prediction:
     discrepancy_odds: float  # Bayes factor of a smooth discrepancy that calibration leaves [1]
     parameters: Mapping[str, Estimate]
     noise_known: bool
+    unstated_scatter: tuple[str, ...] = ()  # of held-out sources that state none: a sentence each
     sentences: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     failures: int = 0
@@ -103,7 +108,7 @@ def predict(
     wanted, lost = answerable(prepared, wanted)
     found, mean = joint(prepared, base, wanted, seed)
     told = predicted_rows(prepared, wanted, found, mean)
-    held = held_out_problem(prepared) if opened else None
+    held, silent = held_out_rows(prepared, base) if opened else (None, [])
     prediction = Prediction(
         rows=tuple(told),
         fitted=fitted_check(prepared, base, found),
@@ -111,6 +116,7 @@ def predict(
         discrepancy_odds=found.discrepancy_odds,
         parameters=estimates_alone(prepared, base)[1],
         noise_known=known,
+        unstated_scatter=tuple(silent),
         warnings=(*prepared.warnings, *lost),
         failures=prepared.predictor.cost.failures,
         runs=prepared.predictor.cost.runs,
@@ -324,6 +330,19 @@ def fitted_check(
     return check_of((value >= low) & (value <= high), ordinary)
 
 
+def held_out_rows(
+    prepared: PreparedProblem, base: ScoredHypothesis
+) -> tuple[PreparedProblem | None, list[str]]:
+    """Rows of the vault, those of sources that state no scatter with an estimated one as in `adopt`.
+
+    Comes with sentences about these sources.
+    """
+    held = held_out_problem(prepared)
+    if held is None:
+        return None, []
+    return silent_scatter(prepared, [held_out_prediction(prepared, base.expansion, held)])
+
+
 def held_out_check(
     prepared: PreparedProblem, base: ScoredHypothesis, held: PreparedProblem, seed: int
 ) -> PredictiveCheck:
@@ -364,6 +383,7 @@ def sentences_of(found: Prediction) -> list[str]:
     told.append(check_sentence("fitted rows, each predicted from the others,", found.fitted))
     if found.held_out is not None:
         told.append(check_sentence("held-out rows", found.held_out))
+    told += found.unstated_scatter
     return told
 
 

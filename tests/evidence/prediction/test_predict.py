@@ -8,6 +8,7 @@ from scipy import stats
 
 from doe.prediction.cases import draw
 from taichi_erosion.evidence.prediction.predict import SHARE, Wanted, check_of, predict
+from tests.evidence.answers.test_held_out_misfit import silent_laboratory
 
 CASES = 24
 
@@ -54,6 +55,19 @@ def test_held_out_rows_check_the_intervals_only_where_the_vault_is_open():
     held_out = predict(problem, wanted, opened=True).held_out
     assert held_out is not None
     assert held_out.n == 4
+
+
+def test_held_out_rows_of_a_source_without_a_scatter_count_with_an_estimated_one_as_in_adopt():
+    problem = silent_laboratory()
+    wanted = Wanted(("y",), {"x": np.array([0.5])})
+    found = predict(problem, wanted, opened=True)
+    assert found.held_out is not None
+    assert found.held_out.n == 24
+    assert found.held_out.inside >= 19, "by chance as few or fewer in 8 %"
+    (words,) = found.unstated_scatter
+    assert "laboratory B states no scatter; its 24 held-out rows count with" in words
+    assert words in found.sentences
+    assert predict(problem, wanted).unstated_scatter == ()
 
 
 def test_few_rows_inside_are_called_too_few():
