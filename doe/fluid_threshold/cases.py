@@ -28,9 +28,15 @@ WITH, HINDERED, BARE = "forces", "hindered", "bare"  # kinds of cases
 WHOLE, LONGER = "whole", "longer"  # as HINDERED, with the adhesion of a whole grain; and watched for longer
 EACH = "effects.dry_adhesion.contacts=1"  # the pull of a whole grain in every contact, as first simulated
 LAW = 'wind.drag="two_limits_hindered"'
+WALL, WALL_ALONE = (
+    "wall",
+    "wall_alone",
+)  # as LONGER, gusts that are short near the bed; and that of a grain alone
+WALL_GUSTS = "effects.turbulent_gusts.wall_timescale=10"  # nu / u*^2
 DIAMETERS = (1.0, 0.5, 0.25, 0.15, 0.1)  # mm
 SOME = (1.0, 0.25, 0.1)  # mm, of WHOLE and LONGER
-HOLD = 1.5  # s, in which a bed may start of LONGER; of the others, 0.3 s
+WATCHED = (LONGER, WALL, WALL_ALONE)  # for longer
+HOLD = 1.5  # s, in which a bed may start of these; of the others, 0.3 s
 BEDS, FEWER = 5, 3  # of a case
 FINE = 0.2  # mm, below which steps are so short that beds are fewer
 KEPT = 1  # rounds of bisection after the step of six percent
@@ -52,6 +58,7 @@ class Bed:
 def names() -> list[str]:
     """All cases, in the order in which they are simulated."""
     sizes = dict.fromkeys((HINDERED, WITH, BARE), DIAMETERS) | dict.fromkeys((WHOLE, LONGER), SOME)
+    sizes |= dict.fromkeys((WALL, WALL_ALONE), DIAMETERS)
     return [f"{kind}/{size:g}" for kind in sizes for size in sizes[kind]]
 
 
@@ -71,10 +78,11 @@ def case_of(name: str) -> Case:
         f"threshold.levels={KEPT}",
         *(f"effects.{effect}.strength=1" for effect in (FORCES if kind != BARE else ())),
         *((EACH,) if kind in (WITH, HINDERED) else ()),
-        *((LAW,) if kind in (HINDERED, WHOLE, LONGER) else ()),
-        *((f"threshold.hold={HOLD:g}",) if kind == LONGER else ()),
+        *((LAW,) if kind in (HINDERED, WHOLE, LONGER, WALL) else ()),
+        *((f"threshold.hold={HOLD:g}",) if kind in WATCHED else ()),
+        *((WALL_GUSTS,) if kind in (WALL, WALL_ALONE) else ()),
     )
-    return Case("fluid", name, settings(*orders), FEWER if float(size) < FINE or kind == LONGER else BEDS)
+    return Case("fluid", name, settings(*orders), FEWER if float(size) < FINE or kind in WATCHED else BEDS)
 
 
 def simulate(name: str) -> list[Bed]:
