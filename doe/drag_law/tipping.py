@@ -20,8 +20,8 @@ from doe.common.command import words
 from doe.common.tables import read_table, write_table
 from doe.drag_law.claims import ALONE, HINDERED, LAWS
 from doe.drag_law.loads import scenes
-from doe.fluid_threshold.balance import AIR, GRAVITY, QUARTZ, ROLLING, SHORT, forces, gust_peak
-from doe.fluid_threshold.dropped_bed import Loose, normals, surface_of, tilts_of
+from doe.fluid_threshold.balance import AIR, ROLLING, SHORT, Question, easiest, forces, gust_factor, gust_peak
+from doe.fluid_threshold.dropped_bed import Loose, loose_grains
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.simulation import snapshot
@@ -35,6 +35,8 @@ SOIL = "published soil"
 WINDS = np.geomspace(0.1, 1.2, 8)  # m s-1
 SPAN = 0.19  # diameters beyond a grain, over which its shear is taken
 MOVED = 2  # grains that make a start
+DEEPEST = 1.0  # diameters below the surface, centre of the deepest grains that can tip
+HELD = Question("weight and rolling friction", rolling=ROLLING)
 NAMES = ("drag near the wall", "torque of the shear", "lift")
 SETS = {
     kind: ", ".join(name for name, acts in zip(NAMES, kind, strict=True) if acts) or "none"
@@ -66,13 +68,8 @@ class Bed:
 
 def bed_of(centres: Floats, radii: Floats, side: float, unit: float) -> Bed:
     """A bed with the grains that can tip."""
-    surface = surface_of(centres, radii, side)
-    found = []
-    for k in np.flatnonzero(centres[:, 2] > surface - 1.0):
-        tilts = tilts_of(normals(centres, radii, side, int(k)), float(radii[k]))
-        if tilts and min(tilt.upward for tilt in tilts) > 0.0:
-            found.append((int(k), Loose(float(centres[k, 2] - surface), float(radii[k]), tilts)))
-    return Bed(centres, radii, side, tuple(k for k, _ in found), tuple(one for _, one in found), unit)
+    found = loose_grains(centres, radii, side, DEEPEST)
+    return Bed(centres, radii, side, tuple(found), tuple(found.values()), unit)
 
 
 def air_at(bed: Bed, friction: float, law: str) -> tuple[Floats, Floats, Floats]:
@@ -90,8 +87,7 @@ def air_at(bed: Bed, friction: float, law: str) -> tuple[Floats, Floats, Floats]
 def works(bed: Bed, friction: float, law: str, peak: float) -> dict[tuple[bool, ...], Floats]:
     """Work of the air less that of what holds in the easiest rotation, over the weight, by set of forces."""
     speed, shear, void = air_at(bed, friction, law)
-    spread = np.log(1.0 + np.minimum(2.5 * friction / np.maximum(speed, 1e-9), 0.4) ** 2)
-    gust = np.exp(np.sqrt(spread) * peak - 0.5 * spread)
+    gust = gust_factor(speed, friction, peak)
     radius = bed.unit * bed.radii[list(bed.loose)]
     gap = np.maximum((bed.unit * np.array([one.height for one in bed.grains]) - radius) / (2.0 * radius), 0.0)
     near, torque, lift = forces(gust * speed, gust * shear, radius, gap)
@@ -99,7 +95,6 @@ def works(bed: Bed, friction: float, law: str, peak: float) -> dict[tuple[bool, 
     drag = np.asarray(DRAGS[law](stream))
     reynolds = 2.0 * radius * gust * speed / VISCOSITY
     free = 6.0 * np.pi * AIR * VISCOSITY * radius * gust * speed * (1.0 + 0.15 * reynolds**0.687)
-    weight = (QUARTZ - AIR) * GRAVITY * 4.0 / 3.0 * np.pi * radius**3
     found = {}
     for kind in SETS:
         sides = (
@@ -107,21 +102,8 @@ def works(bed: Bed, friction: float, law: str, peak: float) -> dict[tuple[bool, 
             torque * kind[1],
             lift * kind[2],
         )
-        found[kind] = easiest(bed, *sides, weight)
+        found[kind] = easiest(bed.grains, bed.unit, sides, HELD)
     return found
-
-
-def easiest(bed: Bed, drag: Floats, torque: Floats, lift: Floats, weight: Floats) -> Floats:
-    """The largest work of a rotation over the weight, grain by grain."""
-    best = np.empty(len(bed.grains))
-    for k, grain in enumerate(bed.grains):
-        down = weight[k] - lift[k]
-        press = ROLLING * 0.5 * grain.radius * float(np.hypot(drag[k], down))
-        best[k] = max(
-            drag[k] * t.forward + torque[k] / bed.unit * t.spin - down * t.upward - press * t.carried
-            for t in grain.tilts
-        )
-    return best / weight
 
 
 def tips(bed: Bed, seed: int, law: str) -> Iterator[Tip]:

@@ -113,6 +113,12 @@ def gust_peak(watch: float, diameter: float, seed: int = 1) -> float:
     return float(np.median((sums[wait:] - sums[:-wait]).max(axis=0) / wait))
 
 
+def gust_factor(speed: Floats, friction: float, peak: float) -> Floats:
+    """Wind in a gust over its mean [m s-1], where its process of variance 1 is at a peak."""
+    spread = np.log(1.0 + np.minimum(2.5 * friction / np.maximum(speed, 1e-9), 0.4) ** 2)
+    return np.exp(np.sqrt(spread) * peak - 0.5 * spread)
+
+
 def excess(
     grains: Sequence[Loose], diameter: float, friction: float, peak: float | None, asked: Question
 ) -> Floats:
@@ -123,12 +129,17 @@ def excess(
     chord = np.sqrt(1.0 - SLICES**2)
     spots = height[:, np.newaxis] + radius[:, np.newaxis] * SLICES
     speed, shear = (part @ (chord / chord.sum()) for part in wind_at(friction, diameter, spots))
-    gust = 1.0
-    if peak is not None:
-        spread = np.log(1.0 + np.minimum(2.5 * friction / np.maximum(speed, 1e-9), 0.4) ** 2)
-        gust = np.exp(np.sqrt(spread) * peak - 0.5 * spread)
+    gust = 1.0 if peak is None else gust_factor(speed, friction, peak)
     gap = np.maximum((height - radius) / (2.0 * radius), 0.0)
-    drag, torque, lift = forces(gust * speed, gust * shear, radius, gap)
+    return easiest(grains, diameter, forces(gust * speed, gust * shear, radius, gap), asked)
+
+
+def easiest(
+    grains: Sequence[Loose], diameter: float, loads: tuple[Floats, Floats, Floats], asked: Question
+) -> Floats:
+    """Excess of the work in the easiest rotation of each grain, from drag, torque and lift; as `excess`."""
+    drag, torque, lift = loads
+    radius = diameter * np.array([grain.radius for grain in grains])
     weight = (QUARTZ - AIR) * GRAVITY * 4.0 / 3.0 * pi * radius**3
     down, pull = weight - lift, asked.pull * 2.0 * radius
     press = asked.rolling * 0.5 * radius * np.hypot(drag, down) / diameter
@@ -159,7 +170,7 @@ def tipping_winds(grains: Sequence[Loose], diameter: float, asked: Question) -> 
 def starts() -> Iterator[Start]:
     """All questions at all diameters; the beds are the same, in diameters."""
     beds = [dropped(SIDE, seed) for seed in SEEDS]
-    grains = [grain for centres, radii in beds for grain in loose_grains(centres, radii, SIDE)]
+    grains = [grain for centres, radii in beds for grain in loose_grains(centres, radii, SIDE).values()]
     surface = len(SEEDS) * SIDE**2
     for asked in QUESTIONS:
         for size in SIZES:

@@ -105,14 +105,14 @@ def surface_of(centres: Floats, radii: Floats, side: float) -> float:
     return float(heights[np.flatnonzero(cut > 0.5 * np.median(cut[inside]))[-1]])
 
 
-def loose_grains(centres: Floats, radii: Floats, side: float) -> list[Loose]:
-    """Grains near the surface that nothing lies on and that their weight holds."""
+def loose_grains(centres: Floats, radii: Floats, side: float, deepest: float = DEEPEST) -> dict[int, Loose]:
+    """Grains near the surface that nothing lies on and that their weight holds, by number in the bed."""
     surface = surface_of(centres, radii, side)
-    found = []
-    for k in np.flatnonzero(centres[:, 2] > surface - DEEPEST):
+    found = {}
+    for k in np.flatnonzero(centres[:, 2] > surface - deepest):
         tilts = tilts_of(normals(centres, radii, side, int(k)), float(radii[k]))
         if tilts and min(tilt.upward for tilt in tilts) > 0.0:
-            found.append(Loose(float(centres[k, 2] - surface), float(radii[k]), tilts))
+            found[int(k)] = Loose(float(centres[k, 2] - surface), float(radii[k]), tilts)
     return found
 
 
