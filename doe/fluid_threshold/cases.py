@@ -28,14 +28,12 @@ WITH, HINDERED, BARE = "forces", "hindered", "bare"  # kinds of cases
 WHOLE, LONGER = "whole", "longer"  # as HINDERED, with the adhesion of a whole grain; and watched for longer
 EACH = "effects.dry_adhesion.contacts=1"  # the pull of a whole grain in every contact, as first simulated
 LAW = 'wind.drag="two_limits_hindered"'
-WALL, WALL_ALONE = (
-    "wall",
-    "wall_alone",
-)  # as LONGER, gusts that are short near the bed; and that of a grain alone
-WALL_GUSTS = "effects.turbulent_gusts.wall_timescale=10"  # nu / u*^2
+# as LONGER, with gusts that are short near the bed; and by the drag of a grain alone; and three times as long
+WALL, WALL_ALONE, SLOW = "wall", "wall_alone", "wall_slow"
+WALL_TIMES = {WALL: 10, WALL_ALONE: 10, SLOW: 30}  # correlation time of gusts, nu / u*^2
 DIAMETERS = (1.0, 0.5, 0.25, 0.15, 0.1)  # mm
-SOME = (1.0, 0.25, 0.1)  # mm, of WHOLE and LONGER
-WATCHED = (LONGER, WALL, WALL_ALONE)  # for longer
+SOME = (1.0, 0.25, 0.1)  # mm, of WHOLE
+WATCHED = (LONGER, *WALL_TIMES)  # for longer
 HOLD = 1.5  # s, in which a bed may start of these; of the others, 0.3 s
 BEDS, FEWER = 5, 3  # of a case
 FINE = 0.2  # mm, below which steps are so short that beds are fewer
@@ -57,8 +55,8 @@ class Bed:
 
 def names() -> list[str]:
     """All cases, in the order in which they are simulated."""
-    sizes = dict.fromkeys((HINDERED, WITH, BARE), DIAMETERS) | dict.fromkeys((WHOLE, LONGER), SOME)
-    sizes |= dict.fromkeys((WALL, WALL_ALONE), DIAMETERS)
+    sizes = dict.fromkeys((HINDERED, WITH, BARE), DIAMETERS) | {WHOLE: SOME}
+    sizes |= dict.fromkeys(WATCHED, DIAMETERS)
     return [f"{kind}/{size:g}" for kind in sizes for size in sizes[kind]]
 
 
@@ -78,9 +76,9 @@ def case_of(name: str) -> Case:
         f"threshold.levels={KEPT}",
         *(f"effects.{effect}.strength=1" for effect in (FORCES if kind != BARE else ())),
         *((EACH,) if kind in (WITH, HINDERED) else ()),
-        *((LAW,) if kind in (HINDERED, WHOLE, LONGER, WALL) else ()),
+        *((LAW,) if kind in (HINDERED, WHOLE, LONGER, WALL, SLOW) else ()),
         *((f"threshold.hold={HOLD:g}",) if kind in WATCHED else ()),
-        *((WALL_GUSTS,) if kind in (WALL, WALL_ALONE) else ()),
+        *((f"effects.turbulent_gusts.wall_timescale={WALL_TIMES[kind]}",) if kind in WALL_TIMES else ()),
     )
     return Case("fluid", name, settings(*orders), FEWER if float(size) < FINE or kind in WATCHED else BEDS)
 
