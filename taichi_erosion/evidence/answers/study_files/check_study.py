@@ -47,6 +47,14 @@ from taichi_erosion.verification.effect_examination import examined_file
 
 Document = dict[str, Any]
 PLANS = ("quick", "full")
+UNEXPECTED = "the literature expects none of these observables to change with it"
+LIKE = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
+    **dict.fromkeys(("angle_of_repose", "cone_angle", "dynamic_angle", "runout_radius"), "repose_angle"),
+    **dict.fromkeys(("pile_height", "centroid_height", "radius_90", "column_height"), "repose_angle"),
+    **dict.fromkeys(("threshold_wind_speed", "rolling_onset"), "threshold_u_star"),
+    **dict.fromkeys(("impact_threshold", "impact_threshold_linear"), "threshold_u_star"),
+    "flux_height": "flux",
+}
 
 
 def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
@@ -154,7 +162,7 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
     """Effects of the library that can change what is measured here, and why the others cannot.
 
     Where the literature does not say which observables an effect changes, it is a candidate if the table
-    holds a condition that it reads.
+    holds a condition that it reads. Where that leaves none, all that can act are candidates.
     """
     simulator = study.problem.model.model  # pyright: ignore[reportAttributeAccessIssue]
     assert isinstance(simulator, Simulator)
@@ -164,7 +172,8 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
         for paths in study.file.conditions.values()
         for path in dotted_paths(paths)
     }
-    known = {*study.file.observables, *varied}
+    measured = study.file.observables
+    known = {*measured, *(LIKE[name] for name in measured if name in LIKE), *varied}
     acting, inactive = [], {}
     for candidate in study.problem.candidates:
         effect = simulator.library[candidate.name]
@@ -174,8 +183,10 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
         elif set(effect.expected or effect.reads) & known:
             acting.append(candidate.name)
         else:
-            inactive[candidate.name] = "the literature expects none of these observables to change with it"
-    return acting, inactive
+            inactive[candidate.name] = UNEXPECTED
+    if not acting:
+        acting = [name for name, reason in inactive.items() if reason == UNEXPECTED]
+    return acting, {name: reason for name, reason in inactive.items() if name not in acting}
 
 
 def study_cost(study: Study) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import closed_form
 from taichi_erosion.evidence.answers.study_files.corrected_study import corrected_study, earlier_study
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
+    LENGTHS,
+    SIZES,
     TEMPLATES,
     Diameters,
     Template,
@@ -158,7 +160,7 @@ def scene_study(
     """The study that scenes answer, and the scenes by name."""
     found: dict[str, list[str]] = {}
     for name in names:
-        found.setdefault(apparatus_of(name, wishes, interview, table.file), []).append(name)
+        found.setdefault(apparatus_of(name, names, wishes, interview, table.file), []).append(name)
     if wishes.apparatus is not None and wishes.apparatus not in found:
         others = dict.fromkeys(key for name in names for key in templates_for(name))
         own = TEMPLATES[wishes.apparatus].observables
@@ -171,6 +173,8 @@ def scene_study(
         template = TEMPLATES[key]
         diameters = grain_diameters(table, template, places, interview)
         grains = safe_grains(template, angles_of(table, own))
+        if sized := [name for name in own if name in LENGTHS]:
+            interview.assumed.append(size_words(sized, key, grains))
         notes = f"Made for {table.file}: {', '.join(own)}. Numbers of grains and contacts are usual ones."
         head = {"title": f"{table.file}: {template.words}", "notes": notes}
         scenes[key] = scene_text(template, head, diameters, grains)
@@ -187,6 +191,15 @@ def scene_study(
     return StudyText(observables, conditions, tuple(parameters.values()), frozenset(positive)), scenes
 
 
+def size_words(lengths: Sequence[str], key: str, grains: int) -> str:
+    """How large the heaps of a scene are, whose lengths are compared with measured ones."""
+    entries = ", ".join(SIZES[key])
+    return (
+        f"{' and '.join(lengths)}: heaps of {grains:,} grains in the scene '{key}'; lengths grow with the "
+        f"heap, so give it as many as yours have, and your apparatus: {entries}"
+    )
+
+
 def named_apart(text: StudyText, scenes: Mapping[str, str], study: str) -> tuple[StudyText, dict[str, str]]:
     """A study and its scenes; a scene that would have the name of the study gets another one."""
     names = {name: f"{name}_scene" if name == study else name for name in scenes}
@@ -194,9 +207,11 @@ def named_apart(text: StudyText, scenes: Mapping[str, str], study: str) -> tuple
     return replace(text, observables=observables), {names[name]: each for name, each in scenes.items()}
 
 
-def apparatus_of(observable: str, wishes: Wishes, interview: Interview, file: str) -> str:
-    """Apparatus whose scene measures an observable."""
-    possible = templates_for(observable)
+def apparatus_of(
+    observable: str, names: Sequence[str], wishes: Wishes, interview: Interview, file: str
+) -> str:
+    """Apparatus whose scene measures an observable; the guess measures most of what the table holds."""
+    possible = sorted(templates_for(observable), key=lambda key: -measured_by(key, names))
     if not possible:
         raise BadInput(
             f"{file}: no scene measures '{observable}'; rename it, or write a study on your own scene"
@@ -213,6 +228,11 @@ def apparatus_of(observable: str, wishes: Wishes, interview: Interview, file: st
     if answer not in possible:
         raise BadInput(f"{observable}: '{answer}' is not one of {', '.join(possible)}")
     return answer
+
+
+def measured_by(key: str, names: Sequence[str]) -> int:
+    """How many of some observables the scene of an apparatus measures."""
+    return len(set(TEMPLATES[key].observables) & set(names))
 
 
 def grain_diameters(

@@ -144,9 +144,20 @@ def wind_changes(wind: Mapping[str, Any], largest: float) -> Changes:
 
 
 HEAP = ("centroid_height", "pile_height", "radius_90", "column_height")
+LENGTHS = (*HEAP, "runout_radius")  # that grow with the number of grains
+SIZES = {  # entries of a scene that say how large its heap is, and from which apparatus
+    "cylinder": ("grains.count", "geometry.tube.radius_d", "fill.radius_d"),
+    "collapse": ("grains.count", "geometry.tube.radius_d", "fill.radius_d"),
+    "funnel": ("grains.count", "geometry.funnel.outlet"),
+}
 TEMPLATES = {
     "cylinder": Template(
-        *("lifting_cylinder", "a cylinder that is lifted slowly", ("repose_angle", *HEAP), lifted_cylinder),
+        *(
+            "lifting_cylinder",
+            "a cylinder that is lifted slowly",
+            ("repose_angle", *LENGTHS),
+            lifted_cylinder,
+        ),
         *(contact("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),

@@ -16,6 +16,7 @@ from taichi_erosion.evidence.data.tables.vocabulary import (
     DIAMETER,
     SCATTER,
     Role,
+    is_halved,
     meaning_of,
     near_meaning,
     plain_words,
@@ -25,6 +26,7 @@ from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 MOISTURE = "conditions.moisture"
+HALF = 0.5  # from a diameter of a heap to its radius [1]
 NOTE = "note"  # first word of the heading of a column that is not used
 SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
 SYMBOLS = {
@@ -143,7 +145,8 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
         return Column(place, heading, "remark", sure=False, height=height)
     if role == "unknown":
         return Column(place, heading, "remark", sure=False, near=near_meaning(heading.name)[1])
-    return Column(place, heading, role, name, sure=role != "spread")
+    factor = HALF if role == "observable" and is_halved(heading.name) else 1.0
+    return Column(place, heading, role, name, sure=role != "spread", factor=factor)
 
 
 def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:

@@ -16,6 +16,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import likely_units, place_range
 from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, CellNumber, read_cell
 from taichi_erosion.evidence.data.tables.column_roles import (
+    HALF,
     Column,
     Told,
     column_roles,
@@ -143,7 +144,7 @@ def settled(
 ) -> Column:
     """A column of which only a guess was known, as the user calls it."""
     if column.sure or not column.numeric:
-        return told_free_stream(column, interview)
+        return told_free_stream(told_half(column, interview), interview)
     if not isnan(column.height):
         return settled_wind(column, interview, wishes, measured, cells, faults)
     if column.role == "spread":
@@ -217,6 +218,14 @@ def settled_spread(column: Column, interview: Interview) -> Column:
     if answer == NOT_USED:
         return replace(column, role="remark", sure=True)
     return replace(column, role="sd" if answer == "sd" else "se", sure=True)
+
+
+def told_half(column: Column, interview: Interview) -> Column:
+    """The column; one that counts twice what is measured is told."""
+    told = f"diameters of heaps are halved: {column.name} is a radius"
+    if column.factor == HALF and told not in interview.assumed:
+        interview.assume(told)
+    return column
 
 
 def told_free_stream(column: Column, interview: Interview) -> Column:

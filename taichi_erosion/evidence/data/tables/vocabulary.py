@@ -31,6 +31,7 @@ FRICTION_VELOCITY = "conditions.friction_velocity"
 DIAMETER = "grains.size.diameter"  # place of the grain diameter in the scenes that `study new` writes
 IDEOGRAPHS = 0x2E80  # from here on a sign is a word, or half of one
 NEAR = 0.8  # similarity of two words from which one may be the other misspelt [1]
+QUANTITIES = ("observables", "halved")  # kinds of words for what is measured
 COMPOUND = 5  # letters of a word that may be the part of a compound
 
 
@@ -74,7 +75,7 @@ def meaning_of(heading: str) -> tuple[Role, str]:
     whole = next((role for role, words in vocabulary()["whole"].items() if plain in words), None)
     if whole is not None:
         return whole, ""  # pyright: ignore[reportReturnType]
-    length, role, meant = longest_meaning(heading, plain, ("observables", "conditions"))
+    length, role, meant = longest_meaning(heading, plain, (*QUANTITIES, "conditions"))
     scatter = scatter_role(plain)
     if scatter is not None and (length == 0 or len(plain) > length):
         if role == "condition":
@@ -93,8 +94,16 @@ def longest_meaning(heading: str, plain: str, kinds: tuple[str, ...]) -> tuple[i
             if kind != "roles" and heading.strip() == name.rpartition(".")[2]:
                 length = len(heading) + 1
             if length > best:
-                best, role, meant = length, name if kind == "roles" else kind.removesuffix("s"), name
+                role = "observable" if kind in QUANTITIES else "condition" if kind == "conditions" else name
+                best, meant = length, name
     return best, role, meant  # pyright: ignore[reportReturnType]
+
+
+def is_halved(heading: str) -> bool:
+    """Whether a heading means twice an observable, such as the diameter of a heap."""
+    plain = plain_words(heading)
+    twice, *_ = longest_meaning(heading, plain, ("halved",))
+    return twice > longest_meaning(heading, plain, ("observables", "conditions"))[0]
 
 
 def scatter_role(plain: str) -> Role | None:

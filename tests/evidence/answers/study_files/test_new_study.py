@@ -10,14 +10,24 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
+from taichi_erosion.effects import load_library
+from taichi_erosion.evidence.answers.study_files.check_study import LIKE
+from taichi_erosion.evidence.answers.study_files.new_study import (
+    Wishes,
+    apparatus_of,
+    new_study,
+    read_laboratory_table,
+    size_words,
+)
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
+    SIZES,
     TEMPLATES,
     Diameters,
     safe_grains,
     scene_text,
 )
 from taichi_erosion.evidence.data.tables.column_roles import Told
+from taichi_erosion.evidence.data.tables.interview import Interview
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.run.checks import read_scene
 
@@ -420,3 +430,41 @@ def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
     assert "turbulent_gusts" not in document["candidates"], "no wind blows over a heap"
     assert document["cost"]["quick"]["runs"] > 0
     assert not (tmp_path / "heap" / "heap-results").exists(), "asking for the cost leaves nothing behind"
+
+
+HEAPS = (
+    "Feuchte [%];d50 [mm];Haufenhöhe [mm];Haufendurchmesser [mm]\n"
+    "0;1;4,1;20,4\n0,5;1;4,4;20\n1;1;4,6;19,6\n0;2;8;40,6\n0,5;2;8,4;40\n1;2;8,5;39,2\n"
+)
+
+
+def test_height_and_diameter_of_one_heap_are_of_one_apparatus(tmp_path):
+    (tmp_path / "heap.csv").write_bytes(HEAPS.encode("cp1252"))
+    interview = Interview(guess)
+    _, table, _ = read_laboratory_table(tmp_path / "heap.csv", Wishes(), interview)
+    radii = [row.value for row in table.rows if row.observable == "runout_radius"]
+    assert radii == pytest.approx([10.2, 10.0, 9.8, 20.3, 20.0, 19.6]), "half of the diameters"
+    assert "diameters of heaps are halved: runout_radius is a radius" in interview.assumed
+
+    def asked(*names: str) -> list[str]:
+        return [apparatus_of(name, names, Wishes(), interview, "heap.csv") for name in names]
+
+    assert asked("pile_height", "runout_radius") == ["cylinder", "cylinder"]
+    assert asked("pile_height", "angle_of_repose") == ["collapse", "collapse"]
+    assert asked("pile_height", "cone_angle", "runout_radius") == ["funnel"] * 3
+
+
+def test_lengths_of_heaps_are_told_with_the_grains_of_the_scene():
+    told = size_words(["pile_height"], "collapse", 1800)
+    assert "1,800 grains" in told
+    assert "grains.count" in told
+    for key, entries in SIZES.items():
+        written = scene_text(TEMPLATES[key], {}, Diameters(1e-3, 1e-3), 1000)
+        assert all(f"{entry.rpartition('.')[2]} = " in written for entry in entries), key
+
+
+def test_every_observable_has_effects_that_the_literature_expects_to_change_it():
+    expected = {name for effect in load_library().values() for name in effect.expected}
+    for template in TEMPLATES.values():
+        for name in template.observables:
+            assert LIKE.get(name, name) in expected, name
