@@ -110,7 +110,7 @@ def test_deep_air_moves_with_its_grains_and_no_faster(alone):
 
 def test_a_grain_of_the_density_of_the_air_floats():
     density = 1e-6 / (4.0 / 3.0 * np.pi * RADIUS**3)
-    over = air(np.linspace(0.0, 0.02, 5), density=density)
+    over = air(np.linspace(0.0, 0.02, 14), density=density)
     still = weightless([(4e-3, 4e-3, 0.01)], 0.0, over, look_steps=1)
     sim = assemble([replace(still, gravity=(0.3, 0.0, -9.81))], Laws(), Numerics("cpu", 1, "f64"))
     advance(sim, [0.01])

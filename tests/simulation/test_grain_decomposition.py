@@ -92,11 +92,15 @@ def trickle() -> Setup:
     return setup(table, law=contacts(rolling=0.1))
 
 
+def three_heaps() -> list[Setup]:
+    """Three replicas, as many as others below have: those share the kernels."""
+    return [heap(GRAINS, 1), trickle(), heap(GRAINS // 2, 2, friction=0.1)]
+
+
 @devices
 def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numerics):
-    ensemble = [heap(GRAINS, 1), trickle(), heap(GRAINS // 2, 2, friction=0.1)]
-    want = run(ensemble, ROLLING, IN_PARTITIONS, WHOLE)
-    found, again = (run(ensemble, ROLLING, numerics, WHOLE) for _ in range(2))
+    want = run(three_heaps(), ROLLING, IN_PARTITIONS, WHOLE)
+    found, again = (run(three_heaps(), ROLLING, numerics, WHOLE) for _ in range(2))
     assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
     assert [fingerprint(a) for a in found] == [fingerprint(a) for a in again]
 
@@ -305,12 +309,12 @@ def test_a_number_that_is_none_stops_its_replica_by_name(numerics):
     lost = heap(8, 1)
     lost.grains.velocity[3] = np.nan
     try:
-        sim = assemble([heap(8, 1), lost], ROLLING, numerics)
+        sim = assemble([heap(8, 1), lost, heap(8, 1)], ROLLING, numerics)
     except BadInput as missing:
         pytest.skip(str(missing))
-    advance(sim, [HALF] * 2)
+    advance(sim, [HALF] * 3)
     reason = failure(sim, 1)
-    assert failure(sim, 0) is None
+    assert failure(sim, 0) is failure(sim, 2) is None
     assert reason is not None
     assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
 
@@ -340,20 +344,20 @@ def test_a_replica_gives_the_same_bits_alone_and_in_company():
 
 
 def test_a_state_of_partitions_goes_on_with_one_thread_per_grain():
-    first = assemble([heap(GRAINS, 1)], ROLLING, IN_PARTITIONS)
-    advance(first, [HALF])
+    first = assemble(three_heaps(), ROLLING, IN_PARTITIONS)
+    advance(first, [HALF] * 3)
     state = export_state(first)
-    advance(first, [WHOLE])
-    want = snapshot(first, 0)
-    second = assemble([heap(GRAINS, 1)], ROLLING, ON_CPU)
+    advance(first, [WHOLE] * 3)
+    want = [snapshot(first, r) for r in range(3)]
+    second = assemble(three_heaps(), ROLLING, ON_CPU)
     import_state(second, state)
-    advance(second, [WHOLE])
-    assert distance(want, snapshot(second, 0)) < FORCES
+    advance(second, [WHOLE] * 3)
+    assert max(distance(one, snapshot(second, r)) for r, one in enumerate(want)) < FORCES
 
 
 def test_lost_reactions_of_the_reverse_lists_are_noticed():
-    sim = assemble([heap(GRAINS, 1)], ROLLING, ON_CPU)
-    advance(sim, [HALF])
+    sim = assemble(three_heaps(), ROLLING, ON_CPU)
+    advance(sim, [HALF] * 3)
     stop = sim.buffers.stop.to_numpy()
     sim.buffers.stop.from_numpy(np.minimum(stop, stop[GRAINS // 2]))
     assert force_imbalance(sim, 0) > 100.0 * MOMENTUM_ERROR

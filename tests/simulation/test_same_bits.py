@@ -108,15 +108,19 @@ def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     assert end == alone["end"]
 
 
-def test_two_workers_that_share_a_heap_change_no_bit(monkeypatch):
+def test_two_workers_that_share_a_heap_change_no_bit(monkeypatch, request):
     monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
     assert partition_count(heap(GRAINS, 1)) == 2
     (one,) = run([heap(GRAINS, 1)], 1, HALF)
     (two,) = run([heap(GRAINS, 1)], 2, HALF)
+    sizes = request.getfixturevalue("uneven_teams")
+    (uneven,) = run([heap(GRAINS, 1)], 2, HALF)
     stop_device()
-    assert one == two
+    assert {1, 2} == set(sizes)
+    assert one == two == uneven
 
 
+@pytest.mark.slow
 def test_teams_that_change_their_size_change_no_bit(monkeypatch, request):
     monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
     pair = [heap(GRAINS, 1), heap(GRAINS, 2)]

@@ -13,7 +13,9 @@ from tests.evidence.answers.test_held_out_misfit import silent_laboratory
 CASES = 24
 
 
-@pytest.mark.parametrize(("discrepancy", "least"), [(0.0, 0.86), (1.0, 0.75)])
+@pytest.mark.parametrize(
+    ("discrepancy", "least"), [pytest.param(0.0, 0.86, marks=pytest.mark.slow), (1.0, 0.75)]
+)
 def test_intervals_hold_the_truth(discrepancy, least):
     """Bounds: three standard errors of the mean over CASES below the coverage told in doe/prediction."""
     shares, single = [], []
