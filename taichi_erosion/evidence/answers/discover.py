@@ -5,7 +5,7 @@ Every candidate is present, excluded above a strength, or not testable, with the
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import nan
+from math import log, nan
 from time import perf_counter
 from typing import Any
 
@@ -314,8 +314,9 @@ def effect_finding(
         status = "present" if name in decision.named else "not_testable"
     if strength is None or not (acts or name in decision.accepted):
         strength = rest.strength
-    if status == "excluded" and strength.high >= TEXTBOOK:
-        status = "not_testable"  # an interval that holds the textbook value excludes nothing
+    favoured = posterior.log_bayes.get(name, 0.0) > log(levels.POSITIVE_ODDS)
+    if status == "excluded" and (favoured or strength.high >= TEXTBOOK):
+        status = "not_testable"  # nor does an interval that holds the textbook value exclude it
     gain, listed = found.gains.get(name, ScoreGain()), found.fitted.prepared.candidate(name)
     return EffectFinding(
         status=status,
@@ -372,7 +373,7 @@ def effect_reason(
 
 def untestable_reason(signature: Signature, strength: Estimate, absorption: float) -> str:
     """Why these measurements do not tell whether a candidate acts."""
-    if strength.high >= TEXTBOOK and signature.norm > levels.SEPARATION and absorption <= levels.ABSORBED:
+    if signature.norm > levels.SEPARATION and absorption <= levels.ABSORBED:
         return f"not excluded: strengths up to {strength.high:.2g} remain possible"
     if not np.any(signature.raw):
         return "cannot act in any measured condition"

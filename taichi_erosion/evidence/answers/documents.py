@@ -261,11 +261,16 @@ def silence_sentence(found: Discovery) -> str:
     excluded = [
         f"{n} above {e.strength_high:.2g}" for n, e in found.effects.items() if e.status == "excluded"
     ]
-    hiding = [name for name, effect in found.effects.items() if effect.status == "not_testable"]
+    left = {name: effect for name, effect in found.effects.items() if effect.status == "not_testable"}
+    hiding = [name for name, effect in left.items() if effect.power < levels.TESTABLE_POWER]
+    possible = [f"{n} up to {e.strength_high:.2g}" for n, e in left.items() if n not in hiding]
     rejected = rejection_sentences(found)
-    words = " ".join([*rejected, "No effect is named."]) if rejected else "No detectable effect."
+    words = "No effect is named." if rejected or likelier_than_nothing(found) else "No detectable effect."
+    words = " ".join([*rejected, words])
     if excluded and not found.range_suffices:
         words += f" Excluded: {', '.join(excluded)}."
+    if possible:
+        words += f" Not excluded: {', '.join(possible)}."
     if hiding:
         words += f" Could be hiding, because these measurements cannot test them: {', '.join(hiding)}."
     return words
@@ -283,8 +288,7 @@ def rival_sentence(found: Discovery) -> str:
         return "No other explanation is left with a probability worth naming."
     called = {NONE: "that nothing is missing", OUTSIDE: "an effect outside the library"}
     called = called.get(rival, " with ".join(rival.split("+")))
-    silent = found.verdict in SILENT
-    if silent and others[rival] > found.probabilities[NONE]:
+    if likelier_than_nothing(found):
         return (
             f"The likeliest explanation is {called} (probability {others[rival]:.2g}, against "
             f"{found.probabilities[NONE]:.2g} that nothing is missing), which is not enough to name it."
@@ -294,9 +298,14 @@ def rival_sentence(found: Discovery) -> str:
     if not weak:
         return f"{best}."
     return (
-        f"{best}; {weak} of {len(found.effects)} candidates are not testable with these measurements, and "
-        "data that test them could change the conclusion."
+        f"{best}; {weak} of {len(found.effects)} candidates are left open by these measurements, and data "
+        "that test them could change the conclusion."
     )
+
+
+def likelier_than_nothing(found: Discovery) -> bool:
+    """Whether an answer without a name has an explanation that is likelier than that nothing is missing."""
+    return found.verdict in SILENT and max(found.probabilities.values()) > found.probabilities[NONE]
 
 
 def told(found: Discovery, key: str) -> bool:

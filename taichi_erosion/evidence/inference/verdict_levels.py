@@ -44,6 +44,7 @@ SURE = 0.8  # share of the named probability from which one effect stands alone;
 MEMBER_LEVEL = 0.01  # family-wise p of a third or fourth effect beside the others
 MEMBER_BEHIND = 3.0  # ln evidence behind the best effect in one place of a set, up to which another is told
 CREDIBLE = 0.9  # probability that a group holds; t0: 39 of 45 groups hold all that acts, 41 some of it
+POSITIVE_ODDS = 3.0  # of an effect over the bare model, above which it is not told as excluded
 NAME_ODDS = 3.0  # of a name that leaves a misfit over "not in the list"; t0: 2 of 133 unlisted misnamed
 RIVAL_MISFIT = 3.0  # misfit behind the best below which another effect explains as well
 UNSTABLE = 0.5  # probability of a rival on half of the seeds that withdraws a name; t0: 0 of 203 singles
